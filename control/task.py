@@ -1,4 +1,4 @@
-"""Task of a controller: the worm, what it is asked for, what is known of it, and how often is decided."""
+"""Task of a controller: its worm, reference, identified map, mechanism, control period and sensors."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class ControlTask(Spelled):
     worm: Worm
     reference: Reference
     map: Identified
-    """What was identified of the worm."""
+    """Identified map of the waves of the worm."""
     mechanism: Mechanism = "hinge"
-    """What steers, one of those that were identified."""
+    """Mechanism that steers, one of those in the map."""
     period: float = 0.2
     """Time between two decisions [s]."""
     sensors: Mapping[str, Channel] = field(default_factory=dict)

@@ -5,15 +5,12 @@ The speed at arc length s of the path and time t is the least of
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
 V_reach being the greatest speed at which the worm can turn as the path does. The last one leads to the end as
-exp(-t/T). Bounds of the offset e from the path are those of the corridor; an obstacle of radius R whose middle lies at
-the arc length s_o and the offset e_o is passed on the side away from its middle,
+exp(-t/T). Bounds of the offset e from the path are those of the corridor, and on the side on which an obstacle is
+passed, away from its middle, its edge (P2) of `control.tracking.obstacles`. These bounds are given before a plan is
+sought, so that it is not stuck between two ways around. What is followed leads around an obstacle that reaches c to
+that side, beside the path from s_a to s_b,
 
-    e >= e_o + sqrt(R^2 - (s - s_o)^2),   or   e <= e_o - sqrt(R^2 - (s - s_o)^2),   |s - s_o| < R              (P2)
-
-bounds that are given before a plan is sought, so that it is not stuck between two ways around. What is followed leads
-around it, with c = e_o + R or e_o - R,
-
-    e(s) = c cos^2(pi (s - s_o)/(2 W)),   |s - s_o| < W = pi sqrt(|c| rho/2)                                    (P3)
+    e(s) = c cos^2(pi u/(2 W)),   u = s - s_b or s_a - s beyond it, else 0,   u < W = pi sqrt(c rho/2)         (P3)
 
 whose curvature is at most 1/rho, rho the greater one of R, for it to stay outside, and of a body length.
 """
@@ -177,25 +174,23 @@ def look_ahead(
 def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far a worm may be to the left and to the right at arc lengths (K,) of the path [m], (P2)."""
     left, right = np.full(len(s), reference.corridor), np.full(len(s), reference.corridor)
-    for disc, (beside, aside, on_left) in zip(reference.obstacles, reference.passings, strict=True):
-        half = np.sqrt(np.maximum(disc.radius**2 - _from(reference, beside, s) ** 2, 0.0))
-        inside = half > 0.0
-        if on_left:
-            right[inside] = np.minimum(right, -(aside + half))[inside]
-        else:
-            left[inside] = np.minimum(left, aside - half)[inside]
+    for passing in reference.passings:
+        free = -passing.edge(_from(reference, passing.beside, s))
+        left, right = (left, np.minimum(right, free)) if passing.on_left else (np.minimum(left, free), right)
     return left, right
 
 
 def detour(reference: Reference, s: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
     """Return the offset [m] of the way around all obstacles, (P3), and its slope, at arc lengths (K,) [m]."""
     aside, slope = np.zeros(len(s)), np.zeros(len(s))
-    for disc, (beside, middle, on_left) in zip(reference.obstacles, reference.passings, strict=True):
-        most = max(middle + disc.radius, 0.0) if on_left else min(middle - disc.radius, 0.0)
+    for passing in reference.passings:
+        most = passing.side * max(passing.reach, 0.0)
         if most == 0.0:
             continue
-        half = np.pi * np.sqrt(abs(most) * max(disc.radius, length) / 2.0)
-        at = np.clip(_from(reference, beside, s) / half, -1.0, 1.0) * np.pi / 2.0
+        half = np.pi * np.sqrt(abs(most) * max(passing.radius, length) / 2.0)
+        way = _from(reference, passing.beside, s)
+        way = way - np.clip(way, passing.along.min(), passing.along.max())
+        at = np.clip(way / half, -1.0, 1.0) * np.pi / 2.0
         own = most * np.cos(at) ** 2
         slope = np.where(np.abs(own) > np.abs(aside), -most * np.pi / (2.0 * half) * np.sin(2.0 * at), slope)
         aside = np.where(np.abs(own) > np.abs(aside), own, aside)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from control.tracking.obstacles import Disc as Disc
+from control.tracking.obstacles import Obstacle, Passing
 from control.tracking.paths import Path, offset
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -81,27 +83,6 @@ class Sine(Spelled):
         return self.mean + self.amplitude * wave
 
 
-class Disc(NamedTuple):
-    """An obstacle on the ground."""
-
-    x: float
-    """Its middle [m]."""
-    y: float
-    radius: float
-    """Its radius, that of the body added [m]."""
-
-
-class Passing(NamedTuple):
-    """Where an obstacle is beside a path, and how it is passed."""
-
-    beside: float
-    """Arc length of its middle [m]."""
-    aside: float
-    """Distance of its middle to the left of the path [m]."""
-    on_left: bool
-    """Whether it is passed on its left."""
-
-
 @dataclass(frozen=True)
 class Reference(Spelled):
     """What the worm is to do: a speed, and at most one of heading and path; all of it holds for its centre of mass.
@@ -122,7 +103,7 @@ class Reference(Spelled):
     """Whether the worm stops at the end of the path and stays there; backwards, at its begin."""
     corridor: float = math.inf
     """Distance that it may go to either side of the path [m]."""
-    obstacles: tuple[Disc, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     """What it goes around, by the shorter way; those that leave no way between them, on one side of all of them."""
     walled: bool = False
     """Whether walls keep the worm to its path, so that steering against them only costs speed."""
@@ -141,10 +122,10 @@ class Reference(Spelled):
     def _check_bounds(self) -> None:
         arguments.flag("ends", self.ends)
         arguments.number("corridor", self.corridor, "m", gt=0.0, infinite=True)
-        object.__setattr__(self, "obstacles", tuple(Disc(*map(float, disc)) for disc in self.obstacles))
-        for k, disc in enumerate(self.obstacles):
-            arguments.number(f"obstacles[{k}].radius", disc.radius, "m", gt=0.0)
-            arguments.array(f"obstacles[{k}]", disc, (3,))
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        for k, obstacle in enumerate(self.obstacles):
+            what = "an obstacle, as control.tracking.obstacles.Disc(1.0, 0.0, 0.2)"
+            arguments.instance(f"obstacles[{k}]", obstacle, Obstacle, what)
         asked = [name for name in ("ends", "obstacles") if getattr(self, name)]
         asked += ["corridor"] if math.isfinite(self.corridor) else []
         if self.path is None and asked:
@@ -154,39 +135,44 @@ class Reference(Spelled):
                 "ends: got true for a path without end; give it a length (reference.length_m of a line), "
                 "or one that is not closed"
             )
-        for k, (disc, (_, aside, on_left)) in enumerate(zip(self.obstacles, self.passings, strict=True)):
-            needed = disc.radius + (aside if on_left else -aside)
-            if needed > self.corridor:
+        for k, passing in enumerate(self.passings):
+            if passing.reach > self.corridor:
                 raise ValueError(
-                    f"obstacles[{k}]: got one that leads {needed:.3g} m off the path, must leave a way within the "
-                    f"corridor ({self.corridor:g} m): widen the corridor, or leave it out"
+                    f"obstacles[{k}]: got one that leads {passing.reach:.3g} m off the path, must leave a way within "
+                    f"the corridor ({self.corridor:g} m): widen the corridor, or leave it out"
                 )
 
     @cached_property
     def passings(self) -> tuple[Passing, ...]:
         """How each obstacle is passed."""
-        path, discs = self.path, self.obstacles
-        if path is None or not discs:
+        path = self.path
+        if path is None or not self.obstacles:
             return ()
-        middles, radii = np.array([disc[:2] for disc in discs]), np.array([disc.radius for disc in discs])
-        beside = np.array([float(path.project(middle)) for middle in middles])
-        aside = offset(path, middles, beside)
-        apart = np.linalg.norm(middles[:, None] - middles, axis=-1)
-        count, group = scipy.sparse.csgraph.connected_components(apart < radii[:, None] + radii)
+        found = [_beside(path, each) for each in self.obstacles]
+        reach, back = (np.array([replace(each, on_left=left).reach for each in found]) for left in (True, False))
+        touching = [[(b.distances(a.spine) < a.radius).any() for b in self.obstacles] for a in self.obstacles]
+        count, group = scipy.sparse.csgraph.connected_components(np.array(touching))
         to_left, to_right = np.full((2, count), -np.inf)
-        np.maximum.at(to_left, group, aside + radii)
-        np.maximum.at(to_right, group, radii - aside)
-        on_left = (to_left < to_right)[group]
-        return tuple(map(Passing, beside.tolist(), aside.tolist(), on_left.tolist()))
+        np.maximum.at(to_left, group, reach)
+        np.maximum.at(to_right, group, back)
+        on_left = (to_left < to_right)[group].tolist()
+        return tuple(replace(each, on_left=left) for each, left in zip(found, on_left, strict=True))
 
     def trespass(self, places: FloatArray, aside: FloatArray) -> FloatArray:
         """Return how far places (..., 2) that are `aside` (...) of the path are where they must not be, (...) [m].
 
         That is inside an obstacle or outside the corridor; below 0 it is the distance from there, infinite without any.
         """
-        beyond = [np.abs(aside) - self.corridor]
-        beyond += [disc.radius - np.hypot(places[..., 0] - disc.x, places[..., 1] - disc.y) for disc in self.obstacles]
+        beyond = [np.abs(aside) - self.corridor, *(-each.distances(places) for each in self.obstacles)]
         return np.asarray(np.max(beyond, axis=0))
+
+
+def _beside(path: Path, obstacle: Obstacle) -> Passing:
+    """Return where an obstacle is beside a path, passed on its left."""
+    first, *others = obstacle.spine
+    beside = float(path.project(first))
+    along = np.array([beside, *np.ravel(path.project(np.reshape(others, (-1, 2)), beside))])
+    return Passing(beside, along - beside, offset(path, obstacle.spine, along), obstacle.radius, on_left=True)
 
 
 def _require_finite(profile: Constant | Sine) -> None:

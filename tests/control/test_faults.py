@@ -11,8 +11,9 @@ from control.identification.identified import load
 from control.sensing.sensors import COM, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
 from control.task import ControlTask
+from control.tracking.obstacles import Disc
 from control.tracking.paths import Circle, Line
-from control.tracking.references import Constant, Disc, Reference, Steps
+from control.tracking.references import Constant, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
 from worm3d.measures.posture import on_its_side, roll
 

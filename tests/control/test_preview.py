@@ -7,9 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.planning.terms import Arrival, Offset
+from control.tracking.obstacles import Disc
 from control.tracking.paths import Circle, Line, WayPoints, offset
 from control.tracking.preview import APPROACH, Ability, Preview, bounds, detour, look_ahead, speed_at
-from control.tracking.references import Constant, Disc, Reference
+from control.tracking.references import Constant, Reference
 
 SLOW_IN_CURVES = Ability(lambda curvature: 0.1 / (1.0 + np.abs(curvature)), 1.0)
 LINE = Line((0.0, 0.0), 0.0, 3.0)
@@ -143,7 +144,7 @@ def test_what_is_followed_is_the_way_around_and_bounds_are_about_it() -> None:
         ({"ends": True, "path": Line()}, "ends: got true for a path without end"),
         ({"corridor": 0.2}, "corridor: got one without a path"),
         ({"corridor": 0.0, "path": LINE}, "corridor: got 0.0 m, must be above 0"),
-        ({"obstacles": [(1.0, 0.0, 0.0)], "path": LINE}, r"obstacles\[0\].radius: got 0.0 m, must be"),
+        ({"obstacles": [(1.0, 0.0, 0.1)], "path": LINE}, r"obstacles\[0\]: got tuple, must be an obstacle"),
     ],
 )
 def test_bad_references(given, sentence) -> None:

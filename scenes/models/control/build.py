@@ -20,8 +20,9 @@ from control.parts import CONSTRAINT, FAULT, PATH, TERM
 from control.planning.suited import suited
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.task import ControlTask
+from control.tracking.obstacles import OBSTACLES
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
-from control.tracking.references import Constant, Disc, Profile, Reference, Sine, Steps
+from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
 from scenes.language.parts import part_named, part_of, values_of
 from scenes.models.control.nearby import nearby
@@ -154,7 +155,7 @@ def reference_along(scene: ControlScene, path: Path | None) -> Reference:
         path,
         ends=asked.ends,
         corridor=math.inf if asked.corridor_m is None else asked.corridor_m,
-        obstacles=tuple(Disc(each.x_m, each.y_m, each.radius_m) for each in asked.obstacles),
+        obstacles=tuple(part_of(OBSTACLES[each.kind], each) for each in asked.obstacles),
         walled=asked.kind == "pipe" and scene.world.kind == "pipe",
     )
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from math import hypot
 from typing import Any
 
 from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
-from scenes.language.checks import Check, Found
-from scenes.language.schema import Section
+from scenes.language.checks import Check, Found, of_this_kind
+from scenes.language.schema import Section, only_for
 from scenes.models.control.build import faults_of, middle_of, parts_of, reference_of
-from scenes.models.control.schema import ControlScene, Faults, Sensor
+from scenes.models.control.schema import ControlScene, Faults, Obstacle, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
@@ -26,9 +25,14 @@ def _there_is_such_a_path(*sections: Section) -> Found:
         reference = reference_of(scene)
     except ValueError as error:
         return str(error)
-    x, y = middle_of(scene) if reference.obstacles else (0.0, 0.0)
-    inside = [k for k, disc in enumerate(reference.obstacles) if hypot(x - disc.x, y - disc.y) < disc.radius]
-    return f"obstacles[{inside[0]}]: got one in which the worm begins: move it, or start.x_m" if inside else None
+    for k, (asked, obstacle) in enumerate(zip(scene.reference.obstacles, reference.obstacles, strict=True)):
+        for key, field in Obstacle.model_fields.items():
+            strange = only_for(field) and of_this_kind(getattr(asked, key), asked.kind, key="kind", field=field)
+            if strange:
+                return f"obstacles[{k}].{key}: {strange}"
+        if obstacle.distances(middle_of(scene)) < 0.0:
+            return f"obstacles[{k}]: got one in which the worm begins: move it, or start.x_m"
+    return None
 
 
 def _there_can_be_such_faults(*sections: Section) -> Found:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from control.estimation.reduced import ReducedState
 from control.loop import SOURCES
@@ -74,9 +73,9 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
     """Draw the obstacles, and the corridor on both sides of points of the path (P, 2)."""
-    for k, disc in enumerate(reference.obstacles):
+    for k, obstacle in enumerate(reference.obstacles):
         label = None if k else "obstacle, for the centre of mass"
-        axes.add_patch(Circle((disc.x, disc.y), disc.radius, color="C1", alpha=0.3, lw=0, label=label))
+        axes.fill(*obstacle.outline().T, color="C1", alpha=0.3, lw=0, label=label)
     if np.isfinite(reference.corridor):
         along = np.gradient(line, axis=0)
         left = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]

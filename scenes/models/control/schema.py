@@ -12,6 +12,7 @@ from control.gaits.steering import Mechanism, Wave
 from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, PATH, TERM
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
+from control.tracking.obstacles import OBSTACLES
 from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, meanings
 from scenes.language.schema import OWN, Pair, Section, Tables, part, parts, quantity, setting, tables
 from scenes.models.sensors import ChannelSection, channel_keys
@@ -101,12 +102,8 @@ class HeadingStep(Section):
     heading_deg: float = quantity(unit="deg", title="heading from then on")
 
 
-class Obstacle(Section):
-    """A disc on the ground that the centre of mass goes around."""
-
-    x_m: float = quantity(unit="m", title="x of its middle")
-    y_m: float = quantity(unit="m", title="y of its middle")
-    radius_m: float = quantity(unit="m", gt=0, title="its radius, with room for the body")
+class Obstacle(PartSection, keys=keys_of(OBSTACLES, by="kind", title="what it is")):
+    """Obstacle on the ground that the centre of mass goes around."""
 
 
 class Point(Section):
@@ -155,7 +152,11 @@ class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
     corridor_m: float | None = quantity(
         unit="m", gt=0, only=PATHS, left_out="any", title="how far the middle may go to either side of the path"
     )
-    obstacles: Tables[Obstacle] = tables(only=PATHS, title="discs to go around, each a table of x_m, y_m and radius_m")
+    obstacles: Tables[Obstacle] = tables(
+        only=PATHS,
+        title="what to go around, each a table: "
+        + "; ".join(f'kind = "{name}" with {", ".join(keys_of(each))}' for name, each in OBSTACLES.items()),
+    )
     radius_m: float = quantity(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), title="radius, or that of the corners")
     towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), title="to which side it turns first")
     amplitude_m: float = quantity(0.4, unit="m", gt=0, only=S_CURVE, title="amplitude of its sine")

@@ -1,0 +1,166 @@
+"""Obstacles on the ground that the centre of mass goes around, found by name, and how they are passed.
+
+An obstacle is all that lies within a radius of its spine, the convex hull of a row of points; the radius includes room
+for the body. Its signed distance, below 0 inside, is one formula in symbols of CasADi, from which numbers are computed
+too. An obstacle of another shape is a class here, with its row in `OBSTACLES`.
+
+Beside a path, spine points lie at the arc lengths s_i and at the offsets e_i to the side on which the obstacle is
+passed. Its edge towards that side, from which a worm has to keep away, is the highest of
+
+    e_i + sqrt(R^2 - (s - s_i)^2),   |s - s_i| < R,   and of lines between these arcs                          (P2)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
+
+OUTLINE_CORNERS = 128
+"""Number of corners of an outline that is drawn: arcs are round to 0.03 % of their radius, with half as many to 0.12 %,
+with twice as many to 0.01 %, which nobody sees."""
+SPINE_PARTS = 500
+"""Largest number of parts of a wall's spine. They are as long as its radius, so that it limits the memory of walls 500
+times as long as thick only; with half of it walls of half that length are touched by others less exactly."""
+
+
+class Obstacle(Spelled, ABC):
+    """A convex obstacle, a frozen dataclass."""
+
+    radius: float
+
+    @property
+    @abstractmethod
+    def spine(self) -> FloatArray:
+        """Points [m], shape (M, 2), in turn along a line or around an area.
+
+        Where they are farther apart than the radius, bends of a path and what crosses between them are not seen.
+        """
+
+    @abstractmethod
+    def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
+        """Return the distance of a place from it, below 0 inside [m]."""
+
+    def distances(self, places: ArrayLike) -> FloatArray:
+        """Return the distances of places (..., 2) [m] from it, shape (...) [m]; see `distance`. NaN of no place."""
+        given = np.asarray(places, dtype=float)
+        found, known = np.full(given.shape[:-1], np.nan), np.isfinite(given).all(axis=-1)
+        if known.any():
+            found[known] = self._distance.map(int(known.sum()))(*given[known].T[:, None]).full().ravel()
+        return found
+
+    @cached_property
+    def _distance(self) -> ca.Function:
+        x, y = ca.SX.sym("x"), ca.SX.sym("y")
+        return ca.Function("distance", [x, y], [self.distance(x, y)])
+
+    def outline(self) -> FloatArray:
+        """Return points around it [m], shape (K, 2), to draw it."""
+        turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE_CORNERS, endpoint=False)
+        ways, spine = np.column_stack([np.cos(turn), np.sin(turn)]), self.spine
+        return np.asarray(spine[np.argmax(ways @ spine.T, axis=1)] + self.radius * ways)
+
+
+@documented
+@dataclass(frozen=True)
+class Disc(Obstacle):
+    """A disc."""
+
+    x: float = parameter(meaning="x of its middle", unit="m")
+    y: float = parameter(meaning="y of its middle", unit="m")
+    radius: float = parameter(meaning="distance of its edge from its middle, with room for the body", unit="m", gt=0)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def spine(self) -> FloatArray:
+        """Its middle; see `Obstacle`."""
+        return np.array([[self.x, self.y]])
+
+    def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
+        """Return the signed distance; see `Obstacle`."""
+        return ca.SX(ca.hypot(x - self.x, y - self.y) - self.radius)
+
+
+@documented
+@dataclass(frozen=True)
+class Wall(Obstacle):
+    """A straight wall with round ends."""
+
+    x: float = parameter(meaning="x of its middle", unit="m")
+    y: float = parameter(meaning="y of its middle", unit="m")
+    radius: float = parameter(
+        meaning="distance of its edge from its middle line, with room for the body", unit="m", gt=0
+    )
+    length: float = parameter(1.0, meaning="length of its middle line", unit="m", gt=0)
+    azimuth: float = parameter(0.0, meaning="direction of its middle line", unit="rad")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def spine(self) -> FloatArray:
+        """Points of its middle line; see `Obstacle`."""
+        count = min(int(np.ceil(self.length / self.radius)), SPINE_PARTS)
+        along = self.length * (np.arange(count + 1) / count - 0.5)
+        return np.column_stack([self.x + along * np.cos(self.azimuth), self.y + along * np.sin(self.azimuth)])
+
+    def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
+        """Return the signed distance; see `Obstacle`."""
+        dx, dy, cos, sin = x - self.x, y - self.y, np.cos(self.azimuth), np.sin(self.azimuth)
+        along = cos * dx + sin * dy
+        beyond = ca.fmax(ca.fabs(along) - self.length / 2.0, 0.0)
+        return ca.SX(ca.hypot(beyond, cos * dy - sin * dx) - self.radius)
+
+
+OBSTACLES: Mapping[str, type[Obstacle]] = MappingProxyType({"disc": Disc, "wall": Wall})
+"""Obstacles by the name that scenes use."""
+
+
+@dataclass(frozen=True, eq=False)
+class Passing:
+    """Where an obstacle is beside a path, and how it is passed."""
+
+    beside: float
+    """Arc length of its first spine point [m]."""
+    along: FloatArray
+    """Arc lengths of its spine points beyond that [m], shape (M,)."""
+    aside: FloatArray
+    """Distances of its spine points to the left of the path [m], shape (M,)."""
+    radius: float
+    on_left: bool
+    """Whether it is passed on its left."""
+
+    @property
+    def side(self) -> float:
+        """1 if it is passed on its left, else -1."""
+        return 1.0 if self.on_left else -1.0
+
+    @property
+    def reach(self) -> float:
+        """How far it reaches to the side on which it is passed [m]; below 0 where the path is free."""
+        return float((self.side * self.aside).max()) + self.radius
+
+    def edge(self, s: FloatArray) -> FloatArray:
+        """Return (P2) at arc lengths (K,) beyond `beside` [m], shape (K,) [m]; -inf where it is not beside the path."""
+        begin, height = self.along, self.side * self.aside
+        way, rise = np.roll(begin, -1) - begin, np.roll(height, -1) - height
+        goes = way != 0.0
+        begin_of, way, rise = begin[goes], way[goes], rise[goes]
+        out = np.sign(way) * self.radius / np.hypot(way, rise)
+        share = (s[:, None] - begin_of + out * rise) / way
+        lines = np.where((share >= 0.0) & (share <= 1.0), height[goes] + out * way + share * rise, -np.inf)
+        half = np.sqrt(np.maximum(self.radius**2 - (s[:, None] - begin) ** 2, 0.0))
+        arcs = np.where(half > 0.0, height + half, -np.inf)
+        return np.asarray(np.hstack([arcs, lines]).max(axis=1))
