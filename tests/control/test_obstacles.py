@@ -161,7 +161,7 @@ def test_a_worm_goes_around_a_wall_and_the_clearance_is_that_of_brute_force() ->
     [
         (
             {"x_m": 1.0, "y_m": 0.0, "radius_m": 0.1, "length_m": 2.0},
-            r"obstacles\[0\]: got length_m, which kind = 'disc'",
+            r"obstacles\[0\].length_m: only for kind = 'wall'",
         ),
         (
             {"kind": "wall", "x_m": 0.5, "y_m": 0.0, "radius_m": 0.1},
