@@ -19,6 +19,7 @@ from numpy.testing import assert_allclose
 
 from worm3d.physics.kernels import point
 from worm3d.physics.kernels import regime as regime_kernels
+from worm3d.physics.kernels.point import LEDGER_TERMS
 from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
 from worm3d.solver.regimes import EXCESS, NEXT, PREDICTED_FRICTION, STALE, SWING, TOUCHING, Y
 
@@ -284,3 +285,19 @@ def test_an_anchor_on_its_yield_surface_stays_but_for_more_than_rounding() -> No
         v["anchor"] = v["x"] - s[0] * v["tangent"][:3] - s[1] * v["tangent"][3:]
         slipped = run("point_after", point.LAYOUT, v)[point.AFTER.first("slipped")]
         assert ((slipped > 0.0) == slips).all()
+
+
+def test_friction_loses_the_gauge_of_the_slip_times_the_limit() -> None:
+    """(C2) and (C4): load, limit and rho of what the anchor slips, whatever the hardness; nothing where it holds."""
+    v = some_point(coupled=True, inside=False, seed=6) | {"regime": np.full((1, COUNT), point.FREE)}
+    v["hardness"] = np.random.default_rng(7).uniform(0.5, 1.0, v["hardness"].shape)
+    out, first, load = run("point_after", point.LAYOUT, v), point.AFTER.first, run("point_force", point.LAYOUT, v)[LOAD]
+    moved = out[first("anchor") : first("anchor") + 3] - v["anchor"]
+    slip = np.array([np.sum(way * moved, axis=0) for way in (v["tangent"][:3], v["tangent"][3:])])
+    mu = np.array([np.where(slip[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    touched = v["load_n"][0] > 0.0
+    loss = out[first("terms") + LEDGER_TERMS.index("friction_loss")]
+    expected = v["hold"][0] * load * v["limit_ratio"][0] * np.hypot(*(mu * slip))
+    assert_allclose(loss[touched], expected[touched], rtol=1e-9, atol=1e-14)
+    assert_allclose(out[first("slipped"), touched], np.hypot(*slip)[touched], rtol=1e-9, atol=1e-14)
+    assert 3 < (loss[touched] > 1e-9).sum() < touched.sum()
