@@ -19,6 +19,7 @@ from worm3d.measures import measure
 from worm3d.physics.actuators import Actuator, Response
 from worm3d.physics.friction_laws import FrictionLaw
 from worm3d.physics.hysteresis import Hysteresis
+from worm3d.physics.load import Load, LoadStep
 from worm3d.physics.media import Medium
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.worlds import World
@@ -113,6 +114,20 @@ class Mud(Medium):
     @classmethod
     def factor(cls, s):
         return 1.0 + s["grow"] * s["strain"]
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Kite(Load):
+    """A kite that lifts the tail."""
+
+    states: ClassVar = {"height": "m"}
+    lift: float = parameter(0.02, meaning="force upwards", unit="N", ge=0)
+
+    @classmethod
+    def respond(cls, s):
+        work = s["lift"] * (s["x"][2] - s["past"][2])
+        return LoadStep(-s["lift"] * s["x"][2], {"work_external": work}, {"height": s["x"][2]})
 
 
 @documented

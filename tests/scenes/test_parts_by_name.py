@@ -41,6 +41,7 @@ WORM = {
     "actuator.kind=zoo:Late": ("actuator.tau_s", 0.1, 0),
     "hysteresis.kind=zoo:Sticky": ("hysteresis.give_J", 2e-4, 0),
     "medium.kind=zoo:Mud": ("medium.grow", 0.7, -1),
+    "load.kind=zoo:Kite": ("load.lift_N", 0.04, -1),
     "friction.law=zoo:Slime": ("friction.thick_s_m", 4.0, -1),
     "reflexes.zoo:Shy=true": ("reflexes.zoo:Shy.less", 0.2, 1),
     'measures.parts=["zoo:lift"]': ("measures.parts", ["zoo:lift"], ["zoo:Kick"]),
@@ -84,7 +85,7 @@ def test_the_parts_get_their_parameters() -> None:
     given = [f"{key}={json.dumps(right)}" for key, right, _ in WORM.values()]
     scene = asked("flat", *WORM, *given).settings
     worm = worm_of(scene)
-    assert (worm.actuator.tau, worm.hysteresis.give, worm.medium.grow) == (0.1, 2e-4, 0.7)
+    assert (worm.actuator.tau, worm.hysteresis.give, worm.medium.grow, worm.load.lift) == (0.1, 2e-4, 0.7, 0.04)
     gait = gait_of(scene)
     assert (gait.gait.share, gait.reflexes[0].less) == (0.4, 0.2)
     assert (world_of(scene.world).height_m, friction_of(scene).law.thick) == (0.003, 4.0)
@@ -161,6 +162,7 @@ import worm3d
 
 run, driven = worm3d.load("a"), worm3d.load("b")
 assert run.summary()["lift_m"] is not None
+assert run.worm.load.lift == 0.04 and run.actuator_states.keys() == {"load_height"}
 assert driven.worm.actuator.tau == 0.1 and driven.actuator_states.keys() == {"tank"}
 worm3d.draw(run, "a.png")
 assert "zoo" not in sys.modules
@@ -170,7 +172,7 @@ print(run.summary()["distance_m"], run.world.distance(run.joints[-1]).min())
 
 def test_runs_are_varied_and_shown_where_the_module_is_not(worm3d, tmp_path: Path, zoo: Path) -> None:
     first = ("gait.kind=zoo:Kick", "world.kind=zoo:Ripples", "friction.law=zoo:Slime", 'measures.parts=["zoo:lift"]')
-    first += ("reflexes.zoo:Shy.less=0.2",)
+    first += ("reflexes.zoo:Shy.less=0.2", "load.kind=zoo:Kite", "load.lift_N=0.04")
     flat = ("run.duration_s=1.2", *first)
     vary = ("--vary", "gait.share=0.4,0.6", "--vary", "world.ripple_m=0.002,0.004", "--out", "s")
     ended = worm3d("sweep", "flat", *(word for each in flat for word in ("-o", each)), *vary)
