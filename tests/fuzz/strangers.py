@@ -41,6 +41,7 @@ KEYS = {
     "hinge_actuator.kind={}": "actuator",
     "hysteresis.kind={}": "hysteresis",
     "medium.kind={}": "medium",
+    "load.kind={}": "load",
     "friction.law={}": "law",
     'measures.parts=["{}"]': "measure",
     'fault."{}"=true': "fault",
