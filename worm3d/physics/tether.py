@@ -80,6 +80,9 @@ class Tether(Load, name="tether"):
         "end_z": "m",
     }
 
+    acts_at_rest: ClassVar[bool] = False
+    """The reel stands where the tail has come to rest."""
+
     weight: float = parameter(0.1, meaning="weight of the cable per length", unit="N/m", ge=0)
     friction: float = parameter(0.3, meaning="kinetic coefficient of friction between the cable and the world", ge=0)
     static_ratio: float = parameter(1.0, meaning="static over kinetic coefficient of the cable", ge=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -214,6 +215,8 @@ def settle(problem: Problem, start: State) -> Rested:
 def _settled(problem: Problem, start: State, method: _Method) -> Rested:
     worm, world = problem.worm, problem.world
     assert world is not None
+    if worm.loads:
+        worm = replace(worm, load=tuple(each for each in worm.loads if each.acts_at_rest))
     friction = Friction(method.mu, method.mu, method.mu, 1.0)
     plant = Plant(worm, world, friction, world.pressing(problem.weight), problem.held_mask, scale=problem.weight)
     plant.set_pose(start)
