@@ -249,6 +249,10 @@ def main() -> int:
     chosen, survived = [each for each in drawn(given.seed, given.count) if each.area in given.only], 0
     with tempfile.TemporaryDirectory() as scratch:
         tree, cache = copied(Path(scratch) / "tree"), os.environ.get("XDG_CACHE_HOME", f"{scratch}/cache")
+        for area in () if given.list else dict.fromkeys(each.area for each in chosen):
+            wrong = failing(tree, tests_of(Mutation(area, "", "", 0, 0, 0, "", ""), tree), cache, given.limit)
+            if wrong:
+                raise SystemExit(f"{area}: without any mutation {wrong} fails; mend that first")
         for k, each in enumerate(chosen, 1):
             sys.stdout.write(f"{k:3} {each}\n")
             if given.list:
