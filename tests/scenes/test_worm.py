@@ -143,7 +143,8 @@ def test_the_summary(flat: Record) -> None:
     assert list(summary.metrics)[: len(REQUIRED)] == REQUIRED
     without = {name for name, figure in summary.metrics.items() if figure is None}
     errors = {"distance_error_m", "heading_error_deg", "work_error_J"}
-    assert without == {"turning_radius_bl", "work_input_J", "cost_of_transport_input", *errors}
+    loads = {"distance_with_load_m", "cost_of_transport_with_load"}
+    assert without == {"turning_radius_bl", "work_input_J", "cost_of_transport_input", *errors, *loads}
     assert "straight" in summary.reasons["turning_radius_bl"]
     assert_allclose(summary["distance_m"], flat["com"][-1, 0] - flat["com"][0, 0])
     assert_allclose(summary["work_friction_J"], flat["friction_loss"].sum())

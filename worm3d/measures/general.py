@@ -100,26 +100,6 @@ def _cost(result: FinishedRun) -> float:
     return max(0.0, work) / carried(result)
 
 
-@measure(
-    "distance_with_load_m", "displacement of the centre of mass of worm and payloads along the heading at the start"
-)
-def _distance_with_load(result: FinishedRun) -> float:
-    if not result.worm.load_mass.any():
-        raise NoValueError(NO_PAYLOAD)
-    ends = way(result.com_with_load[[0, -1]], result.joints[0], result.world)
-    if ends is None:
-        raise NoValueError(NO_HEADING)
-    return float(ends[-1] - ends[0])
-
-
-@measure("cost_of_transport_with_load", "net work of the actuators over weight and distance of worm and payloads")
-def _cost_with_load(result: FinishedRun) -> float:
-    both, moved = result.worm.mass + float(result.worm.load_mass.sum()), _distance_with_load(result)
-    if moved <= NO_WAY * result.worm.length:
-        raise NoValueError(f"worm and payloads made no way forward ({moved:.4g} m)")
-    return _cost(result) * carried(result) / (both * float(np.linalg.norm(result.gravity)) * moved)
-
-
 @measure("energy_balance_error", "residual of the energy ledger over the sum of its absolute terms")
 def _balance(result: FinishedRun) -> float:
     return result.energy.balance_error
@@ -202,6 +182,26 @@ def _settling(result: FinishedRun) -> float:
     if result.settling is None:
         raise NoValueError(NOT_SETTLED)
     return result.settling
+
+
+@measure(
+    "distance_with_load_m", "displacement of the centre of mass of worm and payloads along the heading at the start"
+)
+def _distance_with_load(result: FinishedRun) -> float:
+    if not result.worm.load_mass.any():
+        raise NoValueError(NO_PAYLOAD)
+    ends = way(result.com_with_load[[0, -1]], result.joints[0], result.world)
+    if ends is None:
+        raise NoValueError(NO_HEADING)
+    return float(ends[-1] - ends[0])
+
+
+@measure("cost_of_transport_with_load", "net work of the actuators over weight and distance of worm and payloads")
+def _cost_with_load(result: FinishedRun) -> float:
+    both, moved = result.worm.mass + float(result.worm.load_mass.sum()), _distance_with_load(result)
+    if moved <= NO_WAY * result.worm.length:
+        raise NoValueError(f"worm and payloads made no way forward ({moved:.4g} m)")
+    return _cost(result) * carried(result) / (both * float(np.linalg.norm(result.gravity)) * moved)
 
 
 def carried(result: FinishedRun) -> float:
