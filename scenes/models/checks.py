@@ -120,10 +120,12 @@ RUN_CHECKS = (
 )
 
 
-def gait_checks(gait: type[Section], worm: type[Section], *, can_sense: bool = True) -> tuple[Check, ...]:
+def gait_checks(
+    gait: type[Section], worm: type[Section], *, unlimited: tuple[str, ...] = (), can_sense: bool = True
+) -> tuple[Check, ...]:
     """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow.
 
-    `can_sense` says whether the model has anything to sense.
+    The model limits the numbers `unlimited` itself. `can_sense` says whether the model has anything to sense.
     """
     stroke = ("worm.stroke",) if "stroke" in worm.model_fields else ()
     body = (*BODY, *stroke, AMPLITUDE)
@@ -132,7 +134,7 @@ def gait_checks(gait: type[Section], worm: type[Section], *, can_sense: bool = T
         *list_checks(gait, "gait"),
         Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
         Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
-        Check(("worm.segments", "gait"), _gait_fits),
+        Check(("worm.segments", "gait"), partial(_gait_fits, unlimited=unlimited)),
         *([Check(("worm.stroke", "gait"), _stroke_reaches)] if stroke else []),
         *([] if can_sense else [Check(("gait",), _senses_nothing)]),
         *([Check((*body, "gait"), partial(_links_reach, body=body))] if has_links else []),
@@ -146,10 +148,10 @@ def _asked(section: Any) -> Gait | None:
     return None
 
 
-def _gait_fits(segments: int, section: Any) -> Found:
+def _gait_fits(segments: int, section: Any, unlimited: tuple[str, ...]) -> Found:
     """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
     try:
-        gait_from(section, dt=1.0).require_body(segments)
+        gait_from(section.model_copy(update=dict.fromkeys(unlimited, 0.0)), dt=1.0).require_body(segments)
     except ValueError as error:
         keys = {name: f"gait.{key_of(known)}" for name, known in declared(class_named(GAIT, section.kind)).items()}
         return by_key(str(error), keys)
