@@ -41,6 +41,11 @@ class _Named(NamedTuple):
         """Return whether its parameters stand in a section of their own: it is one of several in a section."""
         return self.key == ITSELF or isinstance(section.model_fields[self.key].default, tuple)
 
+    @property
+    def has_keys(self) -> bool:
+        """Whether its parameters may be keys: pydantic has no field with an underscore first, as in `__main__:Thrift`."""
+        return not self.name.startswith("_")
+
 
 def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[str, Any], list[Mistake]]:
     """Return the schema of a scene with the keys of the parts that it names, its data, and what is wrong with these.
@@ -60,7 +65,9 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
         found = [each for each in found if each.name not in off]
         filled[name] = {key: value for key, value in given.items() if key not in lost | off}
         filled[name] |= {
-            each.name: _as_section(given.get(each.name, {})) for each in found if each.in_a_section(section)
+            each.name: _as_section(given.get(each.name, {}))
+            for each in found
+            if each.in_a_section(section) and each.has_keys
         }
         if lost:  # whose keys are not known
             known = {*section.model_fields, *(each.name for each in found)}
@@ -129,6 +136,8 @@ def _extended(
     clashes: list[tuple[_Named, str]] = []
     for each in own:
         (part,) = each.parts
+        if each.in_a_section(section) and not each.has_keys:
+            continue
         if each.in_a_section(section):
             inner = create_model(
                 "Own", __base__=Section, __doc__=head(part), **dict[str, Any](section.each(each.name, part))

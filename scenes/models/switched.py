@@ -43,7 +43,7 @@ def parts_listed(kind: Kind, section: Any) -> list[Any]:
     return [
         part_of(kind.registry[name], section, prefix=f"{name}_")
         if name in kind.registry
-        else part_named(kind, name, getattr(section, name))
+        else part_named(kind, name, *([getattr(section, name)] if hasattr(section, name) else []))
         for name in section.parts
     ]
 
