@@ -43,7 +43,7 @@ class _Named(NamedTuple):
 
     @property
     def has_keys(self) -> bool:
-        """Whether its parameters may be keys: pydantic has no field with an underscore first, as in `__main__:Thrift`."""
+        """Whether its parameters may be keys: no field of pydantic begins with an underscore, as `__main__:Thrift`."""
         return not self.name.startswith("_")
 
 
