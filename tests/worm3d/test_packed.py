@@ -175,3 +175,9 @@ def test_another_llvmlite_is_named_where_it_compiles(archive: Path, monkeypatch,
         r"worm3d: compiling, once, .*; the compiled solver .* 0\.0\.1, not .*\n", capsys.readouterr().err
     )
     announce.cache_clear()
+
+
+@pytest.mark.parametrize("kind", packed.KINDS)
+def test_no_object_names_the_folder_where_it_was_made(kind: str) -> None:
+    for content in packed.content_of(packed.archive(kind)).values():
+        assert not re.search(rb"/[\x20-\x7e]*(worm3d|site-packages)/", content)

@@ -6,6 +6,7 @@ process's address as an argument.
 
 from __future__ import annotations
 
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,9 @@ def evaluate(
 def _compiled() -> Any:
     import numba
 
-    return numba.njit(evaluate)
+    # What is raised names its file: without the folder, so that object code is the same wherever it is made.
+    code = evaluate.__code__.replace(co_filename=__name__)
+    return numba.njit(FunctionType(code, evaluate.__globals__, evaluate.__name__, evaluate.__defaults__))
 
 
 later(_run, lambda: intrinsic(_write, int))
