@@ -1,1 +1,1 @@
-"""A learned controller: what it senses, its network, and the loop around it; `scenes.studies.learn` trains it."""
+"""A learned controller: its senses, its network, and the loop around it; `scenes.studies.learn` trains it."""

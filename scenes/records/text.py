@@ -21,7 +21,7 @@ class Column(NamedTuple):
     scale: float = 1.0
     """Factor of the value."""
     none: str = ""
-    """What stands for None and NaN."""
+    """Text in place of None and NaN."""
 
     def cell(self, row: object) -> str:
         """Return the attribute of a row as text."""

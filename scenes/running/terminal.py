@@ -129,7 +129,7 @@ def ending(record: Record, model: Model[Any], folder: Path) -> str:
 
 
 def failure(record: Record, model: Model[Any]) -> str:
-    """Return the one line about a run that failed: what, when, where, and what to try."""
+    """Return the line about a run that failed: the failure, its time and place, and the advice of the model."""
     return f"{record.status}: {record.sentence}; {model.advice}"
 
 

@@ -26,8 +26,8 @@ LENGTH = 20
 def key_of(scene: Scene, *, possible: bool = True) -> str:
     """Return the key of a checked scene: of its settings, seed included, of what they refer to, and of the programs.
 
-    What a scene refers to are the content of its files, and what its model adds (`Model.refers_to`), such as the map by
-    which a controller knows its worm; one that is not `possible` refers to nothing.
+    A scene refers to the content of its files and to additions of its model (`Model.refers_to`), such as the identified
+    map of a controller. A scene that is not `possible` refers to nothing.
     """
     refers = scene.model.refers_to if possible else None
     basis = {

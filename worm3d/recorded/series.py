@@ -142,8 +142,8 @@ def series_of(holder: type) -> dict[str, Series]:
 def states_of(worm: Worm) -> dict[str, Series]:
     """Return the states of a worm's actuators, of its joints' friction and of its loads as series.
 
-    Those of hinges have "hinge_" before their names, those of friction "hysteresis_", those of loads "load_", and those
-    of further loads "load_2_" and so on.
+    The prefix of a name says which part has the state: "hinge_" an actuator of a hinge, "hysteresis_" friction in the
+    joints, "load_" the first load, "load_2_" the second load, and so on.
     """
     return states_of_parts(*part_classes(worm))
 
