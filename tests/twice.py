@@ -82,7 +82,7 @@ def parts() -> Iterator[Part]:
     from control import gaits
     from scenes.commands.cli import main as command
     from scenes.language.loader import shipped_scenes
-    from scenes.language.schema import choices
+    from scenes.language.schema import keys_in
     from scenes.models.loading import load_scene
     from scenes.running.runner import simulate
     from worm3d.physics.friction_laws import LAWS
@@ -96,7 +96,7 @@ def parts() -> Iterator[Part]:
         steps = [f"reference.{kind}_steps=[]" for kind in ("speed", "heading") if f"{kind}_steps" in text]
         yield scene(name, *steps)
     for section in ("actuator", "hysteresis", "medium"):
-        kinds = choices(type(getattr(settings, section)).model_fields["kind"])
+        kinds = keys_in(type(getattr(settings, section)))["kind"].choices
         yield from (scene("flat", f"{section}.kind={kind}", "worm.drag_N_s_m=0.1") for kind in kinds)
     yield from (scene("flat", f"gait.kind={kind}") for kind in gaits.GAITS)
     yield from (scene("flat", f"friction.law={law}") for law in LAWS)

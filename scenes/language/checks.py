@@ -12,24 +12,11 @@ from functools import cache, cached_property, partial
 from operator import is_
 from typing import Any
 
-from pydantic.fields import FieldInfo
-
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import (
-    OWN,
-    Section,
-    choices,
-    default_text,
-    few,
-    field_at,
-    only_for,
-    own_defaults,
-    section_type,
-    words_of,
-)
+from scenes.language.reading import trusted
+from scenes.language.schema import Key, Section, few, key_at, keys_in
 from scenes.language.toml import KeyPath
 from worm3d.values import named
-from worm3d.values.named import is_own
 
 Found = str | Mapping[str, str] | None
 """Finding of a check: a text about its first key, texts by key of which one is told, or nothing."""
@@ -89,7 +76,7 @@ def cross_mistakes(
             continue
         if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
             continue
-        if any(field_at(schema, path) is None for path in paths):
+        if any(key_at(schema, path) is None for path in paths):
             continue  # a key of a kind that a part of the user's own takes the place of
         text = _tested(check, [_value(schema, filled, path) for path in paths], data)
         if isinstance(text, str) and any(mistake.text == text for _, mistake in failing):
@@ -163,51 +150,50 @@ def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any
         if not isinstance(here, Mapping) or key not in here:
             return _default(schema, path)
         here = here[key]
-    section = section_type(_field(schema, path)) if isinstance(here, Mapping) else None
-    return here if section is None else section.model_validate(here)
+    section = _key(schema, path).section if isinstance(here, Mapping) else None
+    return here if section is None else trusted(section, here)
 
 
 @cache
 def _default(schema: type[Section], path: KeyPath) -> Any:
-    return _field(schema, path).default
+    return _key(schema, path).default
 
 
-def _field(schema: type[Section], path: KeyPath) -> FieldInfo:
-    field = field_at(schema, path)
-    assert field is not None
-    return field
+def _key(schema: type[Section], path: KeyPath) -> Key:
+    known = key_at(schema, path)
+    assert known is not None
+    return known
 
 
 def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
     """Return the checks that no key is set that is for other values of the section's key `by`."""
+    tests = {name: [of_this_kind] * bool(known.only) for name, known in keys_in(schema).items()}
+    for name, known in keys_in(schema).items():
+        tests[name] += [_word_of_this_kind] * bool(known.choices and name != by)
     return tuple(
-        Check((f"{section}.{name}", f"{section}.{by}"), partial(of_this_kind, key=f"{section}.{by}", field=field))
-        for name, field in schema.model_fields.items()
-        if only_for(field)
-    ) + tuple(
-        Check((f"{section}.{name}", f"{section}.{by}"), partial(_word_of_this_kind, key=f"{section}.{by}", field=field))
-        for name, field in schema.model_fields.items()
-        if choices(field) and name != by
+        Check(
+            (f"{section}.{name}", f"{section}.{by}"), partial(test, by=f"{section}.{by}", known=keys_in(schema)[name])
+        )
+        for name, asked in tests.items()
+        for test in asked
     )
 
 
-def _word_of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> Found:
-    allowed = words_of(field, kind)
+def _word_of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
+    allowed = known.words_for(kind)
     # A kind without the key has no words; `of_this_kind` tells. A part of the user's own is for all.
-    if not allowed or value in allowed or value not in choices(field):
+    if not allowed or value in allowed or value not in known.choices:
         return None
-    return f"got {value!r}: not for {key} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
+    return f"got {value!r}: not for {by} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
 
 
-def of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> Found:
-    """Tell of a key that is set although it is for other kinds, values of `key`; at its default it does nothing."""
-    only = only_for(field)
-    chosen = kind in only or (OWN in only and is_own(kind))
-    defaults = (field.default, *own_defaults(field).values())  # resolved scenes and templates hold all keys
-    if chosen or (tuple(value) if isinstance(value, list) else value) in defaults:
+def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
+    """Tell of a key that is set but is for other kinds, values of the key `by`; at its default a key does nothing."""
+    defaults = (known.default, *known.own.values())  # resolved scenes and templates hold all keys
+    if known.is_for(kind) or (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
-    kinds = " or ".join(few([repr(each) for each in only])) or "others"
+    kinds = " or ".join(few([repr(each) for each in known.only])) or "others"
     return (
-        f"only for {key} = {kinds}, which this scene is not ('{kind}'): leave it out (default {default_text(field)}), "
-        f"or change {key}"
+        f"only for {by} = {kinds}, which this scene is not ('{kind}'): leave it out (default {known.default_text}), "
+        f"or change {by}"
     )

@@ -16,7 +16,7 @@ from scenes.language.checks import Check, Passed, cross_mistakes, kind_checks
 from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, report, validated
 from scenes.language.overrides import apply_overrides
-from scenes.language.schema import Section, field_at, is_file, section_type, with_own_defaults
+from scenes.language.schema import Section, key_at, keys_in, with_own_defaults
 from scenes.language.sweep_section import OUTSIDE, STUDY, SWEEP, outside_mistakes
 from worm3d.values import regular_file
 from worm3d.values.spelling import did_you_mean
@@ -175,7 +175,7 @@ def with_own_parts(model: M, data: Mapping[str, Any]) -> tuple[M, dict[str, Any]
 @cache
 def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
     """Return the checks that no key of a section is set that is for other kinds than the section chooses."""
-    sections = {name: section_type(declared) for name, declared in schema.model_fields.items()}
+    sections = {name: known.section for name, known in keys_in(schema).items()}
     chosen = {name: (each, key) for name, each in sections.items() for key in [*getattr(each, "holds", ())][:1]}
     return tuple(
         check for name, (each, key) in chosen.items() if each and key for check in kind_checks(each, name, key)
@@ -184,18 +184,18 @@ def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
 
 def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:
     """Return whether a key is wrong whatever the others are: no other one is suspected, or it names a wrong file."""
-    key = field_at(schema, mistake.path)
-    return not mistake.suspects or key is None or is_file(key)
+    key = key_at(schema, mistake.path)
+    return not mistake.suspects or key is None or key.is_file
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:
     """Give each file that a scene names its whole path, if it is in a folder."""
-    for name, declared in schema.model_fields.items():
-        keys, section = data.get(name), section_type(declared)
-        if isinstance(keys, dict) and section is not None:
-            for key in keys.keys() & {key for key, inner in section.model_fields.items() if is_file(inner)}:
-                if isinstance(keys[key], str) and os.path.isfile(folder / keys[key]):
-                    keys[key] = str((folder / keys[key]).resolve())
+    for name, known in keys_in(schema).items():
+        given = data.get(name)
+        if isinstance(given, dict) and known.section is not None:
+            for key in given.keys() & {key for key, inner in keys_in(known.section).items() if inner.is_file}:
+                if isinstance(given[key], str) and os.path.isfile(folder / given[key]):
+                    given[key] = str((folder / given[key]).resolve())
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -266,17 +266,17 @@ def _model_of(models: Models[M], data: Mapping[str, Any]) -> tuple[M, list[Mista
 
 
 def _models_with(models: Models[Model], section: str) -> list[str]:
-    return [name for name in models.names() if section in models.get(name).schema.model_fields]
+    return [name for name in models.names() if section in keys_in(models.get(name).schema)]
 
 
 def _shared_sections(model: Model, data: Mapping[str, Any]) -> int:
-    return len(model.schema.model_fields.keys() & data.keys())
+    return len(keys_in(model.schema).keys() & data.keys())
 
 
 def _with_every_section(model: Model, data: Mapping[str, Any]) -> dict[str, Any]:
     """Write out sections that were left out, so that each of their mandatory keys is missed by name."""
-    fields = model.schema.model_fields.items()
-    return {**{name: _EMPTY for name, field in fields if section_type(field)}, **data}
+    sections = [name for name, known in keys_in(model.schema).items() if known.section]
+    return {**dict.fromkeys(sections, _EMPTY), **data}
 
 
 def says(path: Path) -> str:

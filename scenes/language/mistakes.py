@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
-
-from scenes.language.schema import FORMS, Section, choices, describe, field_at, meaning, names, section_type, table_type
+from scenes.language.reading import MISSING, UNKNOWN, Wrong, read
+from scenes.language.schema import Section, key_at, names
 from scenes.language.toml import KeyPath, line_of, shown
 from worm3d.values.spelling import did_you_mean, unknown
 
@@ -50,54 +49,44 @@ def validated(
     schema: type[S], data: Mapping[str, Any], models: Models = lambda name: ()
 ) -> tuple[S | None, list[Mistake]]:
     """Return the data as a section, and what is wrong with each key on its own (`schema_mistakes`)."""
-    try:
-        return schema.model_validate(data), []
-    except ValidationError as error:
-        details = error.errors(include_url=False)
-        explained = [_translated(schema, detail, models) for detail in details[:MOST_LINES]]
-        return None, explained + [Mistake(_path(detail), "wrong too") for detail in details[MOST_LINES:]]
+    section, wrong = read(schema, data)
+    explained = [_explained(schema, each, models) for each in wrong[:MOST_LINES]]
+    return section, explained + [Mistake(each.path, "wrong too") for each in wrong[MOST_LINES:]]
 
 
-def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
-    path, found = _path(detail), detail["input"]
-    if detail["type"] == "extra_forbidden":
-        return _unknown(schema, path, "section" if isinstance(found, dict) else "key", models)
-    field = field_at(schema, path)
-    if field is None:
-        raise AssertionError(f"pydantic names a key that the schema does not have: {path}")
-    if detail["type"] == "missing":
-        return Mistake(path, f"missing: {meaning(field)}{describe(field)}")
-    if section_type(field):
+def _explained(schema: type[Section], wrong: Wrong, models: Models) -> Mistake:
+    path, found, text = wrong
+    if text == UNKNOWN:
+        return _unknown(schema, path, "section" if isinstance(found, Mapping) else "key", models)
+    known = key_at(schema, path)
+    assert known is not None
+    if text == MISSING:
+        return Mistake(path, f"missing: {known.meaning_in_section}{known.described()}")
+    if known.section:
         return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
-    if table_type(field):
+    if known.table:
         header = dotted(tuple(part for part in path if isinstance(part, str)))
         return Mistake(path, f"got {shown(found)}: must be sections of keys under headers [[{header}]]")
-    advice = (
-        _suggestion(found, [(c, c) for c in choices(field) if isinstance(c, str)]) if isinstance(found, str) else ""
-    )
-    message = (detail["msg"][0].lower() + detail["msg"][1:]).replace("tuple", "list")  # a file has lists
-    return Mistake(path, f"got {shown(found)}: {message}{advice}{describe(field)}")
-
-
-def _path(detail: Any) -> KeyPath:
-    return tuple(part for part in detail["loc"] if part not in FORMS)
+    words = [(word, word) for word in known.choices if isinstance(word, str)]
+    advice = _suggestion(found, words) if isinstance(found, str) else ""
+    return Mistake(path, f"got {shown(found)}: {text}{advice}{known.described()}")
 
 
 def meant_key(schema: type[Section], path: KeyPath) -> str | None:
     """Return the dotted key that an unknown path was probably meant to be, None if there is no such key."""
     known: KeyPath = ()
     for part in path:
-        if field_at(schema, (*known, part)) is None:
+        if key_at(schema, (*known, part)) is None:
             meant = did_you_mean(str(part), names(_home(schema, known)))
             part = meant if meant is not None else part
         known = (*known, part)
-    return dotted(known) if known != path and field_at(schema, known) is not None else None
+    return dotted(known) if known != path and key_at(schema, known) is not None else None
 
 
 def _home(schema: type[Section], path: KeyPath) -> type[Section]:
     """Return the section at a path, the whole scene if there is none."""
-    field = field_at(schema, path) if path else None
-    return ((section_type(field) or table_type(field)) if field else None) or schema
+    known = key_at(schema, path) if path else None
+    return (known and (known.section or known.table)) or schema
 
 
 def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) -> Mistake:

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from functools import cache
+from types import new_class
 from typing import Any, NamedTuple, TypeVar
-
-from pydantic import create_model
 
 from scenes.language.checks import of_this_kind
 from scenes.language.mistakes import Mistake
 from scenes.language.parts import ITSELF, Keys, PartSection, head, keys_of
-from scenes.language.schema import OWN, Section, only_for, section_type
+from scenes.language.schema import OWN, Key, Section, keys_in
 from worm3d.values import named
 from worm3d.values.named import Kind
 
@@ -39,12 +38,7 @@ class _Named(NamedTuple):
 
     def in_a_section(self, section: type[Section]) -> bool:
         """Return whether its parameters stand in a section of their own: it is one of several in a section."""
-        return self.key == ITSELF or isinstance(section.model_fields[self.key].default, tuple)
-
-    @property
-    def has_keys(self) -> bool:
-        """Whether its parameters may be keys: no field of pydantic begins with an underscore, as `__main__:Thrift`."""
-        return not self.name.startswith("_")
+        return self.key == ITSELF or isinstance(keys_in(section)[self.key].default, tuple)
 
 
 def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[str, Any], list[Mistake]]:
@@ -65,19 +59,17 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
         found = [each for each in found if each.name not in off]
         filled[name] = {key: value for key, value in given.items() if key not in lost | off}
         filled[name] |= {
-            each.name: _as_section(given.get(each.name, {}))
-            for each in found
-            if each.in_a_section(section) and each.has_keys
+            each.name: _as_section(given.get(each.name, {})) for each in found if each.in_a_section(section)
         }
         if lost:  # whose keys are not known
-            known = {*section.model_fields, *(each.name for each in found)}
+            known = {*keys_in(section), *(each.name for each in found)}
             filled[name] = {key: value for key, value in filled[name].items() if key in known}
         if found:
             changed[name], clashes = _extended(section, tuple(found))
             mistakes += [Mistake((name, each.key), text) for each, text in clashes]
-            for key in section.model_fields.keys() - changed[name].model_fields.keys() & filled[name].keys():
-                value, field = filled[name].pop(key), section.model_fields[key]
-                text = of_this_kind(value, found[0].name, key=f"{name}.{found[0].key}", field=field)
+            for key in keys_in(section).keys() - keys_in(changed[name]).keys() & filled[name].keys():
+                value, known_key = filled[name].pop(key), keys_in(section)[key]
+                text = of_this_kind(value, found[0].name, by=f"{name}.{found[0].key}", known=known_key)
                 mistakes += [Mistake((name, key), str(text))] if text else []
     return _with(schema, tuple(changed.items())) if changed else schema, filled, mistakes
 
@@ -89,7 +81,7 @@ def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str]
     """
     filled = dict(data)
     for name, section, given, there in _sections(schema, data):
-        filled[name] = {key: value for key, value in given.items() if key in section.model_fields}
+        filled[name] = {key: value for key, value in given.items() if key in keys_in(section)}
         if name not in but and not there[0].in_a_section(section):
             del filled[name]
     return filled
@@ -99,8 +91,8 @@ def _sections(
     schema: type[Section], data: Mapping[str, Any]
 ) -> Iterator[tuple[str, type[PartSection], Mapping[str, Any], list[_Named]]]:
     """Yield name, schema and data of each section that names parts of a user's own, and these."""
-    for name, declared in schema.model_fields.items():
-        section, given = section_type(declared), data.get(name)
+    for name, known in keys_in(schema).items():
+        section, given = known.section, data.get(name)
         if section is not None and issubclass(section, PartSection) and isinstance(given, Mapping):
             there = [_Named(key, each, kind) for key, kind in section.holds.items() for each in _own_names(given, key)]
             if there:
@@ -128,31 +120,34 @@ def _extended(
     """Return a section with the keys of parts of a user's own, and which of these parts clash with other keys."""
     first = next(iter(section.holds))
     is_chosen = any(each.key == first and not each.in_a_section(section) for each in own)
-    fields: dict[str, Any] = {
-        key: (declared.annotation, declared)
-        for key, declared in section.model_fields.items()
-        if not is_chosen or (key not in section.of_parts and (not only_for(declared) or OWN in only_for(declared)))
+    keys: Keys = {
+        key: known
+        for key, known in keys_in(section).items()
+        if not is_chosen or (key not in section.of_parts and (not known.only or OWN in known.only))
     }
     clashes: list[tuple[_Named, str]] = []
     for each in own:
         (part,) = each.parts
-        if each.in_a_section(section) and not each.has_keys:
-            continue
         if each.in_a_section(section):
-            inner = create_model(
-                "Own", __base__=Section, __doc__=head(part), **dict[str, Any](section.each(each.name, part))
-            )
-            fields[each.name] = (inner, inner.model_construct())
+            inner = _section_of("Own", section.each(each.name, part), head(part))
+            keys[each.name] = Key(meaning="", hint=inner, default=inner())
             continue
-        keys = _keys(section, each, part) if each.key == first else {}
-        taken = [key for key in keys if key in fields]
+        added = _keys(section, each, part) if each.key == first else {}
+        taken = [key for key in added if key in keys]
         clashes += [
             (each, f"{each.name}: the key {key} of its parameter is taken; rename the parameter") for key in taken
         ]
-        fields |= keys
-    made: Any = create_model(section.__name__, __base__=PartSection, __doc__=section.__doc__, **fields)
+        keys |= added
+    made = _section_of(section.__name__, keys, section.__doc__)
     made.holds = {} if is_chosen else section.holds
     return made, tuple(clashes)
+
+
+def _section_of(name: str, keys: Keys, doc: str | None, base: type[Section] = PartSection) -> Any:
+    """Return a class of sections with some keys, beside those of its base."""
+    space: dict[str, Any] = {"__annotations__": {key: known.hint for key, known in keys.items()}, "__doc__": doc}
+    space |= {key: known.as_field() for key, known in keys.items()}
+    return new_class(name, (base,), exec_body=lambda body: body.update(space))
 
 
 def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
@@ -164,6 +159,6 @@ def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
 @cache
 def _with(schema: type[S], sections: tuple[tuple[str, type[Section]], ...]) -> type[S]:
     """Return a schema with other sections, by name."""
-    fields: Any = {name: (section, schema.model_fields[name].default) for name, section in sections}
-    made: type[S] = create_model(schema.__name__, __base__=schema, **fields)
+    keys = {name: Key(meaning="", hint=section, default=section()) for name, section in sections}
+    made: type[S] = _section_of(schema.__name__, keys, schema.__doc__, schema)
     return made

@@ -3,7 +3,7 @@
     class Worm(PartSection, keys=keys_of(worm3d.Worm, without=("flat",))):
         \"\"\"The body.\"\"\"
 
-    class Gait(PartSection, keys=keys_of(gaits.GAITS, by="kind", title="pattern of contraction")):
+    class Gait(PartSection, keys=keys_of(gaits.GAITS, by="kind", meaning="pattern of contraction")):
         \"\"\"How the worm moves.\"\"\"
 
     worm = part_of(worm3d.Worm, scene.worm)
@@ -18,26 +18,24 @@ each key, for several parts of one class in one section.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
-
-from pydantic import Field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from scenes.language import toml
-from scenes.language.schema import Each, Pair, Section, few, quantity, setting
-from scenes.language.schema import part as part_key
+from scenes.language.schema import Each, Key, Pair, Section, few, keys_in, new_key, part_key
 from worm3d.values import named
 from worm3d.values.named import Kind, declared
 from worm3d.values.parameters import EACH, Parameter, in_degrees, parameters_of
 
 T = TypeVar("T")
 
-Keys = dict[str, tuple[Any, Any]]
-"""Key of a section -> its type and its declaration."""
+Keys = dict[str, Key]
+"""Keys of a section by name."""
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -74,22 +72,19 @@ class PartSection(Section):
     def __init_subclass__(cls, holds: Mapping[str, Kind] = NOTHING, **given: Any) -> None:
         if holds:
             cls.holds = holds
-        written, found = dict(cls.__annotations__), Keys()
+        found = Keys()
         for keys in given.values():  # in the order of the class statement
             if callable(keys):
                 cls.source = staticmethod(keys)
                 keys = keys(next(iter(cls.holds.values())).registry)
                 cls.of_parts = frozenset(keys) - {*cls.holds}
             found |= keys
-        added = {name: key for name, key in found.items() if name not in written}
-        for name, (_, field) in added.items():
-            setattr(cls, name, field)
-        cls.__annotations__ = {**{name: annotation for name, (annotation, _) in added.items()}, **written}
+        written = inspect.get_annotations(cls)
+        added = {name: known for name, known in found.items() if name not in written}
+        for name, known in added.items():
+            setattr(cls, name, known.as_field())
+        cls.__annotations__ = {**{name: known.hint for name, known in added.items()}, **written}
         super().__init_subclass__()
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **given: Any) -> None:
-        """Take the arguments of the class statement, which pydantic hands on."""
 
     if TYPE_CHECKING:
 
@@ -101,7 +96,7 @@ def keys_of(
     parts: type | Mapping[str, type],
     *,
     by: str = "",
-    title: str = "",
+    meaning: str = "",
     aka: tuple[str, ...] = ("type",),
     these: Collection[str] = (),
     without: Collection[str] = (),
@@ -120,7 +115,7 @@ def keys_of(
     ----------
     parts : type or mapping
         A dataclass, or several by name.
-    by, title, aka : str
+    by, meaning, aka : str
         Of several, the key that names the one (by default the first), its meaning, and its aliases.
     these, without : collection of str
         Parameters that alone have a key (all, if there are none), and those that have none.
@@ -145,11 +140,10 @@ def keys_of(
                 found.setdefault(prefix + key_of(shown), {})[owner] = shown
     keys: Keys = {}
     if by:
-        usual = next(iter(registry))
-        names = part_key if own else lambda names, **said: (Literal[names], setting(usual, **said))
-        keys[prefix + by] = names(tuple(registry), title=title, aka=aka)
-    for key, owners in found.items():
-        keys[key] = _declaration(owners, only or (tuple(owners) if len(owners) < len(registry) else ()), own_defaults)
+        names, said = tuple(registry), {"meaning": meaning, "aka": aka}
+        keys[prefix + by] = part_key(names, **said) if own else new_key(names[0], hint=Literal[names], **said)
+    for name, owners in found.items():
+        keys[name] = _declared(owners, only or (tuple(owners) if len(owners) < len(registry) else ()), own_defaults)
     return keys
 
 
@@ -232,7 +226,7 @@ def key_of(known: Parameter) -> str:
 def keys_by_parameter(part: type, section: type[Section]) -> dict[str, str]:
     """Return the key of each parameter of a dataclass that a section has, to put keys into its errors."""
     keys = {name: key_of(known) for name, known in parameters_of(part).items()}
-    return {name: key for name, key in keys.items() if key in section.model_fields}
+    return {name: key for name, key in keys.items() if key in keys_in(section)}
 
 
 def _changes(name: str, **changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -253,36 +247,35 @@ def _of_kinds(owners: Mapping[str, Parameter]) -> str:
     return f"that of its kind: {listed}" if len(kinds) <= 4 else "that of its kind"
 
 
-def _declaration(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> tuple[Any, Any]:
-    """Return the type and the declaration of a key, from its parameter in each part that has it."""
+def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> Key:
+    """Return the key of a parameter, from what is known of it in each part that has it."""
     known = next(iter(owners.values()))
     agree = not own_defaults or len({own.default for own in owners.values()}) == 1
     is_finite = agree and _is_value(known.default)
+    name, words = key_of(known), dict.fromkeys(word for own in owners.values() for word in own.choices)
+    of_kinds = (
+        {} if "" in owners else {word: tuple(o for o, own in owners.items() if word in own.choices) for word in words}
+    )
     left_out = "" if is_finite else known.left_out if agree else _of_kinds(owners)
-    key = key_of(known)
-    common: dict[str, Any] = {"title": known.meaning, "only": only, "left_out": left_out}
-    if not agree:
-        common["own"] = {owner: each.default for owner, each in owners.items() if _is_value(each.default)}
-    common["aka"] = known.aka if key == known.name else (known.name, *known.aka)
-    default = known.default if is_finite else None
-    if known.choices:
-        words = dict.fromkeys(word for own in owners.values() for word in own.choices)
-        whose = {word: tuple(owner for owner, own in owners.items() if word in own.choices) for word in words}
-        return Literal[tuple(words)], setting(default, words={} if "" in owners else whose, **common)
-    if known.hint is str:
-        return str | None if left_out else str, setting(default, **common)
-    if known.hint is bool:
-        return bool | None if left_out else bool, setting(default, **common)
-    common["unit"] = known.unit
-    if known.is_pair:
-        return Pair, quantity(default, **common)
-    kind: Any = int if known.hint is int else float
-    if known.each:
-        each: Any = Each
-        kind = Annotated[float, Field(**known.bounds)] if known.bounds else float
-        for _ in range(EACH[known.each][0]):
-            kind = each[kind]
-        common["each"] = known.each
-    else:
-        common |= known.bounds
-    return kind | None if left_out else kind, quantity(default, **common)
+    said = {field.name: getattr(known, field.name) for field in fields(Parameter)}
+    changed = {
+        "aka": known.aka if name == known.name else (known.name, *known.aka),
+        "default": known.default if is_finite else None,
+        "left_out": left_out,
+        "hint": _hint(known, tuple(words), optional=bool(left_out)),
+        "only": only,
+        "own": {} if agree else {owner: each.default for owner, each in owners.items() if _is_value(each.default)},
+        "words": of_kinds,
+    }
+    return Key(**said | changed)
+
+
+def _hint(known: Parameter, words: tuple[str, ...], *, optional: bool) -> Any:
+    """Return the type of the key of a parameter, with the words that any of its owners takes."""
+    if words:
+        return Literal[words]
+    each: Any = Each
+    hint: Any = Pair if known.is_pair else known.hint if known.hint in (str, bool, int) else float
+    for _ in range(EACH[known.each][0]):
+        hint = each[hint]
+    return hint | None if optional else hint

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from pydantic import Field
-
 from scenes.language.mistakes import Mistake, schema_mistakes
-from scenes.language.schema import Section, quantity, setting
+from scenes.language.schema import Section, keys_in, setting
 
 SWEEP, STUDY = "sweep", "study"
 """Names of the sections."""
@@ -26,40 +24,40 @@ class Sweep(Section):
     """Keys that are varied, and how many cases are drawn."""
 
     vary: dict[str, Any] = setting(
-        title='keys and their values: { "gait.period_s" = [2, 3], "worm.segments" = "3:7:5" }', aka=("values", "keys")
+        meaning='keys and their values: { "gait.period_s" = [2, 3], "worm.segments" = "3:7:5" }', aka=("values", "keys")
     )
-    random: int | None = quantity(ge=1, left_out="none are drawn", title="cases drawn from keys given as lo:hi")
-    case_limit_s: float = quantity(
-        CASE_LIMIT, unit="s", gt=0, le=LONGEST_CASE_LIMIT, title="longest time of a case; one that takes longer fails"
+    random: int | None = setting(ge=1, left_out="none are drawn", meaning="cases drawn from keys given as lo:hi")
+    case_limit_s: float = setting(
+        CASE_LIMIT, unit="s", gt=0, le=LONGEST_CASE_LIMIT, meaning="longest time of a case; one that takes longer fails"
     )
-    choices: dict[str, dict[str, dict[str, Any]]] = Field(
-        default={},
-        title='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }',
+    choices: dict[str, dict[str, dict[str, Any]]] = setting(
+        {},
+        meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }',
     )
-    set: dict[str, Any] = Field(
-        default={}, title='keys that follow from varied ones by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'
+    set: dict[str, Any] = setting(
+        {}, meaning='keys that follow from varied ones by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'
     )
 
 
 class Study(Section):
     """What a sweep is to tell."""
 
-    question: str = setting("", title="the question that it answers")
-    held: str = setting("", title="what is the same in all cases")
-    measures: dict[str, Literal["more", "less", ""]] = Field(
-        default={}, title='figures of the summary that matter, and which is better: { speed_bl_s = "more" }'
+    question: str = setting("", meaning="the question that it answers")
+    held: str = setting("", meaning="what is the same in all cases")
+    measures: dict[str, Literal["more", "less", ""]] = setting(
+        {}, meaning='figures of the summary that matter, and which is better: { speed_bl_s = "more" }'
     )
-    yes: dict[str, Literal["rises", "falls"]] = Field(
-        default={},
-        title='what a figure does along the first varied key if the answer is yes: { cost_of_transport = "falls" }',
+    yes: dict[str, Literal["rises", "falls"]] = setting(
+        {},
+        meaning='what a figure does along the first varied key if the answer is yes: { cost_of_transport = "falls" }',
     )
-    by: str = setting("", title="varied key by which cases are brought to equal figures")
-    names: dict[str, str] = Field(default={}, title='words for keys, variables and figures: { ratio = "anisotropy" }')
-    equal: dict[str, float] = Field(
-        default={}, title="figures at which costs (less is better) are compared too: { speed_bl_s = 0.05 }"
+    by: str = setting("", meaning="varied key by which cases are brought to equal figures")
+    names: dict[str, str] = setting({}, meaning='words for keys, variables and figures: { ratio = "anisotropy" }')
+    equal: dict[str, float] = setting(
+        {}, meaning="figures at which costs (less is better) are compared too: { speed_bl_s = 0.05 }"
     )
-    marked: dict[str, str] = Field(
-        default={}, title='cases to mark, by a formula: { "tips over" = "= roll_margin_deg < 0" }'
+    marked: dict[str, str] = setting(
+        {}, meaning='cases to mark, by a formula: { "tips over" = "= roll_margin_deg < 0" }'
     )
 
 
@@ -68,7 +66,7 @@ class _Outside(Section):
     study: Study = Study()
 
 
-OUTSIDE = tuple(_Outside.model_fields)
+OUTSIDE = tuple(keys_in(_Outside))
 """Sections of a scene's file that do not belong to the scene itself."""
 
 

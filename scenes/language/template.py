@@ -9,7 +9,7 @@ from scenes.language.errors import SceneError
 from scenes.language.loader import Model, with_own_parts
 from scenes.language.mistakes import report, schema_mistakes
 from scenes.language.overrides import apply_overrides
-from scenes.language.schema import Section, choices, default_text, describe, meaning, own_defaults, section_type
+from scenes.language.schema import Section, keys_in
 from scenes.language.sweep_section import SWEEP, Sweep
 from scenes.language.toml import key, value
 
@@ -37,7 +37,7 @@ def template(model: Model, overrides: Iterable[str] = ()) -> str:
     end = (
         "",
         f"# [{SWEEP}]  # without the first '#' here and before 'vary =', a run is a sweep over these values",
-        *(f"# {name}: {meaning(field)}" for name, field in Sweep.model_fields.items()),
+        *(f"# {name}: {known.meaning}" for name, known in keys_in(Sweep).items()),
         "# vary = { seed = [1, 2, 3] }",
     )
     said = {"title": "My worm", "says": "what to look for, in one line", **given, "model": model.name}
@@ -45,21 +45,21 @@ def template(model: Model, overrides: Iterable[str] = ()) -> str:
 
 
 def _section(schema: type[Section], prefix: str, given: Mapping[str, Any]) -> Iterator[str]:
-    kind = given.get("kind", schema.model_fields["kind"].default) if "kind" in schema.model_fields else ""
-    for name, field in schema.model_fields.items():
-        inner = section_type(field)
-        if inner:
-            yield from ("", f"[{prefix}{key(name)}]  # {_first_sentence(inner)}")
-            yield from _section(inner, f"{prefix}{key(name)}.", given.get(name, {}))
+    keys = keys_in(schema)
+    kind = given.get("kind", keys["kind"].default) if "kind" in keys else ""
+    for name, known in keys.items():
+        if known.section:
+            yield from ("", f"[{prefix}{key(name)}]  # {_first_sentence(known.section)}")
+            yield from _section(known.section, f"{prefix}{key(name)}.", given.get(name, {}))
         else:
-            allowed = ", ".join(map(value, choices(field)))
+            allowed = ", ".join(map(value, known.choices))
             one_of = f"; one of {allowed}" if allowed else ""
-            yield f"# {meaning(field)}{describe(field, with_default=False)}{one_of}"
-            default = given.get(name, field.default)
+            yield f"# {known.meaning_in_section}{known.described(with_default=False)}{one_of}"
+            default = given.get(name, known.default)
             if default is not None:
-                default = given.get(name, own_defaults(field).get(kind, default))
-            left_out = f"# {name} is left out: {default_text(field)}"
-            missing = f"# {name} = ?  must be given" if field.is_required() and name not in given else ""
+                default = given.get(name, known.own.get(kind, default))
+            left_out = f"# {name} is left out: {known.default_text}"
+            missing = f"# {name} = ?  must be given" if known.is_required and name not in given else ""
             yield missing or (left_out if default is None else f"{name} = {value(default)}")
 
 

@@ -11,9 +11,8 @@ import re
 import tomllib
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
+from dataclasses import is_dataclass
 from typing import Any
-
-from pydantic import BaseModel
 
 from scenes.language.errors import SceneError
 
@@ -219,13 +218,13 @@ def shown(item: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def document(settings: BaseModel) -> str:
+def document(settings: Any) -> str:
     """Return all settings as a TOML text, every default written out; what has no value (None) is left out."""
     return "\n".join(_lines(settings, "")).strip() + "\n"
 
 
-def _lines(section: BaseModel, prefix: str) -> Iterator[str]:
-    inner = {name: item for name, item in section if isinstance(item, BaseModel)}
+def _lines(section: Any, prefix: str) -> Iterator[str]:
+    inner = {name: item for name, item in section if is_dataclass(item)}
     arrays = {name: item for name, item in section if _is_array_of_tables(item)}
     plain = {name: item for name, item in section if name not in {*inner, *arrays} and item is not None}
     yield from (f"{key(name)} = {value(item)}" for name, item in plain.items())
@@ -239,4 +238,4 @@ def _lines(section: BaseModel, prefix: str) -> Iterator[str]:
 
 
 def _is_array_of_tables(item: Any) -> bool:
-    return isinstance(item, tuple) and bool(item) and isinstance(item[0], BaseModel)
+    return isinstance(item, tuple) and bool(item) and is_dataclass(item[0])

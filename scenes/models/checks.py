@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,7 @@ from control.gaits import FeedbackGait, Gait
 from control.parts import GAIT
 from scenes.language.checks import Check, Found
 from scenes.language.parts import class_named, key_of
-from scenes.language.schema import Section, each_of
+from scenes.language.schema import Section, keys_in
 from scenes.language.toml import shown
 from scenes.models.sections import gait_from
 from worm3d.values import time_steps
@@ -127,9 +128,9 @@ def gait_checks(
 
     The model limits the numbers `unlimited` itself. `can_sense` says whether the model has anything to sense.
     """
-    stroke = ("worm.stroke",) if "stroke" in worm.model_fields else ()
+    stroke = ("worm.stroke",) if "stroke" in keys_in(worm) else ()
     body = (*BODY, *stroke, AMPLITUDE)
-    has_links = "half_height_m" in worm.model_fields
+    has_links = "half_height_m" in keys_in(worm)
     return (
         *list_checks(gait, "gait"),
         Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
@@ -151,7 +152,7 @@ def _asked(section: Any) -> Gait | None:
 def _gait_fits(segments: int, section: Any, unlimited: tuple[str, ...]) -> Found:
     """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
     try:
-        gait_from(section.model_copy(update=dict.fromkeys(unlimited, 0.0)), dt=1.0).require_body(segments)
+        gait_from(replace(section, **dict.fromkeys(unlimited, 0.0)), dt=1.0).require_body(segments)
     except ValueError as error:
         keys = {name: f"gait.{key_of(known)}" for name, known in declared(class_named(GAIT, section.kind)).items()}
         return by_key(str(error), keys)
@@ -211,8 +212,8 @@ def list_checks(schema: type[Section], section: str, per: str = "") -> tuple[Che
     """
     return tuple(
         Check((f"{section}.{name}", "worm.segments"), partial(_as_many, per=per or each))
-        for name, field in schema.model_fields.items()
-        if (each := each_of(field)) in ("segment", "joint")
+        for name, known in keys_in(schema).items()
+        if (each := known.each) in ("segment", "joint")
     )
 
 

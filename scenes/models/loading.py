@@ -8,6 +8,7 @@ from typing import Any
 
 from scenes import models
 from scenes.language import loader
+from scenes.language.reading import trusted
 from scenes.models.base import Model
 
 Scene = loader.Scene[Model[Any]]
@@ -32,4 +33,4 @@ def draft(text: str, name: str, overrides: Iterable[str] = (), folder: Path | No
 def trusted_scene(data: Mapping[str, Any], name: str) -> Scene:
     """Return a resolved scene that has been checked before, given as data: many times as fast as `parse_scene`."""
     model, data, _ = loader.with_own_parts(models.get(data["model"]), data)
-    return loader.Scene(name, model, model.schema.model_validate(data))
+    return loader.Scene(name, model, trusted(model.schema, data))

@@ -8,7 +8,7 @@ from typing import Any
 from control.gaits import Gait
 from control.parts import GAIT
 from scenes.language.parts import Keys, keys_of, meanings, part_named
-from scenes.language.schema import Section, quantity, setting
+from scenes.language.schema import Section, setting
 
 LARGEST_SEED = 2**63 - 1
 
@@ -21,12 +21,12 @@ BODY_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
 class Run(Section):
     """How long, in what steps, and how much of it is stored."""
 
-    duration_s: float = quantity(
-        10.0, unit="s", gt=0, title="simulated time, rounded to whole steps", aka=("time_s", "t_end_s")
+    duration_s: float = setting(
+        10.0, unit="s", gt=0, meaning="simulated time, rounded to whole steps", aka=("time_s", "t_end_s")
     )
-    dt_s: float = quantity(0.01, unit="s", gt=0, title="time step", aka=("step_s", "time_step_s"))
-    record_every: int = quantity(
-        1, ge=1, title="store the state after every so many steps, a divisor of their number", aka=("every",)
+    dt_s: float = setting(0.01, unit="s", gt=0, meaning="time step", aka=("step_s", "time_step_s"))
+    record_every: int = setting(
+        1, ge=1, meaning="store the state after every so many steps, a divisor of their number", aka=("every",)
     )
 
     @property
@@ -43,7 +43,7 @@ def gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defa
     return keys_of(
         {WAVE: registry[WAVE], **registry} if WAVE in registry else registry,
         by="kind",
-        title=f"pattern of contraction; {meanings(registry)}",
+        meaning=f"pattern of contraction; {meanings(registry)}",
         without=("impulse", *without),
         defaults=defaults,
         own_defaults=True,
@@ -67,10 +67,10 @@ def gait_from(section: Any, dt: float, **given: Any) -> Gait:
 class Settings(Section):
     """Keys of every scene; the schema of a model adds sections."""
 
-    model: str = setting(title="which simulation the scene is for")
-    title: str = setting("", title="name of the scene for people")
-    says: str = setting("", title="what to look for, in one line; `worm3d list` prints it")
-    seed: int = quantity(0, ge=0, le=LARGEST_SEED, title="seed of everything random")
+    model: str = setting(meaning="which simulation the scene is for")
+    title: str = setting("", meaning="name of the scene for people")
+    says: str = setting("", meaning="what to look for, in one line; `worm3d list` prints it")
+    seed: int = setting(0, ge=0, le=LARGEST_SEED, meaning="seed of everything random")
     run: Run = Run()
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 from control.parts import CHANNEL
 from control.sensing.sensors import QUANTITIES, Channel, Quantity
 from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, part_of
-from scenes.language.schema import setting
+from scenes.language.schema import keys_in, new_key
 from worm3d.values import named
 from worm3d.values.named import is_own
 
@@ -27,7 +27,7 @@ def channel_keys(*, exact: bool = False) -> Keys:
     keys: Keys = {}
     for name, what in QUANTITIES.items():
         if not (what.standard or exact):
-            keys[name] = bool, setting(False, title=f"{what.meaning}: whether there is a sensor")
+            keys[name] = new_key(False, hint=bool, meaning=f"{what.meaning}: whether there is a sensor")
         usual, about = asdict(Channel(noise=0.0) if exact else what.default), f"{what.meaning}: "
         keys |= keys_of(Channel, prefix=f"{name}_", defaults=usual, units=_units(what), about=about)
     return keys
@@ -51,7 +51,7 @@ def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
     own = {name: QUANTITIES[channel] for name, channel in own_channels(section).items()}
     return {
         name: part_of(Channel, section, prefix=f"{name}_", units=_units(QUANTITIES[name]))
-        if any(key.startswith(f"{name}_") for key in type(section).model_fields)
+        if any(each.startswith(f"{name}_") for each in keys_in(type(section)))
         else QUANTITIES[name].default
         for name in names
     } | {

@@ -8,7 +8,7 @@ from typing import Any
 
 from scenes.language.checks import Check, Found
 from scenes.language.parts import Keys, keys_of, part_named, part_of
-from scenes.language.schema import Section, setting
+from scenes.language.schema import Section, keys_in, new_key
 from worm3d.values.named import Kind, is_own
 
 
@@ -17,7 +17,7 @@ def switched_keys(registry: Mapping[str, type]) -> Keys:
     keys: Keys = {}
     for name, part in registry.items():
         what = (part.__doc__ or "").split(".")[0].split(", (")[0]
-        keys[name] = bool, setting(False, title=f"whether {what[:1].lower()}{what[1:]}")
+        keys[name] = new_key(False, hint=bool, meaning=f"whether {what[:1].lower()}{what[1:]}")
         keys |= keys_of(part, prefix=f"{name}_")
     return keys
 
@@ -52,12 +52,12 @@ def switched_checks(registry: Mapping[str, type], section: str, schema: type[Sec
     """Return the checks that no key is set of a part that is not asked for; `what` is a word for a part."""
     return tuple(
         Check(
-            (f"{section}.{key}", f"{section}.{name}"),
-            partial(_is_asked_for, key=f"{section}.{name}", default=field.default, what=what),
+            (f"{section}.{each}", f"{section}.{name}"),
+            partial(_is_asked_for, key=f"{section}.{name}", default=known.default, what=what),
         )
         for name in registry
-        for key, field in schema.model_fields.items()
-        if key.startswith(f"{name}_")
+        for each, known in keys_in(schema).items()
+        if each.startswith(f"{name}_")
     )
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from scenes.language.errors import SceneError
 
-LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "pydantic", "h5netcdf", "h5py", "matplotlib")
+LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "h5netcdf", "h5py", "matplotlib")
 OURS = ("control", "planar", "worm3d")
 MARK = 'DISTRIBUTION = "worm3d"'
 """Line of our `control` that the other one lacks."""

@@ -11,10 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
-
 from scenes.language.loader import SHIPPED
-from scenes.language.schema import is_file, section_type
+from scenes.language.schema import Section, keys_in
 from scenes.models.loading import Scene
 from scenes.running.packages import sources, versions
 from worm3d.values import named
@@ -49,7 +47,7 @@ def _modules(text: str) -> list[Path]:
     return [Path(file) for module in modules if (file := getattr(module, "__file__", None))]
 
 
-def _files(section: BaseModel) -> Iterator[Path]:
+def _files(section: Section) -> Iterator[Path]:
     """Yield the files that a scene names, or that come with the program under the name."""
     for path in _named(type(section)):
         value: Any = section
@@ -60,13 +58,13 @@ def _files(section: BaseModel) -> Iterator[Path]:
 
 
 @cache
-def _named(section: type[BaseModel]) -> tuple[tuple[str, ...], ...]:
+def _named(section: type[Section]) -> tuple[tuple[str, ...], ...]:
     """Return the path of each key that holds the path of a file."""
     found: list[tuple[str, ...]] = []
-    for name, field in section.model_fields.items():
-        if inner := section_type(field):
-            found += [(name, *rest) for rest in _named(inner)]
-        elif is_file(field):
+    for name, known in keys_in(section).items():
+        if known.section:
+            found += [(name, *rest) for rest in _named(known.section)]
+        elif known.is_file:
             found.append((name,))
     return tuple(found)
 

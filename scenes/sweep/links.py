@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-from pydantic import BaseModel
-from pydantic_core import to_jsonable_python
-
 from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated, is_formula, names_in
+from scenes.language.schema import Section, keys_in
 from scenes.language.sweep_section import varied_keys
 from scenes.language.toml import path_of, shown
 from scenes.sweep.vary import DIGITS
@@ -25,7 +23,7 @@ class Links:
     """Axis -> name of a choice -> keys and their values; a text that begins with `=` is a formula."""
     always: Mapping[str, Any]
     """Keys of all cases, but for those whose choice says otherwise, and their formulas."""
-    settings: BaseModel
+    settings: Section
     """Settings of the scene, which names that are not varied mean."""
 
     def axes(self, vary: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,19 +90,18 @@ def _names(value: Any) -> set[str]:
     return names_in(value) if is_formula(value) else set()
 
 
-def value_at(settings: BaseModel, key: str, otherwise: Any) -> Any:
-    """Return the resolved value of a key as data for JSON: 2 and 2.0 seconds are the same; `otherwise` if no key."""
+def value_at(settings: Section, key: str, otherwise: Any) -> Any:
+    """Return the resolved value of a key, by which 2 and 2.0 seconds are the same; `otherwise` if there is no key."""
     here: Any = settings
     for name in path_of(key):
         if _is_no_key(here, name):
             return otherwise
         here = getattr(here, name)
-    return to_jsonable_python(here)
+    return here
 
 
 def _is_no_key(section: Any, name: str) -> bool:
-    fields = type(section).model_fields if isinstance(section, BaseModel) else {}
-    return name not in fields
+    return not isinstance(section, Section) or name not in keys_in(type(section))
 
 
 def _plain(value: Any) -> Any:

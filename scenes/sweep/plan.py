@@ -192,7 +192,7 @@ def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, A
     """Return a case's scene with a seed that follows from that of the sweep and the case's values alone."""
     said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
-    return replace(scene, settings=scene.settings.model_copy(update={SEED: seed}))
+    return replace(scene, settings=replace(scene.settings, **{SEED: seed}))
 
 
 class _Mistakes:

@@ -16,7 +16,7 @@ import numpy as np
 
 from scenes.language.errors import SceneError
 from scenes.language.loader import read_text
-from scenes.language.schema import Section, field_at, is_whole, unit_of
+from scenes.language.schema import Section, key_at
 from scenes.language.toml import path_of, shown
 from scenes.sweep.design import CASE, SAMPLE, Design, Varied
 from worm3d.values.spelling import did_you_mean
@@ -161,8 +161,8 @@ def _of_a_size(design: Design) -> Design:
 
 
 def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any]) -> Varied:
-    field = field_at(schema, path_of(key))
-    unit, title = ("", "") if field is None else (unit_of(field), str(field.title or ""))
+    known = key_at(schema, path_of(key))
+    unit, title = (known.unit_or_one, known.meaning) if known else ("", "")
     return Varied(key, dim, tuple(values), unit, title)
 
 
@@ -284,5 +284,5 @@ def _rounded(schema: type[Section], key: str, values: Any) -> list[Any]:
 
 
 def _is_whole(schema: type[Section], key: str) -> bool:
-    field = field_at(schema, path_of(key))
-    return field is not None and is_whole(field)
+    known = key_at(schema, path_of(key))
+    return known is not None and known.is_whole

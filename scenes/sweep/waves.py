@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from scenes import models
-from scenes.language.schema import field_at, only_for
+from scenes.language.schema import key_at
 from scenes.sweep.case_file import CaseResult
 
 WAVELENGTHS = {"wavelength": "", "wavelength_m": "length_m"}
@@ -32,6 +32,6 @@ def segments_per_wave(case: CaseResult) -> float:
 
 def _counts(model: str, key: str, gait: Mapping[str, Any]) -> bool:
     """Return whether the gait of a scene takes a key of its section."""
-    field = field_at(models.get(model).schema, ("gait", key))
-    kinds = () if field is None else only_for(field)
+    known = key_at(models.get(model).schema, ("gait", key))
+    kinds = known.only if known else ()
     return not kinds or gait.get("kind") in kinds

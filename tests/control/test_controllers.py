@@ -10,7 +10,7 @@ from control.sensing.sensors import QUANTITIES, Channel, Measurement
 from control.task import ControlTask
 from control.tracking.paths import Line
 from control.tracking.references import Constant, Reference
-from scenes.language.schema import choices
+from scenes.language.schema import keys_in
 from scenes.models.control.schema import Controller
 from worm3d import Worm
 
@@ -34,7 +34,7 @@ def test_every_controller_is_made_by_its_name_alone(name: str) -> None:
 
 
 def test_scenes_know_the_same_names() -> None:
-    assert choices(Controller.model_fields["kind"]) == tuple(CONTROLLERS)
+    assert keys_in(Controller)["kind"].choices == tuple(CONTROLLERS)
 
 
 def test_only_those_that_plan_can_have_failures_of_plans() -> None:

@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import pytest
-from pydantic import Field
 
 from scenes.language.mistakes import Mistake, report, schema_mistakes
-from scenes.language.schema import Each, Numbers, Section, quantity, setting
+from scenes.language.reading import trusted
+from scenes.language.schema import Each, Section, setting
 from scenes.language.toml import key_lines
 
 
 class Wave(Section):
-    length_m: float = quantity(1.0, unit="m", gt=0, le=100, title="length", aka=("lambda_m",))
-    count: int = quantity(3, ge=1, lt=10, title="number of waves")
-    kind: Literal["sine", "square"] = setting("sine", title="shape")
-    on: bool = setting(True, title="whether it runs")
-    stiffness_N: Each[Annotated[float, Field(gt=0)]] = quantity(13.0, unit="N", each="segment", title="stiffness")
-    height_m: float | None = quantity(unit="m", gt=0, left_out="half the length", title="height")
-    values: Numbers = quantity((1, 2), title="values")
+    length_m: float = setting(1.0, unit="m", gt=0, le=100, meaning="length", aka=("lambda_m",))
+    count: int = setting(3, ge=1, lt=10, meaning="number of waves")
+    kind: Literal["sine", "square"] = setting("sine", meaning="shape")
+    on: bool = setting(True, meaning="whether it runs")
+    stiffness_N: Each[float] = setting(13.0, unit="N", gt=0, each="segment", meaning="stiffness")
+    height_m: float | None = setting(unit="m", gt=0, left_out="half the length", meaning="height")
+    values: tuple[float, ...] = setting((1, 2), meaning="values")
 
 
 class Body(Section):
-    mass_kg: float = quantity(unit="kg", gt=0, title="mass")
-    name: str = setting(title="name")
+    mass_kg: float = setting(unit="kg", gt=0, meaning="mass")
+    name: str = setting(meaning="name")
 
 
 class Whole(Section):
@@ -92,7 +92,7 @@ def test_choices_are_listed() -> None:
 @pytest.mark.parametrize("value", [3, 2.5, [1.0], [1, 2, 3]])
 def test_a_number_for_all_or_a_list_with_one_for_each(value: Any) -> None:
     data = {"wave": {"stiffness_N": value}, "body": {"mass_kg": 1.0, "name": "x"}}
-    kept = Whole.model_validate(data).wave.stiffness_N
+    kept = trusted(Whole, data).wave.stiffness_N
     assert kept == (tuple(value) if isinstance(value, list) else value)
     assert isinstance(hash(kept), int), "a frozen scene holds nothing that can change"
 
@@ -124,7 +124,7 @@ def test_what_holds_for_a_key_that_is_left_out_is_told() -> None:
     assert text == "got 0: input should be greater than 0 [m], 0 < … (default half the length)"
 
 
-@pytest.mark.parametrize(("value", "what"), [([], "at least 1 item"), (3, "a valid list"), (["x"], "a valid number")])
+@pytest.mark.parametrize(("value", "what"), [(3, "a valid list"), (["x"], "a valid number")])
 def test_lists_of_numbers(value: Any, what: str) -> None:
     data = {"wave": {"values": value}, "body": {"mass_kg": 1.0, "name": ""}}
     assert what in schema_mistakes(Whole, data)[0].text

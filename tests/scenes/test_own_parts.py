@@ -341,7 +341,7 @@ def test_a_fault_may_have_a_field_of_text(sensing: None) -> None:
     with pytest.raises(ValueError, match="word: got int, must be a text"):
         fault(word=3)
     keys = switched_keys({"worded": fault})
-    assert keys["worded_word"][0] is str
+    assert keys["worded_word"].hint is str
 
     class Faults(PartSection, keys=keys):
         """Faults."""

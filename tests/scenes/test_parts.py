@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scenes.language.checks import cross_mistakes, kind_checks
 from scenes.language.mistakes import dotted, schema_mistakes
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
-from scenes.language.schema import Section, choices, describe, meaning, only_for, quantity, words_of
+from scenes.language.schema import Section, keys_in, setting
 from worm3d.values.parameters import check, parameter
 
 
@@ -40,10 +40,10 @@ class Piston:
 DRIVES = {"spring": Spring, "piston": Piston}
 
 
-class Drive(PartSection, keys=keys_of(DRIVES, by="kind", title="what drives it", defaults={"pressure": 3e4})):
+class Drive(PartSection, keys=keys_of(DRIVES, by="kind", meaning="what drives it", defaults={"pressure": 3e4})):
     """What drives it."""
 
-    gain: float = quantity(1.0, title="a key of its own")
+    gain: float = setting(1.0, meaning="a key of its own")
 
 
 class Two(PartSection, keys=keys_of(Spring, prefix="a_") | keys_of(Spring, prefix="b_", without=("weights",))):
@@ -58,24 +58,24 @@ class Scene(Section):
 
 def test_keys_are_names_with_their_units() -> None:
     keys = ["kind", "spring_N", "angle_deg", "weights", "side", "pressure_Pa", "valve", "rate_per_s", "gain"]
-    assert list(Drive.model_fields) == keys
+    assert list(keys_in(Drive)) == keys
     assert keys_by_parameter(Piston, Drive)["rate"] == "rate_per_s"
-    assert [key for key in Two.model_fields if key.startswith("b_")] == ["b_spring_N", "b_angle_deg", "b_side"]
+    assert [key for key in keys_in(Two) if key.startswith("b_")] == ["b_spring_N", "b_angle_deg", "b_side"]
 
 
 def test_a_section_says_what_the_fields_say() -> None:
-    fields = Drive.model_fields
-    assert fields["spring_N"].title == "force over strain"
-    assert describe(fields["spring_N"]) == " [N], 0 < … (default 2.0)"
-    assert describe(fields["angle_deg"]) == " [deg], -180 <= … <= 180 (default 30.0)"
-    assert describe(fields["rate_per_s"]) == " [1/s], 0 < … (default no limit)"
-    assert describe(fields["pressure_Pa"]).endswith("(default 30000.0)")
-    assert choices(fields["kind"]) == ("spring", "piston")
-    assert only_for(fields["spring_N"]) == ("spring",)
-    assert only_for(fields["angle_deg"]) == ()
-    assert choices(fields["side"]) == ("left", "right", "both")
-    assert words_of(fields["side"], "spring") == ("left", "right")
-    assert meaning(fields["valve"]) == "piston only: state of the valve"
+    keys = keys_in(Drive)
+    assert keys["spring_N"].meaning == "force over strain"
+    assert keys["spring_N"].described() == " [N], 0 < … (default 2.0)"
+    assert keys["angle_deg"].described() == " [deg], -180 <= … <= 180 (default 30.0)"
+    assert keys["rate_per_s"].described() == " [1/s], 0 < … (default no limit)"
+    assert keys["pressure_Pa"].described().endswith("(default 30000.0)")
+    assert keys["kind"].choices == ("spring", "piston")
+    assert keys["spring_N"].only == ("spring",)
+    assert keys["angle_deg"].only == ()
+    assert keys["side"].choices == ("left", "right", "both")
+    assert keys["side"].words_for("spring") == ("left", "right")
+    assert keys["valve"].meaning_in_section == "piston only: state of the valve"
 
 
 def test_a_section_becomes_its_part() -> None:
@@ -90,7 +90,7 @@ def test_a_section_becomes_its_part() -> None:
 def test_some_parameters_in_other_units_and_ranges() -> None:
     keys = keys_of(Spring, these=("stiffness", "weights"), units={"weights": "rad/s"}, bounds={"stiffness": {"ge": 1}})
     assert list(keys) == ["spring_N", "weights_deg_s"]
-    assert describe(keys["spring_N"][1]) == " [N], 1 <= … (default 2.0)"
+    assert keys["spring_N"].described() == " [N], 1 <= … (default 2.0)"
 
     class Turned(PartSection, keys=keys):
         """A spring."""

@@ -149,11 +149,11 @@ def test_init_lists_the_keys_of_a_part(worm3d, tmp_path: Path) -> None:
 
 
 def test_every_check_reads_keys_that_its_model_has() -> None:
-    from scenes.language.schema import field_at
+    from scenes.language.schema import key_at
 
     for model in map(models.get, models.names()):
         for check in model.checks:
-            assert all(field_at(model.schema, path) for path in check.paths), (model.name, check.needs)
+            assert all(key_at(model.schema, path) for path in check.paths), (model.name, check.needs)
 
 
 LOOK = """

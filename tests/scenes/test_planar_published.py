@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import GAITS
 from planar import metrics, published
 from scenes.language.parts import key_of
-from scenes.language.schema import only_for, own_defaults
+from scenes.language.schema import keys_in
 from scenes.models.loading import load_scene
 from scenes.models.planar.published import MODEL, PublishedGait, PublishedScene, gait_of, parameters_of
 from scenes.records.record import Record
@@ -140,8 +140,8 @@ OTHERS = {"gait.nodes": "4", "gait.relaxed": "-0.5", "gait.steepness": "2.0"}
 def gait_keys(kind: str) -> dict[str, str]:
     """Return each key that this kind of gait has, with a value that is not its default."""
     names = {key_of(known): known for known in declared_in(GAITS[kind]).values()}
-    own = {key: field for key, field in PublishedGait.model_fields.items() if kind in (only_for(field) or GAITS)}
-    usual = {key: own_defaults(field).get(kind, field.default) for key, field in own.items()}
+    own = {key: each for key, each in keys_in(PublishedGait).items() if each.is_for(kind)}
+    usual = {key: each.own.get(kind, each.default) for key, each in own.items()}
     values = {f"gait.{key}": changed(names[key], usual[key]) for key in own if key in names}
     return {key: OTHERS.get(key, value) for key, value in values.items() if key not in IDLE}
 
@@ -186,7 +186,7 @@ def test_every_key_is_among_those_tested() -> None:
     """Except what does not change the motion."""
     sections = ("run", "worm", "friction", "gait", "ground", "solver")
     scene = PublishedScene(model="planar_published")
-    keys = {f"{section}.{key}" for section in sections for key in type(getattr(scene, section)).model_fields}
+    keys = {f"{section}.{key}" for section in sections for key, _ in getattr(scene, section)}
     of_sensing = (
         set().union(*(gait_keys(kind) for kind in GAITS if kind not in TIMED)).difference(*map(gait_keys, TIMED))
     )

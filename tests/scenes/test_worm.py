@@ -16,7 +16,8 @@ import worm3d
 from control import gaits
 from scenes import models
 from scenes.language.errors import SceneError
-from scenes.language.schema import choices
+from scenes.language.reading import trusted
+from scenes.language.schema import keys_in
 from scenes.models.loading import load_scene
 from scenes.models.worlds.build import WORLDS, world_of
 from scenes.models.worlds.schema import World
@@ -238,8 +239,8 @@ def test_every_key_of_the_worm_reaches_the_plant() -> None:
     each |= {"cross0": 0.1, "apex_hinge_N_m_rad": [0.1, 0.2], "kelvin_voigt_time_s": 0.06, "drag_N_s_m": 0.4}
     each |= {"actuator_lag_s": 0.2, "stroke": [-0.2, 0.3], "rate_limit_per_s": 5.0}
     each |= {"payload_kg": 0.02, "outward_apexes": False, "end_faces": False}
-    scene = WormScene.model_validate({"model": "worm", "worm": each})
-    assert set(each) == set(KEYS.values()) == set(type(scene.worm).model_fields)
+    scene = trusted(WormScene, {"model": "worm", "worm": each})
+    assert set(each) == set(KEYS.values()) == set(dict(scene.worm))
     assert_equal_fields(
         worm_of(scene), worm3d.Worm(**{parameter: each[key] for parameter, key in KEYS.items()})  # type: ignore[arg-type]
     )  # fmt: skip
@@ -267,7 +268,7 @@ def test_every_key_of_the_planar_worm_reaches_the_plant() -> None:
 
 
 def test_every_kind_of_world_is_built() -> None:
-    assert set(WORLDS) | set(worm3d.WORLDS) == set(choices(World.model_fields["kind"]))
+    assert set(WORLDS) | set(worm3d.WORLDS) == set(keys_in(World)["kind"].choices)
     scene = worm_scene("world.slope_deg=10", "world.heading_deg=-30", "world.patches=[{grip=2, across_m=[-1, 0.5]}]")
     plane = world_of(scene.world)
     assert isinstance(plane, worm3d.Plane)

@@ -63,7 +63,7 @@ def test_every_mistake_gives_its_line() -> None:
         "(default 'plane')",
         "line 16: world.patches[0].grip: missing: multiplier of the friction coefficients, 0 <= …",
         "line 17: world.patches[0].gripp: unknown key; did you mean 'grip'?",
-        "line 21: world.patches[1].along_m: got [1.0]: list should have at least 2 items after validation, not 1 [m] "
+        "line 21: world.patches[1].along_m: got [1.0]: input should be a list of 2 items, not 1 [m] "
         "(default everywhere)",
         "line 24: friction.lateral[1]: got -0.2: input should be greater than or equal to 0, 0 <= … <= 1e+06, "
         "a number or one for each segment (default 0.2)",

@@ -24,6 +24,7 @@ from planar import linkage, published
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.overrides import apply_overrides
+from scenes.language.reading import trusted
 from scenes.models.loading import parse_scene
 from scenes.models.worm.build import problem_of
 from scenes.models.worm.schema import WormScene
@@ -56,7 +57,7 @@ def test_what_a_scene_refuses_python_refuses_too(overrides: tuple[str, ...]) -> 
     with pytest.raises(SceneError):
         parse_scene(text, "test", overrides)
     data, _, _ = apply_overrides(toml.parse(text), overrides)
-    scene = WormScene.model_validate(data)
+    scene = trusted(WormScene, data)
     with pytest.raises(ValueError, match=r"got|carries|must"):
         Run(problem_of(scene))
 

@@ -130,14 +130,15 @@ def parameter(
     *,
     meaning: str,
     unit: str = "",
+    made: type[Parameter] = Parameter,
     **others: Any,
 ) -> Any:
     """Return a dataclass field; arguments are bounds (gt, ge, lt, le) and the attributes of `Parameter`.
 
-    Without a default it must be given.
+    Without a default it must be given. `made` is the class of what is known of it.
     """
     bounds: dict[str, Any] = {name: others.pop(name) for name in ("gt", "ge", "lt", "le") if name in others}
-    known = Parameter(meaning=meaning, unit=unit, bounds=bounds, **others)
+    known = made(meaning=meaning, unit=unit, bounds=bounds, **others)
     return dataclasses.field(default=default, metadata={PARAMETER: known})
 
 
@@ -146,13 +147,13 @@ def _read(part: Any) -> Mapping[str, Parameter]:
     return MappingProxyType(
         {
             field.name: dataclasses.replace(
-                field.metadata[PARAMETER],
+                known,
                 name=field.name,
-                default=None if field.default is dataclasses.MISSING else field.default,
+                default=known.default if field.default is dataclasses.MISSING else field.default,
                 hint=hints[field.name],
             )
             for field in dataclasses.fields(part)
-            if PARAMETER in field.metadata
+            if (known := field.metadata.get(PARAMETER))
         }
     )
 

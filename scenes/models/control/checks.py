@@ -11,7 +11,7 @@ from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, of_this_kind
-from scenes.language.schema import Section, only_for
+from scenes.language.schema import Section, keys_in
 from scenes.models.control.build import faults_of, middle_of, parts_of, reference_of
 from scenes.models.control.schema import ControlScene, Faults, Obstacle, Sensor
 from scenes.models.switched import switched_checks
@@ -26,8 +26,8 @@ def _there_is_such_a_path(*sections: Section) -> Found:
     except ValueError as error:
         return str(error)
     for k, (asked, obstacle) in enumerate(zip(scene.reference.obstacles, reference.obstacles, strict=True)):
-        for key, field in Obstacle.model_fields.items():
-            strange = only_for(field) and of_this_kind(getattr(asked, key), asked.kind, key="kind", field=field)
+        for key, known in keys_in(Obstacle).items():
+            strange = of_this_kind(getattr(asked, key), asked.kind, by="kind", known=known)
             if strange:
                 return f"obstacles[{k}].{key}: {strange}"
         if obstacle.distances(middle_of(scene)) < 0.0:
@@ -73,7 +73,7 @@ def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
 
 
 def _scene(names: Sequence[str], sections: Sequence[Section]) -> ControlScene:
-    return ControlScene.model_construct(**dict[str, Any](zip(names, sections, strict=True)))
+    return ControlScene(model="", **dict(zip(names, sections, strict=True)))
 
 
 def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key: str) -> Found:
@@ -175,9 +175,9 @@ CONTROL_CHECKS = (
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
     *(Check((f"sensor.{name}", "worm", *PARTS), partial(_worm_has_it, name=name)) for name in OPTIONAL),
     *(
-        Check((f"sensor.{key}", f"sensor.{name}"), partial(_has_a_sensor, name=name, default=field.default))
+        Check((f"sensor.{key}", f"sensor.{name}"), partial(_has_a_sensor, name=name, default=known.default))
         for name in OPTIONAL
-        for key, field in Sensor.model_fields.items()
+        for key, known in keys_in(Sensor).items()
         if key.startswith(f"{name}_")
     ),
     *(Check(("controller.kind", f"sensor.{name}"), partial(_is_sensed, name=name)) for name in OPTIONAL),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
@@ -14,7 +14,7 @@ from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
 from control.tracking.obstacles import OBSTACLES
 from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, meanings
-from scenes.language.schema import OWN, Pair, Section, Tables, part, parts, quantity, setting, tables
+from scenes.language.schema import OWN, Key, Pair, Section, Tables, part_key, parts_key, setting
 from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
 from scenes.models.worm.schema import SpatialScene
@@ -26,15 +26,17 @@ AUTO: Literal["auto"] = "auto"
 """Name of the wave that is chosen as a run begins."""
 
 
-def _listed(registry: Mapping[str, Listed], what: str = "") -> tuple[Any, Any]:
+def _listed(registry: Mapping[str, Listed], what: str = "") -> Key:
     """Return the key that names one of a registry; the first is the default."""
     title = "; ".join(f"{name}: {listed.title}" for name, listed in registry.items())
-    return part(tuple(registry), title=what + title, aka=() if what else ("type",))
+    return part_key(tuple(registry), meaning=what + title, aka=() if what else ("type",))
 
 
 def _parts_keys(registry: Mapping[str, type], what: str) -> Keys:
     """Return the keys of a section with the parts of a registry: which of them count, and the parameters of each."""
-    keys: Keys = {"parts": parts(tuple(registry), title=f"which {what} count, in any order: {meanings(registry)}")}
+    keys: Keys = {
+        "parts": parts_key(tuple(registry), meaning=f"which {what} count, in any order: {meanings(registry)}")
+    }
     for name, each in registry.items():
         keys |= keys_of(each, prefix=f"{name}_", about=f"{name}: ")
     return keys
@@ -54,26 +56,28 @@ class Controller(
 
     mechanism: Mechanism = setting(
         "hinge",
-        title="what steers: hinges, unequal chambers, or both at once",
+        meaning="what steers: hinges, unequal chambers, or both at once",
         left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
         own={"mpc": "both", OWN: "hinge"},
     )
     wave: Literal[Wave, "auto"] = setting(
         "sine",
-        title="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that it is faster "
-        "and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: the steep one in a run in "
-        "which a speed is asked for that the sine hardly reaches, otherwise the sine",
+        meaning="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that it is "
+        "faster and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: the steep one in a "
+        "run in which a speed is asked for that the sine hardly reaches, otherwise the sine",
         left_out="that of its kind: 'auto' for mpc, 'sine' for all others",
         own={"mpc": AUTO, OWN: "sine"},
     )
-    period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
+    period_s: float = setting(0.2, unit="s", gt=0, meaning="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(
         "own",
-        title="which map of what a wave does it goes by. own: that of this worm on this friction if it was identified, "
-        "otherwise nearby; nearby: the default worm's, corrected by some seconds of runs as the scene starts; default: "
-        "the default worm's, whatever the worm is",
+        meaning="which map of what a wave does it goes by. own: that of this worm on this friction if it was "
+        "identified, otherwise nearby; nearby: the default worm's, corrected by some seconds of runs as the scene "
+        "starts; default: the default worm's, whatever the worm is",
     )
-    told: bool = setting(True, title="whether it is told how good the sensors are; false: it takes them for usual ones")
+    told: bool = setting(
+        True, meaning="whether it is told how good the sensors are; false: it takes them for usual ones"
+    )
 
 
 class Cost(PartSection, keys=_parts_keys(TERMS, "terms"), holds={"parts": TERM}):
@@ -91,35 +95,35 @@ class Sensor(ChannelSection, keys=channel_keys()):
 class SpeedStep(Section):
     """Step of the speed that is asked for."""
 
-    at_s: float = quantity(unit="s", gt=0, title="when")
-    speed_m_s: float = quantity(unit="m/s", title="speed from then on, below 0 backwards")
+    at_s: float = setting(unit="s", gt=0, meaning="when")
+    speed_m_s: float = setting(unit="m/s", meaning="speed from then on, below 0 backwards")
 
 
 class HeadingStep(Section):
     """Step of the heading that is asked for."""
 
-    at_s: float = quantity(unit="s", gt=0, title="when")
-    heading_deg: float = quantity(unit="deg", title="heading from then on")
+    at_s: float = setting(unit="s", gt=0, meaning="when")
+    heading_deg: float = setting(unit="deg", meaning="heading from then on")
 
 
-class Obstacle(PartSection, keys=keys_of(OBSTACLES, by="kind", title="what it is")):
+class Obstacle(PartSection, keys=keys_of(OBSTACLES, by="kind", meaning="what it is")):
     """Obstacle on the ground that the centre of mass goes around."""
 
 
 class Point(Section):
     """A point of a path."""
 
-    x_m: float = quantity(unit="m", title="x")
-    y_m: float = quantity(unit="m", title="y")
+    x_m: float = setting(unit="m", meaning="x")
+    y_m: float = setting(unit="m", meaning="y")
 
 
 ENDING = (LINE, S_CURVE, SPLINE, WAY_POINTS, "pipe", OWN)
 """Kinds of paths that may have an end."""
 PATHS = (*ENDING, CIRCLE)
 KINDS = (*(kind for kind in PATHS if kind != OWN), HEADING, "none")
-KIND = part(
+KIND = part_key(
     KINDS,
-    title="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
+    meaning="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
     aka=("path", "type"),
 )
 
@@ -127,42 +131,45 @@ KIND = part(
 class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
     """Task of the worm: how fast to go, and where to."""
 
-    speed_m_s: float = quantity(0.08, unit="m/s", title="speed forward, at first; below 0 backwards")
-    speed_steps: Tables[SpeedStep] = tables(title="steps of the speed, each a table of at_s and speed_m_s")
-    speed_sine_m_s: float = quantity(0.0, unit="m/s", ge=0, title="amplitude of a sine that is added to the speed")
-    speed_sine_period_s: float = quantity(20.0, unit="s", gt=0, title="its period")
-    heading_deg: float = quantity(0.0, unit="deg", only=HEADING, title="at first")
-    heading_steps: Tables[HeadingStep] = tables(
-        only=HEADING, title="steps of the heading, each a table of at_s and heading_deg"
+    speed_m_s: float = setting(0.08, unit="m/s", meaning="speed forward, at first; below 0 backwards")
+    speed_steps: Tables[SpeedStep] = setting((), meaning="steps of the speed, each a table of at_s and speed_m_s")
+    speed_sine_m_s: float = setting(0.0, unit="m/s", ge=0, meaning="amplitude of a sine that is added to the speed")
+    speed_sine_period_s: float = setting(20.0, unit="s", gt=0, meaning="its period")
+    heading_deg: float = setting(0.0, unit="deg", only=HEADING, meaning="at first")
+    heading_steps: Tables[HeadingStep] = setting(
+        (), only=HEADING, meaning="steps of the heading, each a table of at_s and heading_deg"
     )
-    start_m: Pair | None = quantity(
+    start_m: Pair | None = setting(
         unit="m",
         only=BEGUN,
         left_out="the middle of the worm as it starts",
-        title="where the path begins: x, y",
+        meaning="where the path begins: x, y",
     )
-    azimuth_deg: float | None = quantity(
+    azimuth_deg: float | None = setting(
         unit="deg",
         only=BEGUN,
         left_out="where the worm looks as it starts",
-        title="direction of the path where it begins",
+        meaning="direction of the path where it begins",
     )
-    length_m: float | None = quantity(unit="m", gt=0, only=LINE, left_out="without end", title="length of the line")
-    ends: bool = setting(False, only=ENDING, title="whether the worm stops at the end of the path and stays there")
-    corridor_m: float | None = quantity(
-        unit="m", gt=0, only=PATHS, left_out="any", title="how far the middle may go to either side of the path"
+    length_m: float | None = setting(unit="m", gt=0, only=LINE, left_out="without end", meaning="length of the line")
+    ends: bool = setting(False, only=ENDING, meaning="whether the worm stops at the end of the path and stays there")
+    corridor_m: float | None = setting(
+        unit="m", gt=0, only=PATHS, left_out="any", meaning="how far the middle may go to either side of the path"
     )
-    obstacles: Tables[Obstacle] = tables(
+    obstacles: Tables[Obstacle] = setting(
+        (),
         only=PATHS,
-        title="what to go around, each a table: "
+        meaning="what to go around, each a table: "
         + "; ".join(f'kind = "{name}" with {", ".join(keys_of(each))}' for name, each in OBSTACLES.items()),
     )
-    radius_m: float = quantity(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), title="radius, or that of the corners")
-    towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), title="to which side it turns first")
-    amplitude_m: float = quantity(0.4, unit="m", gt=0, only=S_CURVE, title="amplitude of its sine")
-    wavelength_m: float = quantity(4.0, unit="m", gt=0, only=S_CURVE, title="wavelength of its sine")
-    points: Tables[Point] = tables(only=(SPLINE, WAY_POINTS), title="points of the path, each a table of x_m and y_m")
-    closed: bool = setting(False, only=SPLINE, title="whether it goes on from its last point to its first")
+    radius_m: float = setting(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), meaning="radius, or that of the corners")
+    towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), meaning="to which side it turns first")
+    amplitude_m: float = setting(0.4, unit="m", gt=0, only=S_CURVE, meaning="amplitude of its sine")
+    wavelength_m: float = setting(4.0, unit="m", gt=0, only=S_CURVE, meaning="wavelength of its sine")
+    points: Tables[Point] = setting(
+        (), only=(SPLINE, WAY_POINTS), meaning="points of the path, each a table of x_m and y_m"
+    )
+    closed: bool = setting(False, only=SPLINE, meaning="whether it goes on from its last point to its first")
 
 
 class Faults(PartSection, keys=switched_keys(INJECTED), holds={ITSELF: FAULT}):
@@ -172,7 +179,7 @@ class Faults(PartSection, keys=switched_keys(INJECTED), holds={ITSELF: FAULT}):
 class ControlScene(SpatialScene):
     """A whole scene."""
 
-    model: Literal["worm_control"] = setting(title="which simulation the scene is for")
+    model: Literal["worm_control"] = setting(meaning="which simulation the scene is for")
     controller: Controller = Controller()
     cost: Cost = Cost()
     constraints: Constraints = Constraints()

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from planar import figures
 from scenes.language import own
 from scenes.language.errors import DiscError, SceneError
+from scenes.language.reading import trusted
 from scenes.models.load_frame.model import file_of
 from scenes.models.load_frame.schema import LoadFrameScene
 from scenes.records import measured
@@ -32,7 +33,7 @@ def force_over_cable(record: Record) -> tuple[Figure, Axes]:
 
 def _measured(record: Record) -> Record | None:
     """Return the measurement that gave the cable's way, if it has the force too."""
-    scene = LoadFrameScene.model_validate(own.without(LoadFrameScene, tomllib.loads(record.scene)))
+    scene = trusted(LoadFrameScene, own.without(LoadFrameScene, tomllib.loads(record.scene)))
     path = file_of(scene.frame)
     if path is None:
         return None

@@ -171,7 +171,7 @@ def _summary(
 
 def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, run: Run) -> Found:
     """Tell what the frame refuses: a file without a cable, or more cable than the segment has."""
-    scene = LoadFrameScene.model_construct(worm=worm, hysteresis=hysteresis, frame=frame, run=run)
+    scene = LoadFrameScene(model="load_frame", worm=worm, hysteresis=hysteresis, frame=frame, run=run)
     try:
         cable = cable_of(scene.frame, instants(scene))
     except SceneError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from scenes.language.parts import PartSection, keys_of
-from scenes.language.schema import Section, quantity, setting
+from scenes.language.schema import Section, setting
 from scenes.models.sections import BODY_BOUNDS, Settings
 from scenes.models.worm.schema import Hysteresis
 from worm3d.physics.worm import Worm as PlantWorm
@@ -25,16 +25,16 @@ class Frame(Section):
 
     file: str = setting(
         NO_FILE,
-        title="a CSV file with the columns time_s and cable_mm (or cable_m): beside the scene, shipped, or a path",
+        meaning="a CSV file with the columns time_s and cable_mm (or cable_m): beside the scene, shipped, or a path",
         is_file=True,
         aka=("record", "path"),
     )
-    cable_m: float = quantity(0.1, unit="m", gt=0, title="without a file: most cable that is taken in")
-    speed_m_s: float = quantity(0.01, unit="m/s", gt=0, title="without a file: speed of the cable, out and back")
-    cable_per_diameter: float = quantity(
+    cable_m: float = setting(0.1, unit="m", gt=0, meaning="without a file: most cable that is taken in")
+    speed_m_s: float = setting(0.01, unit="m/s", gt=0, meaning="without a file: speed of the cable, out and back")
+    cable_per_diameter: float = setting(
         3.0,
         gt=0,
-        title="cable taken in over the change of the diameter, which is twice the half-height: 3 around a hexagon, "
+        meaning="cable taken in over the change of the diameter, which is twice the half-height: 3 around a hexagon, "
         "3.1416 around a circle",
     )
 
@@ -42,7 +42,7 @@ class Frame(Section):
 class LoadFrameScene(Settings):
     """A whole scene."""
 
-    model: Literal["load_frame"] = setting(title="which simulation the scene is for")
+    model: Literal["load_frame"] = setting(meaning="which simulation the scene is for")
     worm: Worm = Worm()
     hysteresis: Hysteresis = Hysteresis()
     frame: Frame = Frame()

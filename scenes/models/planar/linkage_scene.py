@@ -14,7 +14,7 @@ from planar import linkage
 from planar.linkage.simulate import Gait, bytes_per_step
 from scenes.language.checks import Check
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
-from scenes.language.schema import Section, quantity, setting
+from scenes.language.schema import Section, setting
 from scenes.models.base import Observer
 from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, memory_check
 from scenes.models.sections import BODY_BOUNDS, Settings, gait_from, planar_gait_keys
@@ -30,10 +30,10 @@ class Friction(PartSection, keys=keys_of(linkage.Friction)):
     """Directional Coulomb friction along the ground."""
 
     law: Literal["anchored", "threshold"] = setting(
-        _RUN["friction_law"], title="in contact: set-valued with anchors, or the paper's (P10) for comparison"
+        _RUN["friction_law"], meaning="in contact: set-valued with anchors, or the paper's (P10) for comparison"
     )
-    velocity_threshold_m_s: float = quantity(
-        _RUN["velocity_threshold"], unit="m/s", ge=0, title="(P10): no friction below this speed (threshold, clamped)"
+    velocity_threshold_m_s: float = setting(
+        _RUN["velocity_threshold"], unit="m/s", ge=0, meaning="(P10): no friction below this speed (threshold, clamped)"
     )
 
 
@@ -41,10 +41,10 @@ class Ground(Section):
     """The ground under the worm, and gravity."""
 
     kind: Literal["contact", "clamped"] = setting(
-        _RUN["ground"], title="contact: the apexes touch it; clamped: the joints' heights are held, loads by (P9)"
+        _RUN["ground"], meaning="contact: the apexes touch it; clamped: the joints' heights are held, loads by (P9)"
     )
-    slope_deg: float = quantity(_RUN["slope"], unit="deg", gt=-90, lt=90, title="angle, rising towards the head")
-    gravity_m_s2: float = quantity(_RUN["gravity"], unit="m/s^2", ge=0, title="g")
+    slope_deg: float = setting(_RUN["slope"], unit="deg", gt=-90, lt=90, meaning="angle, rising towards the head")
+    gravity_m_s2: float = setting(_RUN["gravity"], unit="m/s^2", ge=0, meaning="g")
 
 
 class LinkageGait(PartSection, holds={"kind": GAIT}, keys=partial(planar_gait_keys, without=("force",))):
@@ -54,7 +54,7 @@ class LinkageGait(PartSection, holds={"kind": GAIT}, keys=partial(planar_gait_ke
 class LinkageScene(Settings):
     """A whole scene."""
 
-    model: Literal["planar_linkage"] = setting(title="which simulation the scene is for")
+    model: Literal["planar_linkage"] = setting(meaning="which simulation the scene is for")
     worm: Worm = Worm()
     friction: Friction = Friction()
     gait: LinkageGait = LinkageGait()
@@ -101,7 +101,7 @@ def gait_of(scene: LinkageScene) -> Gait:
 
 def _can_start(mass_kg: float | None, worm: Worm, friction: Friction, ground: Ground, gait: LinkageGait) -> str | None:
     """Tell what the model refuses: a worm that its weight would flatten, or one too small for its numbers."""
-    scene = LinkageScene.model_construct(worm=worm, friction=friction, ground=ground, gait=gait)
+    scene = LinkageScene(model="planar_linkage", worm=worm, friction=friction, ground=ground, gait=gait)
     try:
         with np.errstate(all="ignore"):
             if _is_flattened(scene):

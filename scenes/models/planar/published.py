@@ -14,7 +14,7 @@ from planar import published
 from planar.published import Parameters, bytes_per_step
 from scenes.language.checks import Check, Found
 from scenes.language.parts import PartSection, keys_of, part_of
-from scenes.language.schema import Sign, quantity, setting
+from scenes.language.schema import Sign, setting
 from scenes.models.base import Model, Movie, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
@@ -35,7 +35,7 @@ SOLVER = {"tolerance": {"gt": 0}, "max_iterations": {"ge": 1, "le": 10_000}}
 class Worm(PartSection, keys=keys_of(Parameters, these=SPRINGS, bounds=BODY_BOUNDS)):
     """The mass points and springs."""
 
-    segments: int = quantity(6, ge=1, le=200, title="number of segments", aka=("n", "n_segments"))
+    segments: int = setting(6, ge=1, le=200, meaning="number of segments", aka=("n", "n_segments"))
 
 
 class Friction(PartSection, keys=keys_of(Parameters, these=FRICTION)):
@@ -59,14 +59,14 @@ class Solver(PartSection, keys=keys_of(Parameters, these=SOLVER, bounds=SOLVER))
     """Newton's iteration, (P2)."""
 
     elastic_sign: Sign = setting(
-        int(Parameters().elastic_sign), title="sign of the elastic force: -1 as the program, 1 as in mechanics"
+        int(Parameters().elastic_sign), meaning="sign of the elastic force: -1 as the program, 1 as in mechanics"
     )
 
 
 class PublishedScene(Settings):
     """A whole scene."""
 
-    model: Literal["planar_published"] = setting(title="which simulation the scene is for")
+    model: Literal["planar_published"] = setting(meaning="which simulation the scene is for")
     worm: Worm = Worm()
     friction: Friction = Friction()
     gait: PublishedGait = PublishedGait()

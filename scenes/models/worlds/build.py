@@ -57,7 +57,7 @@ def _radius(world: World) -> float | worm3d.Profile:
 
 def _patch(patch: Patch) -> worm3d.Patch:
     sides = {"along": patch.along_m, "across": patch.across_m}
-    return worm3d.Patch(patch.grip, **{name: side for name, side in sides.items() if side is not None})  # type: ignore[arg-type]
+    return worm3d.Patch(patch.grip, **{name: side for name, side in sides.items() if side is not None})
 
 
 def _heightfield(world: World) -> worm3d.Heightfield:

@@ -6,13 +6,12 @@ have keys that are written out here (`only` says for which kind), and a function
 
 from __future__ import annotations
 
-from dataclasses import make_dataclass
+from dataclasses import make_dataclass, replace
 from typing import Literal
 
 from control.parts import WORLD
-from scenes.language.parts import PartSection, key_of, keys_of, meanings
-from scenes.language.schema import Pair, Points, Section, Tables, quantity, setting, tables
-from worm3d.values.parameters import parameters_of
+from scenes.language.parts import PartSection, keys_of, meanings
+from scenes.language.schema import Key, Pair, Points, Section, Tables, keys_in, setting
 from worm3d.worlds import WORLDS
 
 PLANE, HEIGHTFIELD, MESH, NONE = "plane", "heightfield", "mesh", "none"
@@ -36,7 +35,7 @@ NAMED = keys_of(
     _kinds(),
     by="kind",
     own=True,
-    title="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
+    meaning="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
     f"{meanings(WORLDS)}; none: nothing there",
 )
 """Keys of the kinds of world that are found by name, and which one it is."""
@@ -49,33 +48,34 @@ class KindOfWorld(PartSection, keys={"kind": NAMED["kind"]}):
 class Patch(Section):
     """A rectangle of the plane with another friction."""
 
-    grip: float = quantity(ge=0, title="multiplier of the friction coefficients")
-    along_m: Pair | None = quantity(
+    grip: float = setting(ge=0, meaning="multiplier of the friction coefficients")
+    along_m: Pair | None = setting(
         unit="m",
         left_out="everywhere",
-        title="from where to where along the steepest ascent, from the origin, or along a pipe",
+        meaning="from where to where along the steepest ascent, from the origin, or along a pipe",
     )
-    across_m: Pair | None = quantity(
-        unit="m", left_out="everywhere", title="from where to where to the left of it, from the origin"
+    across_m: Pair | None = setting(
+        unit="m", left_out="everywhere", meaning="from where to where to the left of it, from the origin"
     )
 
 
 class PlaneKeys(Section):
     """Keys of a plane."""
 
-    slope_deg: float = quantity(
-        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), title="angle, rising towards x"
+    slope_deg: float = setting(
+        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), meaning="angle, rising towards x"
     )
-    heading_deg: float = quantity(
+    heading_deg: float = setting(
         0.0,
         unit="deg",
         only=(PLANE, PIPE, SLOPE_INTO_PIPE),
-        title="azimuth of a plane's steepest ascent, or of a pipe where it starts, if not x",
+        meaning="azimuth of a plane's steepest ascent, or of a pipe where it starts, if not x",
         aka=("azimuth_deg",),
     )
-    patches: Tables[Patch] = tables(
+    patches: Tables[Patch] = setting(
+        (),
         only=(PLANE, PIPE),
-        title="places with another friction, each a table of grip, along_m = [from, to] and (planes only) across_m; "
+        meaning="places with another friction, each a table of grip, along_m = [from, to] and (planes only) across_m; "
         "in a pipe along its centre line",
     )
 
@@ -83,62 +83,64 @@ class PlaneKeys(Section):
 class Piece(Section):
     """A straight piece (straight_m) or a bend (bend_deg, bend_radius_m, towards) of a pipe."""
 
-    straight_m: float | None = quantity(unit="m", gt=0, left_out="a bend", title="length of a straight piece")
-    bend_deg: float | None = quantity(unit="deg", gt=0, le=360, left_out="a straight piece", title="angle of a bend")
-    bend_radius_m: float | None = quantity(
-        unit="m", gt=0, left_out="a straight piece", title="radius of a bend's centre line"
+    straight_m: float | None = setting(unit="m", gt=0, left_out="a bend", meaning="length of a straight piece")
+    bend_deg: float | None = setting(unit="deg", gt=0, le=360, left_out="a straight piece", meaning="angle of a bend")
+    bend_radius_m: float | None = setting(
+        unit="m", gt=0, left_out="a straight piece", meaning="radius of a bend's centre line"
     )
-    towards: Literal["left", "right", "up", "down"] = setting("left", title="where a bend turns, seen along the pipe")
+    towards: Literal["left", "right", "up", "down"] = setting("left", meaning="where a bend turns, seen along the pipe")
 
 
 class Radius(Section):
     """A place along a pipe and its inner radius there; between two places the wall is a cone with rounded edges."""
 
-    at_m: float = quantity(unit="m", title="how far along the pipe")
-    radius_m: float = quantity(unit="m", gt=0, title="inner radius there")
+    at_m: float = setting(unit="m", meaning="how far along the pipe")
+    radius_m: float = setting(unit="m", gt=0, meaning="inner radius there")
 
 
 class PipeKeys(Section):
     """Keys of a pipe."""
 
-    radius_m: float = quantity(0.12, unit="m", gt=0, only=PIPES, title="inner radius")
-    tilt_deg: float = quantity(
-        0.0, unit="deg", ge=-90, le=90, only=PIPES, title="angle with the horizontal where it starts, 90: up"
+    radius_m: float = setting(0.12, unit="m", gt=0, only=PIPES, meaning="inner radius")
+    tilt_deg: float = setting(
+        0.0, unit="deg", ge=-90, le=90, only=PIPES, meaning="angle with the horizontal where it starts, 90: up"
     )
-    pieces: Tables[Piece] = tables(
+    pieces: Tables[Piece] = setting(
+        (),
         only=PIPES,
-        title="straight pieces and bends one after the other, none: straight, each a table of straight_m, "
+        meaning="straight pieces and bends one after the other, none: straight, each a table of straight_m, "
         "or of bend_deg, bend_radius_m and towards = left, right, up or down",
     )
-    points_m: Points = quantity(
+    points_m: Points = setting(
         (),
         unit="m",
         only=PIPE,
-        title="instead of tilt_deg and pieces, places [x, y, z] that it goes through",
+        meaning="instead of tilt_deg and pieces, places [x, y, z] that it goes through",
     )
-    radii: Tables[Radius] = tables(
+    radii: Tables[Radius] = setting(
+        (),
         only=PIPES,
-        title="instead of radius_m, places with at_m and radius_m, between them the wall is a cone",
+        meaning="instead of radius_m, places with at_m and radius_m, between them the wall is a cone",
     )
-    rounding_m: float | None = quantity(
+    rounding_m: float | None = setting(
         unit="m",
         gt=0,
         only=PIPES,
         left_out="as round as there is room",
-        title="radius of the edges where the wall's slope changes",
+        meaning="radius of the edges where the wall's slope changes",
     )
-    start_wall: bool = setting(False, only=PIPE, title="whether a wall closes it where it starts")
-    end_wall: bool = setting(False, only=PIPE, title="whether a wall closes it where it ends")
-    mouth_m: float = quantity(
-        1.3, unit="m", only=SLOPE_INTO_PIPE, title="how far up the slope the pipe's bottom starts"
+    start_wall: bool = setting(False, only=PIPE, meaning="whether a wall closes it where it starts")
+    end_wall: bool = setting(False, only=PIPE, meaning="whether a wall closes it where it ends")
+    mouth_m: float = setting(
+        1.3, unit="m", only=SLOPE_INTO_PIPE, meaning="how far up the slope the pipe's bottom starts"
     )
-    face_deg: float | None = quantity(
+    face_deg: float | None = setting(
         unit="deg",
         gt=-90,
         lt=90,
         only=SLOPE_INTO_PIPE,
         left_out="the slope goes on",
-        title="angle of the hill's face, which begins a radius of the pipe farther up than its bottom",
+        meaning="angle of the hill's face, which begins a radius of the pipe farther up than its bottom",
     )
 
 
@@ -148,26 +150,26 @@ class TerrainKeys(Section):
     surface: Literal["rubble", "steps", "sinusoid", "image"] = setting(
         "rubble",
         only=HEIGHTFIELD,
-        title="stones at random, stairs up along x, waves along x, or a greyscale picture (file)",
+        meaning="stones at random, stairs up along x, waves along x, or a greyscale picture (file)",
     )
-    spacing_m: float = quantity(0.02, unit="m", gt=0, only=HEIGHTFIELD, title="spacing of the heights")
-    extent_m: Pair = quantity((4.0, 2.0), unit="m", only=HEIGHTFIELD, title="length from x = 0 and width about y = 0")
-    height_m: float = quantity(
+    spacing_m: float = setting(0.02, unit="m", gt=0, only=HEIGHTFIELD, meaning="spacing of the heights")
+    extent_m: Pair = setting((4.0, 2.0), unit="m", only=HEIGHTFIELD, meaning="length from x = 0 and width about y = 0")
+    height_m: float = setting(
         0.03,
         unit="m",
         gt=0,
         only=HEIGHTFIELD,
-        title="of the highest stone, a step, a crest above the mean, or white above black",
+        meaning="of the highest stone, a step, a crest above the mean, or white above black",
     )
-    size_m: float = quantity(
+    size_m: float = setting(
         0.15,
         unit="m",
         gt=0,
         only=HEIGHTFIELD,
-        title="radius of the largest stone, tread of a step, or wavelength",
+        meaning="radius of the largest stone, tread of a step, or wavelength",
     )
-    ramp_m: float = quantity(0.1, unit="m", gt=0, only=HEIGHTFIELD, title="length over which a step rises")
-    stones: int = quantity(0, ge=0, le=2**63 - 1, only=HEIGHTFIELD, title="seed of the stones")
+    ramp_m: float = setting(0.1, unit="m", gt=0, only=HEIGHTFIELD, meaning="length over which a step rises")
+    stones: int = setting(0, ge=0, le=2**63 - 1, only=HEIGHTFIELD, meaning="seed of the stones")
 
 
 class MeshKeys(Section):
@@ -176,45 +178,37 @@ class MeshKeys(Section):
     file: str = setting(
         NO_FILE,
         only=FILES,
-        title="an STL, OBJ, PLY or GLB file, or a PNG: beside the scene, shipped, or a path",
+        meaning="an STL, OBJ, PLY or GLB file, or a PNG: beside the scene, shipped, or a path",
         aka=("path", "mesh", "image"),
         is_file=True,
     )
     units: Literal["unknown", "m", "cm", "mm", "in", "ft"] = setting(
         "unknown",
         only=MESH,
-        title="of the file's coordinates; only GLB files say theirs",
+        meaning="of the file's coordinates; only GLB files say theirs",
         aka=("mesh_units",),
     )
     solid: Literal["inside", "outside"] = setting(
-        "inside", only=MESH, title="what it encloses is solid, or free, as the air in a tunnel"
+        "inside", only=MESH, meaning="what it encloses is solid, or free, as the air in a tunnel"
     )
-    cell_m: float | None = quantity(
-        unit="m", gt=0, only=MESH, left_out="a million cells", title="cell of its grid of distances"
+    cell_m: float | None = setting(
+        unit="m", gt=0, only=MESH, left_out="a million cells", meaning="cell of its grid of distances"
     )
-    up: Literal["z", "y"] = setting("z", only=MESH, title="the file's axis that points up")
-    grip: float = quantity(1.0, ge=0, only=FILES, title="multiplier of the friction")
+    up: Literal["z", "y"] = setting("z", only=MESH, meaning="the file's axis that points up")
+    grip: float = setting(1.0, ge=0, only=FILES, meaning="multiplier of the friction")
 
 
 class WrittenKeys(MeshKeys, TerrainKeys, PipeKeys, PlaneKeys, KindOfWorld):
     """Keys of the kinds of which they are written out; the last class comes first in a written scene."""
 
 
-class World(
-    WrittenKeys,
-    keys={key: of for key, of in NAMED.items() if key not in WrittenKeys.model_fields},
-    holds={"kind": WORLD},
-):
+def _shared(name: str, known: Key) -> Key:
+    """Return a key of kinds that are found by name; one that is written out too is for those kinds beside its own."""
+    written = keys_in(WrittenKeys).get(name)
+    if written is None:
+        return known
+    return replace(written, only=(*written.only, *known.only)) if written.only else written
+
+
+class World(WrittenKeys, keys={name: _shared(name, known) for name, known in NAMED.items()}, holds={"kind": WORLD}):
     """What the worm crawls on."""
-
-
-def _share() -> None:
-    """Let each kind that is found by name have the keys of its parameters, where others have them too."""
-    for name, world in WORLDS.items():
-        for known in parameters_of(world).values():
-            extra = World.model_fields[key_of(known)].json_schema_extra
-            if isinstance(extra, dict) and isinstance(only := extra["only"], list) and only and name not in only:
-                only.append(name)
-
-
-_share()

@@ -12,7 +12,7 @@ from control.gaits.reflexes import REFLEXES
 from control.parts import GAIT
 from scenes.language.checks import Check, Found
 from scenes.language.parts import class_named
-from scenes.language.schema import Section
+from scenes.language.schema import Section, keys_in
 from scenes.language.toml import shown
 from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, too_much_memory
 from scenes.models.switched import switched_checks
@@ -50,7 +50,7 @@ def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STA
     """Return the check that the worm of a scene can start, which the sections `names` decide."""
 
     def can_start(mass_kg: float | None, *sections: Section) -> Found:
-        return _refusal(schema.model_construct(**dict[str, Any](zip(names, sections, strict=True))))
+        return _refusal(schema(model="", **dict(zip(names, sections, strict=True))))
 
     return Check(("worm.mass_kg", *names), can_start)
 
@@ -113,7 +113,7 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
 
 def _errors_are_felt(sensor: Senses, reflexes: Reflexes, kind: str) -> Found:
     """Tell of errors of sensors where nothing senses."""
-    wrong = [key for key, value in sensor if value != Senses.model_fields[key].default]
+    wrong = [key for key, value in sensor if value != keys_in(Senses)[key].default]
     gait = class_named(GAIT, kind)
     if not wrong or any(value is True for _, value in reflexes) or issubclass(gait, FeedbackGait):
         return None

@@ -10,7 +10,7 @@ from control.gaits.reflexes import REFLEXES
 from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
 from planar.linkage import Linkage
 from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of
-from scenes.language.schema import Each, Pair, Section, Triple, parts, quantity, setting
+from scenes.language.schema import Each, Pair, Section, Triple, parts_key, setting
 from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys, planar_gait_keys
 from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
@@ -22,13 +22,13 @@ from worm3d.physics.worm import Worm as PlantWorm
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
     """Return the keys of the actuators that may drive hinges."""
     parts = {name: part for name, part in registry.items() if getattr(part, "drives_hinges", True)}
-    return chosen(parts, title="what drives the hinges")
+    return chosen(parts, meaning="what drives the hinges")
 
 
 class Actuator(
     PartSection,
     holds={"kind": ACTUATOR},
-    keys=partial(chosen, title="what drives the chambers", own_defaults=True),
+    keys=partial(chosen, meaning="what drives the chambers", own_defaults=True),
 ):
     """Actuator of the chambers: their response to their commands."""
 
@@ -40,7 +40,7 @@ class HingeActuator(PartSection, holds={"kind": ACTUATOR}, keys=_of_hinges):
 class Hysteresis(
     PartSection,
     holds={"kind": HYSTERESIS},
-    keys=partial(chosen, title="friction in the joints of the chambers, which rub"),
+    keys=partial(chosen, meaning="friction in the joints of the chambers, which rub"),
 ):
     """Friction in the joints of the chambers: hysteresis that does not depend on the rate."""
 
@@ -48,16 +48,16 @@ class Hysteresis(
 class Medium(
     PartSection,
     holds={"kind": MEDIUM},
-    keys=partial(chosen, title="viscous medium: how worm.drag_N_s_m follows the shape"),
+    keys=partial(chosen, meaning="viscous medium: how worm.drag_N_s_m follows the shape"),
 ):
     """Viscous medium around the worm."""
 
 
-class Load(PartSection, holds={"kind": LOAD}, keys=partial(chosen, title="what the worm carries or drags")):
+class Load(PartSection, holds={"kind": LOAD}, keys=partial(chosen, meaning="what the worm carries or drags")):
     """External load on a joint of the worm."""
 
 
-_laws = partial(chosen, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
+_laws = partial(chosen, by="law", meaning="law of friction: what is made of the coefficients", aka=("kind", "type"))
 
 
 class Worm(
@@ -96,7 +96,7 @@ class Senses(ChannelSection, keys=channel_keys(exact=True)):
 
 class Measures(
     PartSection,
-    keys={"parts": parts((), title="measures of your own, beside those that every summary has")},
+    keys={"parts": parts_key((), meaning="measures of your own, beside those that every summary has")},
     holds={"parts": MEASURE},
 ):
     """What the run is judged by."""
@@ -105,12 +105,12 @@ class Measures(
 class PlanarStart(Section):
     """Start of the straight worm: its place."""
 
-    position_m: Pair = quantity(
-        (0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
+    position_m: Pair = setting(
+        (0.0, 0.0), unit="m", meaning="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
     )
-    lift_m: float = quantity(0.0, unit="m", ge=0, title="height above the place where it touches the world")
+    lift_m: float = setting(0.0, unit="m", ge=0, meaning="height above the place where it touches the world")
     settle: bool | None = setting(
-        title="whether it is first brought to rest on its world; false: it starts to fall as the run begins",
+        meaning="whether it is first brought to rest on its world; false: it starts to fall as the run begins",
         left_out="where it touches the world",
     )
 
@@ -118,10 +118,10 @@ class PlanarStart(Section):
 class AimedStart(PlanarStart):
     """Start of the straight worm: its place and heading."""
 
-    azimuth_deg: float = quantity(
+    azimuth_deg: float = setting(
         0.0,
         unit="deg",
-        title="heading, from x towards y; in a pipe 0 looks along it, 180 back",
+        meaning="heading, from x towards y; in a pipe 0 looks along it, 180 back",
         aka=("heading_deg", "direction_deg"),
     )
 
@@ -130,36 +130,36 @@ class Start(AimedStart):
     """Start of the straight worm: its place and heading, and whether it begins as the gait does."""
 
     contracted: bool = setting(
-        False, title="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
+        False, meaning="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
     )
 
 
 class Push(Section):
     """A force on one joint from outside, from a time on, for ever or for a while."""
 
-    joint: int = quantity(0, ge=0, title="which joint: 0 is the tail, the number of segments is the head")
-    force_N: Triple = quantity((0.0, 0.0, 0.0), unit="N", title="x, y, z of the force; all 0: no push")
-    begin_s: float = quantity(0.0, unit="s", ge=0, title="when it begins")
-    duration_s: float | None = quantity(unit="s", gt=0, left_out="to the end of the run", title="how long it lasts")
+    joint: int = setting(0, ge=0, meaning="which joint: 0 is the tail, the number of segments is the head")
+    force_N: Triple = setting((0.0, 0.0, 0.0), unit="N", meaning="x, y, z of the force; all 0: no push")
+    begin_s: float = setting(0.0, unit="s", ge=0, meaning="when it begins")
+    duration_s: float | None = setting(unit="s", gt=0, left_out="to the end of the run", meaning="how long it lasts")
 
 
 class WormRun(Run):
     """How long, in what steps, by which integrator, under what weight, and how much of it is stored."""
 
     integrator: Literal["bdf2", "implicit_euler"] = setting(
-        "bdf2", title="bdf2 is of second order, implicit_euler the paper's"
+        "bdf2", meaning="bdf2 is of second order, implicit_euler the paper's"
     )
-    accuracy: float | None = quantity(
+    accuracy: float | None = setting(
         ge=1e-4,
         le=0.1,
         left_out="steps of dt_s, whose error is not known",
-        title="largest error of the distance, relative to it or to 0.1 body lengths; steps are as long as that lets "
+        meaning="largest error of the distance, relative to it or to 0.1 body lengths; steps are as long as that lets "
         "them be, and dt_s is the time between rows and between decisions of a controller",
     )
-    tolerance: float = quantity(
-        2e-15, ge=2e-15, le=1e-7, title="of Newton: motion as a fraction of the body length; 1e-9 is a fifth faster"
+    tolerance: float = setting(
+        2e-15, ge=2e-15, le=1e-7, meaning="of Newton: motion as a fraction of the body length; 1e-9 is a fifth faster"
     )
-    gravity_m_s2: Each[float] = quantity(9.81, unit="m/s^2", title="g, downwards; or a list of x, y, z", aka=("g",))
+    gravity_m_s2: Each[float] = setting(9.81, unit="m/s^2", meaning="g, downwards; or a list of x, y, z", aka=("g",))
 
 
 class Surroundings(Settings):
@@ -187,7 +187,7 @@ class SpatialScene(Surroundings):
 class WormScene(SpatialScene):
     """A whole scene."""
 
-    model: Literal["worm"] = setting(title="which simulation the scene is for")
+    model: Literal["worm"] = setting(meaning="which simulation the scene is for")
     gait: WormGait = WormGait()
     reflexes: Reflexes = Reflexes()
     sensor: Senses = Senses()
@@ -197,7 +197,7 @@ class WormScene(SpatialScene):
 class PlanarWormScene(Surroundings):
     """A whole scene of the planar worm: that of the model planar_linkage, key by key, on the grounds of the 3D worm."""
 
-    model: Literal["worm_planar"] = setting(title="which simulation the scene is for")
+    model: Literal["worm_planar"] = setting(meaning="which simulation the scene is for")
     worm: PlanarWorm = PlanarWorm()
     friction: PlanarFriction = PlanarFriction()
     gait: PlanarGait = PlanarGait()

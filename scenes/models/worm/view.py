@@ -11,6 +11,7 @@ from scenes import models
 from scenes.language import own
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import report, schema_mistakes
+from scenes.language.reading import trusted
 from scenes.language.schema import with_own_defaults
 from scenes.language.toml import key_lines
 from scenes.models.base import MOVIE_S
@@ -56,7 +57,7 @@ def scene_of(record: Record) -> AnyWormScene:
         period = {key: value for key, value in written.get("gait", {}).items() if key == "period_s"}
         written = {name: value for name, value in written.items() if name not in unknown}
         written = with_own_defaults(schema, {**written, "gait": period} if "gait" in unknown else written)
-    scene: AnyWormScene = schema.model_validate(written)
+    scene: AnyWormScene = trusted(schema, written)
     return scene
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import meant_key
-from scenes.language.schema import bounds_of, field_at, is_number, is_whole, meaning, range_text, unit_of
+from scenes.language.schema import Key, Section, key_at, keys_in
 from scenes.language.toml import path_of
 from scenes.models.loading import Scene
 
@@ -81,28 +81,28 @@ def _range(key: str, text: str) -> tuple[float, float]:
 
 def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied:
     path = path_of(key)
-    field = field_at(scene.model.schema, path) if all(path) else None
+    known = key_at(scene.model.schema, path) if all(path) else None
     value = _value(scene.settings, path)
-    if field is None or value is KeyError:
+    if known is None or value is KeyError:
         meant = meant_key(scene.model.schema, path) if all(path) else None
         guess = f"; did you mean '{meant}'?" if meant else ";"
         raise SceneError(
             f"--vary {key}: the scene {scene.name} has no such key{guess} 'worm3d init FILE' lists all keys"
         )
-    if not is_number(field) or isinstance(value, tuple | str):
+    if not known.is_number or isinstance(value, tuple | str):
         raise SceneError(
             f"--vary {key}: got {value!r} in the scene, must be one number; set it with -o {key}=NUMBER"
-            if is_number(field)
+            if known.is_number
             else f"--vary {key}: is no number, a fit varies numbers"
         )
-    if is_whole(field):
+    if known.is_whole:
         raise SceneError(f"--vary {key}: is an integer, a fit varies real numbers; 'worm3d sweep' varies any key")
-    low, high = _bounds(field, value)
+    low, high = _bounds(known, value)
     if given is not None:
         if not (math.isfinite(given[0]) and math.isfinite(given[1]) and given[0] < given[1]):
             raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must be two finite numbers lo < hi")
         if not (low <= given[0] and given[1] <= high):
-            raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must lie within {range_text(field)}")
+            raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must lie within {known.span}")
         low, high = given
     if value is None and given is None:
         raise SceneError(f"--vary {key}: left out in the scene, so there is no start; give a range, {key}=lo:hi")
@@ -112,22 +112,22 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
             f"-o {key}=NUMBER, or widen the range"
         )
     start = 0.5 * (low + high) if value is None else float(value)
-    return Varied(key, start, low, high, unit_of(field), meaning(field))
+    return Varied(key, start, low, high, known.unit_or_one, known.meaning_in_section)
 
 
 def _value(settings: Any, path: tuple[str, ...]) -> Any:
     """Return the value at a path, KeyError if there is none."""
     for name in path:
-        if name not in getattr(type(settings), "model_fields", {}):
+        if not isinstance(settings, Section) or name not in keys_in(type(settings)):
             return KeyError
         settings = getattr(settings, name)
     return settings
 
 
-def _bounds(field: Any, value: float | None) -> tuple[float, float]:
+def _bounds(known: Key, value: float | None) -> tuple[float, float]:
     """Return the range of a number; an open end is left by a hair."""
-    known = bounds_of(field)
+    bounds = known.bounds
     hair = EDGE * (abs(value) if value else 1.0)
-    low = known.get("ge", known["gt"] + hair if "gt" in known else -math.inf)
-    high = known.get("le", known["lt"] - hair if "lt" in known else math.inf)
+    low = bounds.get("ge", bounds["gt"] + hair if "gt" in bounds else -math.inf)
+    high = bounds.get("le", bounds["lt"] - hair if "lt" in bounds else math.inf)
     return low, high

@@ -93,7 +93,7 @@ class Episode:
         self._act = ACTS[how.acts](found.maps[mechanism], mechanism, worm.length)
         self._reference = _sampled(scene, worm.length)
         self.senses = Senses(worm, self._reference, self._act.size, how.channels)
-        self._sensors = _only(sensors_of(scene.model_copy(update={"seed": seed})), ("com", *how.channels))
+        self._sensors = _only(sensors_of(replace(scene, seed=seed)), ("com", *how.channels))
         self._gate = Gate(worm, span_of(self._sensors.channels))
         self._every = round(how.control_period / dt)
         self._look = gcd(self._every, *(_steps_between(each.rate, dt) for each in self._sensors.channels.values()))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated
+from scenes.language.reading import trusted
 from scenes.language.sweep_section import Study
 from scenes.models.loading import Scene
 from scenes.studies.study.view import Axis, Measure, View, rounded
@@ -52,7 +53,7 @@ class Grid:
     @cached_property
     def asked(self) -> Study:
         """The section [study]."""
-        return Study.model_validate(self.scene.study)
+        return trusted(Study, self.scene.study)
 
     @cached_property
     def measures(self) -> tuple[Measure, ...]:

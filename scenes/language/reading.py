@@ -1,0 +1,136 @@
+"""Data of a scene as its sections: each value in the type of its key, and what is wrong with the others.
+
+Nothing is converted, nothing unknown passes: True is no number, 1 is not true, "1" is no number. A whole number will do
+for any number, and a list becomes a tuple, so that nothing in a scene can change.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Mapping
+from types import NoneType
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin
+
+from scenes.language.schema import Key, Section, keys_in, short
+from scenes.language.toml import KeyPath
+from worm3d.values import named
+
+S = TypeVar("S", bound=Section)
+
+UNKNOWN, MISSING = "unknown", "missing"
+"""Texts of keys that a section does not have, and of those that must be given."""
+
+RULES = {"gt": "greater than", "ge": "greater than or equal to", "lt": "less than", "le": "less than or equal to"}
+
+TYPES: Mapping[Any, tuple[Any, str]] = {
+    float: ((int, float), "a valid number"),
+    int: (int, "a valid integer"),
+    bool: (bool, "a valid boolean"),
+    str: (str, "a valid string"),
+}
+"""What Python's TOML has for a type, and its name in an error."""
+
+
+class Wrong(NamedTuple):
+    """A value that is wrong on its own."""
+
+    path: KeyPath
+    found: Any
+    text: str
+
+
+def read(schema: type[S], data: Any) -> tuple[S | None, list[Wrong]]:
+    """Return the data as a section, None if something is wrong, and what is wrong."""
+    reader = _Reader()
+    found = reader.section(schema, data, ())
+    return (None if reader.wrong else found), reader.wrong
+
+
+def trusted(schema: type[S], data: Any) -> S:
+    """Return data that have been checked before as a section."""
+    found, wrong = read(schema, data)
+    assert found is not None, wrong
+    return found
+
+
+class _Reader:
+    """Walks over data, and collects what is wrong in them."""
+
+    def __init__(self) -> None:
+        self.wrong: list[Wrong] = []
+
+    def section(self, schema: type[S], data: Any, path: KeyPath) -> S | None:
+        if isinstance(data, schema):
+            return data
+        if not isinstance(data, Mapping):
+            self._tell(path, data, "a section")
+            return None
+        known, before = keys_in(schema), len(self.wrong)
+        given = {
+            name: self._value(key, key.hint, data[name], (*path, name)) for name, key in known.items() if name in data
+        }
+        self.wrong += [Wrong((*path, name), data[name], UNKNOWN) for name in data if name not in known]
+        missing = [name for name, key in known.items() if key.is_required and name not in data]
+        self.wrong += [Wrong((*path, name), data, MISSING) for name in missing]
+        return schema(**given) if len(self.wrong) == before else None
+
+    def _value(self, key: Key, hint: Any, value: Any, path: KeyPath) -> Any:
+        origin, inner = get_origin(hint), get_args(hint)
+        if isinstance(hint, type) and issubclass(hint, Section):
+            return self.section(hint, value, path)
+        if origin is Literal:
+            if not any(type(value) is type(word) and value == word for word in inner):
+                self._tell(path, value, _listed(inner))
+        elif origin is tuple:
+            return self._list(key, inner, value, path)
+        elif origin is dict:
+            return self._table(key, inner[1], value, path)
+        elif inner:  # one of several types: None, a single value, a list
+            types = [each for each in inner if each is not NoneType]
+            wanted = [each for each in types if (get_origin(each) is tuple) == isinstance(value, list | tuple)]
+            return None if value is None else self._value(key, (wanted or types)[0], value, path)
+        elif hint is not Any:
+            return self._plain(key, hint, value, path)
+        return value
+
+    def _plain(self, key: Key, hint: Any, value: Any, path: KeyPath) -> Any:
+        kind, what = TYPES[hint]
+        if not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool):
+            self._tell(path, value, what)
+        elif hint is float and not math.isfinite(value):
+            self._tell(path, value, "a finite number")
+        elif key.names is not None and not (value in key.names or named.is_own(value)):
+            names = f"one of {', '.join(map(repr, key.names))}, or " if key.names else ""
+            self._tell(path, value, f"{names}module:NAME")
+        else:
+            broken = [name for name, bound in key.bounds.items() if not getattr(operator, name)(value, bound)]
+            if broken:
+                self._tell(path, value, f"{RULES[broken[0]]} {short(key.bounds[broken[0]])}")
+            return float(value) if hint is float else value
+        return value
+
+    def _list(self, key: Key, inner: tuple[Any, ...], value: Any, path: KeyPath) -> Any:
+        size = None if inner[-1] is Ellipsis else len(inner)
+        if not isinstance(value, list | tuple):
+            self._tell(path, value, "a valid list")
+        elif size not in (None, len(value)):
+            self._tell(path, value, f"a list of {size} items, not {len(value)}")
+        else:
+            return tuple(self._value(key, inner[0], item, (*path, n)) for n, item in enumerate(value))
+        return value
+
+    def _table(self, key: Key, inner: Any, value: Any, path: KeyPath) -> Any:
+        if not isinstance(value, Mapping):
+            self._tell(path, value, "a valid dictionary")
+            return value
+        return {name: self._value(key, inner, item, (*path, name)) for name, item in value.items()}
+
+    def _tell(self, path: KeyPath, found: Any, allowed: str) -> None:
+        self.wrong.append(Wrong(path, found, f"input should be {allowed}"))
+
+
+def _listed(words: tuple[Any, ...]) -> str:
+    """Return a choice in words: 'a', 'b' or 'c'."""
+    *first, last = map(repr, words)
+    return f"{', '.join(first)} or {last}" if first else last
