@@ -3,6 +3,7 @@
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,7 @@ def loaded_as_written(text: str, given: list[str]) -> None:
     except SceneError as refused:
         _require_showable(refused.lines)
         return
-    kept = dict(leaves(scene.settings.model_dump()))
+    kept = dict(leaves(asdict(scene.settings)))
     if given:
         return
     written = {name: keys for name, keys in tomllib.loads(text).items() if name != "sweep"}  # a plan, no setting
