@@ -28,7 +28,7 @@ PAGES = [
     README,
     *(
         ROOT / page
-        for page in ("scenes/README.md", "scenes/STUDIES.md", "control/README.md", "scenes/studies/bench/README.md")
+        for page in ("scenes/README.md", "scenes/STUDIES.md", "control/README.md", "tests/benchmarks/README.md")
     ),
 ]
 BIN = Path(sys.executable).parent

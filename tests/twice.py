@@ -125,14 +125,11 @@ def compiled_elsewhere() -> Iterator[Part]:
     """Yield what is compiled and called by no scene."""
     from control.gaits.larva_ei.network import crawling
     from control.gaits.neural import kernel
-    from scenes.studies.bench import calibration, plant_parts
 
     rng = np.random.default_rng(1)
     chain = rng.uniform(0.5, 1.5, (9, 6, 2))
     yield "larva_ei crawling", lambda: crawling(1.0)
     yield "onsets of ei_chain", lambda: kernel.onsets(np.zeros((2, 6, 2)), chain, np.ones((6, 2)), 1e-3, 100)
-    yield "calibration", lambda: calibration.solve_often(np.eye(calibration.ROWS), 1)
-    yield "parts of a step", lambda: plant_parts.measure_shares(6, 0.05)
 
 
 def say(text: str) -> None:

@@ -22,7 +22,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-bench = typer.Typer(help="Measure how fast, and how good, it is.", no_args_is_help=True, rich_markup_mode=None)
+bench = typer.Typer(help="Measure how good controllers are.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(bench, name="bench")
 app.add_typer(gait, name="gait")
 app.add_typer(studies)
@@ -289,48 +289,6 @@ def identify(
     from scenes.studies.identify import command
 
     raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
-
-
-@bench.command(name="plant")
-def bench_plant(
-    out: Out = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Short worms and short runs only.")] = False,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
-    """Measure the 3D worm.
-
-    Time of a step by the number of segments and what it is spent on, many runs at once, start and memory. Takes
-    minutes; nothing else should run meanwhile. 'python tests/benchmarks/plant.py' compares it with other simulators.
-    """
-    from scenes.studies.bench import plant_report
-
-    raise typer.Exit(plant_report.run(out, quick=quick, force=force, quiet=quiet))
-
-
-@bench.command(name="accuracy")
-def bench_accuracy(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Measure how far the time step puts the scenes off.
-
-    Distance, turn and work against runs with a fine time step. Takes a few minutes.
-    """
-    from scenes.studies.bench import accuracy
-
-    raise typer.Exit(accuracy.run(out, force=force, quiet=quiet))
-
-
-@bench.command(name="worlds")
-def bench_worlds(
-    out: Out = None,
-    duration: Annotated[float, typer.Option(help="Simulated in each world [s].")] = 8.0,
-    repeats: Annotated[int, typer.Option(min=1, help="Runs in each world, of which the fastest counts.")] = 20,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
-    """Measure the default worm's step in pipes, on terrain and meshes, over its step on a plane."""
-    from scenes.studies.bench import worlds
-
-    raise typer.Exit(worlds.run(out, duration=duration, repeats=repeats, force=force, quiet=quiet))
 
 
 @bench.command(name="control")

@@ -24,10 +24,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from calibration import calibrate
 
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import problem_of
-from scenes.studies.bench.calibration import calibrate
 from worm3d import Result, Status
 from worm3d.running import accuracy as runs
 from worm3d.running.actuation import Command, Commands

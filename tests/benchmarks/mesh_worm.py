@@ -17,8 +17,7 @@ from typing import Annotated
 
 import mujoco
 import typer
-
-from scenes.studies.bench.calibration import calibrate
+from calibration import calibrate
 
 WARM_UP = 3
 """Steps that are not timed."""

@@ -19,7 +19,10 @@ from time import perf_counter
 from typing import Annotated, Any
 
 import typer
+from calibration import calibrate
 from rivals import DURATION, GROUNDS, REPEATS, RIVALS, TOLERANCE, WARM_UP, Measured, Rival, Task, load, measure
+from speed_measures import TOLERANCE as NEWTON
+from speed_measures import crawl, relative_error, steps_of
 from step_search import NotConvergedError
 
 from scenes.language.errors import MissingPartError, SceneError
@@ -27,9 +30,6 @@ from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
 from scenes.running.packages import machine
-from scenes.studies.bench.calibration import calibrate
-from scenes.studies.bench.plant_measures import TOLERANCE as NEWTON
-from scenes.studies.bench.plant_measures import crawl, relative_error, steps_of
 from worm3d import Friction
 
 OURS = "worm3d"

@@ -11,11 +11,11 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from speed_measures import relative_error, steps_of
 from step_search import REFERENCE_RUNGS, Step, largest_step
 
 from control.gaits import TravellingWave
 from scenes.language.errors import MissingPartError
-from scenes.studies.bench.plant_measures import relative_error, steps_of
 from worm3d import Friction, Worm
 from worm3d.values.arrays import FloatArray
 

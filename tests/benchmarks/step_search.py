@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
-from scenes.studies.bench.plant_measures import relative_error
+from speed_measures import relative_error
 
 REFERENCE_RUNGS = 3
 """Halvings from a step to its reference: dt/8."""

@@ -12,11 +12,11 @@ import rivals
 from numpy.testing import assert_allclose
 from plant import Contender
 from rivals import RIVALS, Measured, Rival, Task
+from speed_measures import relative_error
 from step_search import NotConvergedError, largest_step
 from typer.testing import CliRunner
 
 from scenes.language.errors import MissingPartError
-from scenes.studies.bench.plant_measures import relative_error
 
 NEEDS = {"mujoco": "mujoco", "pyelastica": "elastica"}
 """PyElastica compiles for a minute when it is new."""

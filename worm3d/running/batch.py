@@ -49,7 +49,7 @@ def simulate_batch(
     """Simulate many worms; the results are those of `simulate`, bit for bit.
 
     Equal worms on the same world are put there and brought to rest once: on one thread that is what a batch gains, the
-    more the shorter the runs. The vectors' lanes are those of one worm's segments (`scenes/studies/bench/README.md`).
+    more the shorter the runs. The vectors' lanes are those of one worm's segments (`tests/benchmarks/README.md`).
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Measurements of the program: speed of the 3D worm, quality of its controllers, accuracy of time steps."""
+"""The benchmark of controllers, `worm3d bench control`."""

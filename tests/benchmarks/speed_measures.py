@@ -1,4 +1,4 @@
-"""What `worm3d bench plant` measures of whole runs: time of a step, many runs at once, cold start, memory.
+"""What `speed.py` measures of whole runs: time of a step, many runs at once, cold start, memory.
 
 All runs are those of the default worm that crawls over a plane by a travelling wave.
 """
@@ -99,7 +99,6 @@ class Speed:
 
     segments: int
     duration_s: float
-    dt_s: float
     us_per_step: float
     slowest_over_fastest: float
     """Far from 1 where something else kept the machine busy."""
@@ -112,8 +111,6 @@ class Speed:
     gradient_evaluations: float
     """Residuals with a Jacobian that is kept, a step."""
     fallbacks: int
-    halved_steps: int
-    distance_m: float
     distance_error: float
     """Relative to the distance at dt/20."""
 
@@ -132,7 +129,6 @@ def measure_speed(segments: int, duration: float, repeats: int) -> Speed:
     return Speed(
         segments=segments,
         duration_s=duration,
-        dt_s=result.dt,
         us_per_step=best,
         slowest_over_fastest=max(times) / best,
         real_time_factor=1e6 * result.dt / best,
@@ -140,8 +136,6 @@ def measure_speed(segments: int, duration: float, repeats: int) -> Speed:
         newton_iterations=float(result.newton_iterations.mean()),
         gradient_evaluations=float(result.gradient_evaluations.mean()),
         fallbacks=int(result.fallbacks.sum()),
-        halved_steps=result.halved_steps,
-        distance_m=result.distance,
         distance_error=relative_error(result.distance, exact),
     )
 

@@ -1,4 +1,6 @@
-"""`worm3d bench worlds`: what a step costs in a world over what it costs on a plane; `worlds.md` and `worlds.png`.
+"""What a step costs in a world over what it costs on a plane: a table and a figure.
+
+    python tests/benchmarks/worlds.py [--quick] [--out PAGE.md]
 
 On a plane the default worm is exactly symmetric: its left and right contacts change together. In a crooked pipe they
 change one by one, and so they do where the worm turns on the plane, which is measured beside.
@@ -7,27 +9,27 @@ change one by one, and so they do where the worm turns on the plane, which is me
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pages
 import trimesh
-import typer
 from matplotlib.figure import Figure
+from speed_measures import StoppedError, us_per_step
 
 import worm3d
 from control.gaits import TravellingWave
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import Column, aligned, markdown_table, table
-from scenes.running.drawing import save_figure
+from scenes.records.text import Column, markdown_table, table
 from scenes.running.packages import machine
-from scenes.running.terminal import progress
-from scenes.studies.bench.plant_measures import StoppedError, us_per_step
+from scenes.running.terminal import each
 from worm3d import Bend, Centreline, Heightfield, Mesh, Pipe, Plane, Profile, Result, Status, Straight, Worm
 from worm3d.worlds import World
 
+FULL, QUICK = (8.0, 20), (0.5, 2)
+"""Simulated time in each world [s], and runs there, of which the fastest counts."""
 RADIUS = 0.12
 """Radius of the pipes [m]."""
 BIAS = 0.05
@@ -68,30 +70,6 @@ class Visit:
         return BARS.get(self.name.split()[0])
 
 
-def run(out: Path | None, *, duration: float, repeats: int, force: bool, quiet: bool) -> int:
-    """Measure the default worm's step in all worlds, write what was found and return the exit code.
-
-    `duration` is simulated in each world [s]; of `repeats` runs the fastest counts. Other options as of the command.
-
-    Raises
-    ------
-    SceneError
-        The folder cannot be used, the disc refused a file, or a run failed.
-    """
-    with folders.prepared(out, "bench-worlds", force=force) as folder:
-        with progress("worlds", repeats + 1, quiet=quiet, what="round") as show:
-            visits = measure_worlds(duration, repeats, show)
-        header, rows = table(COLUMNS, visits)
-        title = f"# A step in worlds\n\n{machine()['cpu']}, {machine()['date']}\n\n"
-        write_bytes(folder / "worlds.md", (title + "\n".join(markdown_table(header, rows)) + "\n").encode())
-        save_figure(draw(visits), folder / "worlds.png")
-    if not quiet:
-        for line in aligned(header, rows):
-            typer.echo(line)
-        typer.echo(f"Written to {folder}: worlds.md, worlds.png")
-    return 0
-
-
 def worlds(folder: Path) -> dict[str, World]:
     """Return what is visited, by name; the mesh is written into a folder."""
     box = trimesh.creation.box((3.0, 1.5, 0.2))
@@ -114,7 +92,7 @@ def worlds(folder: Path) -> dict[str, World]:
     }
 
 
-def measure_worlds(duration: float, repeats: int, watch: Callable[[int], None] = lambda done: None) -> list[Visit]:
+def measure_worlds(duration: float, repeats: int) -> list[Visit]:
     """Measure all in turns, after a run of each that warms up; the plane comes first.
 
     Raises
@@ -124,15 +102,17 @@ def measure_worlds(duration: float, repeats: int, watch: Callable[[int], None] =
     """
     best: dict[str, Result] = {}
     with tempfile.TemporaryDirectory() as folder:
-        places = worlds(Path(folder))
-        for done in range(1, repeats + 2):
-            for name, world in places.items():
-                result = _crawled(name, world, duration)
-                if name not in best or us_per_step(result) < us_per_step(best[name]):
-                    best[name] = result
-            watch(done)
+        go = partial(_visit_all, worlds(Path(folder)), duration, best)
+        each("worlds", range(repeats + 1), go, "round", quiet=False)
     plane = us_per_step(best["plane"])
     return [_visit(name, result, plane) for name, result in best.items()]
+
+
+def _visit_all(places: Mapping[str, World], duration: float, best: dict[str, Result], number: int) -> None:
+    """Run in each world once, and keep the runs that are the fastest so far."""
+    for name, world in places.items():
+        result = _crawled(name, world, duration)
+        best[name] = min(best.get(name, result), result, key=us_per_step)
 
 
 def _crawled(name: str, world: World, duration: float) -> Result:
@@ -146,6 +126,13 @@ def _crawled(name: str, world: World, duration: float) -> Result:
 def _visit(name: str, result: Result, plane: float) -> Visit:
     jacobians, residuals = (float(x.mean()) for x in (result.newton_iterations, result.gradient_evaluations))
     return Visit(name, us_per_step(result), us_per_step(result) / plane, jacobians, residuals)
+
+
+def markdown(visits: list[Visit], picture: str) -> str:
+    """Return the page; `picture` is the file beside the page, which the page shows."""
+    about = machine()
+    lines = ["# A step in worlds", "", f"{about['cpu']}, {about['date']}", "", f"![time of a step]({picture})", ""]
+    return "\n".join([*lines, *markdown_table(*table(COLUMNS, visits))]) + "\n"
 
 
 def draw(visits: list[Visit]) -> Figure:
@@ -165,3 +152,9 @@ def draw(visits: list[Visit]) -> Figure:
     axes.set_ylim(0.0, 1.15 * max(2.0, *axes.get_ylim()))
     axes.legend(loc="upper left", fontsize=8, ncols=3)
     return figure
+
+
+if __name__ == "__main__":
+    given = pages.options(__doc__, "worlds.md")
+    visits = measure_worlds(*(QUICK if given.quick else FULL))
+    pages.publish(markdown(visits, given.out.with_suffix(".png").name), given.out, draw(visits))

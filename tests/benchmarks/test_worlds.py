@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+import worlds
 from numpy.testing import assert_allclose
-
-from scenes.studies.bench import worlds
-from scenes.studies.bench.worlds import Visit
+from speed_measures import StoppedError
+from worlds import Visit
 
 VISITS = [
     Visit("plane", 20.0, 1.0, 2.0, 3.0),
@@ -23,11 +23,8 @@ def test_the_figure_shows_times_and_iterations_over_the_planes() -> None:
     assert_allclose([bar[0][1] for bar in bars], [1.5, 2.0])
 
 
-def test_the_command_writes_a_table_and_a_figure(worm3d, tmp_path: Path) -> None:
-    done = worm3d("bench", "worlds", "--out", "out", "--duration", "0.05", "--repeats", "1")
-    assert (done.code, done.err) == (0, "worlds: 2 rounds\n")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"worlds.md", "worlds.png"}
-    table = (tmp_path / "out" / "worlds.md").read_text()
+def test_the_page_has_every_world(tmp_path: Path) -> None:
+    table = worlds.markdown(worlds.measure_worlds(0.05, 1), "worlds.png")
     rows = [line.split(" | ") for line in table.splitlines() if line.startswith(("| p", "| mesh"))]
     assert [row[0][2:] for row in rows] == [name for name in worlds.worlds(tmp_path) if not name.startswith("height")]
     for row in rows:
@@ -37,11 +34,11 @@ def test_the_command_writes_a_table_and_a_figure(worm3d, tmp_path: Path) -> None
         assert float(row[3] or 0.0) == {"pipe": 1.5, "mesh": 2.0}.get(row[0].split()[1], 0.0)
 
 
-def test_a_run_that_stops_is_a_sentence(worm3d, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_stops_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     class Stopped:
         status = "FOLDED"
         stop = type("Stop", (), {"sentence": "it folded"})
 
     monkeypatch.setattr("worm3d.simulate", lambda *_, **__: Stopped)
-    done = worm3d("bench", "worlds", "--out", "out", "--quiet")
-    assert (done.code, done.out, done.complaints) == (3, "", ["bench: plane: it folded"])
+    with pytest.raises(StoppedError, match=r"^bench: plane: it folded$"):
+        worlds.measure_worlds(0.05, 1)

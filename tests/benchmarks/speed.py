@@ -1,26 +1,43 @@
-"""`worm3d bench plant`: measure the 3D worm, print, and write `plant.json`, `plant.md` and `plant.png`."""
+"""How fast the 3D worm is: time of a step by the number of segments, what a step is spent on, batches, start, memory.
+
+    python tests/benchmarks/speed.py [--quick] [--out PAGE.md]
+
+prints a page, and writes the page with a figure beside. Takes minutes; nothing else should run meanwhile.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
+from itertools import chain
+from typing import Any
 
 import numpy as np
-import typer
+import pages
+from calibration import calibrate
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
+from speed_measures import (
+    FLATTENED,
+    STIFFER,
+    Growth,
+    MemoryGrowth,
+    Speed,
+    Start,
+    Throughput,
+    growth,
+    measure_memory,
+    measure_speed,
+    measure_start,
+    measure_throughput,
+)
+from speed_parts import Shares, measure_shares
 
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import Cells, Column, aligned, json_bytes, markdown_table, table
-from scenes.running.drawing import save_figure
-from scenes.studies.bench import plant
-from scenes.studies.bench.plant import Study
-from scenes.studies.bench.plant_measures import FLATTENED, STIFFER
-
-PICTURE = "plant.png"
+from scenes.records.text import Cells, Column, markdown_table, table
+from scenes.running.packages import machine
+from scenes.running.terminal import each
 
 SPEEDS = {
     "N": Column("segments"),
@@ -50,6 +67,66 @@ LEAST_LABELLED = 0.03
 """Least fraction of a step at which a part has a number in its bar."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """How much is measured."""
+
+    segments: tuple[int, ...] = (3, 6, 12, 25, 50, 100, 200)
+    """Segments of the worms whose speed is measured."""
+    shares_of: tuple[int, ...] = (6, 100)
+    """Segments of the worms of whose steps the parts are measured."""
+    duration_s: float = 10.0
+    repeats: int = 4
+    """Runs of which the fastest counts."""
+    batch: int = 64
+    """Worms of a batch."""
+    batch_s: tuple[float, ...] = (2.0, 5.0, 10.0)
+    """Simulated by each of them [s]: the longer, the less the calls themselves count."""
+    steps: int = 100_000
+    """Steps of the run whose memory is measured."""
+
+
+FULL = Plan()
+QUICK = Plan(segments=(3, 6, 12), shares_of=(6,), duration_s=2.0, repeats=2, batch_s=(1.0,), steps=10_000)
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that was measured; `machine` has processor, cores, date and versions."""
+
+    machine: dict[str, Any]
+    plan: Plan
+    calibration_us: float
+    """Time of a pass of the calibration loop (`calibration.py`)."""
+    speeds: tuple[Speed, ...]
+    growth: Growth
+    shares: tuple[Shares, ...]
+    batch: tuple[Throughput, ...]
+    start: Start
+    memory: MemoryGrowth
+
+
+def measure(plan: Plan) -> Study:
+    """Measure everything.
+
+    Raises
+    ------
+    StoppedError
+        A run or a process failed.
+    """
+    duration, repeats = plan.duration_s, plan.repeats
+    show = partial(each, quiet=False)
+    speeds = show("speeds", plan.segments, lambda n: measure_speed(n, duration, repeats), "worm").values()
+    shares = show("shares", plan.shares_of, lambda n: measure_shares(n, duration), "worm").values()
+    batches = show("batches", plan.batch_s, lambda s: measure_throughput(plan.batch, s, repeats), "length").values()
+    (start,) = show("cold and warm start", (None,), lambda _: measure_start(), "measurement").values()
+    (memory,) = show("memory of a long run", (plan.steps,), measure_memory, "measurement").values()
+    batch = tuple(chain.from_iterable(batches))
+    return Study(
+        machine(), plan, calibrate(), tuple(speeds), growth(tuple(speeds)), tuple(shares), batch, start, memory
+    )
+
+
 @dataclass(frozen=True)
 class Section:
     """A title, an explanation, a table and remarks."""
@@ -61,38 +138,8 @@ class Section:
     remarks: Sequence[str] = ()
 
 
-def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
-    """Measure the plant, write what was found and return the exit code; options as of the command.
-
-    Raises
-    ------
-    SceneError
-        The folder cannot be used, the disc refused a file, or a run failed.
-    """
-    with folders.prepared(out, "bench-plant", force=force) as folder:
-        found = plant.study(plant.QUICK if quick else plant.FULL, quiet=quiet)
-        write_bytes(folder / "plant.json", json_bytes(found.as_dict()))
-        write_bytes(folder / "plant.md", markdown(found, PICTURE).encode())
-        save_figure(draw(found), folder / PICTURE)
-        if not quiet:
-            for line in terminal_lines(found):
-                typer.echo(line)
-            typer.echo(f"Written to {folder}: plant.md, plant.json, {PICTURE}")
-    return 0
-
-
-def terminal_lines(study: Study) -> Iterator[str]:
-    """Yield the lines to print."""
-    yield _machine(study)
-    for section in _sections(study):
-        yield from ("", section.title)
-        if section.rows:
-            yield from aligned(section.header, section.rows)
-        yield from section.remarks
-
-
 def markdown(study: Study, picture: str) -> str:
-    """Return the report; `picture` is the file beside it, which it shows."""
+    """Return the page; `picture` is the file beside the page, which the page shows."""
     versions = ", ".join(f"{name} {version}" for name, version in study.machine["versions"].items())
     lines = ["# How fast worm3d is", "", _machine(study), "", f"Versions: {versions}."]
     lines += ["", f"![time of a step and what it is spent on]({picture})"]
@@ -231,3 +278,9 @@ def _draw_shares(axes: Axes, study: Study) -> None:
     axes.set_title("What it is spent on", fontsize=11)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+
+
+if __name__ == "__main__":
+    given = pages.options(__doc__, "speed.md")
+    found = measure(QUICK if given.quick else FULL)
+    pages.publish(markdown(found, given.out.with_suffix(".png").name), given.out, draw(found))

@@ -1,23 +1,26 @@
-"""`scenes.studies.bench.accuracy`: what it measures is what runs say, and the table that is shipped has every scene."""
+"""`accuracy.py`: what the program measures is what runs say, and the table that is shipped has every scene."""
 
 from pathlib import Path
 
+import accuracy
 import numpy as np
+import pages
 import pytest
+from accuracy import Case, Found
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
+from speed_measures import StoppedError
 
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
-from scenes.studies.bench import accuracy
-from scenes.studies.bench.accuracy import Case, Found
 
 SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 
 
 def test_the_shipped_table_has_every_case_and_the_cases_every_scene() -> None:
     for name in accuracy.CASES:
-        assert SHIPPED.count(f"| {name} |") == 3, "make it anew: worm3d bench accuracy"
+        assert SHIPPED.count(f"| {name} |") == 3, "accuracy.py says how to make the page anew"
     worms = {n for n in shipped_scenes() if load_scene(n).model.name in ("worm", "worm_planar")}
     assert {case.scene for case in accuracy.CASES.values()} == worms - {"free_fall", "slope"}
 
@@ -26,18 +29,16 @@ def test_the_shipped_table_fits_a_terminal() -> None:
     assert max(map(len, SHIPPED.split("##", 1)[1].splitlines())) <= 100
 
 
-def test_differences_are_those_of_the_runs(worm3d, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_differences_are_those_of_the_runs() -> None:
     changes = ("run.duration_s=1", "gait.hinge_deg=20")
-    monkeypatch.setattr(accuracy, "CASES", {"bends": Case("flat", changes)})
-    done = worm3d("bench", "accuracy", "--out", "out")
-    assert (done.code, done.err) == (0, "accuracy: 1 scene\n")
-    assert "Turn: reference, and differences [degrees]" in done.out
-    (found,) = accuracy.measure(quiet=True)
+    (found,) = accuracy.measure({"bends": Case("flat", changes)})
     summary = simulate(load_scene("flat", (*changes, "run.dt_s=0.005"))).summary
     assert_allclose(found.coarse[2, 0], [summary[name] for name in accuracy.METRICS], rtol=1e-9)
     off = np.abs(found.coarse[:, 0] / found.reference[0] - 1.0)
     assert (off[3] < off[0]).all(), "finer steps are better"
-    assert f"| bends | {found.reference[0, 0]:.4g} | " in (tmp_path / "out" / "accuracy.md").read_text()
+    page = accuracy.markdown([found])
+    assert "## Turn: reference, and differences [degrees]" in page
+    assert f"| bends | {found.reference[0, 0]:.4g} | " in page
 
 
 def test_several_starts_are_a_mean_and_a_spread() -> None:
@@ -67,8 +68,18 @@ def test_what_has_no_value_is_a_dash() -> None:
     assert row == ("vertical", *5 * ("-",))
 
 
-def test_a_run_that_stops_is_a_sentence(worm3d, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(accuracy, "CASES", {"folds": Case("flat", ("gait.hinge_deg=110",))})
-    done = worm3d("bench", "accuracy", "--out", "out", "--quiet")
-    assert (done.code, done.out) == (3, "")
-    assert done.complaints[0].startswith("bench: folds, run.dt_s=")
+def test_a_run_that_stops_is_a_sentence() -> None:
+    with pytest.raises(StoppedError, match=r"^bench: folds, run\.dt_s="):
+        accuracy.measure({"folds": Case("flat", ("gait.hinge_deg=110",))})
+
+
+def test_the_program_prints_and_writes_its_page(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    page = tmp_path / "new" / "page.md"
+    monkeypatch.setattr("sys.argv", ["accuracy.py", "--quick", "--out", str(page)])
+    given = pages.options("", "accuracy.md")
+    assert given.quick
+    pages.publish("# Title\n", given.out, Figure())
+    assert page.read_text() == capsys.readouterr().out == "# Title\n"
+    assert page.with_suffix(".png").is_file()

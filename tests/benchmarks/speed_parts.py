@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+from speed_measures import DT, crawl, us_per_step
 
-from scenes.studies.bench.plant_measures import DT, crawl, us_per_step
 from worm3d import Friction, Result
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit

@@ -1,9 +1,11 @@
-"""`worm3d bench accuracy`: how far the time step puts a run off, and write `accuracy.md`.
+"""How far the time step puts a run off, scene by scene.
+
+    python tests/benchmarks/accuracy.py [--quick] [--out tests/benchmarks/accuracy.md]
 
 Distance, turn and work of each scene are compared with those at a fine time step, also of runs that are asked for an
-accuracy; `accuracy.md` beside this file is a report that it wrote. On rough ground every stone decides, so that a run
-says little: there the tables have mean and standard deviation over starts that differ by a millimetre, as the reference
-has.
+accuracy; `accuracy.md` beside this file is a page that this program wrote in some minutes. On rough ground every stone
+decides, so that a run says little: there the tables have mean and standard deviation over starts that differ by a
+millimetre, as the reference has.
 """
 
 from __future__ import annotations
@@ -11,19 +13,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-import typer
+import pages
+from speed_measures import StoppedError
 
 from scenes.models.loading import load_scene
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import Cells, aligned, markdown_table
+from scenes.records.text import Cells, markdown_table
 from scenes.running.packages import machine
 from scenes.running.runner import simulate
 from scenes.running.terminal import each
-from scenes.studies.bench.plant_measures import StoppedError
 from worm3d.values.arrays import FloatArray
 
 STEPS = (0.02, 0.01, 0.005, 0.002)
@@ -43,7 +42,7 @@ SAYS = (
     f"Time steps against one of {1e3 * REFERENCE:g} ms, scene by scene; the last column is of `run.accuracy={ASKED}`, "
     f"where gaits that feel decide every {1e3 * DECIDES:g} ms. Where a cell has two numbers they are mean and standard "
     f"deviation over {STARTS} starts within {1e3 * SHIFT:g} mm of the scene's, of both time steps alike: less than two "
-    "thirds of the second is no difference. Made by `worm3d bench accuracy`."
+    "thirds of the second is no difference. Made by `python tests/benchmarks/accuracy.py`."
 )
 
 SPREADS = {".4g": ".1g", ".1f": ".1f", "+.1f": ".1f"}
@@ -84,6 +83,8 @@ CASES: Mapping[str, Case] = {
     "mesh_tunnel": Case("mesh_tunnel", rough=True),
     **{each: Case(each) for each in AS_SHIPPED},
 }
+QUICK = {f"{name}, 1 s": Case(name, ("run.duration_s=1",), rough=name == "rubble") for name in ("flat", "rubble")}
+"""Cases of `--quick`."""
 
 
 @dataclass(frozen=True)
@@ -97,37 +98,19 @@ class Found:
     """Shape (columns, starts, 3)."""
 
 
-def run(out: Path | None, *, force: bool, quiet: bool) -> int:
-    """Measure how far the time step puts the scenes off, write what was found, return the exit code.
-
-    Raises
-    ------
-    SceneError
-        The folder cannot be used, the disc refused a file, or a run failed.
-    """
-    with folders.prepared(out, "bench-accuracy", force=force) as folder:
-        found = measure(quiet=quiet)
-        write_bytes(folder / "accuracy.md", markdown(found).encode())
-    if not quiet:
-        for title, header, rows in tables(found):
-            typer.echo("\n".join((title, *aligned(header, rows), "")))
-        typer.echo(f"Written to {folder}: accuracy.md")
-    return 0
-
-
-def measure(*, quiet: bool) -> list[Found]:
-    """Run all cases.
+def measure(cases: Mapping[str, Case]) -> list[Found]:
+    """Run cases, by name.
 
     Raises
     ------
     StoppedError
         A run did not reach its end.
     """
-    return list(each("accuracy", CASES, _found, "scene", quiet=quiet).values())
+    return list(each("accuracy", cases, lambda name: _found(name, cases[name]), "scene", quiet=False).values())
 
 
-def _found(name: str) -> Found:
-    of, places = partial(_metrics, name, CASES[name]), starts(CASES[name])
+def _found(name: str, case: Case) -> Found:
+    of, places = partial(_metrics, name, case), starts(case)
     ways = [*map(_stepped, (REFERENCE, *STEPS)), (*_stepped(DECIDES), "run.integrator=bdf2", f"run.accuracy={ASKED}")]
     reference, *coarse = (np.array([of((*place, *way)) for place in places]) for way in ways)
     return Found(name, reference, np.array(coarse))
@@ -155,7 +138,7 @@ def _metrics(name: str, case: Case, changes: tuple[str, ...]) -> list[float]:
 
 
 def markdown(found: list[Found]) -> str:
-    """Return the report."""
+    """Return the page."""
     lines = ["# What the time step changes", "", SAYS, ""]
     for title, header, rows in tables(found):
         lines += [f"## {title}", "", *markdown_table(header, rows), ""]
@@ -186,3 +169,8 @@ def _shown(values: FloatArray, form: str) -> str:
     mean = f"{values.mean():{form}}"
     mean = mean[1:] if float(mean) == 0.0 and mean[0] in "+-" else mean
     return mean if len(values) == 1 else f"{mean} ± {values.std(ddof=1):{SPREADS[form]}}"
+
+
+if __name__ == "__main__":
+    given = pages.options(__doc__, "accuracy.md")
+    pages.publish(markdown(measure(QUICK if given.quick else CASES)), given.out)
