@@ -101,16 +101,11 @@ class Friction(ReadOnly):
 
     def coefficients(self, segments: int) -> tuple[FloatArray, FloatArray]:
         """Return forward and backward coefficients of each segment, each of shape (N,)."""
-        try:
-            forward, backward = (
-                np.ascontiguousarray(np.broadcast_to(np.asarray(mu), (segments,)))
-                for mu in (self.forward, self.backward)
-            )
-        except ValueError:
-            raise ValueError(
-                f"friction: got shapes {np.shape(self.forward)} and {np.shape(self.backward)}, "
-                f"must be numbers or of shape ({segments},)"
-            ) from None
+        for name in ("forward", "backward"):
+            arguments.require_count(name, getattr(self, name), segments)
+        forward, backward = (
+            np.ascontiguousarray(np.broadcast_to(np.asarray(mu), (segments,))) for mu in (self.forward, self.backward)
+        )
         return forward, backward
 
 

@@ -31,6 +31,9 @@ class Check:
     test: Callable[..., Found]
     """Called with their values in that order; returns what is wrong, or None. Where it returns texts by key, that
     of the first key is told that the user wrote, in an override or else in the file."""
+    builds: bool = False
+    """Whether the test makes an object of whole sections. Keys of these that are wrong on their own, or refused, have
+    their defaults in it, so that all that is refused is told."""
 
     @cached_property
     def paths(self) -> tuple[tuple[str, ...], ...]:
@@ -64,7 +67,9 @@ def cross_mistakes(
     """
     filled = data if filled is None else filled
     passed = {} if passed is None else passed
-    untrusted = {mistake.untrusted for mistake in found}
+    mistakes = [*found]
+    untrusted = {mistake.untrusted for mistake in mistakes}
+    wrong = untrusted | {mistake.path for mistake in mistakes}
     around = {path[:n] for path in untrusted for n in range(len(path))}
     overrides = tuple(overridden)
     failing: list[tuple[frozenset[KeyPath], Mistake]] = []
@@ -72,22 +77,57 @@ def cross_mistakes(
         paths, read = check.paths, tuple(data.get(name) for name in check.sections)
         if check in passed and all(map(is_, read, passed[check])):
             continue
-        if untrusted and any(p in around or any(p[: n + 1] in untrusted for n in range(len(p))) for p in paths):
+        if untrusted and any(path[: n + 1] in untrusted for path in paths for n in range(len(path))):
+            continue
+        if not check.builds and not around.isdisjoint(paths):
             continue
         if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
             continue
         if any(key_at(schema, path) is None for path in paths):
             continue  # a key of a kind that a part of the user's own takes the place of
-        text = _tested(check, [_value(schema, filled, path) for path in paths], data)
-        if isinstance(text, str) and any(mistake.text == text for _, mistake in failing):
-            continue  # what a part of the user's own raised there too
-        if text is None:
+        told = [*_told(check, schema, data, filled, wrong, overrides)]
+        if not told:
             passed[check] = read
-        else:
-            written = _written(data, paths)
-            failing = [(blamed, mistake) for blamed, mistake in failing if not written <= blamed]
-            failing.append((written, _mistake(text, paths, data, overrides)))
+        for written, mistake in told:
+            if any(mistake.text == other.text for _, other in failing):
+                continue  # what a part of the user's own raised there too
+            failing = [(blamed, other) for blamed, other in failing if not written <= blamed]
+            failing.append((written, mistake))
     return (mistake for _, mistake in failing)
+
+
+def _told(
+    check: Check,
+    schema: type[Section],
+    data: Mapping[str, Any],
+    filled: Mapping[str, Any],
+    wrong: set[KeyPath],
+    overrides: tuple[KeyPath, ...],
+) -> Iterator[tuple[frozenset[KeyPath], Mistake]]:
+    """Yield what a check finds, with the written keys that are to blame.
+
+    A check that builds goes on with the default of what was refused.
+    """
+    known = _without(filled, wrong) if check.builds else filled
+    while (text := _tested(check, [_value(schema, known, path) for path in check.paths], data)) is not None:
+        mistake = _mistake(text, check.paths, data, overrides)
+        named = check.paths if isinstance(text, str) or not check.builds else [tuple(key.split(".")) for key in text]
+        if check.builds and wrong and not (_is_written(known, mistake.path) and wrong.isdisjoint(named)):
+            return  # of a default in the place of what is wrong
+        yield _written(data, named), mistake
+        if not check.builds or mistake.path in check.paths or not _is_written(known, mistake.path):
+            return
+        wrong = {mistake.path}
+        known = _without(known, wrong)
+
+
+def _without(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any]:
+    """Return the data without some keys of sections."""
+    given = dict(data)
+    for section, key in ((str(path[0]), path[1]) for path in paths if len(path) > 1):
+        if isinstance(given.get(section), Mapping):
+            given[section] = {name: value for name, value in given[section].items() if name != key}
+    return given
 
 
 def _tested(check: Check, values: Sequence[Any], data: Mapping[str, Any]) -> Found:

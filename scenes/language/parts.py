@@ -266,6 +266,7 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaul
         "only": only,
         "own": {} if agree else {owner: each.default for owner, each in owners.items() if _is_value(each.default)},
         "words": of_kinds,
+        "parameters": tuple(dict.fromkeys(own.name for own in owners.values())),
     }
     return Key(**said | changed)
 

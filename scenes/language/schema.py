@@ -56,6 +56,8 @@ class Key(Parameter):
     """Names of the parts that ship and that it takes beside `module:NAME`; None: it names no parts."""
     is_file: bool = False
     """Whether it is the path of a file."""
+    parameters: tuple[str, ...] = ()
+    """Names of the parameters of parts that it sets."""
 
     @property
     def is_required(self) -> bool:

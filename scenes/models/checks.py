@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -13,21 +13,20 @@ from typing import Any
 import numpy as np
 
 from control.gaits import FeedbackGait, Gait
-from control.parts import GAIT
 from scenes.language.checks import Check, Found
-from scenes.language.parts import class_named, key_of
 from scenes.language.schema import Section, keys_in
 from scenes.language.toml import shown
 from scenes.models.sections import gait_from
 from worm3d.values import time_steps
 from worm3d.values.arguments import MOST_MEMORY
-from worm3d.values.named import declared
-from worm3d.values.time_steps import PER_PERIOD
 
 AMPLITUDE = "gait.amplitude"
 
 BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
 """Keys that say how far the links of a chamber reach."""
+
+ASKED = {"worm.segments": "require_body", "run.dt_s": "require_steps", "worm.stroke": "require_stroke"}
+"""Method of a gait that refuses a value of a key."""
 
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:
@@ -36,16 +35,6 @@ def _step_fits_run(dt_s: float, duration_s: float) -> Found:
     return {
         "run.dt_s": f"got {dt_s} s: must be at most run.duration_s ({duration_s} s)",
         "run.duration_s": f"got {duration_s} s: must be at least run.dt_s ({dt_s} s)",
-    }
-
-
-def _step_resolves_period(dt_s: float, period_s: float) -> Found:
-    if time_steps.fits(dt_s, period_s, PER_PERIOD):
-        return None
-    why = time_steps.WAVE_MISSED
-    return {
-        "run.dt_s": f"got {dt_s} s: must be at most a {PER_PERIOD}th of gait.period_s ({period_s} s), {why}",
-        "gait.period_s": f"got {period_s} s: must be at least {PER_PERIOD} times run.dt_s ({dt_s} s), {why}",
     }
 
 
@@ -76,16 +65,6 @@ def _greatest_divisor(number: int, most: int) -> int:
     """Return the greatest divisor of a number of at most 1e12 that is no greater than `most`."""
     small = [n for n in range(1, min(most, math.isqrt(number)) + 1) if number % n == 0]
     return max(divisor for n in small for divisor in (n, number // n) if divisor <= most)
-
-
-def _contraction_resolved(contract_time_s: float, dt_s: float, kind: str) -> Found:
-    if kind != "segment_driven" or time_steps.fits(dt_s, contract_time_s):
-        return None
-    why = time_steps.CONTRACTION_MISSED
-    return {
-        "gait.contract_time_s": f"got {contract_time_s} s: must be at least run.dt_s ({dt_s} s), {why}",
-        "run.dt_s": f"got {dt_s} s: must be at most gait.contract_time_s ({contract_time_s} s), {why}",
-    }
 
 
 def too_much_memory(
@@ -121,6 +100,39 @@ RUN_CHECKS = (
 )
 
 
+Refusals = tuple[type[Exception], ...]
+
+
+def building(make: Callable[..., object], *needs: str, refusals: Refusals = (ValueError,)) -> Check:
+    """Return the check that an object can be made of sections and keys.
+
+    What is refused is told at the keys that the refusal names, or at the first of those that are needed.
+    """
+    return Check(needs, partial(_refused, make=make, needs=needs, refusals=refusals), builds=True)
+
+
+def _refused(*values: Any, make: Callable[..., object], needs: tuple[str, ...], refusals: Refusals) -> Found:
+    try:
+        with np.errstate(all="ignore"):
+            make(*values)
+    except refusals as error:
+        return by_key(str(error), _keys(zip(needs, values, strict=True)))
+    return None
+
+
+def _keys(needed: Iterable[tuple[str, Any]]) -> dict[str, str]:
+    """Return the key of each parameter that sections or single keys set, by `name` and by `section.name`."""
+    keys: dict[str, str] = {}
+    for need, value in needed:
+        if isinstance(value, Section):
+            of_parameters = {name: key for key, known in keys_in(type(value)).items() for name in known.parameters}
+            keys = {name: f"{need}.{key}" for name, key in of_parameters.items()} | keys
+            keys |= {f"{need}.{name}": f"{need}.{key}" for name, key in of_parameters.items()}
+        else:
+            keys[need.partition(".")[2].removesuffix("_s")] = need
+    return keys
+
+
 def gait_checks(
     gait: type[Section], worm: type[Section], *, unlimited: tuple[str, ...] = (), can_sense: bool = True
 ) -> tuple[Check, ...]:
@@ -128,45 +140,25 @@ def gait_checks(
 
     The model limits the numbers `unlimited` itself. `can_sense` says whether the model has anything to sense.
     """
+
+    def ask(limit: Any, section: Any, *, method: str) -> None:
+        getattr(gait_from(replace(section, **dict.fromkeys(unlimited, 0.0)), dt=1.0), method)(limit)
+
     stroke = ("worm.stroke",) if "stroke" in keys_in(worm) else ()
     body = (*BODY, *stroke, AMPLITUDE)
     has_links = "half_height_m" in keys_in(worm)
+    keys = ("run.dt_s", *(f"worm.{key}" for key in keys_in(worm)))
     return (
-        *list_checks(gait, "gait"),
-        Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
-        Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
-        Check(("worm.segments", "gait"), partial(_gait_fits, unlimited=unlimited)),
-        *([Check(("worm.stroke", "gait"), _stroke_reaches)] if stroke else []),
+        *(building(partial(ask, method=method), key, "gait") for key, method in ASKED.items() if key in keys),
         *([] if can_sense else [Check(("gait",), _senses_nothing)]),
         *([Check((*body, "gait"), partial(_links_reach, body=body))] if has_links else []),
     )
 
 
 def _asked(section: Any) -> Gait | None:
-    """Return the gait of a section; None where it is refused, of which `_gait_fits` tells."""
+    """Return the gait of a section; None where it is refused, of which the first of `gait_checks` tells."""
     with suppress(ValueError):
         return gait_from(section, dt=1.0)
-    return None
-
-
-def _gait_fits(segments: int, section: Any, unlimited: tuple[str, ...]) -> Found:
-    """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
-    try:
-        gait_from(replace(section, **dict.fromkeys(unlimited, 0.0)), dt=1.0).require_body(segments)
-    except ValueError as error:
-        keys = {name: f"gait.{key_of(known)}" for name, known in declared(class_named(GAIT, section.kind)).items()}
-        return by_key(str(error), keys)
-    return None
-
-
-def _stroke_reaches(stroke: tuple[float, float], section: Any) -> Found:
-    """Tell of an amplitude beyond the stroke."""
-    try:
-        if gait := _asked(section):
-            gait.require_stroke(stroke)
-    except ValueError as error:
-        text = str(error).removeprefix("amplitude: ").replace("the worm's stroke", "worm.stroke")
-        return {AMPLITUDE: text, "worm.stroke": f"got {shown(stroke)}, with {AMPLITUDE} too large for it: {text}"}
     return None
 
 
@@ -205,26 +197,6 @@ def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
     return {key: f"got {shown(given[key])}: {text}" for key in keys if key in given}
 
 
-def list_checks(schema: type[Section], section: str, per: str = "") -> tuple[Check, ...]:
-    """Return the checks that each list in a section has a number for each "segment" or "joint" between two segments.
-
-    Which of the two, the key says unless `per` does.
-    """
-    return tuple(
-        Check((f"{section}.{name}", "worm.segments"), partial(_as_many, per=per or each))
-        for name, known in keys_in(schema).items()
-        if (each := known.each) in ("segment", "joint")
-    )
-
-
-def _as_many(values: Any, segments: int, *, per: str) -> Found:
-    wanted = segments if per == "segment" else segments - 1
-    if not isinstance(values, list | tuple) or len(values) == wanted:
-        return None
-    of = f"{segments} segments" if per == "segment" else f"{wanted} joints between the {segments} segments"
-    return f"got a list of {len(values)}: must be one number for all or {wanted} numbers, one for each of the {of}"
-
-
 def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
     """Return a sentence of a part with the keys of the scene in place of its parameters."""
     for parameter, key in keys.items():
@@ -236,8 +208,7 @@ def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
 def by_key(sentence: str, keys: Mapping[str, str]) -> Found:
     """Return a refusal of a part, `parameter: got ...`, told at the key of each parameter that it names."""
     subject, _, rest = sentence.partition(": ")
-    named = {name: key for name, key in keys.items() if re.search(rf"\b{name}\b", sentence)}
     if subject not in keys:
         return in_keys(sentence, keys)
-    whole, rest = in_keys(sentence, keys), in_keys(rest, keys)
-    return {key: rest if name == subject else whole for name, key in named.items()}
+    others, rest = [key for name, key in keys.items() if re.search(rf"\b{name}\b", rest)], in_keys(rest, keys)
+    return {**dict.fromkeys(others, f"{keys[subject]}: {rest}"), keys[subject]: rest}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -48,14 +48,14 @@ def parts_listed(kind: Kind, section: Any) -> list[Any]:
     ]
 
 
-def switched_checks(registry: Mapping[str, type], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:
+def switched_checks(names: Iterable[str], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:
     """Return the checks that no key is set of a part that is not asked for; `what` is a word for a part."""
     return tuple(
         Check(
             (f"{section}.{each}", f"{section}.{name}"),
             partial(_is_asked_for, key=f"{section}.{name}", default=known.default, what=what),
         )
-        for name in registry
+        for name in names
         for each, known in keys_in(schema).items()
         if each.startswith(f"{name}_")
     )

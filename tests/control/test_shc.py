@@ -102,7 +102,7 @@ def test_another_unit_of_time() -> None:
     [
         ({"nodes": 2}, "nodes: got 2, must be a whole number of at least 3"),
         ({"nodes": 3, "nu": 1.0}, "nu: got 1.0, every value must be finite and above 1"),
-        ({"nodes": 3, "alpha": [1.0, 2.0]}, r"alpha: got shape \(2,\), must be \(3,\)"),
+        ({"nodes": 3, "alpha": [1.0, 2.0]}, r"alpha: got 2 values, must be a number or 3 of them"),
         ({"nodes": 3, "noise": 0.0}, "noise: got 0.0, must be above 0 and at most 0.0487"),
         ({"nodes": 3, "noise": 0.1}, "noise: got 0.1, must be above 0 and at most 0.0487"),
         ({"nodes": 3, "noise": float("nan")}, "noise: got nan"),

@@ -118,7 +118,7 @@ def test_controllers_and_sensors_are_those_asked_for() -> None:
     assert "heading" not in sensors_of(scene("path_line")).channels
     with pytest.raises(SceneError, match=r"sensor\.pressure: got true: this worm has no pressure of the chambers"):
         scene("path_line", "sensor.pressure=true")
-    with pytest.raises(SceneError, match=r"no such sensor: set sensor\.angular_rate = true, or leave this out"):
+    with pytest.raises(SceneError, match=r"no such sensor: set sensor\.angular_rate = true, or leave it out"):
         scene("path_line", "sensor.angular_rate_bias_deg_s=2")
     gyroscopes = ("sensor.angular_rate=true", "sensor.angular_rate_bias_deg_s=2", "sensor.angular_rate_rate_Hz=200")
     found = sensors_of(scene("path_line", *gyroscopes)).channels["angular_rate"]

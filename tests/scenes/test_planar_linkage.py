@@ -188,12 +188,11 @@ def test_lists_reach_the_model_and_a_stiff_segment_hardly_shortens() -> None:
 
 def test_eight_mistakes_give_eight_lines() -> None:
     assert lines_about(EIGHT, "ground.slope_deg=90") == [
-        "line 4: run.dt_s: got 0.5 s: must be at most a 10th of gait.period_s (2.0 s), or the wave falls between "
+        "line 4: run.dt_s: got 0.5 s, must be at most a 10th of the gait's period, 2 s, or the wave falls between "
         "the steps",
         "line 7: worm.spring_N[2]: got -13.0: input should be greater than 0 [N], 0 < …, a number or one for "
         "each segment (default 13.0)",
-        "line 8: worm.torsion_J: got a list of 2: must be one number for all or 5 numbers, one for each of the 5 "
-        "joints between the 6 segments",
+        "line 8: worm.torsion_J: got 2 values, must be a number or 5 of them",
         "line 9: worm.k_apex: unknown key; did you mean 'apex_hinge_N_m_rad'?",
         "line 10: worm.apex_mass_fraction: got 1.5: input should be less than or equal to 1, 0 <= … <= 1 (default 0.5)",
         "line 13: friction.law: got 'anchord': input should be 'anchored' or 'threshold'; did you mean 'anchored'? "
@@ -207,7 +206,7 @@ def test_eight_mistakes_give_eight_lines() -> None:
 @pytest.mark.parametrize("key", ["half_height_m", "spring_N", "apex_hinge_N_m_rad"])
 def test_lists_need_a_number_for_each_segment(key: str) -> None:
     assert lines_about(f'model = "planar_linkage"\n[worm]\nsegments = 4\n{key} = [0.1, 0.1]\n') == [
-        f"line 4: worm.{key}: got a list of 2: must be one number for all or 4 numbers, one for each of the 4 segments"
+        f"line 4: worm.{key}: got 2 values, must be a number or 4 of them"
     ]
     parse_scene(f'model = "planar_linkage"\n[worm]\nsegments = 2\nmass_kg = 0.01\n{key} = [0.1, 0.1]\n', "test")
 

@@ -50,14 +50,13 @@ def lines_about(text: str, *overrides: str) -> list[str]:
 
 def test_every_mistake_gives_its_line() -> None:
     assert lines_about(ELEVEN, "start.lift_m=-1") == [
-        "line 4: run.dt_s: got 0.5 s: must be at most a 10th of gait.period_s (2.0 s), or the wave falls between "
+        "line 4: run.dt_s: got 0.5 s, must be at most a 10th of the gait's period, 2 s, or the wave falls between "
         "the steps",
         "line 5: run.gravity_m_s2: got a list of 2: must be one number, g downwards, or three, x, y, z",
         "line 8: worm.chamber_offset_m: got 0.0: input should be greater than 0 [m], 0 < … (default 0.03)",
-        "line 9: worm.yaw_J: got a list of 2: must be one number for all or 5 numbers, one for each of the 5 joints "
-        "between the 6 segments",
+        "line 9: worm.yaw_J: got 2 values, must be a number or 5 of them",
         "line 10: worm.k_twist: unknown key; did you mean 'twist_J'?",
-        "line 11: worm.stroke: got [0.1, 0.4]: must be [least, greatest] contraction with least <= 0 <= greatest < 1",
+        "line 11: worm.stroke: got (0.1, 0.4), must be finite and (c_min, c_max) with c_min <= 0 <= c_max < 1",
         "line 14: world.kind: got 'plain': input should be one of 'plane', 'pipe', 'slope_into_pipe', 'heightfield', "
         "'mesh', 'clamped', 'groove', 'none', or module:NAME; did you mean 'plane'? "
         "(default 'plane')",
@@ -94,7 +93,7 @@ def test_every_mistake_gives_its_line() -> None:
         ("push.duration_s=0.001", "override push.duration_s: got 0.001 s: must be at least run.dt_s (0.01 s), or the "),
         ("run.gravity_m_s2=-9.81", "override run.gravity_m_s2: got -9.81 m/s^2: g is at least 0; a list of x, y, z"),
         ("run.integrator=bdf", "override run.integrator: got 'bdf': input should be 'bdf2' or 'implicit_euler'; did"),
-        ("friction.forward=[0.1]", "override friction.forward: got a list of 1: must be one number for all or 6 "),
+        ("friction.forward=[0.1]", "override friction.forward: got 1 values, must be a number or 6 of them"),
         ("worm.length_m=1e-300", "override worm.length_m: "),
         ("worm.half_height_m=1e-200", "override worm.half_height_m: "),
         ("run.gravity_m_s2=1e300", "override run.gravity_m_s2: "),
@@ -143,7 +142,7 @@ def test_the_planar_worm_has_the_keys_of_the_planar_model() -> None:
     assert "unknown key" in lines_about(text, "worm.chamber_offset_m=0.03")[0]
     assert "unknown key" in lines_about(text, "gait.bias=0.3")[0]
     assert "unknown key" in lines_about(text, "start.azimuth_deg=3")[0]
-    assert "one for each of the 6 segments" in lines_about(text, "worm.half_height_m=[0.1]")[0]
+    assert "got 1 values, must be a number or 6 of them" in lines_about(text, "worm.half_height_m=[0.1]")[0]
     (line,) = lines_about(text, "gait.amplitude=0.33", "gait.rectified=false")
     assert "lengthens a segment to 0.2217 m, but its links end at 0.2205 m" in line
 

@@ -331,7 +331,7 @@ class Falling(FrictionLaw):
         (Falling, "Falling: the slope of capacity at 0 is -1, must be finite and at least 0"),
         (
             lambda: worm3d.simulate(Worm(), Plane(), Friction(law=Viscous([1.0, 2.0]))),
-            "viscosity: got shape \\(2,\\), must be a number or of shape \\(6,\\)",
+            "viscosity: got 2 values, must be a number or 6 of them",
         ),
         (
             lambda: worm3d.simulate(Worm.planar(mass=0.1), worm3d.ClampedGround(), Friction(law="viscous")),

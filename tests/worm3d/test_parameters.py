@@ -48,7 +48,7 @@ def test_values_are_checked_and_stored_in_their_type() -> None:
         ({"length": 0.0}, "length: got 0.0 m, must be finite and above 0"),
         ({"share": 1.5}, r"share: got 1.5, must be finite and in \[0, 1\]"),
         ({"count": 10}, "count: got 10, must be a whole number of at least 1 and at most 9"),
-        ({"stiffness": [1.0, 2.0]}, r"stiffness: got shape \(2,\), must be \(3,\) \(or a number\)"),
+        ({"stiffness": [1.0, 2.0]}, r"stiffness: got 2 values, must be a number or 3 of them"),
         ({"stiffness": -1.0}, "stiffness: got -1.0, every value must be finite and at least 0"),
         ({"side": "up"}, "side: got 'up', must be 'left' or 'right'"),
         ({"closed": 1}, "closed: got 1, must be True or False"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from worm3d.physics.friction_laws import Coulomb, law_of
 from worm3d.physics.worm import Worm
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
@@ -94,10 +95,8 @@ class Friction(ReadOnly):
         """
         rows = []
         for name in ("forward", "backward", "lateral"):
-            value = np.asarray(getattr(self, name))
-            if value.shape not in ((), (segments,)):
-                raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({segments},)")
-            rows.append(np.broadcast_to(value, (segments,)))
+            arguments.require_count(name, getattr(self, name), segments)
+            rows.append(np.broadcast_to(getattr(self, name), (segments,)))
         return np.array(rows)
 
 

@@ -138,8 +138,7 @@ class FrictionLaw(ReadOnly):
         lanes = max((value.size for value in given.values()), default=1) if segments is None else segments
         rows = np.zeros((MAX_PARAMETERS, lanes))
         for row, (name, value) in zip(rows, given.items(), strict=False):
-            if value.shape not in ((), (lanes,)):
-                raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({lanes},)")
+            arguments.require_count(name, value, lanes)
             row[:] = value
         return rows
 

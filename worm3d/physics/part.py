@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, parameters_of
 from worm3d.values.read_only import ReadOnly
@@ -79,6 +80,4 @@ class Part(ReadOnly):
     def require_size(self, name: str, count: int) -> None:
         """Raise ValueError where a parameter is an array of another size; `name` says what the part is for."""
         for field in parameters_of(type(self)):
-            value = getattr(self, field)
-            if np.ndim(value) > 0 and np.shape(value) != (count,):
-                raise ValueError(f"{name}.{field}: got {np.size(value)} values, must be a number or {count} of them")
+            arguments.require_count(f"{name}.{field}", getattr(self, field), count)

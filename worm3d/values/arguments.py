@@ -118,6 +118,8 @@ def array(
     found = floats(name, value)
     if found.ndim == 0 and fill:
         found = np.full([int(size) for size in shape], float(found))
+    elif fill and len(shape) == 1:
+        require_count(name, found, int(shape[0]))
     if found.shape != shape and not _fits(found.shape, shape, least):
         or_a_number = " (or a number)" if fill else ""
         raise ValueError(f"{name}: got shape {found.shape}, must be {_shape(shape, least)}{or_a_number}")
@@ -147,6 +149,12 @@ def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpa
         raise ValueError(f"{name}: got {shown(value)}, must be {range_text(**bounds)}, {form}")
     found.setflags(write=False)
     return found
+
+
+def require_count(name: str, value: Any, count: int) -> None:
+    """Raise ValueError where an array in the place of a number is not of shape (count,)."""
+    if np.ndim(value) > 0 and np.shape(value) != (count,):
+        raise ValueError(f"{name}: got {np.size(value)} values, must be a number or {count} of them")
 
 
 def floats(name: str, value: Any) -> FloatArray:

@@ -107,14 +107,6 @@ def _steps_or_a_sine(speed_steps: Sequence[Any], speed_sine_m_s: float) -> Found
     return dict.fromkeys(("reference.speed_steps", "reference.speed_sine_m_s"), text)
 
 
-def _there_is_such_a_controller(kind: str) -> Found:
-    try:
-        controllers.controller(kind)
-    except ValueError as error:
-        return str(error)
-    return None
-
-
 def _there_are_such_parts(*sections: Section) -> Found:
     scene = _scene(("controller", "cost", "constraints"), sections)
     try:
@@ -147,20 +139,12 @@ def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
     }
 
 
-def _has_a_sensor(value: Any, asked: bool, *, name: str, default: Any) -> Found:
-    """Tell of the quality of a sensor that is not asked for; at its default it says nothing, as in resolved scenes."""
-    return (
-        None if asked or value == default else f"there is no such sensor: set sensor.{name} = true, or leave this out"
-    )
-
-
 OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
 """Channels of sensors that a robot need not have."""
 
 STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,
-    Check(("controller.kind",), _there_is_such_a_controller),
     Check(("controller", "cost", "constraints"), _there_are_such_parts),
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
     *switched_checks(INJECTED, "fault", Faults, "fault"),
@@ -174,12 +158,7 @@ CONTROL_CHECKS = (
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
     *(Check((f"sensor.{name}", "worm", *PARTS), partial(_worm_has_it, name=name)) for name in OPTIONAL),
-    *(
-        Check((f"sensor.{key}", f"sensor.{name}"), partial(_has_a_sensor, name=name, default=known.default))
-        for name in OPTIONAL
-        for key, known in keys_in(Sensor).items()
-        if key.startswith(f"{name}_")
-    ),
+    *switched_checks(OPTIONAL, "sensor", Sensor, "sensor"),
     *(Check(("controller.kind", f"sensor.{name}"), partial(_is_sensed, name=name)) for name in OPTIONAL),
     start_check(ControlScene),
 )

@@ -16,7 +16,7 @@ from scenes.language.checks import Check
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
 from scenes.language.schema import Section, setting
 from scenes.models.base import Observer
-from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, memory_check
+from scenes.models.checks import RUN_CHECKS, building, gait_checks, in_keys, memory_check
 from scenes.models.sections import BODY_BOUNDS, Settings, gait_from, planar_gait_keys
 
 _RUN: dict[str, Any] = {name: given.default for name, given in signature(linkage.simulate).parameters.items()}
@@ -117,11 +117,14 @@ def _is_flattened(scene: LinkageScene) -> bool:
     return ground.kind == "contact" and bool((load >= worm.flattening_weight()).any())
 
 
+FRICTION = ("friction", "worm.segments")
+"""Keys that say whether friction has a number for each segment."""
+
 RULES = (
     *RUN_CHECKS,
     *gait_checks(LinkageGait, Worm, can_sense=False),
-    *list_checks(Worm, "worm"),
-    *list_checks(Friction, "friction"),
+    building(worm_of, "worm"),
+    building(lambda friction, segments: part_of(linkage.Friction, friction).coefficients(segments), *FRICTION),
 )
 """Checks that need no worm."""
 

@@ -13,24 +13,18 @@ from control.parts import GAIT
 from scenes.language.checks import Check, Found
 from scenes.language.parts import class_named
 from scenes.language.schema import Section, keys_in
-from scenes.language.toml import shown
-from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, too_much_memory
+from scenes.models.checks import RUN_CHECKS, building, gait_checks, in_keys, too_much_memory
 from scenes.models.switched import switched_checks
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
-from scenes.models.worm.build import KEYS, PARTS, gravity_of, start_of, worm_of
+from scenes.models.worm.build import KEYS, PARTS, friction_of, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
-    Actuator,
-    Friction,
-    HingeActuator,
-    Hysteresis,
-    Medium,
-    PlanarFriction,
     PlanarGait,
     PlanarWorm,
     PlanarWormScene,
     Reflexes,
     Senses,
+    SpatialScene,
     Surroundings,
     Worm,
     WormGait,
@@ -40,6 +34,10 @@ from worm3d.recorded.state import StateError
 from worm3d.running import start
 from worm3d.values.arguments import bytes_of_run
 
+IMPOSSIBLE = (ValueError, ArithmeticError)
+"""What a worm raises that cannot be; numbers without bounds may overflow."""
+BODY = ("worm", *PARTS)
+"""Sections that a 3D worm is made of."""
 STARTS_WITH = ("worm", "world", "start", "run")
 """Sections that decide whether a planar worm can start."""
 SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
@@ -50,9 +48,21 @@ def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STA
     """Return the check that the worm of a scene can start, which the sections `names` decide."""
 
     def can_start(mass_kg: float | None, *sections: Section) -> Found:
-        return _refusal(schema(model="", **dict(zip(names, sections, strict=True))))
+        return _refusal(_scene(schema, names, sections))
 
     return Check(("worm.mass_kg", *names), can_start)
+
+
+def _scene(schema: type[Surroundings], names: tuple[str, ...], sections: Sequence[Section]) -> Any:
+    """Return a scene of some sections, the others as by default."""
+    return schema(model="", **dict(zip(names, sections, strict=True)))
+
+
+def _sized(section: Section, segments: int) -> None:
+    """Raise ValueError where friction or its law has not a number for each segment."""
+    friction = friction_of(SpatialScene(model="", friction=section))
+    friction.coefficients(segments)
+    friction.law.rows(segments)
 
 
 def _refusal(scene: Any) -> Found:
@@ -66,16 +76,9 @@ def _refusal(scene: Any) -> Found:
                 start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
     except StateError as error:
         return dict.fromkeys(("start", "world"), in_keys(str(error), KEYS))
-    except (ValueError, ArithmeticError) as error:
+    except IMPOSSIBLE as error:
         return in_keys(str(error), KEYS)
     return None
-
-
-def _stroke_holds_rest(stroke: Sequence[float]) -> str | None:
-    least, greatest = stroke
-    if least <= 0.0 <= greatest < 1.0:
-        return None
-    return f"got {shown(stroke)}: must be [least, greatest] contraction with least <= 0 <= greatest < 1"
 
 
 def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
@@ -139,13 +142,8 @@ WORLD_CHECKS = (
 
 SPATIAL_CHECKS = (
     *WORLD_CHECKS,
-    *list_checks(Worm, "worm"),
-    *list_checks(Friction, "friction"),
-    *list_checks(Actuator, "actuator"),
-    *list_checks(HingeActuator, "hinge_actuator", per="joint"),
-    *list_checks(Hysteresis, "hysteresis"),
-    *list_checks(Medium, "medium"),
-    Check(("worm.stroke",), _stroke_holds_rest),
+    building(lambda *sections: worm_of(_scene(SpatialScene, BODY, sections)), *BODY, refusals=IMPOSSIBLE),
+    building(_sized, "friction", "worm.segments"),
     *WORM_IN_PIPE_CHECKS,
 )
 """Checks of every 3D worm, whatever drives it."""
@@ -159,8 +157,8 @@ WORM_CHECKS = (
 
 PLANAR_CHECKS = (
     *WORLD_CHECKS,
-    *list_checks(PlanarWorm, "worm"),
-    *list_checks(PlanarFriction, "friction"),
+    building(lambda worm: worm_of(_scene(PlanarWormScene, ("worm",), (worm,))), "worm", refusals=IMPOSSIBLE),
+    building(_sized, "friction", "worm.segments"),
     *gait_checks(PlanarGait, PlanarWorm),
     *REFLEX_CHECKS,
     start_check(PlanarWormScene, STARTS_WITH),
