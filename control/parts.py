@@ -46,8 +46,9 @@ MODEL = Kind("model", "a model", "control.estimation.reduced", "ReducedModel", f
 TERM = Kind("term", "a term of the cost", "control.planning.terms", "CostTerm", table="TERMS")
 CONSTRAINT = Kind("constraint", "a constraint", "control.planning.constraints", "Constraint", table="CONSTRAINTS")
 PATH = Kind("path", "a path", "control.tracking.paths", "Path")
+OBSTACLE = Kind("obstacle", "an obstacle", "control.tracking.obstacles", "Obstacle", table="OBSTACLES")
 OF_THE_PLANT = (GAIT, REFLEX, WORLD, ACTUATOR, HYSTERESIS, MEDIUM, LOAD, LAW, MEASURE)
-OF_CONTROL = (FAULT, CHANNEL, CONTROLLER, ESTIMATOR, MODEL, TERM, CONSTRAINT, PATH)
+OF_CONTROL = (FAULT, CHANNEL, CONTROLLER, ESTIMATOR, MODEL, TERM, CONSTRAINT, PATH, OBSTACLE)
 KINDS = MappingProxyType({kind.name: kind for kind in (*OF_THE_PLANT, *OF_CONTROL)})
 """Kinds by name."""
 

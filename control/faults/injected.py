@@ -107,15 +107,18 @@ class FaultyChamber(Injected, name="chamber"):
 class FaultySensor(Injected, name="sensor"):
     """A sensor gives no samples, the last one again and again, or one that is off."""
 
-    channel: Literal["strain", "com", "heading", "angular_rate", "contact_load", "pressure"] = parameter(
-        "com", meaning="which sensor"
-    )
+    channel: str = parameter("com", meaning=f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own")
     mode: Literal["lost", "frozen", "off"] = parameter(
         "lost", meaning="lost: no samples; frozen: the last one as if it were new; off: with an error added"
     )
     error: float = parameter(0.0, meaning="error that is added, in the unit of the channel (SI)")
     segment: int = parameter(ALL, ge=ALL, meaning="of which segment only; -1: of all")
     side: Literal["both", "left", "right"] = parameter("both", meaning="of which side of that segment")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.channel not in QUANTITIES:
+            raise ValueError(f"channel: got {self.channel!r}, must be one of {', '.join(QUANTITIES)}")
 
     def require(self, worm: Worm) -> None:
         """Raise ValueError if a worm has no such segment, or the channel has no segments."""

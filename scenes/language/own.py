@@ -8,6 +8,7 @@ also be switched, fault."my_robot:Slip" = true.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from types import new_class
 from typing import Any, NamedTuple, TypeVar
@@ -71,7 +72,44 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
                 value, known_key = filled[name].pop(key), keys_in(section)[key]
                 text = of_this_kind(value, found[0].name, by=f"{name}.{found[0].key}", known=known_key)
                 mistakes += [Mistake((name, key), str(text))] if text else []
+    for name, declared in keys_in(schema).items():
+        outer, data_of = changed.get(name) or declared.section, filled.get(name)
+        if outer is not None and isinstance(data_of, Mapping):
+            extended, filled[name], wrong = _with_tables(name, outer, data_of)
+            changed |= {name: extended} if extended is not outer else {}
+            mistakes += wrong
     return _with(schema, tuple(changed.items())) if changed else schema, filled, mistakes
+
+
+def _with_tables(
+    name: str, section: type[Section], given: Mapping[str, Any]
+) -> tuple[type[Section], Mapping[str, Any], list[Mistake]]:
+    """Return a section whose arrays of tables have the keys of the parts that these name, its data, and mistakes."""
+    mistakes = list[Mistake]()
+    for key, by, kind, items in _tables(section, given):
+        parts: dict[str, Any] = {}
+        for n, item in enumerate(items):
+            try:
+                parts |= {each: named.own(each, kind) for each in _own_names(item, by)}
+            except ValueError as error:
+                mistakes.append(Mistake((name, key, n, by), str(error)))
+        if mistakes:  # of parts whose keys are not known
+            given = {other: value for other, value in given.items() if other != key}
+        elif parts:
+            section = _with_table(section, key, tuple(parts.items()))
+    return section, given, mistakes
+
+
+def _tables(
+    section: type[Section], given: Mapping[str, Any]
+) -> Iterator[tuple[str, str, Kind, list[Mapping[str, Any]]]]:
+    """Yield each key of a section with tables of parts, the key that names one in a table, its kind, and the tables."""
+    for key, known in keys_in(section).items():
+        holds, items = getattr(known.table, "holds", {}), given.get(key)
+        if holds and isinstance(items, list | tuple):
+            yield from (
+                (key, by, kind, [each for each in items if isinstance(each, Mapping)]) for by, kind in holds.items()
+            )
 
 
 def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Any]:
@@ -84,6 +122,10 @@ def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str]
         filled[name] = {key: value for key, value in given.items() if key in keys_in(section)}
         if name not in but and not there[0].in_a_section(section):
             del filled[name]
+    for name, known in keys_in(schema).items():
+        rest: Any = filled.get(name)
+        for key, by, _, items in _tables(known.section, rest) if known.section and isinstance(rest, Mapping) else ():
+            filled[name] = {**filled[name], key: [item for item in items if not _own_names(item, by)]}
     return filled
 
 
@@ -154,6 +196,22 @@ def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
     """Return the keys of the parameters of a part, as those that ship would have them."""
     made = section.source({each.name: part}) if hasattr(section, "source") else keys_of({each.name: part})
     return {key: declared for key, declared in made.items() if key not in section.holds}
+
+
+@cache
+def _with_table(section: type[Section], key: str, parts: tuple[tuple[str, Any], ...]) -> type[Section]:
+    """Return a section whose array of tables at a key has the keys of parts of a user's own, by `module:NAME`."""
+    known = keys_in(section)[key]
+    table: Any = known.table
+    ((by, kind),) = table.holds.items()
+    keys = table.source({**kind.registry, **dict(parts)})
+    inner = _section_of(table.__name__, {**keys, by: keys_in(table)[by]}, table.__doc__)
+    inner.holds = table.holds
+    many: Any = tuple
+    made: type[Section] = _section_of(
+        section.__name__, {key: replace(known, hint=many[inner, ...])}, section.__doc__, section
+    )
+    return made
 
 
 @cache

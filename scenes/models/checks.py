@@ -125,12 +125,20 @@ def _keys(needed: Iterable[tuple[str, Any]]) -> dict[str, str]:
     keys: dict[str, str] = {}
     for need, value in needed:
         if isinstance(value, Section):
-            of_parameters = {name: key for key, known in keys_in(type(value)).items() for name in known.parameters}
+            of_parameters = _unique(
+                (name, key) for key, known in keys_in(type(value)).items() for name in known.parameters
+            )
             keys = {name: f"{need}.{key}" for name, key in of_parameters.items()} | keys
             keys |= {f"{need}.{name}": f"{need}.{key}" for name, key in of_parameters.items()}
         else:
             keys[need.partition(".")[2].removesuffix("_s")] = need
     return keys
+
+
+def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Return names and keys, without names that mean several keys."""
+    found = [*pairs]
+    return {name: key for name, key in found if [other for other, _ in found].count(name) == 1}
 
 
 def gait_checks(

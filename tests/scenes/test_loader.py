@@ -144,8 +144,8 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
         ),
         (
             '[gait]\nkind = "segment_driven"\ncontract_time_s = 0.005',
-            "gait.contract_time_s: run.dt_s: got 0.01 s, must be at most gait.contract_time_s, 0.005 s, or the steps miss "
-            "the contraction",
+            "gait.contract_time_s: run.dt_s: got 0.01 s, must be at most gait.contract_time_s, 0.005 s, or the steps "
+            "miss the contraction",
         ),
         (
             '[gait]\nkind = "segment_driven"\ndirection = "standing"',
@@ -222,7 +222,7 @@ def test_a_section_written_twice_is_named_as_it_is_written(key: str) -> None:
         ("=3", "override : must be written as section.key=value"),
         (
             "gait.period_s=0.05",
-            "override gait.period_s: run.dt_s: got 0.01 s, must be at most a 10th of the gait's period, 0.05 s, or the wave",
+            "override gait.period_s: run.dt_s: got 0.01 s, must be at most a 10th of the gait's period, 0.05 s",
         ),
     ],
 )  # fmt: skip

@@ -16,11 +16,10 @@ from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import Driver, WaveController
-from control.parts import CONSTRAINT, FAULT, PATH, TERM
+from control.parts import CONSTRAINT, FAULT, OBSTACLE, PATH, TERM
 from control.planning.suited import suited
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.task import ControlTask
-from control.tracking.obstacles import OBSTACLES
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
@@ -28,7 +27,7 @@ from scenes.language.parts import part_named, part_of, values_of
 from scenes.models.control.nearby import nearby
 from scenes.models.control.schema import AUTO, Controller, ControlScene
 from scenes.models.control.schema import Reference as Asked
-from scenes.models.sensors import channels_of
+from scenes.models.sensors import channels_of, own_channels
 from scenes.models.switched import parts_listed, switched_parts
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.schema import PIPES
@@ -155,7 +154,7 @@ def reference_along(scene: ControlScene, path: Path | None) -> Reference:
         path,
         ends=asked.ends,
         corridor=math.inf if asked.corridor_m is None else asked.corridor_m,
-        obstacles=tuple(part_of(OBSTACLES[each.kind], each) for each in asked.obstacles),
+        obstacles=tuple(part_named(OBSTACLE, each.kind, each) for each in asked.obstacles),
         walled=asked.kind == "pipe" and scene.world.kind == "pipe",
     )
 
@@ -261,6 +260,7 @@ def _speeds(scene: ControlScene) -> FloatArray:
 
 def faults_of(scene: ControlScene) -> list[Injected]:
     """Return the faults that are put in; ValueError where there can be no such fault."""
+    own_channels(scene.sensor)  # of which there may be faults
     faults = switched_parts(FAULT, scene.fault)
     for fault in faults:
         fault.require(worm_of(scene))

@@ -12,8 +12,9 @@ from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, of_this_kind
 from scenes.language.schema import Section, keys_in
+from scenes.models.checks import building
 from scenes.models.control.build import faults_of, middle_of, parts_of, reference_of
-from scenes.models.control.schema import ControlScene, Faults, Obstacle, Sensor
+from scenes.models.control.schema import ControlScene, Faults, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
@@ -26,7 +27,7 @@ def _there_is_such_a_path(*sections: Section) -> Found:
     except ValueError as error:
         return str(error)
     for k, (asked, obstacle) in enumerate(zip(scene.reference.obstacles, reference.obstacles, strict=True)):
-        for key, known in keys_in(Obstacle).items():
+        for key, known in keys_in(type(asked)).items():
             strange = of_this_kind(getattr(asked, key), asked.kind, by="kind", known=known)
             if strange:
                 return f"obstacles[{k}].{key}: {strange}"
@@ -35,16 +36,12 @@ def _there_is_such_a_path(*sections: Section) -> Found:
     return None
 
 
-def _there_can_be_such_faults(*sections: Section) -> Found:
-    scene = _scene(("fault", "controller", "worm", *PARTS), sections)
-    try:
-        faults = faults_of(scene)
-    except ValueError as error:
-        return str(error)
+def _faults(*sections: Section) -> None:
+    """Raise ValueError for faults that the worm or the controller of a scene cannot have."""
+    scene = _scene(FAULTY, sections)
     plans = getattr(controllers.controller(scene.controller.kind), "plans", False)
-    if any(fault.of_plans for fault in faults) and not plans:
-        return "planner: got true: this controller plans nothing"
-    return None
+    if any(fault.of_plans for fault in faults_of(scene)) and not plans:
+        raise ValueError("planner: got true: this controller plans nothing")
 
 
 def _worm_has_it(asked: bool, *sections: Section, name: str) -> Found:
@@ -142,13 +139,15 @@ def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
 OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
 """Channels of sensors that a robot need not have."""
 
+FAULTY = ("fault", "controller", "sensor", "worm", *PARTS)
+"""Sections that say which faults there can be."""
 STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,
     Check(("controller", "cost", "constraints"), _there_are_such_parts),
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
     *switched_checks(INJECTED, "fault", Faults, "fault"),
-    Check(("fault", "controller", "worm", *PARTS), _there_can_be_such_faults),
+    building(_faults, *FAULTY),
     *(
         Check((f"fault.{name}", f"fault.{name}_begin_s", "run.duration_s"), partial(_begins_in_the_run, name=name))
         for name in INJECTED

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Literal
 
 from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
 from control.faults.injected import INJECTED
 from control.gaits.steering import Mechanism, Wave
-from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, PATH, TERM
+from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, OBSTACLE, PATH, TERM
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
 from control.tracking.obstacles import OBSTACLES
-from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, meanings
+from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of, meanings
 from scenes.language.schema import OWN, Key, Pair, Section, Tables, part_key, parts_key, setting
 from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
@@ -106,7 +107,7 @@ class HeadingStep(Section):
     heading_deg: float = setting(unit="deg", meaning="heading from then on")
 
 
-class Obstacle(PartSection, keys=keys_of(OBSTACLES, by="kind", meaning="what it is")):
+class Obstacle(PartSection, holds={"kind": OBSTACLE}, keys=partial(chosen, meaning="what it is")):
     """Obstacle on the ground that the centre of mass goes around."""
 
 
