@@ -84,6 +84,12 @@ class Late(Actuator):
         return {"tank": s["command"]}
 
 
+class Hinged(Late):
+    """The same for hinges."""
+
+    drives_hinges: ClassVar = True
+
+
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sticky(Hysteresis):

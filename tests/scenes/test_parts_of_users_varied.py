@@ -21,6 +21,8 @@ from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running.runner import lengthened, simulate
 from scenes.studies.fit.fitting import fit
+from scenes.studies.fit.varied import varied_of
+from scenes.sweep.plan import Source, planned
 
 pytestmark = pytest.mark.usefixtures("zoo")
 
@@ -36,6 +38,12 @@ SWEPT = {
     "fault": ("path_line", (*DRIVEN, "fault.zoo:Weak=true"), 'fault."zoo:Weak".share', (0.3, 0.7)),
     "path": ("path_line", (*STEERED, "reference.kind=zoo:Ring"), "reference.radius_m", (0.3, 2.0)),
     "controller": ("path_line", DRIVEN, "controller.stride", (0.1, 0.3)),
+    "hinge_actuator": (
+        "turn",
+        ("hinge_actuator.kind=zoo:Hinged", "run.duration_s=0.4"),
+        "hinge_actuator.tau_s",
+        (0.02, 0.3),
+    ),
     "world": ("flat", (*WORM, "world.kind=zoo:Ripples"), "world.ripple_m", (0.001, 0.004)),
     "hysteresis": ("flat", (*WORM, "hysteresis.kind=zoo:Sticky"), "hysteresis.hold_N_m", (0.001, 0.01)),
     "medium": ("flat", (*WORM, "medium.kind=zoo:Mud", "worm.drag_N_s_m=0.05"), "medium.grow", (0.0, 5.0)),
@@ -149,6 +157,29 @@ def test_a_sweep_over_a_wrong_value_or_key_gives_one_sentence(worm3d, vary: str,
     assert said in ended.complaints[1]
 
 
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("-o", "fault.zoo:Weak.share=0.5"), 'fault."zoo:Weak".share: both varied and fixed by an override (-o)'),
+        (("--vary", "fault.zoo:Weak.share=0.5"), "--vary fault.zoo:Weak.share: given twice; write all its values in"),
+        (("--list", "cases.csv"), "vary fault.zoo:Weak.share: varied twice"),
+    ],
+)
+def test_a_key_is_the_same_with_quotes_and_without(worm3d, more: tuple[str, ...], said: str) -> None:
+    Path("cases.csv").write_text("fault.zoo:Weak.share\n0.3\n")
+    vary = ("--vary", 'fault."zoo:Weak".share=0.3,0.7')
+    ended = worm3d("sweep", "path_line", *options(DRIVEN), *vary, *more, "--out", "x")
+    assert (ended.code, said in ended.complaints[-1]) == (2, True), ended.err
+    with pytest.raises(SceneError, match=r"--vary fault\.zoo:Weak\.share: given twice"):
+        varied_of(asked("path_line", "fault.zoo:Weak=true"), ('fault."zoo:Weak".share', "fault.zoo:Weak.share"))
+
+
+def test_keys_of_a_part_that_is_varied_too_have_units_and_meanings() -> None:
+    plan = planned(Source.of("flat", WORM), {"actuator.kind": ["zoo:Late"], "actuator.tau_s": [0.1, 0.2]})
+    assert [each.unit for each in plan.design.varied] == ["", "s"]
+    assert plan.design.varied[1].title == "time constant of the tank"
+
+
 FITTED = {
     "actuator": ("flat", (*WORM, "actuator.kind=zoo:Late"), "actuator.tau_s", 0.1),
     "fault": ("path_line", (*DRIVEN, "fault.zoo:Weak=true"), 'fault."zoo:Weak".share', 0.7),
@@ -166,7 +197,7 @@ def seen(record: Record, file: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("kind", FITTED)
+@pytest.mark.parametrize("kind", ["fault", "controller"])
 def test_a_fit_finds_a_parameter_of_a_part(kind: str, tmp_path: Path) -> None:
     scene, overrides, key, truth = FITTED[kind]
     to = seen(simulate(asked(scene, *overrides, f"{key}={truth}")), tmp_path / "seen.csv")
