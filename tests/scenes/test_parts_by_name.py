@@ -184,6 +184,7 @@ def test_runs_are_varied_and_shown_where_the_module_is_not(worm3d, tmp_path: Pat
     assert worm3d("run", "flat", *(word for each in flat for word in ("-o", each)), "--out", "a").code == 0
     usual = [each for each in CONTROL if not each.startswith("cost")]
     second = ("run.duration_s=0.5", "actuator.kind=zoo:Late", "actuator.tau_s=0.1", *usual)
+    second += ("fault.sensor=true", "fault.sensor_channel=tail")
     assert worm3d("run", "path_line", *(word for each in second for word in ("-o", each)), "--out", "b").code == 0
     third = ("run.duration_s=0.5", 'cost.parts=["speed", "zoo:Thrift"]', "cost.zoo:Thrift.tolerance_Hz=0.3")
     assert worm3d("run", "path_line", *(word for each in third for word in ("-o", each)), "--out", "d").code == 0
