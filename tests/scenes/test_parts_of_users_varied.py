@@ -325,3 +325,37 @@ def test_a_channel_of_ones_own_is_known_by_its_name_once_a_scene_has_it() -> Non
 def test_who_senses_a_channel_that_there_is_not_is_told_how_to_add_it(scene: str, overrides: tuple, said: str) -> None:
     with pytest.raises(SceneError, match=f'{said}.*; for a channel of your own set sensor."my_module:NAME" = true'):
         simulate(asked(scene, *overrides, "run.duration_s=0.1"))
+
+
+DUCKING = (*WORM, "reflexes.zoo:Ducks=true", "sensor.zoo:tail=true")
+
+
+def test_a_sweep_varies_the_errors_of_a_channel_that_a_reflex_senses(worm3d) -> None:
+    vary = ("--vary", 'sensor."zoo:tail".noise_m=0,0.05', "--vary", 'reflexes."zoo:Ducks".gain_per_m=1,5')
+    ended = worm3d("sweep", "flat", *options(DUCKING), *vary, "--vary", "seed=1", "--out", "x")
+    assert ended.code == 0, ended.err
+    assert len({row["distance_m"] for row in rows("x")}) == 4
+
+
+def test_a_reflex_of_ones_own_feels_with_the_errors_of_a_channel_that_ships() -> None:
+    crawls = (*WORM, "reflexes.zoo:Shy.less=0.9", "sensor.contact_load_noise_N={}")
+    exact, noisy = (
+        simulate(asked("flat", *(each.format(noise) for each in crawls))).summary["distance_m"] for noise in (0, 5)
+    )
+    assert exact != noisy
+
+
+def test_a_channel_that_nothing_senses_is_refused() -> None:
+    with pytest.raises(SceneError, match="neither the gait 'travelling_wave' nor a reflex senses anything"):
+        asked("flat", *WORM, "sensor.zoo:tail=true")
+
+
+def test_an_actuator_that_drives_no_hinges_is_refused_for_them() -> None:
+    with pytest.raises(SceneError, match=r"hinge_actuator: got Late, which acts on chambers alone") as caught:
+        asked("turn", "hinge_actuator.kind=zoo:Late")
+    assert len(caught.value.lines) == 1
+
+
+def test_a_fault_that_begins_after_the_run_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"begin_s: got 9 s: must be before the end of the run"):
+        asked("path_line", *DRIVEN, "fault.zoo:Weak.begin_s=9")
