@@ -14,11 +14,11 @@ from zlib import crc32
 
 import numpy as np
 
-from control.sensing.sensors import QUANTITIES, Measurement, Sample
+from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, Measurement, Sample
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.spelling import Spelled, did_you_mean
 
 if TYPE_CHECKING:
     from control.planning.mpc import Plan
@@ -107,7 +107,9 @@ class FaultyChamber(Injected, name="chamber"):
 class FaultySensor(Injected, name="sensor"):
     """A sensor gives no samples, the last one again and again, or one that is off."""
 
-    channel: str = parameter("com", meaning=f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own")
+    channel: str = parameter(
+        "com", meaning=f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own by its name in its module"
+    )
     mode: Literal["lost", "frozen", "off"] = parameter(
         "lost", meaning="lost: no samples; frozen: the last one as if it were new; off: with an error added"
     )
@@ -115,13 +117,12 @@ class FaultySensor(Injected, name="sensor"):
     segment: int = parameter(ALL, ge=ALL, meaning="of which segment only; -1: of all")
     side: Literal["both", "left", "right"] = parameter("both", meaning="of which side of that segment")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.channel not in QUANTITIES:
-            raise ValueError(f"channel: got {self.channel!r}, must be one of {', '.join(QUANTITIES)}")
-
     def require(self, worm: Worm) -> None:
-        """Raise ValueError if a worm has no such segment, or the channel has no segments."""
+        """Raise ValueError if there is no such channel, a worm has no such segment, or the channel has no segments."""
+        if self.channel not in QUANTITIES:
+            meant = did_you_mean(self.channel, [(name, name) for name in QUANTITIES])
+            known = f"did you mean {meant!r}?" if meant else HOW_TO_ADD
+            raise ValueError(f"channel: got {self.channel!r}, must be one of {', '.join(QUANTITIES)}; {known}")
         if self.segment != ALL:
             _require_segment(self.segment, worm)
             if len(QUANTITIES[self.channel].shape(worm)) < 2:
@@ -192,7 +193,8 @@ class Faulty(Spelled):
         owner, of_plans = controller if planning is None else planning, [each for each in faults if each.of_plans]
         if of_plans:
             if not hasattr(owner, "planner"):
-                raise ValueError(f"{of_plans[0].name}: got this fault, but {type(owner).__name__} plans nothing")
+                name = of_plans[0].name or type(of_plans[0]).__name__
+                raise ValueError(f"{name}: got this fault, but {type(owner).__name__} plans nothing")
             owner.planner = _Planner(owner.planner, of_plans, seed)
         self.reset()
 

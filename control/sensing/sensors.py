@@ -186,12 +186,15 @@ QUANTITIES = {
 }
 """Quantity of each channel, by its name."""
 
+HOW_TO_ADD = 'for a channel of your own set sensor."my_module:NAME" = true in the scene, or enter it in QUANTITIES'
+
 
 def require_known(names: Any) -> None:
     """Raise ValueError unless there is a channel of each name."""
     for name in names:
         if name not in QUANTITIES:
-            raise ValueError(f"{name}: got a channel of this name, must be one of {', '.join(QUANTITIES)}")
+            known = ", ".join(QUANTITIES)
+            raise ValueError(f"{name}: got a channel of this name, must be one of {known}; {HOW_TO_ADD}")
 
 
 class Sample(NamedTuple):

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from control.parts import CHANNEL
-from control.sensing.sensors import QUANTITIES, Channel, Quantity
+from control.sensing.sensors import QUANTITIES, Channel, Quantity, require_known
 from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, part_of
 from scenes.language.schema import keys_in, new_key
 from worm3d.values import named
@@ -38,7 +38,8 @@ class ChannelSection(PartSection, holds={ITSELF: CHANNEL}):
 
     @classmethod
     def each(cls, name: str, part: Any) -> Keys:
-        """Return the keys of the sub-section of a channel of a user's own."""
+        """Return the keys of the sub-section of a channel of a user's own, which is known by its name from now on."""
+        QUANTITIES.setdefault(own_name(name), part)
         return keys_of(Channel, defaults=asdict(part.default), units=_units(part))
 
 
@@ -47,8 +48,14 @@ def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
 
     One without keys there is a usual sensor. Such a channel was added to `QUANTITIES` by a module that was imported
     later, as that of a controller.
+
+    Raises
+    ------
+    ValueError
+        There is no channel of a name.
     """
     own = {name: QUANTITIES[channel] for name, channel in own_channels(section).items()}
+    require_known(names)
     return {
         name: part_of(Channel, section, prefix=f"{name}_", units=_units(QUANTITIES[name]))
         if any(each.startswith(f"{name}_") for each in keys_in(type(section)))
@@ -72,8 +79,13 @@ def own_channels(section: Any) -> dict[str, str]:
     """
     found = {}
     for name in (name for name, _ in section if is_own(name)):
-        quantity, channel = named.ready(name, CHANNEL), name.partition(":")[2]
+        quantity, channel = named.ready(name, CHANNEL), own_name(name)
         if QUANTITIES.setdefault(channel, quantity) is not quantity:
             raise ValueError(f"{name}: there is another channel {channel!r}; rename it")
         found[name] = channel
     return found
+
+
+def own_name(name: str) -> str:
+    """Return the name by which controllers see a channel of a user's own, `module:NAME`."""
+    return name.partition(":")[2]

@@ -16,6 +16,7 @@ from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.loader import Draft, ImpossibleError, find_scene, read_text
 from scenes.language.sweep_section import CASE_LIMIT, varied_keys
+from scenes.language.toml import path_of
 from scenes.models.base import Model
 from scenes.models.loading import Scene, draft
 from scenes.running.terminal import counted
@@ -23,7 +24,7 @@ from scenes.sweep.design import Design, told
 from scenes.sweep.job import Job
 from scenes.sweep.key import key_of
 from scenes.sweep.links import Links, value_at
-from scenes.sweep.vary import design_of
+from scenes.sweep.vary import design_of, with_meaning
 
 SEED = "seed"
 """Key of a scene that seeds everything random in it."""
@@ -157,11 +158,11 @@ def planned(
         links = Links({}, {}, base.settings)
     schema, seed = base.model.schema, base.settings.seed
     design = design_of(base.name, schema, links.axes(vary or {}), random=random, listed=listed, seed=seed)
-    fixed = {override.partition("=")[0].strip() for override in source.overrides}
+    fixed = {path_of(override.partition("=")[0]) for override in source.overrides}
     keys = {each.key for each in design.varied}
-    if twice := sorted(keys & fixed):
+    if twice := sorted(key for key in keys if path_of(key) in fixed):
         raise SceneError(f"{twice[0]}: both varied and fixed by an override (-o); leave one of them out")
-    given = SEED in keys | fixed
+    given = SEED in keys or path_of(SEED) in fixed
     cases, wrong, impossible = [], _Mistakes(tuple(keys)), _Mistakes(tuple(keys))
     for done, values in enumerate(design.cases(), start=1):
         reasons: Sequence[str] = ()
@@ -174,6 +175,7 @@ def planned(
             if wrong.number >= MOST_WRONG:
                 break
             continue
+        design = _explained(design, scene)
         cases.append(_case(scene if given else _seeded(scene, seed, keys, values), values, "; ".join(reasons)))
         watch(done, len(design))
     if wrong.number:
@@ -181,6 +183,14 @@ def planned(
     if impossible.number == len(design):
         raise SceneError(*impossible.report(len(design), done))
     return Plan(base, design, tuple(cases))
+
+
+def _explained(design: Design, scene: Scene) -> Design:
+    """Return a design with what a case's scene knows of keys that the base has not: of parts that are varied."""
+    if all(each.title for each in design.varied):
+        return design
+    schema = scene.model.schema
+    return replace(design, varied=tuple(each if each.title else with_meaning(each, schema) for each in design.varied))
 
 
 def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:

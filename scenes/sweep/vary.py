@@ -9,6 +9,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,9 @@ def design_of(
     if twice := [key for key in single if key in {each.key for each in grid}]:
         raise SceneError(f"vary {twice[0]}: varied twice, in --vary and in --list")
     design = Design(scene, (*grid, *(_described(schema, key, dim, values) for key, values in single.items())))
+    paths = [path_of(each.key) for each in design.varied]
+    if again := [each.key for k, each in enumerate(design.varied) if paths[k] in paths[:k]]:
+        raise SceneError(f"vary {again[0]}: varied twice, as its key may be written with quotes and without")
     if not design.varied:
         raise SceneError(f"{scene}: nothing to vary; give --vary key=v1,v2,... or --list FILE, or a section [sweep]")
     return _of_a_size(design)
@@ -111,7 +115,7 @@ def texts(given: Iterable[str]) -> dict[str, str]:
         key = key.strip()
         if not (equals and key and values.strip()):
             raise SceneError(f"--vary: got '{text}': must be key=values, such as gait.period_s=2,3,4 ({HOW})")
-        if key in found:
+        if path_of(key) in map(path_of, found):
             raise SceneError(f"--vary {key}: given twice; write all its values in one")
         found[key] = values
     return found
@@ -161,9 +165,13 @@ def _of_a_size(design: Design) -> Design:
 
 
 def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any]) -> Varied:
-    known = key_at(schema, path_of(key))
-    unit, title = (known.unit_or_one, known.meaning) if known else ("", "")
-    return Varied(key, dim, tuple(values), unit, title)
+    return with_meaning(Varied(key, dim, tuple(values)), schema)
+
+
+def with_meaning(varied: Varied, schema: type[Section]) -> Varied:
+    """Return a varied key with the unit and the meaning that a schema has for it, if the schema has the key."""
+    known = key_at(schema, path_of(varied.key))
+    return varied if known is None else replace(varied, unit=known.unit_or_one, title=known.meaning)
 
 
 def is_drawn(given: Any) -> bool:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from control.sensing.sensors import QUANTITIES
 from scenes.commands.cli import main
 from scenes.models.loading import load_scene
 from scenes.records.record import Record
 from scenes.running.runner import simulate
+from worm3d.measures import MEASURES
 from worm3d.running.plant import entries
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
@@ -76,3 +78,16 @@ def console(script: str, tmp_path: Path) -> Command:
 def record() -> Record:
     """A short run."""
     return simulate(load_scene("planar_published", SHORT[1::2]))
+
+
+@pytest.fixture
+def zoo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The module `zoo`, a user's own with parts of every kind, in the folder where the program is started."""
+    file = tmp_path / "zoo.py"
+    file.write_text(Path(__file__).with_name("parts_of_every_kind.py").read_text())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield file
+    sys.modules.pop("zoo", None)
+    QUANTITIES.pop("tail", None)
+    MEASURES.pop("lift_m", None)

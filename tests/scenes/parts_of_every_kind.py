@@ -84,6 +84,12 @@ class Late(Actuator):
         return {"tank": s["command"]}
 
 
+class Hinged(Late):
+    """The same for hinges."""
+
+    drives_hinges: ClassVar = True
+
+
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sticky(Hysteresis):
@@ -213,6 +219,45 @@ class Blind:
     def step(self, t, measurement):
         before, self.t = self.t, t
         return self.generator.step(t - before, GaitParameters(self.stride, 0.8))
+
+
+class Feels(Blind):
+    """Drives a wave that is the smaller the higher it feels its tail; a quarter of it where it feels nothing."""
+
+    senses = ("tail",)
+
+    def step(self, t, measurement):
+        height = measurement["tail"].value
+        stride = self.stride / 4 if height is None else np.clip(self.stride - height, 0.0, 0.45)
+        before, self.t = self.t, t
+        return self.generator.step(t - before, GaitParameters(float(stride), 0.8))
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Off(Injected):
+    """The sensor of the tail's height is off."""
+
+    error: float = parameter(0.1, meaning="how much it is off", unit="m")
+
+    def measured(self, measurement, before):
+        height, instant = measurement["tail"]
+        return measurement if height is None else measurement.changed(tail=(height + self.error, instant))
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Ducks(Reflex):
+    """Contracts the less the higher the tail is."""
+
+    gain: float = parameter(5.0, meaning="how much less", unit="1/m", ge=0)
+    senses = ("tail",)
+
+    def start(self, worm):
+        return self
+
+    def step(self, t, wanted, felt):
+        return wanted * np.clip(1.0 - self.gain * float(felt["tail"]), 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,12 @@ import json
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from control.sensing.sensors import QUANTITIES
 from scenes import models
+from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.toml import path_of
 from scenes.models.control.build import controller_of, faults_of, parts_of, sensors_of
@@ -20,19 +19,8 @@ from scenes.models.control.build import path_of as tracked
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, gait_of, measures_of, worm_of
-from worm3d.measures import MEASURES
 
-
-@pytest.fixture(autouse=True)
-def zoo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    file = tmp_path / "zoo.py"
-    file.write_text(Path(__file__).with_name("parts_of_every_kind.py").read_text())
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    yield file
-    sys.modules.pop("zoo", None)
-    QUANTITIES.pop("tail", None)
-    MEASURES.pop("lift_m", None)
+pytestmark = pytest.mark.usefixtures("zoo")
 
 
 WORM = {
@@ -148,6 +136,19 @@ def test_init_lists_the_keys_of_a_part(worm3d, tmp_path: Path) -> None:
     assert (ended.code, "did you mean 'share'?" in ended.err) == (2, True)
 
 
+@pytest.mark.parametrize(("scene", "name", "key", "right", "wrong"), CASES)
+def test_each_kind_is_checked_and_written_by_the_command_line(worm3d, scene: str, name: str, key: str, right, wrong):
+    mud = ("-o", MUD) if scene == "flat" else ()
+    assert worm3d("check", scene, *mud, "-o", name).code == 0
+    ended = worm3d("check", scene, *mud, "-o", name, "-o", f"{key}={json.dumps(wrong)}")
+    assert (ended.code, f"{key}: got" in ended.err or "zoo:Kick is" in ended.err) == (2, True)
+    model = ("--model", "worm_control") if scene == "path_line" else ()
+    ended = worm3d("init", "my.toml", *model, *mud, "-o", name, "-o", f"{key}={json.dumps(right)}")
+    assert ended.code == 0, ended.err
+    assert f"\n{path_of(key)[-1]} = {toml.value(right)}\n" in Path("my.toml").read_text()
+    assert worm3d("check", "my.toml").code == 0
+
+
 def test_every_check_reads_keys_that_its_model_has() -> None:
     from scenes.language.schema import key_at
 
@@ -160,9 +161,11 @@ LOOK = """
 import sys
 import worm3d
 
-run, driven = worm3d.load("a"), worm3d.load("b")
+run, driven, planned = map(worm3d.load, "abd")
 assert run.summary()["lift_m"] is not None
-assert run.worm.load.lift == 0.04 and run.actuator_states.keys() == {"load_height"}
+assert run.worm.load.lift == 0.04 and "load_height" in run.actuator_states
+assert (run.worm.hysteresis.give, run.worm.medium.grow) == (2e-4, 0.7)
+assert planned.joints.shape == driven.joints.shape
 assert driven.worm.actuator.tau == 0.1 and driven.actuator_states.keys() == {"tank"}
 worm3d.draw(run, "a.png")
 assert "zoo" not in sys.modules
@@ -172,7 +175,8 @@ print(run.summary()["distance_m"], run.world.distance(run.joints[-1]).min())
 
 def test_runs_are_varied_and_shown_where_the_module_is_not(worm3d, tmp_path: Path, zoo: Path) -> None:
     first = ("gait.kind=zoo:Kick", "world.kind=zoo:Ripples", "friction.law=zoo:Slime", 'measures.parts=["zoo:lift"]')
-    first += ("reflexes.zoo:Shy.less=0.2", "load.kind=zoo:Kite", "load.lift_N=0.04")
+    first += ("reflexes.zoo:Shy.less=0.2", "load.kind=zoo:Kite", "load.lift_N=0.04", "friction.thick_s_m=4.0")
+    first += ("hysteresis.kind=zoo:Sticky", "hysteresis.give_J=2e-4", "medium.kind=zoo:Mud", "medium.grow=0.7", MUD)
     flat = ("run.duration_s=1.2", *first)
     vary = ("--vary", "gait.share=0.4,0.6", "--vary", "world.ripple_m=0.002,0.004", "--out", "s")
     ended = worm3d("sweep", "flat", *(word for each in flat for word in ("-o", each)), *vary)
@@ -180,11 +184,20 @@ def test_runs_are_varied_and_shown_where_the_module_is_not(worm3d, tmp_path: Pat
     assert worm3d("run", "flat", *(word for each in flat for word in ("-o", each)), "--out", "a").code == 0
     usual = [each for each in CONTROL if not each.startswith("cost")]
     second = ("run.duration_s=0.5", "actuator.kind=zoo:Late", "actuator.tau_s=0.1", *usual)
+    second += ("fault.sensor=true", "fault.sensor_channel=tail")
     assert worm3d("run", "path_line", *(word for each in second for word in ("-o", each)), "--out", "b").code == 0
+    third = ("run.duration_s=0.5", 'cost.parts=["speed", "zoo:Thrift"]', "cost.zoo:Thrift.tolerance_Hz=0.3")
+    assert worm3d("run", "path_line", *(word for each in third for word in ("-o", each)), "--out", "d").code == 0
     summary = json.loads((tmp_path / "a" / "summary.json").read_text())
     zoo.unlink()
     sys.modules.pop("zoo")
-    for command in (("view", "a", "--no-open"), ("plot", "a"), ("plot", "b"), ("compare", "a", "b", "--out", "c")):
+    for command in (
+        ("view", "a", "--no-open"),
+        ("plot", "a"),
+        ("plot", "b"),
+        ("plot", "d"),
+        ("compare", "a", "b", "--out", "c"),
+    ):
         ended = worm3d(*command)
         assert ended.code == 0, (command, ended.err)
     seen = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, check=False, cwd=tmp_path)

@@ -39,7 +39,8 @@ def _at_limit(result: FinishedRun) -> float:
 def _input(result: FinishedRun) -> float:
     actuator = result.worm.actuator
     if not actuator.has_source:
-        raise NoValueError(f"the actuator {actuator.name!r} has no source of energy: its work is all that is known")
+        name = actuator.name or type(actuator).__name__
+        raise NoValueError(f"the actuator {name!r} has no source of energy: its work is all that is known")
     return float(result.energy.work_contract.sum())
 
 

@@ -18,7 +18,7 @@ from control.identification.identified import Identified
 from control.loop import Driver, WaveController
 from control.parts import CONSTRAINT, FAULT, OBSTACLE, PATH, TERM
 from control.planning.suited import suited
-from control.sensing.sensors import QUANTITIES, Sensors
+from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, Sensors
 from control.task import ControlTask
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
@@ -271,9 +271,17 @@ def sensors_of(scene: ControlScene) -> Sensors:
     """Return the sensors; their errors follow from the scene's seed.
 
     A channel that the section has no key for is there where every robot has it, or the controller `senses` it.
+
+    Raises
+    ------
+    SceneError
+        The controller senses a channel that there is not.
     """
     senses = getattr(controller(scene.controller.kind), "senses", ())
     kept = {name for name, each in QUANTITIES.items() if each.standard or name in senses}
     asked = [name for name in QUANTITIES if getattr(scene.sensor, name, name in kept)]
     channels: dict[str, Any] = dict(channels_of(scene.sensor, asked))
+    if lost := [name for name in senses if name not in channels]:
+        kind, (first, *_) = scene.controller.kind, lost
+        raise SceneError(f"controller: {kind} senses {first!r}, and there is no such sensor; {HOW_TO_ADD}")
     return Sensors(seed=scene.seed, **channels)

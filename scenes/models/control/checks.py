@@ -18,6 +18,7 @@ from scenes.models.control.schema import ControlScene, Faults, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
+from worm3d.values.named import is_own
 
 
 def _there_is_such_a_path(*sections: Section) -> Found:
@@ -87,13 +88,16 @@ def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key
     }
 
 
-def _begins_in_the_run(asked: bool, begin_s: float, duration_s: float, *, name: str) -> Found:
-    if not asked or begin_s < duration_s:
+def _faults_begin_in_the_run(faults: Any, duration_s: float) -> Found:
+    begins = {f"fault.{name}_begin_s": faults[f"{name}_begin_s"] for name in INJECTED if faults.get(name)}
+    begins |= {f"fault.{name}": getattr(own, "begin_s", 0.0) for name, own in faults.items() if is_own(name)}
+    late = [key for key, begin_s in begins.items() if begin_s >= duration_s]
+    if not late:
         return None
+    end = f"the end of the run (run.duration_s = {duration_s:g} s), or the fault never shows"
     return {
-        f"fault.{name}_begin_s": f"got {begin_s:g} s: must be before the end of the run (run.duration_s = "
-        f"{duration_s:g} s), or the fault never shows",
-        "run.duration_s": f"got {duration_s:g} s: must be more than fault.{name}_begin_s ({begin_s:g} s)",
+        late[0]: f"got {begins[late[0]]:g} s: must be before {end}",
+        "run.duration_s": f"got {duration_s:g} s: must be more than {late[0]} ({begins[late[0]]:g} s)",
     }
 
 
@@ -148,10 +152,7 @@ CONTROL_CHECKS = (
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
     *switched_checks(INJECTED, "fault", Faults, "fault"),
     building(_faults, *FAULTY),
-    *(
-        Check((f"fault.{name}", f"fault.{name}_begin_s", "run.duration_s"), partial(_begins_in_the_run, name=name))
-        for name in INJECTED
-    ),
+    Check(("fault", "run.duration_s"), lambda faults, duration_s: _faults_begin_in_the_run(dict(faults), duration_s)),
     *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),

@@ -33,6 +33,7 @@ from scenes.models.worm.schema import (
 from worm3d.recorded.state import StateError
 from worm3d.running import start
 from worm3d.values.arguments import bytes_of_run
+from worm3d.values.named import is_own
 
 IMPOSSIBLE = (ValueError, ArithmeticError)
 """What a worm raises that cannot be; numbers without bounds may overflow."""
@@ -116,9 +117,9 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
 
 def _errors_are_felt(sensor: Senses, reflexes: Reflexes, kind: str) -> Found:
     """Tell of errors of sensors where nothing senses."""
-    wrong = [key for key, value in sensor if value != keys_in(Senses)[key].default]
+    wrong = [key for key, value in sensor if is_own(key) or value != keys_in(Senses)[key].default]
     gait = class_named(GAIT, kind)
-    if not wrong or any(value is True for _, value in reflexes) or issubclass(gait, FeedbackGait):
+    if not wrong or any(value is True or is_own(name) for name, value in reflexes) or issubclass(gait, FeedbackGait):
         return None
     return f"got {wrong[0]}: neither the gait {kind!r} nor a reflex senses anything; leave this section out"
 

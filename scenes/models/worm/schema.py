@@ -17,11 +17,12 @@ from scenes.models.switched import switched_keys
 from scenes.models.worlds.schema import World
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.worm import Worm as PlantWorm
+from worm3d.values.named import is_own
 
 
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
     """Return the keys of the actuators that may drive hinges."""
-    parts = {name: part for name, part in registry.items() if getattr(part, "drives_hinges", True)}
+    parts = {name: part for name, part in registry.items() if is_own(name) or getattr(part, "drives_hinges", True)}
     return chosen(parts, meaning="what drives the hinges")
 
 

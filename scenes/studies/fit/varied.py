@@ -63,7 +63,7 @@ def _parsed(wanted: Sequence[str]) -> dict[str, tuple[float, float] | None]:
     ranges: dict[str, tuple[float, float] | None] = {}
     for text in wanted:
         key, equals, span = text.partition("=")
-        if key.strip() in ranges:
+        if path_of(key) in map(path_of, ranges):
             raise SceneError(f"--vary {key.strip()}: given twice, must be there once")
         ranges[key.strip()] = _range(key.strip(), span) if equals else None
     return ranges
