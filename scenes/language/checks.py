@@ -123,11 +123,13 @@ def _told(
 
 def _without(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any]:
     """Return the data without some keys of sections."""
-    given = dict(data)
-    for section, key in ((str(path[0]), path[1]) for path in paths if len(path) > 1):
-        if isinstance(given.get(section), Mapping):
-            given[section] = {name: value for name, value in given[section].items() if name != key}
-    return given
+    gone = {path[:2] for path in paths}
+    return {
+        section: {key: value for key, value in given.items() if (section, key) not in gone}
+        if isinstance(given, Mapping)
+        else given
+        for section, given in data.items()
+    }
 
 
 def _tested(check: Check, values: Sequence[Any], data: Mapping[str, Any]) -> Found:
@@ -156,7 +158,7 @@ def _mistake(
 
     order = {path: n for n, path in enumerate(paths)}
     told: list[KeyPath] = [*paths] if isinstance(text, str) else [tuple(key.split(".")) for key in text]
-    about = min(sorted(told, key=lambda path: order.get(path, len(order))), key=rank)
+    about = min(sorted(told, key=lambda path: order.get(path, order.get(path[:1], len(order)))), key=rank)
     others = tuple(dict.fromkeys(key for path in paths for key in (*_written_below(data, path), path) if key != about))
     return Mistake(about, text if isinstance(text, str) else text[dotted(about)], suspects=others)
 

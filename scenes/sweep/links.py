@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, partial
 from typing import Any
 
@@ -97,7 +97,7 @@ def value_at(settings: Section, key: str, otherwise: Any) -> Any:
         if _is_no_key(here, name):
             return otherwise
         here = getattr(here, name)
-    return here
+    return asdict(here) if isinstance(here, Section) else here
 
 
 def _is_no_key(section: Any, name: str) -> bool:

@@ -88,7 +88,8 @@ def test_a_chamber_that_does_not_obey_is_named_within_three_waves(segment, side,
     fault = found[f"chamber {segment} {('left', 'right')[side]}"]
     assert 0.0 < broken.waves_from(begin, fault.time) < 3.0
     assert f"{('left', 'right')[side]} chamber of segment {segment}" in fault.what
-    assert len(found) == 1
+    assert {kind.partition(" ")[0] for kind in found} <= {"chamber", "too"}, "it may be too slow by then"
+    assert len([kind for kind in found if kind.startswith("chamber")]) == 1
 
 
 def test_a_chamber_that_does_not_obey_is_not_taken_for_a_worm_that_tips() -> None:

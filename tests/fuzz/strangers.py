@@ -46,6 +46,7 @@ KEYS = {
     'measures.parts=["{}"]': "measure",
     'fault."{}"=true': "fault",
     'sensor."{}"=true': "channel",
+    'reference.obstacles=[{{kind="{}", x_m=1, y_m=1, radius_m=0.1}}]': "obstacle",
 }
 """Overrides of the scene path_line that name a part, and the kind of part that the key takes."""
 OF_GAITS = {"gait.kind={}": "gait", 'reflexes."{}"=true': "reflex", 'sensor."{}"=true': "channel"}

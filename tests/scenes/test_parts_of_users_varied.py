@@ -357,5 +357,5 @@ def test_an_actuator_that_drives_no_hinges_is_refused_for_them() -> None:
 
 
 def test_a_fault_that_begins_after_the_run_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"begin_s: got 9 s: must be before the end of the run"):
+    with pytest.raises(SceneError, match=r"Weak: got a beginning at 9 s: must be before the end of the run"):
         asked("path_line", *DRIVEN, "fault.zoo:Weak.begin_s=9")

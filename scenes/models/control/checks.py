@@ -96,7 +96,7 @@ def _faults_begin_in_the_run(faults: Any, duration_s: float) -> Found:
         return None
     end = f"the end of the run (run.duration_s = {duration_s:g} s), or the fault never shows"
     return {
-        late[0]: f"got {begins[late[0]]:g} s: must be before {end}",
+        late[0]: f"got a beginning at {begins[late[0]]:g} s: must be before {end}",
         "run.duration_s": f"got {duration_s:g} s: must be more than {late[0]} ({begins[late[0]]:g} s)",
     }
 

@@ -65,7 +65,7 @@ def test_cases_that_cannot_be_are_failed_without_being_run(worm3d, tmp_path: Pat
     assert ended.complaints[0] == "planar_published: 1 of 2 cases, 1 failed (1 refused, not run)"
     refused, done = rows(tmp_path / "x" / "sweep.csv")
     assert (refused["status"], done["status"]) == ("failed", "done")
-    assert "at most a 10th of gait.period_s (0.001 s)" in refused["reason"]
+    assert "at most a 10th of the gait's period, 0.001 s" in refused["reason"]
     case = json.loads((tmp_path / "x" / "cases" / f"{refused['case']}.json").read_text())
     assert (case["status"], case["scene"]["gait"]["period_s"]) == ("failed", 0.001)
     again = worm3d(*command, "--retry-failed")

@@ -99,8 +99,8 @@ def test_the_key_is_of_scene_programs_files_and_maps(tmp_path: Path, monkeypatch
 def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them() -> None:
     wide = {"gait.period_s": "0.01,0.02", "gait.amplitude": "0.1,0.2"}
     assert refused(wide) == [
-        "with gait.period_s = 0.01, gait.amplitude = 0.1 (and 3 cases more): gait.period_s: got 0.01 s: must be at "
-        "least 10 times run.dt_s (0.01 s), or the wave falls between the steps"
+        "with gait.period_s = 0.01, gait.amplitude = 0.1 (and 3 cases more): gait.period_s: run.dt_s: got 0.01 s, "
+        "must be at most a 10th of the gait's period, 0.01 s, or the wave falls between the steps"
     ]
     assert refused({"gait.perod_s": "1,2"}) == ["gait.perod_s: unknown key; did you mean 'period_s'?"]
     assert refused({"gait.perod_s": "1,2"}, "worm.sgments=3") == [
@@ -163,7 +163,7 @@ def test_a_wrong_section_is_told_by_its_line(section: str, complaint: str) -> No
 def test_cases_that_only_their_combination_makes_impossible_are_refused_and_the_others_go_on() -> None:
     found = plan({"gait.period_s": "0.01,2", "gait.amplitude": "0.1,0.2"})
     assert [bool(case.refused) for case in found.cases] == [True, True, False, False]
-    assert found.cases[0].refused.startswith("gait.period_s: got 0.01 s: must be at least 10 times run.dt_s")
+    assert found.cases[0].refused.startswith("gait.period_s: run.dt_s: got 0.01 s, must be at most a 10th")
     lines = refused({"gait.period_s": "0.01,2,-1"})
     assert len(lines) == 1, "a value that is wrong for any scene stops all"
     assert lines[0].startswith("with gait.period_s = -1: gait.period_s: got -1: input should be greater than")
