@@ -118,10 +118,19 @@ def check(scene: SceneArgument, o: Overrides = None, no_code: NoCode = False) ->
 
 
 @app.command(name="list")
-def list_scenes() -> None:
-    """Name the scenes that come with the program, a line each."""
+def list_scenes(
+    kind: Annotated[
+        str | None, typer.Argument(metavar="[KIND]", help="A kind of parts, such as gait, world or actuator.")
+    ] = None,
+) -> None:
+    """Name the scenes that come with the program, a line each, or the parts of a kind and the keys that take them."""
     from scenes.language.loader import says, shipped_scenes
 
+    if kind is not None:
+        from scenes.models.kinds import lines
+
+        typer.echo("\n".join(lines(kind)))
+        return
     for name, path in shipped_scenes().items():
         typer.echo(f"{name}  {says(path)}")
 

@@ -171,7 +171,7 @@ def _extended(
     for each in own:
         (part,) = each.parts
         if each.in_a_section(section):
-            inner = _section_of("Own", section.each(each.name, part), getattr(part, "meaning", "") or head(part))
+            inner = _section_of("Own", section.each(each.name, part), head(part))
             keys[each.name] = Key(meaning="", hint=inner, default=inner())
             continue
         added = _keys(section, each, part) if each.key == first else {}

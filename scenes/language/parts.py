@@ -157,8 +157,8 @@ def meanings(registry: Mapping[str, type]) -> str:
 
 
 def head(part: Any) -> str:
-    """Return the first sentence about a part, without its full stop."""
-    return (part.__doc__ or "").split(".")[0]
+    """Return the meaning of a part, or the first sentence about it without its full stop."""
+    return getattr(part, "meaning", "") or (part.__doc__ or "").split(".")[0]
 
 
 def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING, **given: Any) -> T:

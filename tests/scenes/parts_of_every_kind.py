@@ -14,6 +14,7 @@ from control.gaits.steering import GaitParameters, WaveGenerator
 from control.parts import part
 from control.planning.terms import CostTerm
 from control.sensing.sensors import Channel, Quantity
+from control.tracking.obstacles import Obstacle
 from control.tracking.paths import Circle
 from worm3d.measures import measure
 from worm3d.physics.actuators import Actuator, Response
@@ -37,6 +38,27 @@ class Kick(Gait):
     def activations(self, times, segments):
         phase = np.multiply.outer(times / self.period, np.ones(segments)) - np.arange(segments) / segments
         return (phase % 1.0 < self.share).astype(float)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Log(Obstacle):
+    """A log that lies along x."""
+
+    x: float = parameter(meaning="x of its middle", unit="m")
+    y: float = parameter(meaning="y of its middle", unit="m")
+    radius: float = parameter(meaning="distance of its edge from its middle line", unit="m", gt=0)
+    half: float = parameter(0.1, meaning="half of its length", unit="m", gt=0)
+
+    def __post_init__(self):
+        check(self)
+
+    @property
+    def spine(self):
+        return np.array([[self.x - self.half, self.y], [self.x + self.half, self.y]])
+
+    def distance(self, x, y):
+        return ca.hypot(ca.fmax(ca.fabs(x - self.x) - self.half, 0), y - self.y) - self.radius
 
 
 @documented

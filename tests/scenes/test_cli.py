@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from control.parts import KINDS
 from scenes import models
 from scenes.commands import app as app_module
 from scenes.commands import cli
@@ -60,6 +61,20 @@ def test_a_run_draws_and_writes_its_page_without_slow_imports(tmp_path: Path, sc
 
 def test_version(worm3d) -> None:
     assert worm3d("--version").out == "worm3d 0.1.0\n"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_list_names_the_parts_of_a_kind_and_the_keys_that_take_them(worm3d, kind: str) -> None:
+    lines = worm3d("list", kind).out.splitlines()
+    keys, parts = [line for line in lines if line[0] != " "], [line.split()[0] for line in lines if line[0] == " "]
+    assert keys
+    assert all(" = NAME or module:NAME, in scenes of worm" in line for line in keys)
+    assert {*KINDS[kind].registry} - {"com", "strain"} <= {*parts} or kind in ("channel", "measure")
+
+
+def test_list_of_an_unknown_kind_says_what_was_meant(worm3d) -> None:
+    ended = worm3d("list", "gaits")
+    assert (ended.code, ended.complaints) == (2, ["unknown kind of parts; did you mean 'gait'?"])
 
 
 def test_list_names_each_scene_and_what_to_see(worm3d) -> None:

@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from control.sensing.sensors import QUANTITIES
+from control.tracking.obstacles import Disc
 from scenes.language.errors import SceneError
 from scenes.language.toml import path_of
-from scenes.models.control.build import faults_of
-from scenes.models.loading import load_scene
+from scenes.models.control.build import faults_of, reference_of
+from scenes.models.loading import load_scene, parse_scene
+from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running.runner import lengthened, simulate
@@ -359,3 +361,44 @@ def test_an_actuator_that_drives_no_hinges_is_refused_for_them() -> None:
 def test_a_fault_that_begins_after_the_run_is_refused() -> None:
     with pytest.raises(SceneError, match=r"Weak: got a beginning at 9 s: must be before the end of the run"):
         asked("path_line", *DRIVEN, "fault.zoo:Weak.begin_s=9")
+
+
+LOG = 'kind = "zoo:Log", x_m = 2.0, y_m = 0.1, radius_m = 0.2'
+
+
+def test_an_obstacle_of_a_table_has_the_parameters_of_its_class() -> None:
+    disc = "{x_m = 3.0, y_m = -0.1, radius_m = 0.2}"
+    settings = asked("obstacles", f"reference.obstacles=[{{{LOG}, half_m = 0.3}}, {disc}]").settings
+    log, other = reference_of(settings).obstacles
+    assert (type(log).__name__, log.half, type(other)) == ("Log", 0.3, Disc)
+    assert_allclose(log.distances([[2.5, 0.1], [2.0, 0.4]]), [0.0, 0.1], atol=1e-15)
+    again = parse_scene(asked("obstacles", f"reference.obstacles=[{{{LOG}, half_m = 0.3}}]").to_toml(), "again")
+    assert again.settings.reference.obstacles[0].half_m == 0.3
+
+
+@pytest.mark.parametrize(
+    ("tables", "sentence"),
+    [
+        (f"{{{LOG}, half_m = -1.0}}", r"obstacles\[0\]\.half_m: got -1.0: input should be greater than 0"),
+        (f"{{{LOG}, hlaf_m = 1.0}}", r"obstacles\[0\]\.hlaf_m: unknown key; did you mean 'half_m'"),
+        (
+            f"{{{LOG}}}, {{x_m = 3, y_m = 1, radius_m = 0.2, half_m = 1}}",
+            r"obstacles\[1\]\.half_m: only for kind = 'zoo:Log'",
+        ),
+        (f"{{{LOG.replace('Log', 'Lgo')}}}", "the module 'zoo' has no 'Lgo'; did you mean 'Log'"),
+        (f"{{{LOG.replace('Log', 'Kick')}}}", "zoo:Kick is the class Kick, not marked as an obstacle"),
+    ],
+)
+def test_mistakes_in_obstacles_of_ones_own_are_lines(tables: str, sentence: str) -> None:
+    with pytest.raises(SceneError, match=sentence) as caught:
+        asked("obstacles", f"reference.obstacles=[{tables}]")
+    assert len(caught.value.lines) == 1
+
+
+def test_a_run_round_an_obstacle_of_ones_own_is_shown_where_the_module_is_not(tmp_path: Path) -> None:
+    record = simulate(asked("obstacles", f"reference.obstacles=[{{{LOG}}}]", "run.duration_s=0.4"))
+    save(record, tmp_path / "result.nc")
+    sys.modules.pop("zoo")
+    (tmp_path / "zoo.py").unlink()
+    shown = scene_of(load(tmp_path / "result.nc"))
+    assert (shown.reference.kind, shown.reference.obstacles) == ("line", ())
