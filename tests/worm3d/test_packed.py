@@ -10,10 +10,11 @@ from pathlib import Path
 
 import llvmlite
 import numpy as np
+import packing
 import pytest
 from kept_files import double, fresh, total
 
-from worm3d.machine import packed, packing
+from worm3d.machine import packed
 from worm3d.machine.codegen import Host, native
 from worm3d.machine.compiled import announce
 from worm3d.machine.functions import Function
@@ -25,7 +26,7 @@ MAKE = """
 import sys
 from pathlib import Path
 import numpy as np, kept_files
-from worm3d.machine import packing
+import packing
 from worm3d.machine.functions import Function
 calls = [(Function(kept_files.double, lambda: "1", 1, None), [1.0], float)]  # in the order of `fresh`
 calls += [(Function(kept_files.total, lambda: "1", 1, None), (np.zeros(2),), None)]

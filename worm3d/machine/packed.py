@@ -1,6 +1,6 @@
 """Object code that comes with the package, for processors of a kind: who has it need not compile at the first start.
 
-It is made by `python -m worm3d.machine.packing`. Code is found under the digest of its sources, as in the cache, and
+It is made by `python tests/worm3d/packing.py`. Code is found under the digest of its sources, as in the cache, and
 verified by a checksum: of other sources it is ignored.
 """
 

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import control_page
 import pytest
 
 from scenes.language.errors import SceneError
@@ -15,7 +16,7 @@ from scenes.models.control import build
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
 from scenes.running import packages
-from scenes.studies.bench import control, control_bars, control_page, control_report, control_score, control_trials
+from scenes.studies.bench import control, control_bars, control_report, control_score, control_trials
 from scenes.studies.bench.control import Found, Plan, Row
 from scenes.studies.bench.control_trials import FULL, QUICK, SCENES, Trial
 
@@ -288,7 +289,7 @@ def test_outside_controllers_that_stand_or_raise_lose_and_the_mpc_is_held_to_no_
 def test_the_page_of_rules_is_that_of_the_tables() -> None:
     kept = Path(control.__file__).with_name("CONTROL.md").read_text()
     assert kept == control_page.page(), (
-        "write it again: python -m scenes.studies.bench.control_page > scenes/studies/bench/CONTROL.md"
+        "write it again: python tests/benchmarks/control_page.py > scenes/studies/bench/CONTROL.md"
     )
 
 

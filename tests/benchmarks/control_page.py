@@ -1,6 +1,6 @@
 """The page of rules of `worm3d bench control`, made from the tables that it runs: `scenes/studies/bench/CONTROL.md`.
 
-python -m scenes.studies.bench.control_page > scenes/studies/bench/CONTROL.md
+python tests/benchmarks/control_page.py > scenes/studies/bench/CONTROL.md
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ INTRO = """# A benchmark of controllers for worm robots
 A worm of six segments on a full 3D plant (contacts that stick and slip, actuators with a lag) is to keep to speeds,
 headings and paths. This page has the rules; `worm3d bench control` runs them and writes the results, of which
 [control](../../../control/README.md) has a table. Made from the tables of the program by
-`python -m scenes.studies.bench.control_page`.
+`python tests/benchmarks/control_page.py`.
 
 ## Rules
 

@@ -1,6 +1,6 @@
 """Makes the object code that comes with the package (`worm3d.machine.packed`).
 
-    python -m worm3d.machine.packing
+    python tests/worm3d/packing.py
 
 makes it for all kinds of processors, on any Linux machine of their family: two files of less than 100 kB. `--check`
 makes it too, and compares it with what is there, byte for byte: the same sources and versions make the same bytes.
@@ -103,7 +103,7 @@ def compare(there: Path, anew: Path) -> tuple[bool, str]:
     if versions != _versions() and old.keys() == new.keys():
         return True, f"not compared, for it was made with {', '.join(versions.splitlines())}; the keys are the same"
     different = sum(old.get(name) != content for name, content in new.items())
-    return False, f"{different} of {len(new)} entries differ: run 'python -m worm3d.machine.packing'"
+    return False, f"{different} of {len(new)} entries differ: run 'python tests/worm3d/packing.py'"
 
 
 def main() -> int:
