@@ -32,8 +32,8 @@ class Check:
     """Called with their values in that order; returns what is wrong, or None. Where it returns texts by key, that
     of the first key is told that the user wrote, in an override or else in the file."""
     builds: bool = False
-    """Whether the test makes an object of whole sections. Keys of these that are wrong on their own, or refused, have
-    their defaults in it, so that all that is refused is told."""
+    """Whether the test makes an object of whole sections. Wrong keys of these sections then have their defaults, and so
+    has each key that was refused: the test is repeated until nothing is refused."""
 
     @cached_property
     def paths(self) -> tuple[tuple[str, ...], ...]:
@@ -86,7 +86,7 @@ def cross_mistakes(
         if any(key_at(schema, path) is None for path in paths):
             continue  # a key of a kind that a part of the user's own takes the place of
         told = [*_told(check, schema, data, filled, wrong, overrides)]
-        if not told:
+        if not (told or (check.builds and wrong)):
             passed[check] = read
         for written, mistake in told:
             if any(mistake.text == other.text for _, other in failing):
@@ -104,20 +104,18 @@ def _told(
     wrong: set[KeyPath],
     overrides: tuple[KeyPath, ...],
 ) -> Iterator[tuple[frozenset[KeyPath], Mistake]]:
-    """Yield what a check finds, with the written keys that are to blame.
-
-    A check that builds goes on with the default of what was refused.
-    """
+    """Yield the mistakes that a check finds, each with the written keys that are to blame (see `Check.builds`)."""
     known = _without(filled, wrong) if check.builds else filled
+    partly = check.builds and any(path[:1] in check.paths for path in wrong)
     while (text := _tested(check, [_value(schema, known, path) for path in check.paths], data)) is not None:
         mistake = _mistake(text, check.paths, data, overrides)
         named = check.paths if isinstance(text, str) or not check.builds else [tuple(key.split(".")) for key in text]
-        if check.builds and wrong and not (_is_written(known, mistake.path) and wrong.isdisjoint(named)):
-            return  # of a default in the place of what is wrong
+        if partly and (isinstance(text, str) or not (_is_written(known, mistake.path) and wrong.isdisjoint(named))):
+            return  # a default in the place of a wrong value is to blame
         yield _written(data, named), mistake
         if not check.builds or mistake.path in check.paths or not _is_written(known, mistake.path):
             return
-        wrong = {mistake.path}
+        wrong, partly = {mistake.path}, True
         known = _without(known, wrong)
 
 

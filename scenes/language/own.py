@@ -84,7 +84,7 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
 def _with_tables(
     name: str, section: type[Section], given: Mapping[str, Any]
 ) -> tuple[type[Section], Mapping[str, Any], list[Mistake]]:
-    """Return a section whose arrays of tables have the keys of the parts that these name, its data, and mistakes."""
+    """Return a section, its data and mistakes; its arrays of tables have the keys of the parts that the tables name."""
     mistakes = list[Mistake]()
     for key, by, kind, items in _tables(section, given):
         parts: dict[str, Any] = {}

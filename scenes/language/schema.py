@@ -44,7 +44,7 @@ Tables = tuple[N, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Key(Parameter):
-    """What is known of a key of a section."""
+    """A parameter as a key of a section."""
 
     only: tuple[str, ...] = ()
     """Kinds of its section that it is for; empty for all."""
@@ -107,17 +107,17 @@ class Key(Parameter):
 
     @property
     def default_text(self) -> str:
-        """The default, or what holds if it is left out."""
+        """The default, or the words for a key that is left out."""
         return self.left_out or toml.shown(self.default)
 
     @property
     def meaning_in_section(self) -> str:
-        """What it is, and for which kinds of its section it is if it is not for all."""
+        """The meaning, after the kinds of the section that have the key, if not all have it."""
         only = ", ".join(few(self.only))
         return f"{only} only: {self.meaning}" if only else self.meaning
 
     def described(self, *, with_default: bool = True) -> str:
-        """Return what an error line says of it: ` [m], 0 < … <= 100 (default 1.0)`."""
+        """Return unit, range and default for an error line: ` [m], 0 < … <= 100 (default 1.0)`."""
         text = (f" [{self.unit}]" if self.unit else "") + (f", {self.span}" if self.span else "")
         text += f", {EACH[self.each][2]}" if self.each else ""
         known = with_default and not self.is_required and self.section is None
@@ -195,7 +195,7 @@ def setting(default: Any = None, *, only: str | tuple[str, ...] = (), **said: An
 
 
 def new_key(default: Any = None, **said: Any) -> Key:
-    """Return what is known of a key that no class writes out; arguments as of `setting`, and `hint`, its type."""
+    """Return a key that no class writes out; arguments as for `setting`, and `hint`, its type."""
     known: Key = parameter(made=Key, **said).metadata[PARAMETER]
     return dataclasses.replace(known, default=default)
 
@@ -214,7 +214,7 @@ def parts_key(names: Sequence[str], **said: Any) -> Key:
 
 
 def key_at(schema: type[Section], path: KeyPath) -> Key | None:
-    """Return what is known of a key or section, or None if there is none; indices in the path are passed over."""
+    """Return the key or section at a path, or None if there is none; indices in the path are passed over."""
     names = [name for name in path if isinstance(name, str)]
     known = keys_in(schema).get(names[0])
     if known is None or len(names) == 1:

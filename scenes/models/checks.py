@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -26,7 +27,7 @@ BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
 """Keys that say how far the links of a chamber reach."""
 
 ASKED = {"worm.segments": "require_body", "run.dt_s": "require_steps", "worm.stroke": "require_stroke"}
-"""Method of a gait that refuses a value of a key."""
+"""Methods of a gait that refuse values of keys."""
 
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:
@@ -106,7 +107,7 @@ Refusals = tuple[type[Exception], ...]
 def building(make: Callable[..., object], *needs: str, refusals: Refusals = (ValueError,)) -> Check:
     """Return the check that an object can be made of sections and keys.
 
-    What is refused is told at the keys that the refusal names, or at the first of those that are needed.
+    A refusal is told at the keys that its sentence names, or else at the first key of `needs`.
     """
     return Check(needs, partial(_refused, make=make, needs=needs, refusals=refusals), builds=True)
 
@@ -121,24 +122,17 @@ def _refused(*values: Any, make: Callable[..., object], needs: tuple[str, ...], 
 
 
 def _keys(needed: Iterable[tuple[str, Any]]) -> dict[str, str]:
-    """Return the key of each parameter that sections or single keys set, by `name` and by `section.name`."""
+    """Return the key of each parameter, by `name` and by `section.name`, without names that mean several keys."""
     keys: dict[str, str] = {}
     for need, value in needed:
         if isinstance(value, Section):
-            of_parameters = _unique(
-                (name, key) for key, known in keys_in(type(value)).items() for name in known.parameters
-            )
-            keys = {name: f"{need}.{key}" for name, key in of_parameters.items()} | keys
-            keys |= {f"{need}.{name}": f"{need}.{key}" for name, key in of_parameters.items()}
+            pairs = [(name, key) for key, known in keys_in(type(value)).items() for name in known.parameters]
+            times = Counter(name for name, _ in pairs)
+            single = {name: f"{need}.{key}" for name, key in pairs if times[name] == 1}
+            keys = {**single, **keys, **{f"{need}.{name}": key for name, key in single.items()}}
         else:
             keys[need.partition(".")[2].removesuffix("_s")] = need
     return keys
-
-
-def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Return names and keys, without names that mean several keys."""
-    found = [*pairs]
-    return {name: key for name, key in found if [other for other, _ in found].count(name) == 1}
 
 
 def gait_checks(

@@ -135,7 +135,7 @@ def parameter(
 ) -> Any:
     """Return a dataclass field; arguments are bounds (gt, ge, lt, le) and the attributes of `Parameter`.
 
-    Without a default it must be given. `made` is the class of what is known of it.
+    Without a default the field must be given. `made` is the class of the metadata.
     """
     bounds: dict[str, Any] = {name: others.pop(name) for name in ("gt", "ge", "lt", "le") if name in others}
     known = made(meaning=meaning, unit=unit, bounds=bounds, **others)
