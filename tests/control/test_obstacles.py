@@ -14,8 +14,8 @@ from control.tracking.preview import bounds, detour
 from control.tracking.references import Constant, Reference
 from scenes.language.errors import SceneError
 from scenes.language.loader import Scene
-from scenes.models.control.build import reference_of
 from scenes.models.control.record import motion_of
+from scenes.models.control.reference import reference_of
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
 from worm3d.values.arrays import FloatArray

@@ -22,8 +22,8 @@ from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.reading import read
 from scenes.language.schema import keys_in
-from scenes.models.control.build import reference_of
 from scenes.models.control.record import tracked
+from scenes.models.control.reference import reference_of
 from scenes.models.control.view import path_seen, reference_seen
 from scenes.models.loading import load_scene
 from scenes.models.worm.view import scene_of

@@ -25,10 +25,11 @@ from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, W
 from control.tracking.references import Constant, Sine, Steps
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
-from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of, wave_of
+from scenes.models.control.build import controller_of, sensors_of, wave_of
 from scenes.models.control.faults import in_turn, of_controller, refused
 from scenes.models.control.model import MODEL
 from scenes.models.control.record import tracked
+from scenes.models.control.reference import path_of, reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import load_scene
 from scenes.models.worm import view as worm_view

@@ -15,7 +15,8 @@ from control.parts import FAULT
 from control.sensing.sensors import QUANTITIES
 from scenes.language.errors import SceneError
 from scenes.language.parts import PartSection
-from scenes.models.control.build import controller_of, path_of
+from scenes.models.control.build import controller_of
+from scenes.models.control.reference import path_of
 from scenes.models.loading import load_scene
 from scenes.models.switched import switched_keys, switched_parts
 from scenes.running.runner import simulate

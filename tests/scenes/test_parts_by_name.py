@@ -15,7 +15,7 @@ from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.toml import path_of
 from scenes.models.control.build import controller_of, faults_of, parts_of, sensors_of
-from scenes.models.control.build import path_of as tracked
+from scenes.models.control.reference import path_of as tracked
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, gait_of, measures_of, worm_of

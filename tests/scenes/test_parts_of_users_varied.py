@@ -16,7 +16,8 @@ from control.sensing.sensors import QUANTITIES
 from control.tracking.obstacles import Disc
 from scenes.language.errors import SceneError
 from scenes.language.toml import path_of
-from scenes.models.control.build import faults_of, reference_of
+from scenes.models.control.build import faults_of
+from scenes.models.control.reference import reference_of
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,24 +15,20 @@ from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import Driver, WaveController
-from control.parts import CONSTRAINT, FAULT, OBSTACLE, PATH, TERM
+from control.parts import CONSTRAINT, FAULT, TERM
 from control.planning.suited import suited
 from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, Sensors
 from control.task import ControlTask
-from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
-from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
-from scenes.language.parts import part_named, part_of, values_of
+from scenes.language.parts import part_of, values_of
 from scenes.models.control.nearby import nearby
+from scenes.models.control.reference import reference_of, speeds_of
 from scenes.models.control.schema import AUTO, Controller, ControlScene
-from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of, own_channels
 from scenes.models.switched import parts_listed, switched_parts
-from scenes.models.worlds.build import world_of
 from scenes.models.worlds.schema import PIPES
-from scenes.models.worm.build import friction_of, start_of, worm_of
+from scenes.models.worm.build import friction_of, worm_of
 from worm3d.values import named
-from worm3d.values.arrays import FloatArray
 
 
 def controller_of(scene: ControlScene) -> Driver:
@@ -107,7 +102,7 @@ def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = No
     if not others:
         return first
     sine = known("sine") if known else identified_of(scene, "sine")
-    fastest = float(np.abs(_speeds(scene)).max())
+    fastest = float(np.abs(speeds_of(scene)).max())
     return suited(fastest, sine.maps[scene.controller.mechanism], worm_of(scene).length)
 
 
@@ -134,128 +129,6 @@ def map_name(scene: ControlScene) -> str:
     if asked != "own":
         return asked
     return "nearby" if loaded(scene, wave_of(scene)) is None else "identified"
-
-
-def reference_of(scene: ControlScene) -> Reference:
-    """Return what the worm is asked to do."""
-    return reference_along(scene, path_of(scene))
-
-
-def reference_along(scene: ControlScene, path: Path | None) -> Reference:
-    """Return what the worm is asked to do, given its path."""
-    asked = scene.reference
-    heading = None
-    if asked.kind == "heading":
-        steps = [(step.at_s, math.radians(step.heading_deg)) for step in asked.heading_steps]
-        heading = _profile(math.radians(asked.heading_deg), steps)
-    return Reference(
-        speed_of(asked),
-        heading,
-        path,
-        ends=asked.ends,
-        corridor=math.inf if asked.corridor_m is None else asked.corridor_m,
-        obstacles=tuple(part_named(OBSTACLE, each.kind, each) for each in asked.obstacles),
-        walled=asked.kind == "pipe" and scene.world.kind == "pipe",
-    )
-
-
-def speed_of(asked: Asked) -> Profile:
-    """Return the speed over time."""
-    if asked.speed_sine_m_s > 0.0:
-        return Sine(asked.speed_m_s, asked.speed_sine_m_s, asked.speed_sine_period_s)
-    return _profile(asked.speed_m_s, [(step.at_s, step.speed_m_s) for step in asked.speed_steps])
-
-
-def _profile(first: float, steps: list[tuple[float, float]]) -> Profile:
-    if not steps:
-        return Constant(first)
-    times, values = zip(*steps, strict=True)
-    return Steps(first, times, values)
-
-
-def path_of(scene: ControlScene) -> Path | None:
-    """Return the path, if there is one; ValueError if there can be no such path."""
-    kind = scene.reference.kind
-    if named.is_own(kind):
-        path: Path = part_named(PATH, kind, scene.reference)
-        return path
-    make = PATHS.get(kind)
-    return None if make is None else make(scene)
-
-
-def _line(scene: ControlScene) -> Path:
-    length = scene.reference.length_m
-    return Line(*_begin(scene), math.inf if length is None else length)
-
-
-def _circle(scene: ControlScene) -> Path:
-    return Circle(scene.reference.radius_m, *_begin(scene), scene.reference.towards)
-
-
-def _s_curve(scene: ControlScene) -> Path:
-    asked, (start, azimuth) = scene.reference, _begin(scene)
-    waves = math.ceil(2.0 * _farthest(scene) / asked.wavelength_m) / 2.0
-    return SCurve(asked.amplitude_m, asked.wavelength_m, max(waves, 0.5), start, azimuth, asked.towards)
-
-
-def _spline(scene: ControlScene) -> Path:
-    return SplinePath(_points(scene), scene.reference.closed)
-
-
-def _way_points(scene: ControlScene) -> Path:
-    return WayPoints(_points(scene), scene.reference.radius_m)
-
-
-def _pipe(scene: ControlScene) -> Path:
-    world = world_of(scene.world)
-    worlds = world.worlds if isinstance(world, worm3d.Union) else (world,)
-    pipe = next((each for each in worlds if isinstance(each, worm3d.Pipe)), None)
-    if pipe is None:
-        raise ValueError(f"kind: got 'pipe' in a world of kind '{scene.world.kind}', must be in one with a pipe")
-    return PlanView(pipe.centreline)
-
-
-PATHS: dict[str, Callable[[ControlScene], Path]] = {
-    "line": _line,
-    "circle": _circle,
-    "s_curve": _s_curve,
-    "spline": _spline,
-    "way_points": _way_points,
-    "pipe": _pipe,
-}
-"""Maker of the path of each kind of reference that is one."""
-
-
-def _begin(scene: ControlScene) -> tuple[tuple[float, float], float]:
-    """Return where a path begins, and its direction there: as said, or in the middle of the worm and along it."""
-    asked = scene.reference
-    azimuth = scene.start.azimuth_deg if asked.azimuth_deg is None else asked.azimuth_deg
-    if asked.start_m is not None:
-        x, y = asked.start_m
-    else:
-        x, y = middle_of(scene)
-    return (float(x), float(y)), math.radians(azimuth)
-
-
-def middle_of(scene: ControlScene) -> tuple[float, float]:
-    """Return where the middle of the worm begins [m]."""
-    x, y, _ = start_of(scene, worm_of(scene), world_of(scene.world)).joints[[0, -1]].mean(axis=0)
-    return float(x), float(y)
-
-
-def _points(scene: ControlScene) -> FloatArray:
-    return np.array([(point.x_m, point.y_m) for point in scene.reference.points]).reshape(-1, 2)
-
-
-def _farthest(scene: ControlScene) -> float:
-    """Return how far the worm is asked to go, and a body length more [m]."""
-    speeds = _speeds(scene)
-    return float(max(np.cumsum(speeds).max(), 0.0) / len(speeds) * scene.run.duration_s + scene.worm.length_m)
-
-
-def _speeds(scene: ControlScene) -> FloatArray:
-    """Return the speeds that are asked for in a run, at instants that are equally far apart [m/s]."""
-    return np.asarray(speed_of(scene.reference)(np.linspace(0.0, scene.run.duration_s, 1001)), dtype=float)
 
 
 def faults_of(scene: ControlScene) -> list[Injected]:

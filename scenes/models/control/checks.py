@@ -13,7 +13,8 @@ from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, of_this_kind
 from scenes.language.schema import Section, keys_in
 from scenes.models.checks import building
-from scenes.models.control.build import faults_of, middle_of, parts_of, reference_of
+from scenes.models.control.build import faults_of, parts_of
+from scenes.models.control.reference import middle_of, reference_of
 from scenes.models.control.schema import ControlScene, Faults, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of

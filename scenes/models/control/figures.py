@@ -14,8 +14,8 @@ from control.estimation.reduced import ReducedState
 from control.loop import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
 from control.tracking.references import Reference
-from scenes.models.control.build import speed_of
 from scenes.models.control.record import path_points, tracked
+from scenes.models.control.reference import speed_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.control.view import reference_seen
 from scenes.models.worm.view import scene_of

@@ -14,10 +14,11 @@ from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
-from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, reference_of, sensors_of, wave_of
+from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, sensors_of, wave_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import in_turn, of_controller, refused
 from scenes.models.control.record import motion_of, path_variable, timing_of, variables_of
+from scenes.models.control.reference import reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
 from scenes.models.worm import overview as worm_overview

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Literal
 
 from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
 from control.faults.injected import INJECTED
 from control.gaits.steering import Mechanism, Wave
-from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, OBSTACLE, PATH, TERM
+from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, TERM
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
-from control.tracking.obstacles import OBSTACLES
-from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of, meanings
-from scenes.language.schema import OWN, Key, Pair, Section, Tables, part_key, parts_key, setting
+from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, meanings
+from scenes.language.schema import OWN, Key, part_key, parts_key, setting
+from scenes.models.control.reference import Reference
 from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
 from scenes.models.worm.schema import SpatialScene
 
-HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
-BEGUN = (LINE, CIRCLE, S_CURVE)
-"""Kinds of paths that have a start and a direction there; others are where their points are."""
 AUTO: Literal["auto"] = "auto"
 """Name of the wave that is chosen as a run begins."""
 
@@ -91,86 +87,6 @@ class Constraints(PartSection, keys=_parts_keys(CONSTRAINTS, "constraints"), hol
 
 class Sensor(ChannelSection, keys=channel_keys()):
     """Quality of the sensors, channel by channel."""
-
-
-class SpeedStep(Section):
-    """Step of the speed that is asked for."""
-
-    at_s: float = setting(unit="s", gt=0, meaning="when")
-    speed_m_s: float = setting(unit="m/s", meaning="speed from then on, below 0 backwards")
-
-
-class HeadingStep(Section):
-    """Step of the heading that is asked for."""
-
-    at_s: float = setting(unit="s", gt=0, meaning="when")
-    heading_deg: float = setting(unit="deg", meaning="heading from then on")
-
-
-class Obstacle(PartSection, holds={"kind": OBSTACLE}, keys=partial(chosen, meaning="what it is")):
-    """Obstacle on the ground that the centre of mass goes around."""
-
-
-class Point(Section):
-    """A point of a path."""
-
-    x_m: float = setting(unit="m", meaning="x")
-    y_m: float = setting(unit="m", meaning="y")
-
-
-ENDING = (LINE, S_CURVE, SPLINE, WAY_POINTS, "pipe", OWN)
-"""Kinds of paths that may have an end."""
-PATHS = (*ENDING, CIRCLE)
-KINDS = (*(kind for kind in PATHS if kind != OWN), HEADING, "none")
-KIND = part_key(
-    KINDS,
-    meaning="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
-    aka=("path", "type"),
-)
-
-
-class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
-    """Task of the worm: how fast to go, and where to."""
-
-    speed_m_s: float = setting(0.08, unit="m/s", meaning="speed forward, at first; below 0 backwards")
-    speed_steps: Tables[SpeedStep] = setting((), meaning="steps of the speed, each a table of at_s and speed_m_s")
-    speed_sine_m_s: float = setting(0.0, unit="m/s", ge=0, meaning="amplitude of a sine that is added to the speed")
-    speed_sine_period_s: float = setting(20.0, unit="s", gt=0, meaning="its period")
-    heading_deg: float = setting(0.0, unit="deg", only=HEADING, meaning="at first")
-    heading_steps: Tables[HeadingStep] = setting(
-        (), only=HEADING, meaning="steps of the heading, each a table of at_s and heading_deg"
-    )
-    start_m: Pair | None = setting(
-        unit="m",
-        only=BEGUN,
-        left_out="the middle of the worm as it starts",
-        meaning="where the path begins: x, y",
-    )
-    azimuth_deg: float | None = setting(
-        unit="deg",
-        only=BEGUN,
-        left_out="where the worm looks as it starts",
-        meaning="direction of the path where it begins",
-    )
-    length_m: float | None = setting(unit="m", gt=0, only=LINE, left_out="without end", meaning="length of the line")
-    ends: bool = setting(False, only=ENDING, meaning="whether the worm stops at the end of the path and stays there")
-    corridor_m: float | None = setting(
-        unit="m", gt=0, only=PATHS, left_out="any", meaning="how far the middle may go to either side of the path"
-    )
-    obstacles: Tables[Obstacle] = setting(
-        (),
-        only=PATHS,
-        meaning="what to go around, each a table: "
-        + "; ".join(f'kind = "{name}" with {", ".join(keys_of(each))}' for name, each in OBSTACLES.items()),
-    )
-    radius_m: float = setting(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), meaning="radius, or that of the corners")
-    towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), meaning="to which side it turns first")
-    amplitude_m: float = setting(0.4, unit="m", gt=0, only=S_CURVE, meaning="amplitude of its sine")
-    wavelength_m: float = setting(4.0, unit="m", gt=0, only=S_CURVE, meaning="wavelength of its sine")
-    points: Tables[Point] = setting(
-        (), only=(SPLINE, WAY_POINTS), meaning="points of the path, each a table of x_m and y_m"
-    )
-    closed: bool = setting(False, only=SPLINE, meaning="whether it goes on from its last point to its first")
 
 
 class Faults(PartSection, keys=switched_keys(INJECTED), holds={ITSELF: FAULT}):

@@ -30,8 +30,8 @@ def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
 
     What there is of them is there, as arguments of `worm3d.results.pictures.arrays`.
     """
-    from scenes.models.control.build import speed_of  # imports the solvers
     from scenes.models.control.record import path_points
+    from scenes.models.control.reference import speed_of  # imports the solvers
 
     lines: dict[str, Any] = {
         "period": period(record),
@@ -47,8 +47,8 @@ def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
 
 def path_seen(record: Record, scene: ControlScene) -> Path | None:
     """Return the path of a stored run; that of a module of a user's own as it was stored, for nothing is imported."""
-    from scenes.models.control.build import path_of
     from scenes.models.control.record import stored_path
+    from scenes.models.control.reference import path_of
 
     return stored_path(record) if is_own(scene.reference.kind) else path_of(scene)
 
@@ -56,7 +56,7 @@ def path_seen(record: Record, scene: ControlScene) -> Path | None:
 def reference_seen(record: Record, scene: ControlScene) -> Reference:
     """Return what the worm of a stored run was asked to do, with `path_seen`."""
     from control.tracking.references import Reference
-    from scenes.models.control.build import reference_along, speed_of
+    from scenes.models.control.reference import reference_along, speed_of
 
     path = path_seen(record, scene)
     if path is None and is_own(scene.reference.kind):

@@ -28,7 +28,8 @@ from control.learned.acts import ACTS
 from control.learned.senses import MOST, Senses
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.toml import shown
-from scenes.models.control.build import identified_of, reference_of
+from scenes.models.control.build import identified_of
+from scenes.models.control.reference import reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import worm_of

@@ -29,7 +29,8 @@ from control.tracking.curves import Curve
 from control.tracking.paths import offset
 from control.tracking.references import Reference
 from scenes.language.errors import SceneError
-from scenes.models.control.build import identified_of, reference_of, sensors_of
+from scenes.models.control.build import identified_of, sensors_of
+from scenes.models.control.reference import reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm.build import problem_of, worm_of
 from scenes.studies.learn.sampled import Sampled
