@@ -1,4 +1,5 @@
 """Planar models of the worm robot of the paper: `published`, its results number for number; `linkage`, put right.
 
-Stands alone: it imports nothing of the other packages, so that it can judge them.
+Stands alone, so that it can judge the other packages: of these it imports only how arguments are checked
+(`worm3d.values`) and functions compiled (`worm3d.machine.compiled`), no formula.
 """

@@ -1,1 +1,1 @@
-"""The commands of `worm3d`."""
+"""The command line of `worm3d`: arguments and help. The commands themselves run in `sweep`, `studies` and `running`."""

@@ -81,7 +81,8 @@ class Load(Part, registry=LOADS):
             "past" and "velocity" (6), at its start and that of the step before; "tangent" (3) of the segment there and
             "normal" (3) of the world, 0 without one, at its start. "regime", that in which the law is taken (`FREE`:
             that in which x lies), and "regime_n", that of the last step. "gravity" (3) [m/s^2]; "stiffness" [N/m] and
-            "damping" [N s/m] of a contact that sticks.
+            "damping" [N s/m] for a load that sticks: the stiffness of normal contact, with the damping ratio of
+            tangential contact.
             "dt", "span", "ratio" and "lands" as in `worm3d.physics.kernels.inertia`.
         """
         raise NotImplementedError

@@ -1,1 +1,2 @@
-"""Data of a run: series, energy ledger, states, status and estimated errors."""
+"""Types of the data of a run, declared once: series, energy ledger, states, status, estimated errors. The recorder is
+`worm3d.solver.records`."""

@@ -1,1 +1,1 @@
-"""Results of runs: measured, kept in files, and drawn."""
+"""Results as data: measured, kept in files and drawn. `worm3d.running`, above this room, makes them."""

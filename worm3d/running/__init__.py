@@ -1,1 +1,2 @@
-"""Runs of worms: their problem, actuation, start and steps, observers of a run, and experiments made of runs."""
+"""Runs of worms: problem, actuation, plant (the solver's arrays of a worm in its world), settling, steps, observers,
+and experiments made of runs."""

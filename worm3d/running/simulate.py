@@ -82,7 +82,11 @@ def simulate(
     settle_first : bool, optional
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
         it there; on uneven worlds by its friction too, unless that lets it slide away. If left out: where it touches
-        the world; what starts in mid-air falls. A state with memory never is. `Result.settling` says what was done.
+        the world; what starts in mid-air falls. A state with memory never is. `Result.settling` is the largest
+        displacement of a joint on the way [m], None where the worm was not settled.
+    tolerance : float
+        Newton's tolerance: motion as a fraction of the body length, from 2e-15 (rounding) to 1e-7; 1e-9 is a fifth
+        faster.
     accuracy : float, optional
         Largest error of the distance, relative to it or to a tenth of the body length, whichever is more; from 1e-4 to
         0.1. Steps are then as long as their errors let them be, and the run is repeated, each time finer, until the

@@ -1,4 +1,4 @@
-"""What has to hold before a run, and the worm's equilibrium on its world."""
+"""Checks before a run, and settling: the worm is brought to rest on its world."""
 
 from __future__ import annotations
 
@@ -300,14 +300,14 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
     require_clear(plant, DEEPEST if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
-    elif _is_settled(plant, start, problem.settle_first):
+    elif _needs_settling(plant, start, problem.settle_first):
         status, reason = _come_to_rest(plant, problem, start, settling)
         moved = float(np.linalg.norm(plant.arrays["joints"][:3, : plant.n + 1].T - start.joints, axis=1).max())
         return Placed(plant, start, status, moved if status is Status.DONE else None, reason)
     return Placed(plant, start, Status.DONE, None)
 
 
-def _is_settled(plant: Plant, start: State, settle_first: bool | None) -> bool:
+def _needs_settling(plant: Plant, start: State, settle_first: bool | None) -> bool:
     """Return whether a worm is brought to rest before its first step: by default where it touches the world."""
     if start.moves or not settles(plant.world, plant.gravity, bool(start.contraction.any())):
         return False

@@ -13,7 +13,7 @@ from worm3d.running.run import Observer, Run
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import read_only
 
-SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain")
+SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain", "com_with_load")
 """Names of attributes of `Recorded` that a view has, of one instant."""
 
 
@@ -61,7 +61,7 @@ class View:
 
     @property
     def actuator_states(self) -> Mapping[str, FloatArray]:
-        """States of the actuators by name; those of chambers of shape (N, 2), of hinges (N-1,)."""
+        """States of actuators and loads by name: of chambers (N, 2), of hinges (N-1,), of loads as in the result."""
         return {name: array[0].copy() for name, array in self._recorded.actuator_states.items()}
 
     def state(self) -> State:

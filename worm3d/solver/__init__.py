@@ -12,6 +12,7 @@ loads      what acts on joints from outside: forces, regimes, energy
 evaluate   potential, residual and Jacobian at a trial state
 faces      which place of the rim of an end face touches the world
 clamped    the step on the paper's ground, (P9) and (P10)
+pose       states put into the arrays; settling, step by step
 guard      shapes that the model does not stand for
 ledger     the energy terms of a finished step
 records    what is kept of a run

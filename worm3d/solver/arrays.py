@@ -277,7 +277,7 @@ STARTED = _array(
 FIRST = _array("first", 3 * POINTS, "lanes", inside=("point_in", "first"))  # with the lanes of segments
 # terms, hinge angles and "first"
 SEGMENT_LEDGER_ = _array("segment_ledger", segment.LEDGER_ROWS + 3 * POINTS, "lanes", inside=("point_in", "of_segment"))
-# y (2), excess, penetration, pull (2), load, swing, regime, whether stale, reach, recent
+# as `worm3d.physics.kernels.regime.yielding` lists them
 YIELDING_OUT = _array("yielding_out", 12, "points")
 # terms of the ledger, and what becomes of the point, as in `point.AFTER`
 AFTER_OUT = _array("after_out", point.AFTER, "points")

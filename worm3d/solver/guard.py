@@ -22,7 +22,7 @@ BEND = 4
 SIDES = ("left", "right")
 
 OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, COARSE = range(7)
-"""Ends of a step; the last: it was too long for the error that is allowed."""
+"""Ends of a step. COARSE: the step was solved, but its estimated error exceeds the allowed error."""
 
 _HINGE = joint.LAYOUT.first("hinge")
 _REST = segment.LAYOUT.first("commanded")

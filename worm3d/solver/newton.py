@@ -48,8 +48,8 @@ SLIDE_AT_ONCE = 25.0
 KEPT = 3e-4
 """Motion of x, as a fraction of the segment length, up to which the Jacobian is kept but for contacts that change."""
 SLOWEST = 0.1
-"""Least ratio of the next Newton step to the last, with a kept Jacobian, that is counted on: one that is foreseen to be
-within the tolerance is not computed."""
+"""Lower bound for the ratio of the next Newton step to the last with a kept Jacobian. If the next step, predicted with
+this bound, is within the tolerance, it is not computed."""
 QUIET = 1e-9
 """Newton step, as a fraction of the body length, below which contacts at which nothing was new are not looked at before
 the last one."""
@@ -71,7 +71,8 @@ def solve(core: Core, again: bool) -> bool:
     Parameters
     ----------
     again : bool
-        Whether x already solves the step as it was before friction on the joints of the clamped worm.
+        True in the second solve of the clamped worm: x solves the step without friction on the joints, which is now
+        added.
     """
     return bool(call(kernel(core, a.SOLVE), core.handle, 0.0, again, 0) != 0.0)
 
@@ -129,8 +130,9 @@ def _follow(core: Core, whole: int) -> bool:
     """Newton with the loads of the iterate itself, whose Jacobian is unsymmetric; it is kept while it serves.
 
     The residual is exact. In the Jacobian stand, where it depends on forces, those of the contacts that the step before
-    has foreseen: those of the iterate are far off where contacts are stiff, for a step along the curved way on which
-    they hold presses them by its square (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
+    has foreseen. Those of the iterate are far off where contacts are stiff: a step of Newton follows the tangent of a
+    curved path, so that it changes the penetration by the square of its size, and a stiff contact turns this into a
+    large load (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
 
     Every contact keeps its regime until the step, to first order, leads where it is inconsistent with the friction law
     by more than the step's own error: contacts stick within nanometres, and by the law alone the iterates would jump to
@@ -216,8 +218,8 @@ def _ended(core: Core, reached: bool) -> bool:
 def _excused(core: Core, hessian: int, before: int) -> bool:
     """Return whether a step may be large for contacts that the Jacobian was adapted to.
 
-    Whatever that is where one has changed its regime. In a body of several vectors of segments always: to make all of
-    it anew for the sake of a contact costs more than it saves.
+    The step may have any size if a contact changed its regime, and always in a body of several vectors of segments:
+    to make the whole Jacobian anew for one contact costs more than it saves.
     """
     return hessian == LOCAL and (before == CHANGED or core.n > vectors.WIDTH)
 

@@ -184,7 +184,7 @@ def settle(
     most : int
         Number of steps.
     slides : bool
-        Whether it is stopped after each, without friction.
+        Whether the worm slides without friction, with its velocities set to zero after each step.
     rest, far : float
         Way in a step, below which it rests, and way since the start beyond which it is not held [m]. Those of the last
         step, infinite if none has ended well, are returned.

@@ -93,9 +93,9 @@ _weights = inner(inertia.weights)
 
 @inner
 def _fine(core: Core) -> bool:
-    """Return whether the error of a step is allowed: half of what the joints are away from where they were foreseen.
+    """Return whether the error of a step is allowed: half the largest distance of a joint from its prediction.
 
-    They are foreseen on the parabola through their last three places. The error of BDF2 is 2/11 of that distance at
+    Joints are predicted on the parabola through their last three places. The error of BDF2 is 2/11 of that distance at
     equal steps, 1/7 to 1/4 at any.
     """
     numbers = vector(core.block, a.NUMBERS_)

@@ -1,1 +1,1 @@
-"""Scenes of worlds: schema, checks, construction, records and figures."""
+"""The section [world], which the models of worms share: schema, checks, construction."""

@@ -1,7 +1,7 @@
 """CasADi functions as native code, with one instance of the function in each lane of the processor's vectors.
 
 `compile_kernel(function)` reads the elementary instructions of an SX function (`program`), writes them as LLVM's
-language (`emit`, `text`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
+language (`emit`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
 (`worm3d.machine.cache`), and returns a `Kernel`. It is called from Python, or from Numba's compiled code by its
 address:
 

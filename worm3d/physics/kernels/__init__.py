@@ -1,4 +1,4 @@
-"""The simulator's kernels: the formulas of `worm3d.physics` put together, derived and compiled.
+"""The simulator's kernels: the formulas of `worm3d.physics` put together and derived; the solver compiles them.
 
 Each module defines CasADi functions of one kind of instance, all with the same list of inputs, so that they share one
 array; `layout` says in which rows the inputs stand.
@@ -8,6 +8,9 @@ array; `layout` says in which rows the inputs stand.
     joint     pitch, yaw and twist between two segments
     node      joints as mass points
     actuator  what drives chambers and hinges
+    hysteresis, medium, load  friction in the joints of chambers, viscous media, external loads
+    inertia, losses  terms that points and joints share
+    regime    what a contact does to first order, by which the solver guesses its regime
 """
 
 GREATEST_CONTRACTION = 1.0 - 2.0**-53

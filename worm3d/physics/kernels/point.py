@@ -33,7 +33,7 @@ LAYOUT = Layout(
         "inertia": 1,  # m/(beta dt)^2 [N/m]
         "depth_n": 1,
         "distance_n": 1,
-        "hold": 1,  # the multiplier at the start of the step
+        "hold": 1,  # the world's multiplier of friction at the start of the step
         "load": 1,  # normal load for friction while it is not coupled
         "stiff": 1,  # k + c/dt of (C1) [N/m]
         "carried": 1,  # d* of (C1) [m]
@@ -56,7 +56,7 @@ LAYOUT = Layout(
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,  # at the end of the last step: for `after`, of this one
         "f": 3,  # for `after`: the point's gradient at the end of the step
-        "of_segment": 1,  # 8 numbers of each segment, which its ledger leaves before what follows
+        "of_segment": 1,  # rows shared with the ledger of the segment: its 8 terms lie here, directly before `first`
         "first": 3,  # (dX/dq) dq
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
         "segment_tangent": 3,  # of the segment, at the start of the step
@@ -70,9 +70,10 @@ ALONG_NORMAL = 1e-6
 
 
 FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
-"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface.
+"""Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even where it is apart.
+STICKING and STICKING_BACK: contact that sticks, even beyond the yield surface.
 
-What sticks has the coefficient against motion towards the head or, the last one, towards the tail, wherever y leads.
+A sticking contact has the coefficient against motion towards the head or, the last one, towards the tail, wherever y leads.
 With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
 """
 

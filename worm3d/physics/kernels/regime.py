@@ -52,7 +52,7 @@ def yielding(law: Law = Coulomb) -> ca.Function:
     foreseen : normal load [N].
     swing : square of the relative change of y.
     regime : the one that follows, another where the present one contradicts the friction law by more than `error`.
-    stale : whether K of before is out of date.
+    stale : whether the stiffness K of the contact must be computed anew.
     static_excess, recent : excess of eta over the static limit, (C6), and its last change, the error included [m].
     """
     s, c = LAYOUT.symbols, contact_of(law)
