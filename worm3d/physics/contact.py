@@ -51,8 +51,9 @@ yield there, or are as good as about to,
 
 break away together: they get c_0 = 1, and the step is solved again from its start; and so on until none yields. A
 contact that breaks away keeps the kinetic limit until the step ends, even if Newton's method puts it in the regime
-STICKING again, so that this ends. The static limit returns in the next step if the anchor did not slip. What yields has its greatest force whatever rounding does, so that contacts with equal forces share their fate;
-neither their order nor the way to the solution matters.
+STICKING again, so that this ends. The static limit returns in the next step if the anchor did not slip. What yields has
+its greatest force whatever rounding does, so that contacts with equal forces share their fate; neither their order nor
+the way to the solution matters.
 
 Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N (C7), and rho (1/c - 1/c_0) beside lambda
 of Coulomb's law, with the strength c = c_0 + Psi'(c_0 lambda/dt) in place of c_0 where a contact slides (C8).

@@ -1,2 +1,4 @@
-"""Runs of worms: problem, actuation, plant (the solver's arrays of a worm in its world), settling, steps, observers,
-and experiments made of runs."""
+"""Runs of worms: problem, actuation, plant, settling, steps, observers, and experiments made of runs.
+
+The plant is a worm in its world as the arrays of the solver.
+"""

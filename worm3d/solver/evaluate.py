@@ -2,8 +2,8 @@
 
 A Jacobian is first made as if all points were free masses. The K (3, 3) of a contact, and what it changes by between
 two steps of Newton, is exchanged then: J^T dK J is added, J being the derivative of the point in the coordinates of its
-segment when it was first exchanged. The second derivatives of the point keep the old contact force. Their error, relative
-to dK, is the ratio of the penetration, or of the distance to the yield limit, to the segment length.
+segment when it was first exchanged. The second derivatives of the point keep the old contact force. Their error,
+relative to dK, is the ratio of the penetration, or of the distance to the yield limit, to the segment length.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Pictures from plain arrays, with or without a worm: a page for the browser, figures, movies, meshes. Knows no simulator.
+"""Pictures from plain arrays: a page for the browser, figures, movies, meshes. Knows no simulator.
 
 Heavy libraries are imported where they are used: take `figure`, `movie`, `meshes` and `live` as modules.
 """

@@ -73,8 +73,8 @@ FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even where it is apart.
 STICKING and STICKING_BACK: contact that sticks, even beyond the yield surface.
 
-A sticking contact has the coefficient against motion towards the head or, the last one, towards the tail, wherever y leads.
-With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
+A sticking contact has the coefficient against motion towards the head or, the last one, towards the tail, wherever y
+leads. With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
 """
 
 Law = type[FrictionLaw]
