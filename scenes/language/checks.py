@@ -12,10 +12,10 @@ from functools import cache, cached_property, partial
 from operator import is_
 from typing import Any
 
-from scenes.language.mistakes import Mistake, dotted
-from scenes.language.reading import trusted
+from scenes.language.mistakes import Mistake
+from scenes.language.reading import read
 from scenes.language.schema import Key, Section, few, key_at, keys_in
-from scenes.language.toml import KeyPath
+from scenes.language.toml import KeyPath, path_of
 from worm3d.values import named
 
 Found = str | Mapping[str, str] | None
@@ -46,6 +46,9 @@ class Check:
         return tuple(dict.fromkeys(path[0] for path in self.paths))
 
 
+LACKING = object()
+"""Stands for a section without a key that must be given."""
+
 Passed = dict[Check, tuple[Any, ...]]
 """Check -> the data of its sections in which it found nothing."""
 
@@ -61,9 +64,10 @@ def cross_mistakes(
 ) -> Iterator[Mistake]:
     """Yield what the checks find; a check that reads a key already known to be wrong stays silent.
 
-    So does one whose written keys include all that another complains of: to mend that one may mend it too. A check is
-    not made again that has `passed` in the very same data of its sections, and is noted there if it passes now.
-    `filled` are the data with what keys are by default in the kinds that were chosen (`with_own_defaults`).
+    A check also stays silent if its written keys include all keys of another failing check: correcting the other
+    mistake may correct this one too. A check is not made again that has `passed` in the very same data of its
+    sections, and is noted there if it passes now. `filled` are the data with what keys are by default in the kinds
+    that were chosen (`with_own_defaults`).
     """
     filled = data if filled is None else filled
     passed = {} if passed is None else passed
@@ -107,12 +111,12 @@ def _told(
     """Yield the mistakes that a check finds, each with the written keys that are to blame (see `Check.builds`)."""
     known = _without(filled, wrong) if check.builds else filled
     partly = check.builds and any(path[:1] in check.paths for path in wrong)
-    while (text := _tested(check, [_value(schema, known, path) for path in check.paths], data)) is not None:
+    while (text := _tested(check, schema, known, data)) is not None:
         mistake = _mistake(text, check.paths, data, overrides)
-        named = check.paths if isinstance(text, str) or not check.builds else [tuple(key.split(".")) for key in text]
-        if partly and (isinstance(text, str) or not (_is_written(known, mistake.path) and wrong.isdisjoint(named))):
+        blamed = check.paths if isinstance(text, str) or not check.builds else [path_of(key) for key in text]
+        if partly and (isinstance(text, str) or not (_is_written(known, mistake.path) and wrong.isdisjoint(blamed))):
             return  # a default in the place of a wrong value is to blame
-        yield _written(data, named), mistake
+        yield _written(data, blamed), mistake
         if not check.builds or mistake.path in check.paths or not _is_written(known, mistake.path):
             return
         wrong, partly = {mistake.path}, True
@@ -130,8 +134,14 @@ def _without(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any
     }
 
 
-def _tested(check: Check, values: Sequence[Any], data: Mapping[str, Any]) -> Found:
-    """Return what a check finds; what a part of the user's own raises in it is a mistake."""
+def _tested(check: Check, schema: type[Section], known: Mapping[str, Any], data: Mapping[str, Any]) -> Found:
+    """Return what a check finds; what a part of the user's own raises in it is a mistake.
+
+    Nothing is found where a section lacks a key that must be given.
+    """
+    values = [_value(schema, known, path) for path in check.paths]
+    if LACKING in values:
+        return None
     try:
         return check.test(*values)
     except named.EXCEPTIONS as error:
@@ -155,10 +165,12 @@ def _mistake(
         return 1 if _is_written(data, path) else 2
 
     order = {path: n for n, path in enumerate(paths)}
-    told: list[KeyPath] = [*paths] if isinstance(text, str) else [tuple(key.split(".")) for key in text]
-    about = min(sorted(told, key=lambda path: order.get(path, order.get(path[:1], len(order)))), key=rank)
+    texts: Mapping[KeyPath, str] = (
+        dict.fromkeys(paths, text) if isinstance(text, str) else {path_of(k): text[k] for k in text}
+    )
+    about = min(sorted(texts, key=lambda path: order.get(path, order.get(path[:1], len(order)))), key=rank)
     others = tuple(dict.fromkeys(key for path in paths for key in (*_written_below(data, path), path) if key != about))
-    return Mistake(about, text if isinstance(text, str) else text[dotted(about)], suspects=others)
+    return Mistake(about, texts[about], suspects=others)
 
 
 def _touch(path: KeyPath, other: KeyPath) -> bool:
@@ -191,7 +203,7 @@ def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any
             return _default(schema, path)
         here = here[key]
     section = _key(schema, path).section if isinstance(here, Mapping) else None
-    return here if section is None else trusted(section, here)
+    return here if section is None else read(section, here)[0] or LACKING
 
 
 @cache
@@ -209,7 +221,7 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
     """Return the checks that no key is set that is for other values of the section's key `by`."""
     tests = {name: [of_this_kind] * bool(known.only) for name, known in keys_in(schema).items()}
     for name, known in keys_in(schema).items():
-        tests[name] += [_word_of_this_kind] * bool(known.choices and name != by)
+        tests[name] += [_word_of_this_kind] * bool(known.kinds_by_word and name != by)
     return tuple(
         Check(
             (f"{section}.{name}", f"{section}.{by}"), partial(test, by=f"{section}.{by}", known=keys_in(schema)[name])
@@ -229,7 +241,7 @@ def _word_of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
 
 def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
     """Tell of a key that is set but is for other kinds, values of the key `by`; at its default a key does nothing."""
-    defaults = (known.default, *known.own.values())  # resolved scenes and templates hold all keys
+    defaults = (known.default, *known.defaults_by_kind.values())  # resolved scenes and templates hold all keys
     if known.is_for(kind) or (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
     kinds = " or ".join(few([repr(each) for each in known.only])) or "others"

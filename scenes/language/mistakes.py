@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from scenes.language.reading import MISSING, UNKNOWN, Wrong, read
 from scenes.language.schema import Section, key_at, names
-from scenes.language.toml import KeyPath, line_of, shown
+from scenes.language.toml import KeyPath, key, line_of, shown
 from worm3d.values.spelling import did_you_mean, unknown
 
 S = TypeVar("S", bound=Section)
@@ -27,13 +27,13 @@ class Mistake:
     """What was found, what is allowed."""
     suspects: tuple[KeyPath, ...] = ()
     """Further keys that may be to blame: where to point if `path` is not written down."""
-    spoils: KeyPath = ()
-    """Key whose value cannot be trusted: `path` itself, or the key that a misspelt one was meant to be."""
+    intended: KeyPath = ()
+    """Key that a misspelt key probably means."""
 
     @property
     def untrusted(self) -> KeyPath:
         """The key whose value cannot be trusted."""
-        return self.spoils or self.path
+        return self.intended or self.path
 
 
 Models = Callable[[str], Sequence[str]]
@@ -63,12 +63,11 @@ def _explained(schema: type[Section], wrong: Wrong, models: Models) -> Mistake:
     if text == MISSING:
         return Mistake(path, f"missing: {known.meaning_in_section}{known.described()}")
     if known.section:
-        return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
+        return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{_header(path)}]")
     if known.table:
-        header = dotted(tuple(part for part in path if isinstance(part, str)))
-        return Mistake(path, f"got {shown(found)}: must be sections of keys under headers [[{header}]]")
+        return Mistake(path, f"got {shown(found)}: must be sections of keys under headers [[{_header(path)}]]")
     words = [(word, word) for word in known.choices if isinstance(word, str)]
-    advice = _suggestion(found, words) if isinstance(found, str) else ""
+    advice = _suggestion(found, words) if isinstance(found, str) and not text.endswith("a valid list") else ""
     return Mistake(path, f"got {shown(found)}: {text}{advice}{known.described()}")
 
 
@@ -93,7 +92,7 @@ def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) ->
     home = _home(schema, path[:-1])
     meant, text = did_you_mean(str(path[-1]), names(home)), unknown(what, str(path[-1]), names(home))
     if meant:
-        return Mistake(path, text, spoils=(*path[:-1], meant))
+        return Mistake(path, text, intended=(*path[:-1], meant))
     owners = models(str(path[0])) if len(path) == 1 else ()
     hint = f"; scenes with model = {' or '.join(map(repr, owners))} have it" if owners else ""
     return Mistake(path, text + hint)
@@ -108,6 +107,10 @@ def dotted(path: KeyPath) -> str:
     """Return a path as it is written in a scene: `gait.period_s`, `obstacle[1].radius_m`."""
     text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
     return text.removeprefix(".")
+
+
+def _header(path: KeyPath) -> str:
+    return ".".join(key(part) for part in path if isinstance(part, str))
 
 
 def report(mistakes: Iterable[Mistake], lines: Mapping[KeyPath, int], overridden: Iterable[KeyPath]) -> tuple[str, ...]:

@@ -56,7 +56,7 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
             except ValueError as error:
                 lost.add(each.name)
                 mistakes.append(Mistake((name, each.key or each.name), str(error)))
-        off = {each.name for each in found if given.get(each.name) is False}
+        off = {each.name for each in found if each.key == ITSELF and given.get(each.name) is False}
         found = [each for each in found if each.name not in off]
         filled[name] = {key: value for key, value in given.items() if key not in lost | off}
         filled[name] |= {
@@ -70,7 +70,9 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
             mistakes += [Mistake((name, each.key), text) for each, text in clashes]
             for key in keys_in(section).keys() - keys_in(changed[name]).keys() & filled[name].keys():
                 value, known_key = filled[name].pop(key), keys_in(section)[key]
-                text = of_this_kind(value, found[0].name, by=f"{name}.{found[0].key}", known=known_key)
+                kinds = known_key.only or keys_in(section)[found[0].key].choices
+                by, of_those = f"{name}.{found[0].key}", replace(known_key, only=kinds)
+                text = of_this_kind(value, found[0].name, by=by, known=of_those)
                 mistakes += [Mistake((name, key), str(text))] if text else []
     for name, declared in keys_in(schema).items():
         outer, data_of = changed.get(name) or declared.section, filled.get(name)
@@ -87,22 +89,21 @@ def _with_tables(
     """Return a section, its data and mistakes; its arrays of tables have the keys of the parts that the tables name."""
     mistakes = list[Mistake]()
     for key, by, kind, items in _tables(section, given):
-        parts: dict[str, Any] = {}
-        for n, item in enumerate(items):
+        parts, lost = dict[str, Any](), set[int]()
+        for n, name_of in ((n, each) for n, item in enumerate(items) for each in _own_names(item, by)):
             try:
-                parts |= {each: named.own(each, kind) for each in _own_names(item, by)}
+                parts[name_of] = named.own(name_of, kind)
             except ValueError as error:
+                lost.add(n)
                 mistakes.append(Mistake((name, key, n, by), str(error)))
-        if mistakes:  # of parts whose keys are not known
-            given = {other: value for other, value in given.items() if other != key}
-        elif parts:
+        if lost:  # whose keys are not known
+            given = {**given, key: [item for n, item in enumerate(items) if n not in lost]}
+        if parts:
             section = _with_table(section, key, tuple(parts.items()))
     return section, given, mistakes
 
 
-def _tables(
-    section: type[Section], given: Mapping[str, Any]
-) -> Iterator[tuple[str, str, Kind, list[Mapping[str, Any]]]]:
+def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[str, str, Kind, list[Any]]]:
     """Yield each key of a section with tables of parts, the key that names one in a table, its kind, and the tables."""
     for key, known in keys_in(section).items():
         holds, items = getattr(known.table, "holds", {}), given.get(key)
@@ -115,7 +116,7 @@ def _tables(
 def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Any]:
     """Return the data of a scene without parts of a user's own, none of which is imported.
 
-    Sections are left out whose first key names one, those of `but` keep the name and what is not the part's.
+    A section whose key names such a part is dropped, or in the sections of `but` kept without the keys of the part.
     """
     filled = dict(data)
     for name, section, given, there in _sections(schema, data):
@@ -141,7 +142,9 @@ def _sections(
                 yield name, section, given, there
 
 
-def _own_names(given: Mapping[str, Any], key: str) -> list[str]:
+def _own_names(given: Any, key: str) -> list[str]:
+    if not isinstance(given, Mapping):
+        return []
     value = list(given) if key == ITSELF else given.get(key)
     names = value if isinstance(value, list | tuple) else [value]
     return [name for name in dict.fromkeys(filter(_is_text, names)) if named.is_own(name)]

@@ -24,10 +24,10 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, get_args
 
 from scenes.language import toml
-from scenes.language.schema import Each, Key, Pair, Section, few, keys_in, new_key, part_key
+from scenes.language.schema import Each, Key, Section, few, keys_in, new_key, part_key
 from worm3d.values import named
 from worm3d.values.named import Kind, declared
 from worm3d.values.parameters import EACH, Parameter, in_degrees, parameters_of
@@ -54,15 +54,15 @@ class PartSection(Section):
     """A section with `keys`, and `more` of them, beside those that its class writes out; those that it writes out win.
 
     `holds` says which kinds of parts its keys name (`control.parts`): one by a key, or several by a key with a list. A
-    section that `holds` a kind by no key has the parts themselves as sub-sections or switches. Parts of a user's own
-    get keys in `scenes.language.own`, by the function `keys` where it is one, which made the keys of those that ship.
+    section that `holds` a kind by no key has the parts themselves as sub-sections or switches. If the argument `keys`
+    is a function, it makes the keys of the parts that ship, and in `scenes.language.own` those of users' parts.
     """
 
     holds: ClassVar[Mapping[str, Kind]] = NOTHING
     source: ClassVar[Source]
     """Makes the keys of parts of the kind that it holds first."""
     of_parts: ClassVar[frozenset[str]] = frozenset()
-    """Keys of those that ship, made so."""
+    """Keys that `source` made for the parts that ship."""
 
     @classmethod
     def each(cls, name: str, part: Any) -> Keys:
@@ -253,9 +253,7 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaul
     agree = not own_defaults or len({own.default for own in owners.values()}) == 1
     is_finite = agree and _is_value(known.default)
     name, words = key_of(known), dict.fromkeys(word for own in owners.values() for word in own.choices)
-    of_kinds = (
-        {} if "" in owners else {word: tuple(o for o, own in owners.items() if word in own.choices) for word in words}
-    )
+    takers = {word: tuple(owner for owner, own in owners.items() if word in own.choices) for word in words}
     left_out = "" if is_finite else known.left_out if agree else _of_kinds(owners)
     said = {field.name: getattr(known, field.name) for field in fields(Parameter)}
     changed = {
@@ -264,8 +262,10 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaul
         "left_out": left_out,
         "hint": _hint(known, tuple(words), optional=bool(left_out)),
         "only": only,
-        "own": {} if agree else {owner: each.default for owner, each in owners.items() if _is_value(each.default)},
-        "words": of_kinds,
+        "defaults_by_kind": {}
+        if agree
+        else {owner: each.default for owner, each in owners.items() if _is_value(each.default)},
+        "kinds_by_word": {} if "" in owners else takers,
         "parameters": tuple(dict.fromkeys(own.name for own in owners.values())),
     }
     return Key(**said | changed)
@@ -276,7 +276,8 @@ def _hint(known: Parameter, words: tuple[str, ...], *, optional: bool) -> Any:
     if words:
         return Literal[words]
     each: Any = Each
-    hint: Any = Pair if known.is_pair else known.hint if known.hint in (str, bool, int) else float
+    types = [hint for hint in get_args(known.hint) or (known.hint,) if hint in (str, bool, int)]
+    hint: Any = known.hint if known.is_pair else types[0] if len(types) == 1 else float
     for _ in range(EACH[known.each][0]):
         hint = each[hint]
     return hint | None if optional else hint

@@ -61,8 +61,6 @@ class _Reader:
         self.wrong: list[Wrong] = []
 
     def section(self, schema: type[S], data: Any, path: KeyPath) -> S | None:
-        if isinstance(data, schema):
-            return data
         if not isinstance(data, Mapping):
             self._tell(path, data, "a section")
             return None
@@ -71,7 +69,9 @@ class _Reader:
             name: self._value(key, key.hint, data[name], (*path, name)) for name, key in known.items() if name in data
         }
         self.wrong += [Wrong((*path, name), data[name], UNKNOWN) for name in data if name not in known]
-        missing = [name for name, key in known.items() if key.is_required and name not in data]
+        by = next(filter(None, getattr(schema, "holds", ())), "kind")
+        kind = data.get(by, known[by].default) if by in known else None
+        missing = [name for name, key in known.items() if key.is_required and name not in data and key.is_for(kind)]
         self.wrong += [Wrong((*path, name), data, MISSING) for name in missing]
         return schema(**given) if len(self.wrong) == before else None
 
@@ -89,7 +89,9 @@ class _Reader:
         elif inner:  # one of several types: None, a single value, a list
             types = [each for each in inner if each is not NoneType]
             wanted = [each for each in types if (get_origin(each) is tuple) == isinstance(value, list | tuple)]
-            return None if value is None else self._value(key, (wanted or types)[0], value, path)
+            if value is None and NoneType in inner:
+                return None
+            return self._value(key, (wanted or types)[-1], value, path)  # of lists the last takes lists in lists too
         elif hint is not Any:
             return self._plain(key, hint, value, path)
         return value
@@ -98,7 +100,7 @@ class _Reader:
         kind, what = TYPES[hint]
         if not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool):
             self._tell(path, value, what)
-        elif hint is float and not math.isfinite(value):
+        elif hint is float and not _is_finite(value):
             self._tell(path, value, "a finite number")
         elif key.names is not None and not (value in key.names or named.is_own(value)):
             names = f"one of {', '.join(map(repr, key.names))}, or " if key.names else ""
@@ -117,17 +119,26 @@ class _Reader:
         elif size not in (None, len(value)):
             self._tell(path, value, f"a list of {size} items, not {len(value)}")
         else:
+            if key.names is not None and len({*map(str, value)}) < len(value):
+                self._tell(path, value, "a list that has each name once")
             return tuple(self._value(key, inner[0], item, (*path, n)) for n, item in enumerate(value))
         return value
 
     def _table(self, key: Key, inner: Any, value: Any, path: KeyPath) -> Any:
         if not isinstance(value, Mapping):
-            self._tell(path, value, "a valid dictionary")
+            self._tell(path, value, "a table")
             return value
         return {name: self._value(key, inner, item, (*path, name)) for name, item in value.items()}
 
     def _tell(self, path: KeyPath, found: Any, allowed: str) -> None:
         self.wrong.append(Wrong(path, found, f"input should be {allowed}"))
+
+
+def _is_finite(number: float) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # a whole number with hundreds of digits
+        return False
 
 
 def _listed(words: tuple[Any, ...]) -> str:

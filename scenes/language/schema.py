@@ -31,8 +31,6 @@ OWN = "module:NAME"
 Each = Union[N, tuple[N, ...]]  # noqa: UP007  # `|` takes no type variable here
 """A number for all, or a list with one for each."""
 
-Sign = Literal[-1, 1]
-
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 Points = tuple[Triple, ...]
@@ -48,10 +46,10 @@ class Key(Parameter):
 
     only: tuple[str, ...] = ()
     """Kinds of its section that it is for; empty for all."""
-    own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    """Defaults by kind of its section, where kinds have their own."""
-    words: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
-    """Kinds of its section that a word of a choice is for; all for a word that is not there."""
+    defaults_by_kind: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    """Default for each kind of the section, where the kinds differ."""
+    kinds_by_word: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+    """Kinds of the section that accept a word of a choice; every kind accepts a word without an entry."""
     names: tuple[str, ...] | None = None
     """Names of the parts that ship and that it takes beside `module:NAME`; None: it names no parts."""
     is_file: bool = False
@@ -125,17 +123,17 @@ class Key(Parameter):
 
     def words_for(self, kind: str) -> tuple[Any, ...]:
         """Return the words of a choice that a kind of its section allows."""
-        return tuple(word for word in self.choices if kind in self.words.get(word, (kind,)))
+        return tuple(word for word in self.choices if kind in self.kinds_by_word.get(word, (kind,)))
 
-    def is_for(self, kind: str) -> bool:
+    def is_for(self, kind: Any) -> bool:
         """Return whether a kind of its section has it."""
-        return not self.only or kind in self.only or (OWN in self.only and named.is_own(kind))
+        return not self.only or kind in self.only or (OWN in self.only and isinstance(kind, str) and named.is_own(kind))
 
     def as_field(self) -> Any:
         """Return it as a field of a dataclass."""
         default = MISSING if self.is_required else self.default
         if isinstance(default, dict):
-            return dataclasses.field(default_factory=lambda: default, metadata={PARAMETER: self})
+            return dataclasses.field(default_factory=default.copy, metadata={PARAMETER: self})
         return dataclasses.field(default=default, metadata={PARAMETER: self})
 
 
@@ -249,7 +247,7 @@ def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[st
         kinds = keys_in(section)["kind"]
         asked = given.get("kind")
         kind: Any = asked if asked in kinds.choices else kinds.default
-        known = {key: each.own for key, each in keys_in(section).items() if key not in given}
+        known = {key: each.defaults_by_kind for key, each in keys_in(section).items() if key not in given}
         if isinstance(asked, str) and named.is_own(asked):
             known = {key: {kind: own[OWN]} if OWN in own else own for key, own in known.items()}
         added = {key: own[kind] for key, own in known.items() if kind in own}

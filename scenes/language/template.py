@@ -57,7 +57,7 @@ def _section(schema: type[Section], prefix: str, given: Mapping[str, Any]) -> It
             yield f"# {known.meaning_in_section}{known.described(with_default=False)}{one_of}"
             default = given.get(name, known.default)
             if default is not None:
-                default = given.get(name, known.own.get(kind, default))
+                default = given.get(name, known.defaults_by_kind.get(kind, default))
             left_out = f"# {name} is left out: {known.default_text}"
             missing = f"# {name} = ?  must be given" if known.is_required and name not in given else ""
             yield missing or (left_out if default is None else f"{name} = {value(default)}")

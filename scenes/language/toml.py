@@ -23,7 +23,7 @@ _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _KEY = r"""(?:[A-Za-z0-9_-]+|"(?:\\.|[^"\\])*"|'[^']*')"""
 _PART = re.compile(_KEY)
 _DOTTED = re.compile(rf"[ \t]*{_KEY}(?:[ \t]*\.[ \t]*{_KEY})*[ \t]*")
-_DOT = re.compile(r"""\.(?=(?:[^"]*"[^"]*")*[^"]*$)""")
+_DOT = re.compile(r"""\.(?=(?:[^"']*(?:"[^"]*"|'[^']*'))*[^"']*$)""")
 """A dot outside of quotes."""
 _TOKEN = re.compile(
     r'"""(?:\\.|(?!""")[^\\])*"{3,5}'
@@ -188,7 +188,7 @@ def _unquoted(part: str) -> str:
 
 def path_of(dotted: str) -> tuple[str, ...]:
     """Return the path of a key as users write it, `gait.period_s` or `fault."my.robot:Slip".begin_s`."""
-    return tuple(part.strip().strip('"') for part in _DOT.split(dotted))
+    return tuple(part.strip().strip("\"'") for part in _DOT.split(dotted))
 
 
 def key(name: str) -> str:

@@ -63,6 +63,28 @@ class Log(Obstacle):
 
 @documented
 @dataclass(frozen=True, kw_only=True)
+class Post(Obstacle):
+    """A post at the origin, which lacks keys that discs have."""
+
+    girth: float = parameter(meaning="circumference", unit="m", gt=0)
+
+    def __post_init__(self):
+        check(self)
+
+    @property
+    def radius(self):
+        return self.girth / (2 * np.pi)
+
+    @property
+    def spine(self):
+        return np.zeros((1, 2))
+
+    def distance(self, x, y):
+        return ca.hypot(x, y) - self.radius
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
 class Ripples(World):
     """Ripples along x."""
 

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from scenes.language.checks import cross_mistakes, kind_checks
 from scenes.language.mistakes import dotted, schema_mistakes
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
+from scenes.language.reading import trusted
 from scenes.language.schema import Section, keys_in, setting
 from worm3d.values.parameters import check, parameter
 
@@ -125,3 +126,54 @@ def test_mistakes_follow(drive: dict, text: str) -> None:
     found = schema_mistakes(Scene, data)
     found += cross_mistakes(kind_checks(Drive, "drive"), Scene, data, found)
     assert [f"{dotted(mistake.path)}: {mistake.text}" for mistake in found] == [text]
+
+
+@dataclass(frozen=True)
+class Bare:
+    width: float = parameter(meaning="width", unit="m", gt=0)
+    note: str | None = parameter(None, meaning="a text", left_out="none")
+    turns: int | None = parameter(None, meaning="number of turns", left_out="none")
+    pairs: float = parameter(0.0, meaning="a pair for each segment", each="side")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+class Choice(PartSection, keys=keys_of({"spring": Spring, "bare": Bare}, by="kind", meaning="what it is")):
+    """One of two, of which one has a key without a default."""
+
+
+class Choices(Section):
+    """A scene."""
+
+    one: Choice = Choice()
+
+
+def lines(**keys: object) -> list[str]:
+    return [f"{dotted(mistake.path)}: {mistake.text}" for mistake in schema_mistakes(Choices, {"one": keys})]
+
+
+def test_a_key_that_must_be_given_is_missed_only_where_its_kind_is_chosen() -> None:
+    assert lines() == lines(kind="spring") == []
+    assert lines(kind="bare") == ["one.width_m: missing: bare only: width [m], 0 < …"]
+    assert lines(kind="bare", width_m=1.0) == []
+
+
+def test_types_of_parameters_that_may_be_left_out() -> None:
+    assert lines(kind="bare", width_m=1.0, note="a text", turns=3) == []
+    assert lines(kind="bare", width_m=1.0, turns=2.5)[0].startswith(
+        "one.turns: got 2.5: input should be a valid integer"
+    )
+    assert lines(kind="bare", width_m=1.0, note=2)[0].startswith("one.note: got 2: input should be a valid string")
+
+
+def test_lists_of_pairs() -> None:
+    section = trusted(Choices, {"one": {"kind": "bare", "width_m": 1.0, "pairs": [[0.0, 0.5], [1, 2]]}}).one
+    assert section.pairs == ((0.0, 0.5), (1.0, 2.0))
+    assert trusted(Choices, {"one": {"kind": "bare", "width_m": 1.0, "pairs": [0.0, 0.5]}}).one.pairs == (0.0, 0.5)
+    (line,) = lines(kind="bare", width_m=1.0, pairs=[[0.0, "x"]])
+    assert line.startswith("one.pairs[0][1]: got 'x': input should be a valid number")
+
+
+def test_a_number_of_hundreds_of_digits_is_a_mistake() -> None:
+    assert "input should be a finite number" in lines(kind="bare", width_m=10**400)[0]

@@ -396,6 +396,31 @@ def test_mistakes_in_obstacles_of_ones_own_are_lines(tables: str, sentence: str)
     assert len(caught.value.lines) == 1
 
 
+def test_discs_and_obstacles_of_ones_own_need_their_own_keys_alone() -> None:
+    tables = '{kind = "zoo:Post", girth_m = 0.1}, {x_m = 3.0, y_m = 0.3, radius_m = 0.2}'
+    post, disc = reference_of(asked("obstacles", f"reference.obstacles=[{tables}]").settings).obstacles
+    assert (post.girth, disc) == (0.1, Disc(3.0, 0.3, 0.2))
+    with pytest.raises(SceneError, match=r"obstacles\[0\].girth_m: missing: zoo:Post only: circumference"):
+        asked("obstacles", 'reference.obstacles=[{kind = "zoo:Post"}]')
+
+
+@pytest.mark.parametrize("more", [(), ('friction.needed="x"',)])
+def test_a_parameter_without_a_default_that_is_not_given_is_missed(zoo: Path, more: tuple[str, ...]) -> None:
+    law = "class Bare(Slime):\n    needed: float = parameter(meaning='a number', gt=0)\n"
+    zoo.write_text(f"{zoo.read_text()}\n\n@documented\n@dataclass(frozen=True, kw_only=True)\n{law}")
+    with pytest.raises(SceneError, match=r"friction\.needed: (missing|got 'x')") as caught:
+        asked("flat", "friction.law=zoo:Bare", *more)
+    assert len(caught.value.lines) == 1
+
+
+def test_a_part_of_a_module_in_a_package_is_told_at_its_own_key(tmp_path: Path) -> None:
+    (tmp_path / "packed").mkdir()
+    (tmp_path / "packed" / "inner.py").write_text((tmp_path / "zoo.py").read_text())
+    with pytest.raises(SceneError, match=r"^override fault\.packed\.inner:Weak.begin_s: .*got a beginning at 9 s"):
+        asked("path_line", *DRIVEN, 'fault."packed.inner:Weak".begin_s=9')
+    QUANTITIES.pop("tail", None)
+
+
 def test_a_run_round_an_obstacle_of_ones_own_is_shown_where_the_module_is_not(tmp_path: Path) -> None:
     record = simulate(asked("obstacles", f"reference.obstacles=[{{{LOG}}}]", "run.duration_s=0.4"))
     save(record, tmp_path / "result.nc")

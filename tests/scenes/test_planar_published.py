@@ -141,7 +141,7 @@ def gait_keys(kind: str) -> dict[str, str]:
     """Return each key that this kind of gait has, with a value that is not its default."""
     names = {key_of(known): known for known in declared_in(GAITS[kind]).values()}
     own = {key: each for key, each in keys_in(PublishedGait).items() if each.is_for(kind)}
-    usual = {key: each.own.get(kind, each.default) for key, each in own.items()}
+    usual = {key: each.defaults_by_kind.get(kind, each.default) for key, each in own.items()}
     values = {f"gait.{key}": changed(names[key], usual[key]) for key in own if key in names}
     return {key: OTHERS.get(key, value) for key, value in values.items() if key not in IDLE}
 

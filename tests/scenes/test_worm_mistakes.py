@@ -164,3 +164,17 @@ def test_patches_survive_the_resolved_scene() -> None:
     assert again.to_toml() == text
     line = text.splitlines().index("grip = 0.5") + 1
     assert lines_about(text.replace("grip = 0.5", "grip = -0.5"))[0].startswith(f"line {line}: world.patches[1].grip: ")
+
+
+def test_a_text_in_the_place_of_a_list_and_a_name_twice() -> None:
+    text = load_scene("path_line").to_toml()
+    (line,) = lines_about(text, "cost.parts=speed")
+    assert line.startswith("override cost.parts: got 'speed': input should be a valid list (default ")
+    (line,) = lines_about(text, 'cost.parts=["speed", "speed"]')
+    assert "input should be a list that has each name once" in line
+
+
+def test_a_gait_takes_pairs_for_each_segment() -> None:
+    pairs = [[0.1 * k, 0.1 * k + 0.05] for k in range(6)]
+    scene = parse_scene('model = "worm"\n[gait]\nkind = "periodic"\n', "test", [f"gait.phase={pairs}"])
+    assert scene.settings.gait.phase[1] == (0.1, 0.15000000000000002)

@@ -91,7 +91,7 @@ def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key
 
 def _faults_begin_in_the_run(faults: Any, duration_s: float) -> Found:
     begins = {f"fault.{name}_begin_s": faults[f"{name}_begin_s"] for name in INJECTED if faults.get(name)}
-    begins |= {f"fault.{name}": getattr(own, "begin_s", 0.0) for name, own in faults.items() if is_own(name)}
+    begins |= {f'fault."{name}"': getattr(own, "begin_s", 0.0) for name, own in faults.items() if is_own(name)}
     late = [key for key, begin_s in begins.items() if begin_s >= duration_s]
     if not late:
         return None

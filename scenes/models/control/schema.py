@@ -55,7 +55,7 @@ class Controller(
         "hinge",
         meaning="what steers: hinges, unequal chambers, or both at once",
         left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
-        own={"mpc": "both", OWN: "hinge"},
+        defaults_by_kind={"mpc": "both", OWN: "hinge"},
     )
     wave: Literal[Wave, "auto"] = setting(
         "sine",
@@ -63,7 +63,7 @@ class Controller(
         "faster and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: the steep one in a "
         "run in which a speed is asked for that the sine hardly reaches, otherwise the sine",
         left_out="that of its kind: 'auto' for mpc, 'sine' for all others",
-        own={"mpc": AUTO, OWN: "sine"},
+        defaults_by_kind={"mpc": AUTO, OWN: "sine"},
     )
     period_s: float = setting(0.2, unit="s", gt=0, meaning="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(

@@ -14,7 +14,7 @@ from planar import published
 from planar.published import Parameters, bytes_per_step
 from scenes.language.checks import Check, Found
 from scenes.language.parts import PartSection, keys_of, part_of
-from scenes.language.schema import Sign, setting
+from scenes.language.schema import setting
 from scenes.models.base import Model, Movie, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
@@ -58,7 +58,7 @@ class Ground(PartSection, keys=keys_of(Parameters, these=("ground_clearance",)))
 class Solver(PartSection, keys=keys_of(Parameters, these=SOLVER, bounds=SOLVER)):
     """Newton's iteration, (P2)."""
 
-    elastic_sign: Sign = setting(
+    elastic_sign: Literal[-1, 1] = setting(
         int(Parameters().elastic_sign), meaning="sign of the elastic force: -1 as the program, 1 as in mechanics"
     )
 

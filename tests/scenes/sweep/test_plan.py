@@ -148,7 +148,7 @@ def test_a_scene_may_say_itself_what_is_varied(section: str, cases: int) -> None
     ("section", "complaint"),
     [
         ("[sweep]\nvaried = 3", "line 6: sweep.varied: unknown key; did you mean 'vary'?"),
-        ("[sweep]\nvary = 3", "line 6: sweep.vary: got 3: input should be a valid dictionary"),
+        ("[sweep]\nvary = 3", "line 6: sweep.vary: got 3: input should be a table"),
         ("sweep = 3", "line 5: run.sweep: unknown key"),
         ("[sweep]\nrandom = 0\nvary = {}", "line 6: sweep.random: got 0: input should be greater than or equal to 1"),
         ("[sweep]\nrandom = 3", "sweep.vary: missing"),
