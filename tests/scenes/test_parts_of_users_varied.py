@@ -417,8 +417,8 @@ def test_a_part_of_a_module_in_a_package_is_told_at_its_own_key(tmp_path: Path) 
     (tmp_path / "packed").mkdir()
     (tmp_path / "packed" / "inner.py").write_text((tmp_path / "zoo.py").read_text())
     with pytest.raises(SceneError, match=r"^override fault\.packed\.inner:Weak.begin_s: .*got a beginning at 9 s"):
-        asked("path_line", *DRIVEN, 'fault."packed.inner:Weak".begin_s=9')
-    QUANTITIES.pop("tail", None)
+        asked("path_line", "controller.kind=pi_los", "run.duration_s=0.4", 'fault."packed.inner:Weak".begin_s=9')
+    del sys.modules["packed.inner"], sys.modules["packed"]
 
 
 def test_a_run_round_an_obstacle_of_ones_own_is_shown_where_the_module_is_not(tmp_path: Path) -> None:
