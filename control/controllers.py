@@ -36,7 +36,7 @@ class Listed(NamedTuple):
 CONTROLLERS = {
     "mpc": Listed("model predictive control of the gait's parameters", "control.supervisor", "Supervisor"),
     "climber": Listed(
-        "that, and climbing by two anchors where the walls of a pipe close round the worm",
+        "mpc, and climbing by two anchors where the walls of a pipe close round the worm",
         "control.climbing.climber",
         "Climber",
     ),

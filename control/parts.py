@@ -9,8 +9,8 @@ controller that shares nothing with those that ship:
         def of(cls, task): ...
 
 A scene calls nothing that is not marked for the key in which it stands. A section of a scene that `holds` a kind
-(`scenes.language.parts.PartSection`) takes parts of it by a key, by a list, or as sub-sections; their schema,
-`worm3d init`, errors, saving and loading follow from the row.
+(`scenes.language.parts.PartSection`) takes parts of it by a key, by a list, or as sub-sections. The row in this
+file is enough: schema, `worm3d init` and `list`, errors, saving and loading use the row.
 """
 
 from __future__ import annotations

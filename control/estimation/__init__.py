@@ -1,1 +1,1 @@
-"""Estimation of the worm's place, heading and drift from measurements."""
+"""Estimation of place, heading and drift from measurements, and the reduced model that the planner shares (`reduced`)."""

@@ -33,7 +33,7 @@ neither heading nor slip shows.
 Starts and stops. How far a worm goes while its wave swells or slows down depends on the phase: where it is slower than
 its wave by e, or quicker, the density of noise of the place along the heading has (changing e)^2 more. From rest a worm
 first draws itself together, by which its centre of mass goes some 2 cm ahead, or back where it slides downhill: at
-0.08 m/s that noise amounts to 4 cm, lest this be taken for its speed, or for the way in which it goes.
+0.08 m/s that noise amounts to 4 cm, so that the filter takes this neither for speed nor for the way ahead.
 
 Pushes. What pushes a worm aside looks like a turn, since both change its course; but then the innovations of some time
 have a trend m, their mean with forgetting over n samples, of variance S / (2 n - 1), and that of what rocks the worm
@@ -108,7 +108,7 @@ class Uncertainty:
     heading: float = parameter(0.004, unit="rad/sqrt(s)", ge=0, meaning="noise of the heading without turning")
     turning: float = parameter(0.12, unit="sqrt(s)", ge=0, meaning="increase of that noise per turn rate")
     changing: float = parameter(
-        1.0, unit="sqrt(s)", ge=0, meaning="increase of the noise ahead per speed by which the worm is behind its wave"
+        1.0, unit="sqrt(s)", ge=0, meaning="increase of the noise ahead per speed that the worm lacks to its wave"
     )
     speed: float = parameter(0.006, unit="m/s/sqrt(s)", ge=0, meaning="noise of the speed that the gait makes")
     turn_rate: float = parameter(

@@ -113,7 +113,7 @@ class ReducedModel:
     output: ca.Function
     """(state, input) -> velocity of the centre of mass [m/s] and turn rate [rad/s], (3,)."""
     in_force: ca.Function
-    """The same as `dynamics` for the amplitude and frequency in force."""
+    """`dynamics` of a wave that already has the commanded amplitude and frequency."""
     lag: float
     """Time T_v by which the speed follows these [s]."""
     shape: ca.Function

@@ -1,1 +1,1 @@
-"""Faults of a run: what measurements show of them, and faults that are put in on purpose."""
+"""Faults: the watch that tells them from measurements, which the loop asks, and faults put in on purpose (`injected`)."""

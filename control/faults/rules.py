@@ -3,8 +3,8 @@
 *Chambers.* A chamber follows its command by a gain: amplitude of the strain at the wave's frequency over that of the
 command. On the default worm gains are 0.7 to 0.95, and those of one body within a quarter of each other, on slopes, in
 pipes and in turns; a chamber that stays where it is has less than a third of the others', what its neighbours pull.
-Load takes the more of a wave the smaller that is: the gains of a worm of 0.4 kg are 0.33 at an amplitude of 0.15, 0.5
-at 0.2, 0.7 at 0.27. A wave goes the less far for it, and by how much is known from the identified map.
+A load reduces the gain of small waves more than the gain of large waves: the gains of a worm of 0.4 kg are 0.33 at an
+amplitude of 0.15, 0.5 at 0.2, 0.7 at 0.27. The identified map tells how much less far such a wave goes.
 
 *Tipping.* A load on a chamber changes its gain. A worm that lies on its side rests on the chambers of that side: the
 mean gains of left and right, equal to 4 % while it stands on both (slopes of 5 degrees, friction 30 % off),
@@ -59,7 +59,7 @@ TRESPASS = 0.03
 """Distance inside an obstacle or outside a corridor beyond which a worm was not able to keep out [body lengths]."""
 LEFT_PATH = 0.3
 """Distance that a worm leaves its path by, beyond the least one of the last waves [body lengths]."""
-THREE = 4
+ENDS_OF_THREE_WAVES = 4
 """Number of waves of which the first and the last are three waves apart."""
 SIDES = ("left", "right")
 ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
@@ -125,7 +125,8 @@ class Wave:
     back: bool = False
     """Whether it is to go backwards, as it can; speeds are counted backwards then."""
     expected: float = 1.0
-    """Gain of its amplitude over that of the greatest one, by the ways that they make on the map."""
+    """Expected gain of this wave over the expected gain of the wave of greatest amplitude; the ways of both on the map
+    tell the gains."""
 
 
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -209,9 +210,9 @@ def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
-    if len(waves) <= THREE:  # the first wave swells
+    if len(waves) <= ENDS_OF_THREE_WAVES:  # the first wave swells
         return
-    last = waves[-THREE:]
+    last = waves[-ENDS_OF_THREE_WAVES:]
     if any(wave.back != last[-1].back or wave.away >= AWAY for wave in last):
         return
     way, error = _way(last)

@@ -43,8 +43,8 @@ class FeedForward:
         Whether the worm can crawl backwards, with the same wave the other way round.
     slowest, fastest : float
         Speed of the slowest wave [m/s], below which the worm stands, and the greatest one.
-    swift : float
-        Half of the least speed that was identified [m/s].
+    least_divisor : float
+        Half of the least identified speed [m/s], below which speeds are not divided by.
     """
 
     def __init__(self, found: SteeringMap, length: float, backward: bool = False) -> None:
@@ -64,7 +64,7 @@ class FeedForward:
         self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
         self._straight = self._speeds(0.0)
         self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
-        self.swift = 0.5 * float(self._straight[POINTS])
+        self.least_divisor = 0.5 * float(self._straight[POINTS])
         along = zip(self._amplitudes, self._frequencies, strict=True)
         sharpest = np.array([self._turn_rates(*place).max() for place in along])
         sharpest = (1.0 - SPARE) * sharpest / self._straight

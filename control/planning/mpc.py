@@ -248,7 +248,7 @@ class GaitMPC:
             cost=self.cost,
             state=np.array(state, dtype=float),
             preview=preview,
-            slowest=self.feed_forward.swift,
+            slowest=self.feed_forward.least_divisor,
             before=self._scale.scaled(plain[:1] if self._last is None else self._last.at(t)),
             frequency=(frequency - self._scale.centre[1]) / self._scale.half[1],
         )

@@ -10,8 +10,8 @@ SHARE = 0.95
 
 The sine of the default worm makes 0.143 m/s, and at 0.14 it has no room left to catch up: its mean rms offset from an
 S-curve is 0.0046 body lengths, that of the steep wave 0.0030 (seeds 10 to 14); on a circle of 1.5 body lengths both
-have 0.0024 (seeds 10 to 12). At 0.12 m/s the sine has 0.0029 and 0.0023. Half of the share takes the steep wave for
-0.08 m/s round sharp corners too, with half as much offset again; the double, for no speed that this worm can go."""
+have 0.0024 (seeds 10 to 12). At 0.12 m/s the sine has 0.0029 and 0.0023. With half of the share
+runs at 0.08 m/s round sharp corners take the steep wave too, with half as much offset again; with the double none."""
 
 
 def suited(speed: float, sine: SteeringMap, length: float) -> Wave:

@@ -11,12 +11,12 @@ With the speed V_ref, point r, heading psi and frequency f_0 that are wanted, th
 
 V being the speed along the heading, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path. The body
 stands across its path by the angle crab, so that its centre of mass follows the path although it is carried to the left
-by u. Steering itself carries it so, hence u is that of the state: with the u of an earlier plan, crab and plan chase
-each other, and a worm comes back to its line along another way than the cost says.
+by u. Steering itself carries it so, hence the cost takes u from the predicted state: with the u of an earlier plan, crab
+angle and plan would oscillate, and a worm would come back to its line along another way than the cost says.
 
 The arrival is that at the end of the horizon, and stands for all that comes later. Of an offset e over the way s whose
-slope e' is free, int (e/a_e)^2 + (e'/a_h)^2 ds is least for e ~ exp(-s/L), L = a_e/a_h, and from e_H on e_H^2 L/a_e^2:
-as much as L/w steps of the way w. An offset thus dies away over the way L, however short the horizon is. A turn rate b
+slope e' is free, int (e/a_e)^2 + (e'/a_h)^2 ds is least for e ~ exp(-s/L), L = a_e/a_h, and its cost from e_H
+on is e_H^2 L/a_e^2: as much as L/w steps of the way w. An offset thus dies away over the way L, however short the horizon is. A turn rate b
 that the estimate does not know leaves an offset of b L^2/V, where the steering that undoes it is what the offset asks
 for: with 5 mrad/s, as much as a default worm's is unsure, 1.3 mm.
 
@@ -120,7 +120,7 @@ class CostTerm(Spelled, ABC):
 
 
 def _levelled(miss: ca.SX, large: float) -> ca.SX:
-    """Return what has half the square (O7) of a miss, times the square of its tolerance."""
+    """Return a residual; half of its square is the cost (O7) of a miss, times the square of the tolerance."""
     return miss * ca.sqrt(2.0 / (1.0 + ca.sqrt(1.0 + (miss / large) ** 2)))
 
 

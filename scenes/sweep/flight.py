@@ -5,7 +5,7 @@ did, comes out in further tries: the lost cases wait until the others have ended
 worker, and in the last try one at a time on all of them. A case that has lost its worker in every try is reported as
 failed.
 
-How a case ended comes as an event of the scheduler, at two thirds of the cost of a result that is fetched.
+A worker reports the end of a case by an event of the scheduler, which costs two thirds of a fetched result.
 """
 
 from __future__ import annotations
