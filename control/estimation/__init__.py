@@ -1,1 +1,1 @@
-"""Estimation of place, heading and drift from measurements, and the reduced model that the planner shares (`reduced`)."""
+"""Estimation of place, heading and drift from measurements, and the reduced model that planners share."""

@@ -1,1 +1,1 @@
-"""Faults: the watch that tells them from measurements, which the loop asks, and faults put in on purpose (`injected`)."""
+"""Faults: the watch, which tells them from measurements, and faults that are put in on purpose (`injected`)."""

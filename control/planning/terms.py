@@ -11,14 +11,14 @@ With the speed V_ref, point r, heading psi and frequency f_0 that are wanted, th
 
 V being the speed along the heading, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path. The body
 stands across its path by the angle crab, so that its centre of mass follows the path although it is carried to the left
-by u. Steering itself carries it so, hence the cost takes u from the predicted state: with the u of an earlier plan, crab
-angle and plan would oscillate, and a worm would come back to its line along another way than the cost says.
+by u. Steering itself carries it so, hence the cost takes u from the predicted state: with the u of an earlier plan,
+crab angle and plan would oscillate, and a worm would come back to its line along another way than the cost says.
 
 The arrival is that at the end of the horizon, and stands for all that comes later. Of an offset e over the way s whose
-slope e' is free, int (e/a_e)^2 + (e'/a_h)^2 ds is least for e ~ exp(-s/L), L = a_e/a_h, and its cost from e_H
-on is e_H^2 L/a_e^2: as much as L/w steps of the way w. An offset thus dies away over the way L, however short the horizon is. A turn rate b
-that the estimate does not know leaves an offset of b L^2/V, where the steering that undoes it is what the offset asks
-for: with 5 mrad/s, as much as a default worm's is unsure, 1.3 mm.
+slope e' is free, int (e/a_e)^2 + (e'/a_h)^2 ds is least for e ~ exp(-s/L), L = a_e/a_h, and its cost from e_H on is
+e_H^2 L/a_e^2: as much as L/w steps of the way w. An offset thus dies away over the way L, however short the horizon is.
+A turn rate b that the estimate does not know leaves an offset of b L^2/V, where the steering that undoes it is what the
+offset asks for: with 5 mrad/s, as much as a default worm's is unsure, 1.3 mm.
 
 From afar that way is long: to bring 0.3 body lengths down to 0.02 it takes 2.7 L. A worm that is far off its path does
 well to go straight for it, so that with b = 0.35 rad, five tolerances, a miss m of the heading costs
