@@ -3,7 +3,8 @@
 A stiff body has its centre of mass on a curved path, and its ends outside. `Bending` bends it as the path bends under
 it, at both ends (the middle bent as well rolls it over its inner feet); that needs no more time than the supervisor.
 
-The wave itself is the supervisor's; what planning chambers and hinges within it would gain is told in `control/README.md`.
+The wave itself is the supervisor's; what planning chambers and hinges within it would gain is told in
+`control/README.md`.
 """
 
 from __future__ import annotations
