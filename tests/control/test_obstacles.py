@@ -168,7 +168,7 @@ def test_a_worm_goes_around_a_wall_and_the_clearance_is_that_of_brute_force() ->
             r"obstacles\[0\]: got one in which the worm begins",
         ),
         ({"kind": "wall", "x_m": 1.5, "y_m": 0.0, "radius_m": -0.1}, "radius_m"),
-        ({"kind": "hole", "x_m": 1.5, "y_m": 0.0, "radius_m": 0.1}, "'disc' or 'wall'"),
+        ({"kind": "hole", "x_m": 1.5, "y_m": 0.0, "radius_m": 0.1}, "one of 'disc', 'wall', or module:NAME"),
         ({"kind": "wall", "y_m": 0.0, "radius_m": 0.1}, "x_m"),
     ],
 )

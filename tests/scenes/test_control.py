@@ -369,7 +369,7 @@ TOO_LATE = "override reference.speed_steps: got a step at 70 s: must be before t
         (
             "path_line",
             ("fault.chamber=true", "fault.chamber_begin_s=60"),
-            "got 60 s: must be before the end of the run",
+            "got a beginning at 60 s: must be before the end of the run",
         ),
         ("path_line", ("reference.kind=spline",), "points: got shape (0, 2)"),
         ("path_line", ("controller.period_s=0.001",), "must be at least run.dt_s"),
