@@ -32,6 +32,9 @@ ADDED = {"actuator", "actuator_loss", "checkpoint/state_contraction", "hysteresi
 NOT_COMPARED = ("timing", "run")
 """Groups of `result.nc` that are not compared: wall-clock times, and arrays of worm and world."""
 
+OF_A_PROGRAM = ("case",)
+"""Variables of `sweep.nc` that are not compared: keys of cases depend on the program."""
+
 BAD_SCENE = 2
 """Exit code of a scene that cannot be shortened so far."""
 
@@ -73,9 +76,7 @@ def _equal(name: str, given: argparse.Namespace) -> bool:
     """Run a scene in both checkouts, and print whether and where its results differ."""
     with tempfile.TemporaryDirectory() as folder:
         kept = (given.keep or Path(folder) / "old") / name
-        if not (kept / "result.nc").exists():
-            _run(name, given.old, kept, given.seconds)
-        before = dict(_variables(kept / "result.nc"))
+        before = dict(_variables(_file_of(kept) or _run(name, given.old, kept, given.seconds)))
         after = dict(_variables(_run(name, given.new, Path(folder) / "new", given.seconds)))
     renamed = {RENAMED.get(path, path): values for path, values in before.items()}
     lines = [f"{path}: only in {side}" for side, path in _unpaired(renamed, after)]
@@ -97,15 +98,22 @@ def _run(name: str, checkout: Path, out: Path, seconds: float) -> Path:
     done = subprocess.run([*command, *shorter], cwd=checkout, check=False, capture_output=True, text=True)
     if done.returncode == BAD_SCENE:
         done = subprocess.run(command, cwd=checkout, check=False, capture_output=True, text=True)
-    if not (out / "result.nc").exists():  # one that diverges has a result too
+    if (found := _file_of(out)) is None:  # a run that diverges has a result too
         raise RuntimeError(f"{name} in {checkout}: {done.stderr}")
-    return out / "result.nc"
+    return found
+
+
+def _file_of(out: Path) -> Path | None:
+    """Return the result of a run, or of a sweep, in a folder."""
+    return next((out / name for name in ("result.nc", "sweep.nc") if (out / name).exists()), None)
 
 
 def _variables(path: Path) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
     """Yield the path in the file and the values of each variable that is compared."""
     with h5netcdf.File(path, "r") as file:
         for name, variable in file.variables.items():
+            if name in OF_A_PROGRAM:
+                continue
             yield name, np.asarray(variable[...])
         for group in file.groups:
             if group not in NOT_COMPARED:
@@ -123,6 +131,8 @@ def _difference(path: str, old: np.ndarray[Any, Any], new: np.ndarray[Any, Any])
     """Say in a line how the values of a variable differ; nothing where they are the same bits."""
     if old.shape != new.shape:
         return f"{path}: shape {old.shape} became {new.shape}"
+    if old.dtype.kind not in "iufb":
+        return "" if (old == new).all() else f"{path}: the texts differ"
     if old.tobytes() == new.tobytes():
         return ""
     size = np.abs(new.astype(float) - old.astype(float))

@@ -135,8 +135,9 @@ def keys_of(
     for owner, part in registry.items():
         for name, known in declared(part).items():
             if name not in without and (name in these or not these):
-                shown = in_degrees(replace(known, **_changes(name, default=defaults, unit=units)))
-                shown = replace(shown, meaning=about + shown.meaning, **_changes(name, bounds=bounds))
+                shown = in_degrees(_replaced(known, _changes(name, default=defaults, unit=units)))
+                more: dict[str, Any] = {"meaning": about + shown.meaning} if about else {}
+                shown = _replaced(shown, more | _changes(name, bounds=bounds))
                 found.setdefault(prefix + key_of(shown), {})[owner] = shown
     keys: Keys = {}
     if by:
@@ -188,7 +189,7 @@ def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, s
     """Return the values that sections give to the parameters of a part; arguments as of `part_of`."""
     values: dict[str, Any] = {}
     for name, said in declared(part).items():
-        known = replace(said, **_changes(name, unit=units))
+        known = _replaced(said, _changes(name, unit=units))
         key = prefix + key_of(known)
         value = next((getattr(section, key) for section in sections if hasattr(section, key)), None)
         if value is not None:
@@ -227,6 +228,10 @@ def keys_by_parameter(part: type, section: type[Section]) -> dict[str, str]:
     """Return the key of each parameter of a dataclass that a section has, to put keys into its errors."""
     keys = {name: key_of(known) for name, known in parameters_of(part).items()}
     return {name: key for name, key in keys.items() if key in keys_in(section)}
+
+
+def _replaced(known: Parameter, changes: Mapping[str, Any]) -> Parameter:
+    return replace(known, **changes) if changes else known
 
 
 def _changes(name: str, **changes: Mapping[str, Any]) -> dict[str, Any]:
