@@ -100,9 +100,21 @@ def test_what_the_first_command_installs_has_one_version_each_and_runs_sweeps_on
     assert needed <= locked
 
 
+ALONE = ("sweep", "study", "technologies", "validate")
+"""Commands that need no result of another one."""
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_the_commands_that_need_no_result(name: str, tmp_path: Path) -> None:
+    asked = [arguments for arguments in commands() if arguments[1:2] == [name]]
+    assert asked
+    for arguments in asked:
+        run(arguments, tmp_path)
+
+
 def test_the_commands(tmp_path: Path) -> None:
     for arguments in commands():
-        if arguments[1:2] not in ([], ["paper"]):
+        if arguments[1:2] not in ([], ["paper"], *([name] for name in ALONE)):
             run(arguments, tmp_path)
     for folder in ("flat", "further", "turn", "circle"):
         assert (tmp_path / folder / "result.nc").is_file()

@@ -257,7 +257,11 @@ def _model_of(models: Models[M], data: Mapping[str, Any]) -> tuple[M, list[Mista
     if isinstance(given, str) and given in known:
         return models.get(given), []
     meant = did_you_mean(str(given), [(name, name) for name in known])
-    likeliest = models.get(meant) if meant else max(map(models.get, known), key=lambda k: _shared_sections(k, data))
+    likeliest = (
+        models.get(meant)
+        if meant
+        else max(map(models.get, known), key=lambda each: len(keys_in(each.schema).keys() & data.keys()))
+    )
     found = f"got {toml.shown(given)}" if "model" in data else "missing"
     guess = f"; did you mean '{meant}'?" if meant else ""
     allowed = ", ".join(f"'{name}'" for name in known)
@@ -267,10 +271,6 @@ def _model_of(models: Models[M], data: Mapping[str, Any]) -> tuple[M, list[Mista
 
 def _models_with(models: Models[Model], section: str) -> list[str]:
     return [name for name in models.names() if section in keys_in(models.get(name).schema)]
-
-
-def _shared_sections(model: Model, data: Mapping[str, Any]) -> int:
-    return len(keys_in(model.schema).keys() & data.keys())
 
 
 def _with_every_section(model: Model, data: Mapping[str, Any]) -> dict[str, Any]:

@@ -59,9 +59,8 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
         off = {each.name for each in found if each.key == ITSELF and given.get(each.name) is False}
         found = [each for each in found if each.name not in off]
         filled[name] = {key: value for key, value in given.items() if key not in lost | off}
-        filled[name] |= {
-            each.name: _as_section(given.get(each.name, {})) for each in found if each.in_a_section(section)
-        }
+        asked_for = {each.name: given.get(each.name, True) for each in found if each.in_a_section(section)}
+        filled[name] |= {each: {} if value is True else value for each, value in asked_for.items()}
         if lost:  # whose keys are not known
             known = {*keys_in(section), *(each.name for each in found)}
             filled[name] = {key: value for key, value in filled[name].items() if key in known}
@@ -147,15 +146,7 @@ def _own_names(given: Any, key: str) -> list[str]:
         return []
     value = list(given) if key == ITSELF else given.get(key)
     names = value if isinstance(value, list | tuple) else [value]
-    return [name for name in dict.fromkeys(filter(_is_text, names)) if named.is_own(name)]
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _as_section(value: Any) -> Any:
-    return {} if value is True else value
+    return [name for name in dict.fromkeys(each for each in names if isinstance(each, str)) if named.is_own(name)]
 
 
 @cache

@@ -9,6 +9,7 @@ from scenes.language.errors import SceneError
 from scenes.language.loader import Model, with_own_parts
 from scenes.language.mistakes import report, schema_mistakes
 from scenes.language.overrides import apply_overrides
+from scenes.language.parts import head
 from scenes.language.schema import Section, keys_in
 from scenes.language.sweep_section import SWEEP, Sweep
 from scenes.language.toml import key, value
@@ -49,7 +50,7 @@ def _section(schema: type[Section], prefix: str, given: Mapping[str, Any]) -> It
     kind = given.get("kind", keys["kind"].default) if "kind" in keys else ""
     for name, known in keys.items():
         if known.section:
-            yield from ("", f"[{prefix}{key(name)}]  # {_first_sentence(known.section)}")
+            yield from ("", f"[{prefix}{key(name)}]  # {head(known.section)}")
             yield from _section(known.section, f"{prefix}{key(name)}.", given.get(name, {}))
         else:
             allowed = ", ".join(map(value, known.choices))
@@ -61,7 +62,3 @@ def _section(schema: type[Section], prefix: str, given: Mapping[str, Any]) -> It
             left_out = f"# {name} is left out: {known.default_text}"
             missing = f"# {name} = ?  must be given" if known.is_required and name not in given else ""
             yield missing or (left_out if default is None else f"{name} = {value(default)}")
-
-
-def _first_sentence(section: type[Section]) -> str:
-    return (section.__doc__ or "").split(".")[0]

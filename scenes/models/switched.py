@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from scenes.language.checks import Check, Found
-from scenes.language.parts import Keys, keys_of, part_named, part_of
+from scenes.language.parts import Keys, head, keys_of, part_named, part_of
 from scenes.language.schema import Section, keys_in, new_key
 from worm3d.values.named import Kind, is_own
 
@@ -16,7 +16,7 @@ def switched_keys(registry: Mapping[str, type]) -> Keys:
     """Return the keys of all parts; one is there if it is asked for by its name."""
     keys: Keys = {}
     for name, part in registry.items():
-        what = (part.__doc__ or "").split(".")[0].split(", (")[0]
+        what = head(part).split(", (")[0]
         keys[name] = new_key(False, hint=bool, meaning=f"whether {what[:1].lower()}{what[1:]}")
         keys |= keys_of(part, prefix=f"{name}_")
     return keys
