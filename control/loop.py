@@ -36,7 +36,7 @@ from worm3d.values.named import EXCEPTIONS
 Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "own", "climb"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 
-MOST_HELD = 5
+MOST_KEPT = 5
 """Largest number of times in a row that parameters are kept for want of anything better."""
 KNOWN = 0.08
 """Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
@@ -223,7 +223,7 @@ class WaveController(Driver):
         self.generator.reset()
         self.chambers.reset()
         self.descent.reset()
-        self._held = 0
+        self._kept_count = 0
         self._target = GaitParameters(0.0, self._frequency)
 
     @property
@@ -292,11 +292,11 @@ class WaveController(Driver):
             if steep is not None:
                 self.watch.report([steep])
                 return Choice("stop", rest(self._target), steep.what)
-            choice, self._held = self._choose(t, estimate), 0
+            choice, self._kept_count = self._choose(t, estimate), 0
         except EXCEPTIONS as error:
             _LOG.warning("no decision at %.3f s", t, exc_info=error)
-            self._held += 1
-            if self._held <= MOST_HELD:
+            self._kept_count += 1
+            if self._kept_count <= MOST_KEPT:
                 return Choice("gait", self._target, complaint_of(error), failed=True)
             return Choice("stop", rest(self._target), f"{LOST}: {complaint_of(error)}", failed=True)
         return choice

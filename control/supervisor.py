@@ -29,7 +29,7 @@ from control.estimation.estimator import Estimator
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel
 from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.surrogate import Ranges
-from control.loop import LOST, MOST_HELD, Choice, Estimates, KnownHeading, WaveController, complaint_of, observed, rest
+from control.loop import LOST, MOST_KEPT, Choice, Estimates, KnownHeading, WaveController, complaint_of, observed, rest
 from control.planning.constraints import Constraint
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
@@ -214,7 +214,7 @@ class Supervisor(WaveController):
         if plain is not None:
             return Choice("gait", plain, complaint, plan, failed=True)
         self._kept += 1
-        if self._kept <= MOST_HELD:
+        if self._kept <= MOST_KEPT:
             return Choice("gait", self._target, complaint, plan, failed=True)
         return Choice("stop", rest(self._target), LOST, plan, failed=True)
 

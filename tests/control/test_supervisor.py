@@ -10,7 +10,7 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified, load
-from control.loop import LONGEST_START, LOST, MOST_HELD
+from control.loop import LONGEST_START, LOST, MOST_KEPT
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
@@ -241,7 +241,7 @@ def test_whatever_a_planner_does_the_next_best_follows(how: str) -> None:
 
 def test_with_nothing_but_exceptions_parameters_are_kept_and_then_it_rests() -> None:
     supervisor = run(Spoilt("of its own", plain=False), 3.0)
-    assert sources(supervisor) == ["gait"] * MOST_HELD + ["stop"] * (15 - MOST_HELD)
+    assert sources(supervisor) == ["gait"] * MOST_KEPT + ["stop"] * (15 - MOST_KEPT)
     assert supervisor.decisions[0].status == "OddError: what is this"
 
 
@@ -263,8 +263,8 @@ def test_without_a_finite_reference_parameters_are_kept_and_then_it_rests() -> N
 
     supervisor = run(Unreliable(lambda call: False), 5.0, Reference(speed, heading=heading))
     # Of the horizon, some is unknown from the beginning: the plain wave, kept from 1 s on, and rest.
-    assert sources(supervisor) == ["gait"] * (5 + MOST_HELD) + ["stop"] * (20 - MOST_HELD)
-    assert len({d.parameters for d in supervisor.decisions[4 : 5 + MOST_HELD]}) == 1
+    assert sources(supervisor) == ["gait"] * (5 + MOST_KEPT) + ["stop"] * (20 - MOST_KEPT)
+    assert len({d.parameters for d in supervisor.decisions[4 : 5 + MOST_KEPT]}) == 1
     assert supervisor.decisions[4].parameters.amplitude > 0.2
     last = supervisor.decisions[-1]
     assert (last.parameters.amplitude, last.status) == (0.0, LOST)

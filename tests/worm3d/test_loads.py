@@ -13,7 +13,7 @@ import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Held, Load, Payload, Pipe, Plane, Result, State, Status, Tether, Worm, simulate
 from worm3d.physics.kernels import load as kernels
-from worm3d.physics.load import FREE, HIGH, LOW, STICKING
+from worm3d.physics.load import LOAD_FREE, LOAD_HIGH, LOAD_LOW, LOAD_STICKING
 from worm3d.running.plant import kernels as compiled
 
 G = 9.81
@@ -370,7 +370,7 @@ def test_a_worm_in_its_plane_and_on_the_clamped_ground_has_them() -> None:
     assert (found["tension"] <= 0.15 * found["laid"] * (1 + 1e-6) + np.abs(0.5 * found["climb"]) + 1e-12).all()
 
 
-@pytest.mark.parametrize("regime", [FREE, LOW, STICKING, HIGH])
+@pytest.mark.parametrize("regime", [LOAD_FREE, LOAD_LOW, LOAD_STICKING, LOAD_HIGH])
 @pytest.mark.parametrize("seed", range(3))
 def test_derivatives(regime: float, seed: int) -> None:
     """Gradient and Hessian of the potential against differences, in each regime, of loads at random places."""

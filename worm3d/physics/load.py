@@ -20,7 +20,7 @@ from worm3d.values.arrays import FloatArray
 if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
-FREE, LOW, STICKING, HIGH = -1.0, 0.0, 1.0, 2.0
+LOAD_FREE, LOAD_LOW, LOAD_STICKING, LOAD_HIGH = -1.0, 0.0, 1.0, 2.0
 """Regimes of a law with two limits: the law itself decides, at the lower one, between them, at the upper one."""
 
 HEAD = -1
@@ -40,7 +40,7 @@ class LoadStep(NamedTuple):
     rest of force times way."""
     states: Symbols = {}  # noqa: RUF012  # never changed
     """States at the end of the step, by name."""
-    regime: Symbol = STICKING
+    regime: Symbol = LOAD_STICKING
     """Regime that follows, for a law with kinks: the one that "x" lies in, or the next on the way there."""
 
 
@@ -79,10 +79,10 @@ class Load(Part, registry=LOADS):
         s : mapping of str to SX
             By name: the parameters and "<state>_n" of each state. Place "x" (3) of the joint at the end of the step;
             "past" and "velocity" (6), at its start and that of the step before; "tangent" (3) of the segment there and
-            "normal" (3) of the world, 0 without one, at its start. "regime", that in which the law is taken (`FREE`:
-            that in which x lies), and "regime_n", that of the last step. "gravity" (3) [m/s^2]; "stiffness" [N/m] and
-            "damping" [N s/m] for a load that sticks: the stiffness of normal contact, with the damping ratio of
-            tangential contact.
+            "normal" (3) of the world, 0 without one, at its start. "regime", in which the law is taken
+            (`LOAD_FREE`: the regime in which x lies), and "regime_n", that of the last step. "gravity" (3) [m/s^2];
+            "stiffness" [N/m] and "damping" [N s/m] for a load that sticks: the stiffness of normal contact, with
+            the damping ratio of tangential contact.
             "dt", "span", "ratio" and "lands" as in `worm3d.physics.kernels.inertia`.
         """
         raise NotImplementedError

@@ -46,7 +46,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from worm3d.physics.load import FREE, HIGH, LOW, STICKING, Load, LoadStep
+from worm3d.physics.load import LOAD_FREE, LOAD_HIGH, LOAD_LOW, LOAD_STICKING, Load, LoadStep
 from worm3d.physics.part import Symbols
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -157,7 +157,7 @@ class _Cable:
         import casadi as ca
 
         s, weight = self.s, self.s["weight"] * self.s["climb_n"]
-        slid = ca.logic_and(s["regime_n"] != STICKING, s["tension_n"] > 0.0)
+        slid = ca.logic_and(s["regime_n"] != LOAD_STICKING, s["tension_n"] > 0.0)
         resistance = grip * s["resistance_n"] * ca.if_else(slid, 1.0, s["static_ratio"])
         rising, falling = (s["weight"] * self.climbs + sign * grip * self.rubs for sign in (1.0, -1.0))
         low, high, most = weight - resistance, weight + resistance, 1.0 / (NEAREST * s["free_length"])
@@ -178,9 +178,11 @@ class _Cable:
         import casadi as ca
 
         regime = self.s["regime"]
-        own = ca.if_else(self.y > self.high.kink, HIGH, ca.if_else(self.y < self.low.kink, LOW, STICKING))
-        regime = ca.if_else(regime == FREE, own, regime)
-        return ca.if_else(regime == HIGH, high, ca.if_else(regime == LOW, low, sticking))
+        own = ca.if_else(
+            self.y > self.high.kink, LOAD_HIGH, ca.if_else(self.y < self.low.kink, LOAD_LOW, LOAD_STICKING)
+        )
+        regime = ca.if_else(regime == LOAD_FREE, own, regime)
+        return ca.if_else(regime == LOAD_HIGH, high, ca.if_else(regime == LOAD_LOW, low, sticking))
 
     def _potential(self, line: _Line) -> Any:
         beyond = self.y - line.kink
@@ -192,10 +194,10 @@ class _Cable:
 
         regime, tie = self.s["regime"], TIE * (self.high.limit / self.stiffness + 1e-12)
         above, below = self.y > self.high.kink + tie, self.y < self.low.kink - tie
-        stays = ca.if_else(above, HIGH, ca.if_else(below, LOW, STICKING))
-        of_high = ca.if_else(self.y < self.high.kink - tie, STICKING, HIGH)
-        of_low = ca.if_else(self.y > self.low.kink + tie, STICKING, LOW)
-        return ca.if_else(regime == HIGH, of_high, ca.if_else(regime == LOW, of_low, stays))
+        stays = ca.if_else(above, LOAD_HIGH, ca.if_else(below, LOAD_LOW, LOAD_STICKING))
+        of_high = ca.if_else(self.y < self.high.kink - tie, LOAD_STICKING, LOAD_HIGH)
+        of_low = ca.if_else(self.y > self.low.kink + tie, LOAD_STICKING, LOAD_LOW)
+        return ca.if_else(regime == LOAD_HIGH, of_high, ca.if_else(regime == LOAD_LOW, of_low, stays))
 
     def step(self) -> LoadStep:
         """Return what the cable does in the step."""

@@ -35,7 +35,10 @@ _declared = count()
 
 @dataclass(frozen=True)
 class Rows:
-    """Position of a series in the solver: component by component in the rows of an array, from one row on."""
+    """Position of a series in the solver: component by component in the rows of an array, from one row on.
+
+    `Rows("joints", 0)` is x, y, z of the joints: rows 0 to 2, a column for each joint.
+    """
 
     array: str
     row: str | int = 0

@@ -76,7 +76,7 @@ class Observation:
             apexes=apexes,
             apex_velocity=apex_velocity,
             contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
-            normal_load=plant.loads()[:6].T.copy(),
+            normal_load=plant.normal_loads()[:6].T.copy(),
             actuator_states=states,
         )
 

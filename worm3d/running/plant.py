@@ -20,7 +20,7 @@ from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, load, medium, node, point, segment
 from worm3d.physics.kernels.layout import Layout, once
-from worm3d.physics.load import STICKING, Load
+from worm3d.physics.load import LOAD_STICKING, Load
 from worm3d.physics.media import Medium
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State, StateError
@@ -148,7 +148,7 @@ class Plant:
         self._fill_points()
         self._fill_actuators()
         self._fill_medium()
-        self._fill_loads()
+        self._fill_external_loads()
 
     def _open(self, memory: CoreMemory) -> None:
         self.memory_of_core, self.core, self.arrays = memory, memory.core, memory.arrays
@@ -271,7 +271,7 @@ class Plant:
             for name, value in values.items():
                 rows.of(medium.PREFIX + name, self.arrays["medium_in"])[:, : self.n] = value
 
-    def _fill_loads(self) -> None:
+    def _fill_external_loads(self) -> None:
         loads, rows = self.worm.loads, load.layout(*map(type, self.worm.loads))
         if not loads:
             return
@@ -286,9 +286,9 @@ class Plant:
             rows.of(name, self.arrays["load_in"])[:, 0] = value
         self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]
 
-    def _begin_loads(self) -> None:
+    def _begin_external_loads(self) -> None:
         """Let the loads begin with the present pose."""
-        begun: list[float] = [STICKING] * len(self.worm.loads)
+        begun: list[float] = [LOAD_STICKING] * len(self.worm.loads)
         for each in self.worm.loads:
             j = each.at % (self.n + 1)
             tangent = self._segment_row("t_ref")[:, min(j, self.n - 1)]
@@ -372,15 +372,15 @@ class Plant:
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
         self.arrays["trial"][0] = rate.ravel()
         entries()["put"](self.core.handle, 0.0, 0, 0)
-        self._begin_loads()
+        self._begin_external_loads()
 
     def reset_at_pose(self) -> None:
         """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""
         entries()["put"](self.core.handle, 0.0, 1, 0)
 
-    def set_loads(self, load: FloatArray) -> None:
+    def set_normal_loads(self, load: FloatArray) -> None:
         """Set the normal loads of a worm at rest, shape (8, N) [N], and the contact forces to these loads alone."""
-        self.loads()[:] = load
+        self.normal_loads()[:] = load
         force = self.arrays["contact_force"].reshape(3, POINTS, -1)
         force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
 
@@ -392,7 +392,7 @@ class Plant:
         for name in ("joint_velocity", "point_velocity", "last", "curve", "terms", "slid"):
             self.arrays[name][:] = 0.0
 
-    def loads(self) -> FloatArray:
+    def normal_loads(self) -> FloatArray:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]
 

@@ -319,7 +319,7 @@ def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settli
     rested, status, reason = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)
-        plant.set_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        plant.set_normal_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
         if plant.world is not None and plant.world.uneven:
             hold(plant)
     return status, reason

@@ -17,10 +17,15 @@ from worm3d.solver.arrays import POINTS, Core
 from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
-STATE, PREVIOUS, AGE, LEAD, LEAD_CONFIRMED, ETA = range(6)
-"""Rows of "fronts": state of a contact (a regime, negative where it slides towards the tail), its previous state, steps
-since it changed, steps by which a neighbour changed earlier (negative for the neighbour behind), 1 where that neighbour
-was preceded by as many, and steps until a front arrives, 0 where none is awaited."""
+STATE, PREVIOUS, AGE, LEAD, LEAD_CONFIRMED, STEPS_LEFT = range(6)
+"""Rows of "fronts".
+
+STATE: state of a contact: a regime, negative where it slides towards the tail.
+PREVIOUS: the state before. AGE: steps since the state changed.
+LEAD: steps by which a neighbour changed earlier, negative for the neighbour behind.
+LEAD_CONFIRMED: 1 where that neighbour's own lead was as long.
+STEPS_LEFT: steps until a front arrives, 0 where none is awaited.
+"""
 MAX_LEAD = 20.0
 """Largest number of steps between neighbouring contacts at which a front is awaited."""
 SMOOTH = 0.02
@@ -52,7 +57,7 @@ def expect(core: Core) -> None:
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), 0.0)
     regimes.look(core, a.POINT_NEAR)
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), regimes.PRESSED * vector(core.block, a.NUMBERS_)[a.L0])
-    eta = matrix(core.block, a.FRONTS)[ETA]
+    eta = matrix(core.block, a.FRONTS)[STEPS_LEFT]
     for start in range(0, p.shape[1], vectors.WIDTH):
         if regimes.seen(core, start):
             evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], vectors.WIDTH, start)
@@ -103,7 +108,7 @@ def keep(core: Core) -> None:
 def note(core: Core) -> None:
     """Note, at the end of a step, which contacts do something else than before, and where fronts are awaited."""
     fronts, found = matrix(core.block, a.FRONTS), matrix(core.block, a.Y_START)
-    age, eta, lanes, changed = fronts[AGE], fronts[ETA], fronts.shape[1] // POINTS, 0
+    age, eta, lanes, changed = fronts[AGE], fronts[STEPS_LEFT], fronts.shape[1] // POINTS, 0
     for k in range(len(age)):
         age[k] += 1.0
         eta[k] = max(0.0, eta[k] - 1.0)

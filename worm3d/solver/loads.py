@@ -8,7 +8,7 @@ from worm3d.machine.banded import B
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import load, node, point, segment
-from worm3d.physics.load import FREE
+from worm3d.physics.load import LOAD_FREE
 from worm3d.recorded.energy import TERMS
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
@@ -61,7 +61,7 @@ def release(core: Core) -> None:
     """Let the laws themselves decide on regimes."""
     given, count = matrix(core.block, a.LOAD_IN), len(vector(core.block, a.LOADED))
     for k in range(count):
-        given[_OWN + _REGIME * count + k, 0] = FREE
+        given[_OWN + _REGIME * count + k, 0] = LOAD_FREE
 
 
 @inner
