@@ -24,7 +24,7 @@ from scenes.records.folder import PREFIX
 from scenes.sweep import cluster
 from scenes.sweep.engine import chosen
 from scenes.sweep.executors import InProcess
-from scenes.sweep.flight import DEATH, SchedulerError
+from scenes.sweep.flight import DEATH, Flight, SchedulerError
 from scenes.sweep.job import Ended, Job
 
 pytestmark = pytest.mark.filterwarnings(
@@ -110,6 +110,35 @@ def test_the_worker_of_a_case_that_never_ends_is_replaced(tmp_path: Path) -> Non
         "a sweep removes it"
     )
     assert all(len(runs_of(job)) == 1 for job in innocent)
+
+
+class Scheduler:
+    """Stands in for a client: notes the keys of tasks, none of which ends."""
+
+    def __init__(self) -> None:
+        self.keys: list[object] = []
+
+    def subscribe_topic(self, topic: str, handler: object) -> None:
+        """Nothing is ever told."""
+
+    def submit(self, *task: object, key: object) -> Scheduler:
+        self.keys.append(key)
+        return self
+
+    def add_done_callback(self, callback: object) -> None:
+        """It is never done."""
+
+
+def test_two_tasks_are_the_same_to_the_scheduler_where_all_of_their_cases_are(tmp_path: Path) -> None:
+    """A driver that comes after one that was killed would be told the cases of the other's task, and not its own."""
+    scheduler, (a, b, c) = Scheduler(), jobs(tmp_path, "spin", 3)
+    flight = Flight(scheduler, perform, never)  # type: ignore[arg-type]
+    for batch in ((a, b), (a, c), (b, c), (a, b, c), (a,)):
+        flight._send(batch, 0)
+        flight._send(batch, 1)
+        assert len(set(scheduler.keys)) == len(scheduler.keys)
+    Flight(scheduler, perform, never)._send((a, b), 0)  # type: ignore[arg-type]
+    assert scheduler.keys[-1] == scheduler.keys[0]
 
 
 @contextmanager
