@@ -247,24 +247,28 @@ class OneMore(Analytic):
         return self._function(*values, float(value)) if key == "worm.mass_kg" else None
 
 
+@pytest.mark.parametrize("channels", [1, MOST_CHANNELS + 2])
 @pytest.mark.parametrize("truth", [1.4, 0.7])
-def test_a_suspect_says_which_way_it_is_wrong_and_what_that_did_to_the_varied_key(truth: float) -> None:
+def test_a_suspect_says_which_way_it_is_wrong_and_what_that_did_to_the_varied_key(truth: float, channels: int) -> None:
     """y = a f + c (f + g): a fit of a takes the part of a wrong c along f, and would give it back."""
-    f, g = np.sin(np.pi * TIME), np.cos(np.pi * TIME)
-    noise = 1e-3 * np.random.default_rng(5).standard_normal((1, len(TIME)))
+    at = np.linspace(0.0, 1.0, channels)[:, None]
+    f, g = np.sin(np.pi * (TIME - at)), (1.0 + at) * np.cos(np.pi * (TIME - at))
+    noise = 1e-3 * np.random.default_rng(5).standard_normal((channels, len(TIME)))
 
     def y(a: float, c: float) -> np.ndarray:
-        return (a * f + c * (f + g))[None]
+        return a * f + c * (f + g)
 
     measured = y(2.0, truth) + noise
-    a = float(f @ (measured - y(0.0, 1.0))[0] / (f @ f))
+    a = float(np.sum(f * (measured - y(0.0, 1.0))) / np.sum(f**2))
     trials = OneMore(y, measured, varied("a", 1.0))
     residuals = measured - trials(np.array([a]))
-    found = suspects_of(trials, np.array([a]), residuals, f[None, :, None], np.ones(1)).named[0]
-    assert found.what == "worm.mass_kg"
-    assert found.larger == (truth > 1.0)
-    assert found.share > 0.99
-    np.testing.assert_allclose(a + found.shift, 2.0, atol=0.01)
+    found = suspects_of(trials, np.array([a]), residuals, f[..., None], np.ones(channels))
+    assert found.found
+    suspect = found.named[0]
+    assert suspect.what == "worm.mass_kg"
+    assert suspect.larger == (truth > 1.0)
+    assert suspect.share > 0.99
+    np.testing.assert_allclose(a + suspect.shift, 2.0, atol=0.01)
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,8 @@ def test_a_run_that_fails_on_the_way_is_a_step_too_far(
         ("worm.spring_N", {"worm__spring_N": "[13.0, 12.0, 13.0]"}, "must be one number; set it with -o"),
         ("gait.amplitude=0.3:0.1", {}, "got 0.3:0.1, must be two finite numbers lo < hi"),
         ("gait.amplitude=0.1:nan", {}, "must be two finite numbers lo < hi"),
+        ("world.slope_deg=-inf:1", {}, "must be two finite numbers lo < hi"),
+        ("world.slope_deg=-1:inf", {}, "must be two finite numbers lo < hi"),
         ("gait.amplitude=0.1", {}, "got '0.1', must be a range lo:hi of two numbers"),
         ("gait.amplitude=0.1:2", {}, "got 0.1:2, must lie within 0 <= … < 1"),
         ("worm.rate_limit_per_s", {}, "left out in the scene, so there is no start; give a range"),
