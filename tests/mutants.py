@@ -2,6 +2,7 @@
 
     python tests/mutants.py --seed 1 --count 30          # tries each in a copy of the tree, and prints a table
     python tests/mutants.py --seed 1 --count 30 --list   # only says which they are
+    python tests/mutants.py --seed 1 --count 30 --pick 4 9   # tries these of them alone, as after a test was added
 
 Each area and each operator has the same share. A mutation is tried against the tests of its area up to the first that
 fails. One that hangs is killed too: by a limit of thrice the time of the unmutated tests and two minutes more, in which
@@ -246,18 +247,20 @@ def main() -> int:
     parser.add_argument("--limit", type=float, default=900.0, help="longest time limit of the tests of a mutation [s]")
     parser.add_argument("--only", nargs="*", default=list(AREAS), choices=AREAS, help="areas, of all that are drawn")
     parser.add_argument("--list", action="store_true", help="only list the mutations")
+    parser.add_argument("--pick", nargs="+", type=int, help="numbers of mutations in the list: these alone")
     given = parser.parse_args()
-    chosen, survived = [each for each in drawn(given.seed, given.count) if each.area in given.only], 0
+    listed, survived = enumerate(drawn(given.seed, given.count), 1), 0
+    chosen = {k: each for k, each in listed if each.area in given.only and k in (given.pick or [k])}
     with tempfile.TemporaryDirectory() as scratch:
         tree, cache = copied(Path(scratch) / "tree"), os.environ.get("XDG_CACHE_HOME", f"{scratch}/cache")
         limits: dict[str, float] = {}
-        for area in () if given.list else dict.fromkeys(each.area for each in chosen):
+        for area in () if given.list else dict.fromkeys(each.area for each in chosen.values()):
             began = time.monotonic()
             wrong = failing(tree, tests_of(Mutation(area, "", "", 0, 0, 0, "", ""), tree), cache, given.limit)
             if wrong:
                 raise SystemExit(f"{area}: without any mutation {wrong} fails; mend that first")
             limits[area] = min(given.limit, 120.0 + 3.0 * (time.monotonic() - began))
-        for k, each in enumerate(chosen, 1):
+        for k, each in chosen.items():
             sys.stdout.write(f"{k:3} {each}\n")
             if given.list:
                 continue
