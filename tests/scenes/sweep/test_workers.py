@@ -132,6 +132,22 @@ def test_there_are_as_many_tasks_as_workers_have_places_and_half_of_the_cases_wa
             assert set(found) == sizes
 
 
+@pytest.mark.parametrize(
+    ("number", "seconds", "size"),
+    [(1, 0.001, 2), (1, 0.0, 2), (4, 0.5, 4), (4, 1.0, 2), (8, 0.4, 10), (8, 0.1, 16), (8, 100.0, 1)],
+)
+def test_as_many_cases_go_together_as_take_half_a_second_and_at_most_twice_as_many_as_before(
+    number: int, seconds: float, size: int
+) -> None:
+    driver, ended = flight_of(Scheduler()), [(f"key{k}", "done", "") for k in range(number)]
+    driver._under_way["key0"] = Scheduler()  # type: ignore[assignment]
+    for _ in range(2):  # a worker's event, and what the scheduler says of the same task
+        driver._news.put(flight._Report("key0", seconds, ended))
+    assert list(driver._arrived()) == [Ended(*each) for each in ended]
+    assert driver._size == size
+    assert not driver._under_way
+
+
 def test_a_user_who_has_to_start_workers_is_told_once_and_nobody_waits_for_ever(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
