@@ -215,12 +215,13 @@ def copied(folder: Path) -> Path:
 
 
 def tests_of(mutation: Mutation, tree: Path) -> list[str]:
-    """Return the tests of an area in a tree, first those named after the file."""
+    """Return the tests of an area in a tree, after those of its folder that are named after the file."""
     _, folder, names = AREAS[mutation.area]
     stem = Path(mutation.path).stem
-    tried = sorted(names.split(), key=lambda name: not (name in stem or stem in name))
-    places = (each for name in tried for each in (f"{folder}/test_{name}.py", f"{folder}/{name}"))
-    return [each for each in places if (tree / each).exists()]
+    known = {path.stem.removeprefix("test_") for path in (tree / folder).glob("test_*.py")} if stem else set()
+    tried = sorted(name for name in known if stem in name)
+    tried += sorted(names.split(), key=lambda name: name not in stem)
+    return [place for name in dict.fromkeys(tried) if (tree / (place := f"{folder}/test_{name}.py")).exists()]
 
 
 def failing(tree: Path, tests: list[str], cache: str, limit_s: float) -> str:
