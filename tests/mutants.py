@@ -2,9 +2,11 @@
 
     python tests/mutants.py --seed 1 --count 30          # tries each in a copy of the tree, and prints a table
     python tests/mutants.py --seed 1 --count 30 --list   # only says which they are
+    python tests/mutants.py --seed 1 --count 30 --pick 4 9   # tries these of them alone, as after a test was added
 
 Each area and each operator has the same share. A mutation is tried against the tests of its area up to the first that
-fails; one that hangs is killed too. Mutations of solver and friction compile for a minute or two, each.
+fails. One that hangs is killed too: by a limit of thrice the time of the unmutated tests and two minutes more, in which
+mutations of solver and friction compile.
 
 Left out are mutations that change no behaviour by one of these rules:
 
@@ -36,7 +38,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 PHYSICS = [f"worm3d/physics/{name}.py" for name in ("contact", "friction*", "kernels/point", "kernels/regime")]
 OF_SOLVER = "newton segment_law fronts time_step series free_flight impact friction symmetry energy_ledger media "
-OF_SOLVER += "step_derivatives planar_case violence resume settling accuracy locomotion"
+OF_SOLVER += "step_derivatives planar_case violence resume settling bad_arguments accuracy locomotion"
 OF_FRICTION = "point_kernels friction_laws kernel_derivatives fronts friction small_coefficients"
 OF_ESTIMATOR = "reduced kalman turning input_history ground terms body_wave estimator noise"
 OF_PLANNER = "gauss_newton constraints terms prediction feedforward suited mpc"
@@ -213,12 +215,13 @@ def copied(folder: Path) -> Path:
 
 
 def tests_of(mutation: Mutation, tree: Path) -> list[str]:
-    """Return the tests of an area in a tree, first those named after the file."""
+    """Return the tests of an area in a tree, after those of its folder that are named after the file."""
     _, folder, names = AREAS[mutation.area]
     stem = Path(mutation.path).stem
-    tried = sorted(names.split(), key=lambda name: not (name in stem or stem in name))
-    places = (each for name in tried for each in (f"{folder}/test_{name}.py", f"{folder}/{name}"))
-    return [each for each in places if (tree / each).exists()]
+    known = {path.stem.removeprefix("test_") for path in (tree / folder).glob("test_*.py")} if stem else set()
+    tried = sorted(name for name in known if stem in name)
+    tried += sorted(names.split(), key=lambda name: name not in stem)
+    return [place for name in dict.fromkeys(tried) if (tree / (place := f"{folder}/test_{name}.py")).exists()]
 
 
 def failing(tree: Path, tests: list[str], cache: str, limit_s: float) -> str:
@@ -242,24 +245,29 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=30)
-    parser.add_argument("--limit", type=float, default=900.0, help="time limit of the tests of a mutation [s]")
+    parser.add_argument("--limit", type=float, default=900.0, help="longest time limit of the tests of a mutation [s]")
     parser.add_argument("--only", nargs="*", default=list(AREAS), choices=AREAS, help="areas, of all that are drawn")
     parser.add_argument("--list", action="store_true", help="only list the mutations")
+    parser.add_argument("--pick", nargs="+", type=int, help="numbers of mutations in the list: these alone")
     given = parser.parse_args()
-    chosen, survived = [each for each in drawn(given.seed, given.count) if each.area in given.only], 0
+    listed, survived = enumerate(drawn(given.seed, given.count), 1), 0
+    chosen = {k: each for k, each in listed if each.area in given.only and k in (given.pick or [k])}
     with tempfile.TemporaryDirectory() as scratch:
         tree, cache = copied(Path(scratch) / "tree"), os.environ.get("XDG_CACHE_HOME", f"{scratch}/cache")
-        for area in () if given.list else dict.fromkeys(each.area for each in chosen):
+        limits: dict[str, float] = {}
+        for area in () if given.list else dict.fromkeys(each.area for each in chosen.values()):
+            began = time.monotonic()
             wrong = failing(tree, tests_of(Mutation(area, "", "", 0, 0, 0, "", ""), tree), cache, given.limit)
             if wrong:
                 raise SystemExit(f"{area}: without any mutation {wrong} fails; mend that first")
-        for k, each in enumerate(chosen, 1):
+            limits[area] = min(given.limit, 120.0 + 3.0 * (time.monotonic() - began))
+        for k, each in chosen.items():
             sys.stdout.write(f"{k:3} {each}\n")
             if given.list:
                 continue
             began, source = time.monotonic(), (tree / each.path).read_bytes()
             (tree / each.path).write_bytes(source[: each.begin] + each.new.encode() + source[each.end :])
-            killer = failing(tree, tests_of(each, tree), cache, given.limit)
+            killer = failing(tree, tests_of(each, tree), cache, limits[each.area])
             (tree / each.path).write_bytes(source)
             survived += not killer
             sys.stdout.write(

@@ -33,6 +33,14 @@ def test_every_area_has_its_tests(mutants) -> None:
         assert len(tests) == len(names.split()), area
 
 
+def test_tests_that_are_named_after_a_file_come_first_whether_the_area_lists_them_or_not(mutants) -> None:
+    area = mutants.tests_of(mutants.Mutation("solver", "", "", 0, 0, 0, "", ""), mutants.ROOT)
+    tests = mutants.tests_of(mutants.Mutation("solver", "", "worm3d/solver/loads.py", 0, 0, 0, "", ""), mutants.ROOT)
+    assert tests == ["tests/worm3d/test_loads.py", *area]
+    tests = mutants.tests_of(mutants.Mutation("solver", "", "worm3d/solver/newton.py", 0, 0, 0, "", ""), mutants.ROOT)
+    assert tests == list(dict.fromkeys([*(f"tests/worm3d/test_newton{more}.py" for more in ("", "_counts")), *area]))
+
+
 @pytest.mark.parametrize(
     ("code", "operator", "expected"),
     [

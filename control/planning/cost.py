@@ -207,11 +207,9 @@ class Prediction:
         """Return dX/dU, (O3), shape (steps, n, 3 steps)."""
         to_state, to_input = self._state_slopes(states[:-1].T, z.reshape(-1, INPUTS).T)
         slopes = np.zeros((self.steps, STATES, INPUTS * self.steps))
-        before = slopes[0]
         for k, (a, b) in enumerate(zip(self._by_step(to_state, STATES), self._by_step(to_input, INPUTS), strict=True)):
-            slopes[k] = a @ before
+            slopes[k] = a @ slopes[k - 1]  # before the first step that is the last one's, still 0
             slopes[k][:, INPUTS * k : INPUTS * (k + 1)] += b
-            before = slopes[k]
         return slopes
 
     def _by_step(self, side_by_side: FloatArray, columns: int) -> FloatArray:

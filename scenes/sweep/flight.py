@@ -125,7 +125,7 @@ class Flight:
 
     def _send(self, batch: Batch, number: int) -> None:
         """Have jobs run; one that a driver sent which was killed is waited for, not run a second time."""
-        key = ("case", number, len(batch), batch[0].path)
+        key = ("case", number, *(job.path for job in batch))
         future = self._client.submit(_perform, self._perform, batch, self._topic, key=key)
         self._under_way[batch[0].key] = future
         future.add_done_callback(lambda future: self._news.put((batch, future)))

@@ -95,3 +95,24 @@ def test_nothing_is_followed_more_slowly_than_a_wave_that_turns_as_sharply(mecha
     forward = FeedForward(found(mechanism), 1.0)
     for speed in np.linspace(0.01, forward.fastest, 40):
         assert forward.reach(0.98 * 0.9 * forward.sharpest(speed) / speed) > 0.99 * speed
+
+
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
+def test_a_curve_that_is_too_sharp_is_followed_at_the_greatest_speed_at_which_nothing_turns_more_sharply(
+    mechanism,
+) -> None:
+    forward = FeedForward(found(mechanism), 1.0)
+    speed = float(forward.reach(1e3))
+    greatest = forward.sharpest(speed) / speed
+    for share in (0.1, 0.3, 0.6, 0.9):
+        assert forward.sharpest(share * speed) / (share * speed) < 1.001 * greatest
+    for share in (0.1, 0.3, 0.6, 0.9):
+        faster = speed + share * (forward.fastest - speed)
+        assert forward.sharpest(faster) / faster < 0.999 * greatest
+
+
+def test_it_goes_as_slowly_as_its_slowest_wave_and_backwards_if_it_can() -> None:
+    forward, both = FeedForward(found("hinge"), 1.0), FeedForward(found("hinge"), 1.0, backward=True)
+    slow, still = 1.01 * forward.slowest, 0.99 * forward.slowest
+    assert [forward.goes(speed) for speed in (slow, still, 0.0, -still, -slow)] == [True, False, False, False, False]
+    assert [both.goes(speed) for speed in (slow, still, 0.0, -still, -slow)] == [True, False, False, False, True]

@@ -69,6 +69,26 @@ def test_every_iterate_is_in_the_box_and_better() -> None:
     assert costs[0] < half_square(rosenbrock(np.array([-1.2, 1.0])))
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_no_residual_is_asked_for_beyond_the_box_and_no_point_is_beyond_it_by_rounding(seed: int) -> None:
+    random, asked = np.random.default_rng(seed), []
+    a, b = random.normal(size=(9, 6)), 3.0 * random.normal(size=9)
+    lower, upper = -random.uniform(0.1, 1.0, 6), random.uniform(0.1, 1.0, 6)
+
+    def residuals(z):
+        asked.append(z)
+        return a @ z - b + 0.3 * z[0] ** 2
+
+    def slopes(z):
+        return residuals(z), a + 0.6 * z[0] * np.eye(6)[0]
+
+    found = GaussNewton(6, 4).minimise(residuals, slopes, random.uniform(lower, upper), lower, upper)
+    assert np.maximum(lower - asked, asked - upper).max() < 1e-12
+    assert ((found.z >= lower) & (found.z <= upper)).all()
+    assert np.minimum(found.z - lower, upper - found.z).min() < 1e-12, "it must come to a bound"
+    assert found.cost == pytest.approx(half_square(residuals(found.z)), rel=1e-12)
+
+
 def test_a_mirrored_problem_has_mirrored_iterates_to_the_last_bit() -> None:
     random = np.random.default_rng(5)
     a, b = random.normal(size=(9, 4)), random.normal(size=9)

@@ -13,7 +13,7 @@ from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.identification.identified import Identified, load
 from control.planning.constraints import Constraint, Corridor
 from control.planning.cost import Problem
-from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.mpc import LASTING, MOST_LASTING, TURNED, GaitMPC, Plan, PlanStatus
 from control.planning.terms import (
     Arrival,
     Change,
@@ -186,6 +186,44 @@ def test_what_is_followed_is_moved_to_the_other_side_of_a_lasting_offset_and_its
         preview = controller._preview(0.2 * k, unsure, reference)
         assert preview is not None
         assert_array_equal(preview.point[:, 1], 0.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("aside", "deviations", "speed", "moved"),
+    [
+        (0.005, 1.01 * TURNED, 0.08, 0.005 / LASTING),
+        (0.005, 0.99 * TURNED, 0.08, 0.0),
+        (0.99 * MOST_LASTING, 1.01 * TURNED, 0.08, 0.99 * MOST_LASTING / LASTING),
+        (1.01 * MOST_LASTING, 1.01 * TURNED, 0.08, 0.0),
+        (0.005, 1.01 * TURNED, 0.0, 0.0),
+    ],
+    ids=["lasts", "may not be turned", "just near", "on its way back", "stands"],
+)
+def test_an_offset_lasts_where_a_worm_is_surely_turned_and_crawls_close_to_its_path(
+    aside: float, deviations: float, speed: float, moved: float, side: float
+) -> None:
+    """(P4) in the second plan, 1 s after the first one."""
+    controller, reference = mpc(steps=4), Reference(Constant(speed), path=Line())
+    beside = np.array(REST._replace(y=side * aside, speed=speed, yaw_bias=0.02 * side))
+    doubt = (0.02 / deviations) ** 2 * np.eye(STATES)
+    for t in (0.0, 1.0):
+        preview = controller._preview(t, replace(exact(t, beside), covariance=doubt), reference)
+    assert preview is not None
+    assert_allclose(preview.point[:, 1], -side * moved, atol=1e-12)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_lasts_is_bounded_and_a_long_silence_counts_as_one_second(side: float) -> None:
+    controller, reference, aside = mpc(steps=4), Reference(Constant(0.08), path=Line()), 0.9 * MOST_LASTING
+    beside, moved = np.array(REST._replace(y=side * aside, speed=0.08, yaw_bias=0.02)), []
+    for t in 5.0 * np.arange(11):
+        sure = replace(exact(t, beside), covariance=1e-6 * np.eye(STATES))
+        preview = controller._preview(t, sure, reference)
+        assert preview is not None
+        moved.append(preview.point[0, 1])
+    expected = np.minimum(aside * np.arange(11) / LASTING, MOST_LASTING)
+    assert_allclose(moved, -side * expected, atol=1e-12)
 
 
 def test_the_plain_wave_makes_up_for_slip_but_for_no_more_than_half_of_the_speed() -> None:

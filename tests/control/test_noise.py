@@ -1,13 +1,17 @@
 """The noise of samples as innovations show it, and what controllers make of sensors that are noisier than told."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from control.estimation.estimator import Estimator
+from control.estimation.estimator import SPAN, TOO_SURE, Estimator
 from control.estimation.noise import NOISE_LATEST, NOISE_LEAST, NOISE_WINDOW, Noise
 from control.estimation.reduced import ReducedModel
+from control.gaits.steering import GaitParameters
 from control.identification.identified import load
-from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
+from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Measurement, Sensors
 from control.supervisor import Supervisor
 from control.task import ControlTask
 from control.tracking.metrics import Motion, summary, tracking
@@ -92,6 +96,33 @@ def test_the_estimator_is_told_how_good_its_sensors_are() -> None:
     assert told(com=Channel(noise=0.0)).noise.told > 0.0, "the wave is not known to the micrometre"
     assert told(com=Channel(noise=0.005, delay=3.0)).span > 3.0
     assert told(heading=HEADING).span == told().span
+
+
+def test_samples_that_came_before_the_noise_was_found_count_as_if_it_had_been_told() -> None:
+    """Those that are kept are all, in less than the span; after noise of 0.03 m that nobody told."""
+    assert FOUND is not None
+    model, random = ReducedModel.of(WORM, FOUND), np.random.default_rng(2)
+    estimator = Estimator(WORM, model, heading=0.0)
+    places = [np.array([0.004 * k, 0.0, 0.0]) + 0.03 * random.standard_normal(3) for k in range(20)]
+
+    def taken(estimator: Estimator, until: Callable[[int], bool]) -> int:
+        for k, place in enumerate(places):
+            seen = Measurement(0.05 * k, com=(place, 0.05 * k))
+            estimator.take(0.05 * k, seen, GaitParameters(0.28, 0.9), 0.09 * np.pi * k)
+            if until(k):
+                return k
+        raise AssertionError("it is never so")
+
+    last = taken(estimator, lambda k: estimator.noise.deviation > TOO_SURE * estimator.noise.told)
+    assert NOISE_LEAST <= last < SPAN / 0.05
+    told = Estimator(WORM, model, heading=0.0)
+    told.noise = Noise(estimator.noise.deviation, 0.2)
+    taken(told, lambda k: k == last)
+    assert told.noise.deviation == estimator.noise.deviation
+    found, expected = (each.estimate(0.05 * last) for each in (estimator, told))
+    assert_allclose(found.state, expected.state, rtol=1e-12)
+    assert_allclose(found.covariance, expected.covariance, rtol=1e-12, atol=1e-18)
+    assert found.slope_covariance == pytest.approx(expected.slope_covariance)
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,12 @@ def test_misses_are_over_their_tolerances(term: CostTerm, misses: list[float]) -
     assert_allclose(np.array(ca.DM(term.misses(AT))).ravel(), misses, rtol=1e-9)
 
 
+def test_the_arrival_counts_an_offset_as_it_dies_away_by_the_other_terms() -> None:
+    """Least squares of offset and heading let it die away over L = a_e/a_h, so that an endless horizon adds L/2."""
+    assert Arrival().tolerance == Offset().tolerance
+    assert_allclose(Arrival().way, Offset().tolerance / Heading().tolerance)
+
+
 def test_a_large_miss_costs_what_it_is_and_a_small_one_its_square() -> None:
     """(O7) of misses of 0.1 and 0.001 body lengths/s, with 0.02 for large."""
     term, large = Speed(0.004, large=0.02), 0.02

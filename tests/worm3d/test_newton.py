@@ -6,8 +6,32 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from worm3d import Friction, Plane, Worm
+from worm3d.machine.compiled import njit
+from worm3d.running.plant import Plant
+from worm3d.running.problem import held_mask
 from worm3d.solver import newton
+from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.evaluate import EXACT, LOCAL, NONE, WHOLE
+
+
+@njit
+def first_changed(core: Core) -> int:
+    return newton._first_changed(core)
+
+
+def test_the_jacobian_is_factored_anew_from_the_first_segment_on_that_has_a_changed_contact() -> None:
+    """In a body of three vectors of segments, for each contact alone and with one of the last segment's."""
+    worm, gravity = Worm(segments=20), np.array([0.0, 0.0, -9.81])
+    plant = Plant(worm, Plane(), Friction(), gravity, held_mask(None, 20, flat=worm.flat, clamped=False))
+    changed = plant.arrays["changed"].reshape(POINTS, -1)
+    assert first_changed(plant.core) == 0
+    for others in (0.0, 1.0):
+        for point in range(POINTS):
+            for segment in range(20):
+                changed[:, 19], changed[point, segment] = others, 1.0
+                assert first_changed(plant.core) == BLOCK * segment
+                changed[:] = 0.0
 
 
 @pytest.mark.parametrize("stiffer", [1.15, 0.9])

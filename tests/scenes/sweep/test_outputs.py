@@ -91,6 +91,7 @@ def test_the_data_set_has_the_varied_keys_as_dimensions(folder: Path) -> None:
     with xarray.open_dataset(folder / "sweep.nc", engine="h5netcdf") as data:
         assert data.distance_m.dims == ("worm.segments", "gait.period_s")
         assert data["gait.period_s"].attrs == {"units": "s", "long_name": "period of the gait"}
+        assert data.cost_of_transport.attrs == {"units": "1", "long_name": "cost of transport"}
         assert data.distance_m.attrs == {"units": "m", "long_name": "distance"}
         assert_allclose(data.distance_m.sel({"worm.segments": 5, "gait.period_s": 2.0}), 1.0)
         place = {"worm.segments": 4, "gait.period_s": 1.0}
@@ -185,6 +186,7 @@ def test_values_of_any_type_are_coordinates(
     write_outputs(tmp_path, base, design, [done(1), done(2)])
     with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as data:
         assert data["worm.x"].values.tolist() == coordinate
+        assert data["worm.x"].attrs == {"units": "1", "long_name": "worm.x"}, "neither of the two is ever empty"
         assert_allclose(data.distance_m.sel({"worm.x": coordinate[1]}), 0.2)
     with (tmp_path / "sweep.csv").open(newline="", encoding="utf-8") as file:
         assert [row["worm.x"] for row in csv.DictReader(file)] == [str(each) for each in coordinate]

@@ -96,6 +96,18 @@ def test_the_key_is_of_scene_programs_files_and_maps(tmp_path: Path, monkeypatch
     assert key_of(controlled) != with_map
 
 
+def test_the_key_is_of_the_code_of_a_users_own_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = "from control.parts import part\nfrom control.tracking.paths import Line\n\n\n@part('path')\ndef own():\n"
+    (tmp_path / "keyed_path.py").write_text(own + "    return Line(azimuth=0.5)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    scene = load_scene("path_line", ["reference.kind=keyed_path:own"])
+    before = key_of(scene)
+    assert key_of(scene) == before
+    (tmp_path / "keyed_path.py").write_text(own + "    return Line(azimuth=0.25)\n")
+    assert key_of(scene) != before
+    monkeypatch.delitem(sys.modules, "keyed_path")
+
+
 def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them() -> None:
     wide = {"gait.period_s": "0.01,0.02", "gait.amplitude": "0.1,0.2"}
     assert refused(wide) == [
@@ -109,8 +121,9 @@ def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them(
     (line, last) = refused({"gait.period_s": "-2:-1:2000"})
     assert line.startswith("with gait.period_s = -2.0 (and 19 cases more): gait.period_s: got -2")
     assert last == "20 of the first 20 cases are wrong; the other 1980 were not checked"
-    assert refused({"gait.period_s": "2,3"}, "gait.period_s=4") == [
-        "gait.period_s: both varied and fixed by an override (-o); leave one of them out"
+    twice = {"worm.segments": 4, "gait.period_s": 4, "gait.amplitude": 0.2, "seed": 4, "gait.direction": "direct"}
+    assert refused(dict.fromkeys(twice, "2,3"), *(f"{key}={value}" for key, value in twice.items())) == [
+        "gait.amplitude: both varied and fixed by an override (-o); leave one of them out"
     ]
 
 

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 import sweep_jobs
@@ -21,10 +22,10 @@ from sweep_jobs import jobs, perform
 
 from scenes.language.errors import DiscError, SceneError
 from scenes.records.folder import PREFIX
-from scenes.sweep import cluster
+from scenes.sweep import cluster, flight
 from scenes.sweep.engine import chosen
 from scenes.sweep.executors import InProcess
-from scenes.sweep.flight import DEATH, SchedulerError
+from scenes.sweep.flight import DEATH, Flight, SchedulerError
 from scenes.sweep.job import Ended, Job
 
 pytestmark = pytest.mark.filterwarnings(
@@ -62,6 +63,115 @@ def listening() -> set[str]:
     me = psutil.Process()
     found = [link for each in (me, *me.children(recursive=True)) for link in each.net_connections("inet")]
     return {link.laddr.ip for link in found if link.status == psutil.CONN_LISTEN}
+
+
+class Scheduler:
+    """Stands in for a client of Dask: notes tasks, none of which ends."""
+
+    status = "running"
+
+    def __init__(self, workers: int = 0) -> None:
+        self.workers = workers
+        self.keys: list[object] = []
+        self.batches: list[tuple[Job, ...]] = []
+
+    def subscribe_topic(self, topic: str, handler: object) -> None:
+        """Nothing is ever told."""
+
+    def submit(self, task: object, perform: object, batch: tuple[Job, ...], topic: str, *, key: object) -> Scheduler:
+        self.keys.append(key)
+        self.batches.append(batch)
+        return self
+
+    def add_done_callback(self, callback: object) -> None:
+        """It is never done."""
+
+    def cancel(self, futures: list[Scheduler]) -> None:
+        assert len(futures) == len(self.batches)
+
+    def nthreads(self) -> dict[str, int]:
+        return {f"worker {k}": 1 for k in range(self.workers)}
+
+
+def flight_of(scheduler: Scheduler, hint: str = "") -> Flight:
+    """Return a flight that stops after it has sent tasks once."""
+    return Flight(scheduler, perform, iter([False, True]).__next__, hint)  # type: ignore[arg-type]
+
+
+def test_two_tasks_are_the_same_to_the_scheduler_where_all_of_their_cases_are(tmp_path: Path) -> None:
+    """A driver that comes after one that was killed would be told the cases of the other's task, and not its own."""
+    scheduler, (a, b, c) = Scheduler(), jobs(tmp_path, "spin", 3)
+    driver = flight_of(scheduler)
+    for batch in ((a, b), (a, c), (b, c), (a, b, c), (a,)):
+        driver._send(batch, 0)
+        driver._send(batch, 1)
+        assert len(set(scheduler.keys)) == len(scheduler.keys)
+    flight_of(scheduler)._send((a, b), 0)
+    assert scheduler.keys[-1] == scheduler.keys[0]
+
+
+@pytest.mark.parametrize(("company", "tasks"), [(2, 6), (1, 3), (0, 1)])
+def test_there_are_as_many_tasks_as_workers_have_places_and_half_of_the_cases_wait(
+    tmp_path: Path, company: int, tasks: int
+) -> None:
+    """Short cases go together, as many as a task has time for; a case that may have killed a worker goes alone."""
+    wanted = jobs(tmp_path, "spin", 120)
+    for size, number, sizes in ((4, 0, {4}), (1000, 0, None), (4, 1, {1})):
+        scheduler = Scheduler(3)
+        driver = flight_of(scheduler)
+        driver._size = size
+        assert list(driver._try(number, wanted, company)) == []
+        found = [len(batch) for batch in scheduler.batches]
+        assert len(found) == tasks
+        assert [job for batch in scheduler.batches for job in batch] == wanted[: sum(found)]
+        if sizes is None:
+            assert 120 * (1.0 - np.exp(-0.5)) - tasks < sum(found) <= 60, (
+                "each task takes a half of its share of the rest"
+            )
+        else:
+            assert set(found) == sizes
+
+
+@pytest.mark.parametrize(
+    ("number", "seconds", "size"),
+    [(1, 0.001, 2), (1, 0.0, 2), (4, 0.5, 4), (4, 1.0, 2), (8, 0.4, 10), (8, 0.1, 16), (8, 100.0, 1)],
+)
+def test_as_many_cases_go_together_as_take_half_a_second_and_at_most_twice_as_many_as_before(
+    number: int, seconds: float, size: int
+) -> None:
+    driver, ended = flight_of(Scheduler()), [(f"key{k}", "done", "") for k in range(number)]
+    driver._under_way["key0"] = Scheduler()  # type: ignore[assignment]
+    for _ in range(2):  # a worker's event, and what the scheduler says of the same task
+        driver._news.put(flight._Report("key0", seconds, ended))
+    assert list(driver._arrived()) == [Ended(*each) for each in ended]
+    assert driver._size == size
+    assert not driver._under_way
+
+
+def test_a_user_who_has_to_start_workers_is_told_once_and_nobody_waits_for_ever(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(flight, "LOOK", 0.0)
+    monkeypatch.setattr(flight, "NOTICE", 0.02)
+    told = {}
+    for hint in ("", "run 'dask worker'"):
+        scheduler = Scheduler()
+        waiting = flight_of(scheduler, hint)
+        waiting._look()
+        assert capsys.readouterr().err == ""
+        time.sleep(0.03)
+        waiting._look()
+        waiting._look()
+        told[hint] = capsys.readouterr().err
+    assert told == {"": "", "run 'dask worker'": "waiting for a worker: run 'dask worker'\n"}
+    monkeypatch.setattr(flight, "PATIENCE", 0.02)
+    with pytest.raises(SchedulerError, match="no worker for 0 minutes"):
+        waiting._look()
+    scheduler.workers = 1
+    waiting._look()
+    scheduler.status = "closed"
+    with pytest.raises(SchedulerError, match="the scheduler has ended"):
+        waiting._look()
 
 
 def test_a_killed_worker_costs_no_case_and_a_killing_case_is_told(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
+from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from scenes.language.errors import SceneError
@@ -246,24 +247,57 @@ class OneMore(Analytic):
         return self._function(*values, float(value)) if key == "worm.mass_kg" else None
 
 
+@pytest.mark.parametrize("channels", [1, MOST_CHANNELS + 2])
 @pytest.mark.parametrize("truth", [1.4, 0.7])
-def test_a_suspect_says_which_way_it_is_wrong_and_what_that_did_to_the_varied_key(truth: float) -> None:
+def test_a_suspect_says_which_way_it_is_wrong_and_what_that_did_to_the_varied_key(truth: float, channels: int) -> None:
     """y = a f + c (f + g): a fit of a takes the part of a wrong c along f, and would give it back."""
-    f, g = np.sin(np.pi * TIME), np.cos(np.pi * TIME)
-    noise = 1e-3 * np.random.default_rng(5).standard_normal((1, len(TIME)))
+    at = np.linspace(0.0, 1.0, channels)[:, None]
+    f, g = np.sin(np.pi * (TIME - at)), (1.0 + at) * np.cos(np.pi * (TIME - at))
+    noise = 1e-3 * np.random.default_rng(5).standard_normal((channels, len(TIME)))
 
     def y(a: float, c: float) -> np.ndarray:
-        return (a * f + c * (f + g))[None]
+        return a * f + c * (f + g)
 
     measured = y(2.0, truth) + noise
-    a = float(f @ (measured - y(0.0, 1.0))[0] / (f @ f))
+    a = float(np.sum(f * (measured - y(0.0, 1.0))) / np.sum(f**2))
     trials = OneMore(y, measured, varied("a", 1.0))
     residuals = measured - trials(np.array([a]))
-    found = suspects_of(trials, np.array([a]), residuals, f[None, :, None], np.ones(1)).named[0]
-    assert found.what == "worm.mass_kg"
-    assert found.larger == (truth > 1.0)
-    assert found.share > 0.99
-    np.testing.assert_allclose(a + found.shift, 2.0, atol=0.01)
+    found = suspects_of(trials, np.array([a]), residuals, f[..., None], np.ones(channels))
+    assert found.found
+    suspect = found.named[0]
+    assert suspect.what == "worm.mass_kg"
+    assert suspect.larger == (truth > 1.0)
+    assert suspect.share > 0.99
+    np.testing.assert_allclose(a + suspect.shift, 2.0, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "tried"),
+    [
+        ("worm.mass_kg", 2.0, [3.0, 2.0 / 1.5]),
+        ("worm.mass_kg", 0.0, []),
+        ("worm.mass_kg", np.inf, []),
+        ("worm.drag_N_s_m", 0.0, [0.1]),
+        ("worm.drag_N_s_m", 2.0, [3.0, 2.0 / 1.5]),
+    ],
+)
+def test_a_number_is_tried_above_and_below_and_one_that_factors_do_not_change_is_not_run(
+    key: str, value: float, tried: list[float]
+) -> None:
+    """Of the numbers that are 0 only those of `ZEROS`, such as drag, are tried: by a number of their own."""
+    runs: list[str] = []
+
+    class OneNumber(Analytic):
+        def number(self, name: str) -> float | None:
+            return value if name == key else None
+
+        def changed(self, values: np.ndarray, override: str) -> None:
+            runs.append(override)
+
+    trials = OneNumber(lambda a: a * TIME[None], TIME[None], varied("a", 1.0))
+    suspects_of(trials, np.ones(1), np.zeros((1, len(TIME))), TIME[None, :, None], np.ones(1))
+    numbers = [float(run.removeprefix(f"{key}=")) for run in runs if run.startswith(f"{key}=")]
+    np.testing.assert_allclose(numbers, tried)
 
 
 def test_channels_of_one_unit_are_weighed_by_the_one_that_moves_most() -> None:
@@ -303,6 +337,18 @@ def test_a_value_at_its_bound_has_no_interval() -> None:
     assert found.at_bound == ("highest", "")
     assert found.known.tolist() == [False, True]
     assert found.values[0] == pytest.approx(1.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fit_ends_at_the_bottom_of_its_valley_however_wide_the_interval_is(seed: int) -> None:
+    """From 1 on a contact slides in addition: chords across that, as wide as the interval, lead past the bottom."""
+    model = lambda a: np.array([a * TIME + 3.0 * max(a - 1.0, 0.0) * np.sin(5.0 * TIME)])  # noqa: E731
+    measured = model(1.0) + 0.3 * np.random.default_rng(seed).standard_normal(len(TIME))
+    found = solve(Analytic(model, measured, varied("a", 1.02)))
+    (a,), (error,) = found.values, found.uncertainty.standard_error
+    bounds = a - 0.5 * error, a + 0.5 * error
+    bottom = minimize_scalar(lambda a: np.sum((model(a) - measured) ** 2), bounds=bounds, options={"xatol": 1e-8}).x
+    assert abs(a - bottom) < 0.05 * error
 
 
 def test_a_fit_without_runs_left_ends_with_the_best_values() -> None:

@@ -62,6 +62,9 @@ def test_keys_are_found_again(record: Record, tmp_path: Path) -> None:
         assert each.interval is not None
         assert each.interval[0] < truth < each.interval[1]
         assert each.interval[1] - each.interval[0] < 0.1 * truth
+    np.testing.assert_allclose(np.diag(found.correlation), 1.0)
+    assert 0.0 < abs(found.correlation[0, 1]) < 1.0
+    np.testing.assert_allclose(found.correlation, found.correlation.T, rtol=1e-12)
     assert found.measured_values == 4 * 51
     np.testing.assert_allclose(found.residuals.std(axis=1), 1e-4, rtol=0.3)
     assert parse_scene(found.scene, "again").settings.gait.amplitude == found.values["gait.amplitude"]
@@ -133,6 +136,7 @@ def test_what_the_data_do_not_tell_is_said(record: Record, tmp_path: Path) -> No
     found = fit("flat", seen, ["gait.amplitude", "worm.yaw_J"], overrides(gait__amplitude="0.19"), 50)
     assert [each.interval is None for each in found.keys] == [False, True]
     assert found.keys[1].reason == "the data do not determine it"
+    np.testing.assert_allclose(found.correlation, [[1.0, 0.0], [0.0, 0.0]], atol=1e-12)
     assert found.relations[0].sentence.startswith("the data say little about worm.yaw_J")
 
 
@@ -168,6 +172,8 @@ def test_a_run_that_fails_on_the_way_is_a_step_too_far(
         ("worm.spring_N", {"worm__spring_N": "[13.0, 12.0, 13.0]"}, "must be one number; set it with -o"),
         ("gait.amplitude=0.3:0.1", {}, "got 0.3:0.1, must be two finite numbers lo < hi"),
         ("gait.amplitude=0.1:nan", {}, "must be two finite numbers lo < hi"),
+        ("world.slope_deg=-inf:1", {}, "must be two finite numbers lo < hi"),
+        ("world.slope_deg=-1:inf", {}, "must be two finite numbers lo < hi"),
         ("gait.amplitude=0.1", {}, "got '0.1', must be a range lo:hi of two numbers"),
         ("gait.amplitude=0.1:2", {}, "got 0.1:2, must lie within 0 <= … < 1"),
         ("worm.rate_limit_per_s", {}, "left out in the scene, so there is no start; give a range"),
