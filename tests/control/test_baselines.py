@@ -14,7 +14,7 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification import identified as kept
-from control.loop import MOST_HELD
+from control.loop import MOST_KEPT
 from control.sensing.sensors import Measurement
 from control.task import ControlTask
 from control.tracking.paths import Circle, Line, SCurve
@@ -205,7 +205,7 @@ def test_a_reference_that_raises_leaves_the_parameters_in_force_and_then_rest(ki
         assert np.isfinite(command.contraction).all()
     decisions = controller.decisions
     assert [decision.source for decision in decisions] == (
-        [controller.source] * 6 + ["gait"] * MOST_HELD + ["stop"] * (14 - MOST_HELD)
+        [controller.source] * 6 + ["gait"] * MOST_KEPT + ["stop"] * (14 - MOST_KEPT)
     )
     assert decisions[6].parameters == decisions[5].parameters
     assert decisions[6].status == "LostError: no speed"
@@ -220,7 +220,7 @@ def test_failures_in_a_row_are_counted_from_the_last_choice_on() -> None:
             raise ValueError("no speed")
         return 0.08 + 0.0 * np.asarray(t)
 
-    assert MOST_HELD == 5
+    assert MOST_KEPT == 5
     controller = open_loop(Reference(speed))
     for k in range(15):
         controller.step(0.2 * k, Measurement(0.2 * k))

@@ -12,7 +12,7 @@ from worm3d.running.plant import Plant
 from worm3d.running.problem import held_mask
 from worm3d.solver import arrays, fronts, regimes
 from worm3d.solver.arrays import Core
-from worm3d.solver.fronts import ETA
+from worm3d.solver.fronts import STEPS_LEFT
 
 SEGMENTS = 9
 
@@ -49,7 +49,7 @@ class Contacts:
 
     @property
     def due(self) -> list[float]:
-        return self.plant.arrays["fronts"][ETA, :SEGMENTS].tolist()
+        return self.plant.arrays["fronts"][STEPS_LEFT, :SEGMENTS].tolist()
 
     def expect(self) -> str:
         expected(self.plant.core)
