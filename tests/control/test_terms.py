@@ -64,7 +64,7 @@ def test_a_large_miss_costs_what_it_is_and_a_small_one_its_square() -> None:
 
 def test_a_worm_twice_as_long_goes_twice_as_fast() -> None:
     one, two = FeedForward(FOUND, 1.0), FeedForward(FOUND, 2.0)
-    for name in ("slowest", "fastest", "swift"):
+    for name in ("slowest", "fastest", "least_divisor"):
         assert getattr(two, name) == pytest.approx(2.0 * getattr(one, name))
     assert two(0.16, 0.02) == pytest.approx(one(0.08, 0.02))
     assert_allclose(two.reach(0.4), 2.0 * one.reach(0.8))
