@@ -52,7 +52,7 @@ def test_eight_mistakes_give_eight_lines() -> None:
         "steps",
         "line 9: worm.length_m: got true: input should be a valid number [m], 0 < … <= 100 (default 1.0)",
         "line 10: worm.segments: got 6.5: input should be a valid integer, 1 <= … <= 200 (default 6)",
-        "line 11: worm.connector_mass_kg: got 1.0 kg: must be below worm.mass_kg (1e-08 kg), of which it is a part",
+        "line 11: worm.connector_mass_kg: got 1.0 kg, must lie between 0 and mass (1e-08 kg)",
         "line 14: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
         f"line 15: gait.kind: got 'traveling_wave': input should be {GAIT_KINDS}; did you mean 'travelling_wave'? "
         "(default 'travelling_wave')",
@@ -116,7 +116,7 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
         ),
         (
             "[worm]\nmass_kg = 1e-12",
-            "worm.mass_kg: got 1e-12 kg: must be above worm.connector_mass_kg (1e-11 kg), which is a part of it",
+            "worm.mass_kg: worm.connector_mass_kg: got 1e-11 kg, must lie between 0 and mass (1e-12 kg)",
         ),
         (
             "[gait]\ncontract_time_s = 0.3",

@@ -12,11 +12,10 @@ from control.gaits import Gait
 from control.parts import GAIT
 from planar import published
 from planar.published import Parameters, bytes_per_step
-from scenes.language.checks import Check, Found
 from scenes.language.parts import PartSection, keys_of, part_of
 from scenes.language.schema import setting
 from scenes.models.base import Model, Movie, Observer, Outcome, pictures
-from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
+from scenes.models.checks import RUN_CHECKS, building, gait_checks, memory_check
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
 from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, planar_gait_keys
 from scenes.records import overview
@@ -74,22 +73,11 @@ class PublishedScene(Settings):
     solver: Solver = Solver()
 
 
-def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> Found:
-    if connector_mass_kg < mass_kg:
-        return None
-    return {
-        "worm.connector_mass_kg": f"got {connector_mass_kg} kg: must be below worm.mass_kg ({mass_kg} kg), "
-        "of which it is a part",
-        "worm.mass_kg": f"got {mass_kg} kg: must be above worm.connector_mass_kg ({connector_mass_kg} kg), "
-        "which is a part of it",
-    }
-
-
 CHECKS = (
     *RUN_CHECKS,
     *gait_checks(PublishedGait, Worm, unlimited=("force_N",), can_sense=False),
     memory_check(bytes_per_step),
-    Check(("worm.connector_mass_kg", "worm.mass_kg"), _connectors_lighter_than_worm),
+    building(lambda worm: part_of(Parameters, worm), "worm"),
 )
 
 
