@@ -49,37 +49,50 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
     """
     filled, mistakes, changed = dict(data), list[Mistake](), dict[str, type[Section]]()
     for name, section, given, asked in _sections(schema, data):
-        found, lost = [], set()
-        for each in asked:
-            try:
-                found.append(each._replace(parts=(named.own(each.name, each.kind),)))
-            except ValueError as error:
-                lost.add(each.name)
-                mistakes.append(Mistake((name, each.key or each.name), str(error)))
+        found, lost = _found(name, asked, mistakes)
         off = {each.name for each in found if each.key == ITSELF and given.get(each.name) is False}
         found = [each for each in found if each.name not in off]
-        filled[name] = {key: value for key, value in given.items() if key not in lost | off}
         asked_for = {each.name: given.get(each.name, True) for each in found if each.in_a_section(section)}
-        filled[name] |= {each: {} if value is True else value for each, value in asked_for.items()}
+        kept = {key: value for key, value in given.items() if key not in lost | off}
+        kept |= {each: {} if value is True else value for each, value in asked_for.items()}
         if lost:  # whose keys are not known
-            known = {*keys_in(section), *(each.name for each in found)}
-            filled[name] = {key: value for key, value in filled[name].items() if key in known}
+            kept = {key: value for key, value in kept.items() if key in {*keys_in(section), *asked_for}}
         if found:
             changed[name], clashes = _extended(section, tuple(found))
             mistakes += [Mistake((name, each.key), text) for each, text in clashes]
-            for key in keys_in(section).keys() - keys_in(changed[name]).keys() & filled[name].keys():
-                value, known_key = filled[name].pop(key), keys_in(section)[key]
-                kinds = known_key.only or keys_in(section)[found[0].key].choices
-                by, of_those = f"{name}.{found[0].key}", replace(known_key, only=kinds)
-                text = of_this_kind(value, found[0].name, by=by, known=of_those)
-                mistakes += [Mistake((name, key), str(text))] if text else []
+            mistakes += _of_other_kinds(name, section, changed[name], found[0], kept)
+        filled[name] = kept
     for name, declared in keys_in(schema).items():
-        outer, data_of = changed.get(name) or declared.section, filled.get(name)
-        if outer is not None and isinstance(data_of, Mapping):
-            extended, filled[name], wrong = _with_tables(name, outer, data_of)
+        outer, rest = changed.get(name) or declared.section, filled.get(name)
+        if outer is not None and isinstance(rest, Mapping):
+            extended, filled[name], wrong = _with_tables(name, outer, rest)
             changed |= {name: extended} if extended is not outer else {}
             mistakes += wrong
     return _with(schema, tuple(changed.items())) if changed else schema, filled, mistakes
+
+
+def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> tuple[list[_Named], set[str]]:
+    """Return the parts of a section with what their names mean, and the names that mean none, which are mistakes."""
+    found, lost = list[_Named](), set[str]()
+    for each in asked:
+        try:
+            found.append(each._replace(parts=(named.own(each.name, each.kind),)))
+        except ValueError as error:
+            lost.add(each.name)
+            mistakes.append(Mistake((name, each.key or each.name), str(error)))
+    return found, lost
+
+
+def _of_other_kinds(
+    name: str, section: type[Section], extended: type[Section], own: _Named, kept: dict[str, Any]
+) -> Iterator[Mistake]:
+    """Take keys out of the data of a section that the kinds that ship have alone; yield those that are set."""
+    for key in keys_in(section).keys() - keys_in(extended).keys() & kept.keys():
+        known = keys_in(section)[key]
+        known = replace(known, only=known.only or keys_in(section)[own.key].choices)
+        text = of_this_kind(kept.pop(key), own.name, by=f"{name}.{own.key}", known=known)
+        if text:
+            yield Mistake((name, key), str(text))
 
 
 def _with_tables(
@@ -105,11 +118,9 @@ def _with_tables(
 def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[str, str, Kind, list[Any]]]:
     """Yield each key of a section with tables of parts, the key that names one in a table, its kind, and the tables."""
     for key, known in keys_in(section).items():
-        holds, items = getattr(known.table, "holds", {}), given.get(key)
-        if holds and isinstance(items, list | tuple):
-            yield from (
-                (key, by, kind, [each for each in items if isinstance(each, Mapping)]) for by, kind in holds.items()
-            )
+        items = given.get(key)
+        for by, kind in getattr(known.table, "holds", {}).items() if isinstance(items, list | tuple) else ():
+            yield key, by, kind, list(items or ())
 
 
 def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Any]:
