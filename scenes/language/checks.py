@@ -77,6 +77,7 @@ def cross_mistakes(
     around = {path[:n] for path in untrusted for n in range(len(path))}
     overrides = tuple(overridden)
     failing: list[tuple[frozenset[KeyPath], Mistake]] = []
+    own = named.names_in(data)
     for check in checks:
         paths, read = check.paths, tuple(data.get(name) for name in check.sections)
         if check in passed and all(map(is_, read, passed[check])):
@@ -85,7 +86,7 @@ def cross_mistakes(
             continue
         if not check.builds and not around.isdisjoint(paths):
             continue
-        if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
+        if any(blamed and blamed <= _written(data, paths) for blamed, _ in failing):
             continue
         if any(key_at(schema, path) is None for path in paths):
             continue  # a key of a kind that a part of the user's own takes the place of
@@ -93,9 +94,9 @@ def cross_mistakes(
         if not (told or (check.builds and wrong)):
             passed[check] = read
         for written, mistake in told:
-            if any(mistake.text == other.text for _, other in failing):
+            if any(mistake.text == other.text and (own or mistake.path == other.path) for _, other in failing):
                 continue  # what a part of the user's own raised there too
-            failing = [(blamed, other) for blamed, other in failing if not written <= blamed]
+            failing = [(blamed, other) for blamed, other in failing if not (written and written <= blamed)]
             failing.append((written, mistake))
     return (mistake for _, mistake in failing)
 

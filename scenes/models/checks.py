@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -117,7 +117,8 @@ def _refused(*values: Any, make: Callable[..., object], needs: tuple[str, ...], 
         with np.errstate(all="ignore"):
             make(*values)
     except refusals as error:
-        return by_key(str(error), _keys(zip(needs, values, strict=True)))
+        single = [need for need, value in zip(needs, values, strict=True) if not isinstance(value, Section)]
+        return by_key(str(error), _keys(zip(needs, values, strict=True)), single)
     return None
 
 
@@ -207,10 +208,18 @@ def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
     return sentence
 
 
-def by_key(sentence: str, keys: Mapping[str, str]) -> Found:
-    """Return a refusal of a part, `parameter: got ...`, told at the key of each parameter that it names."""
+def by_key(sentence: str, keys: Mapping[str, str], single: Collection[str] = ()) -> Found:
+    """Return a refusal of a part, `parameter: got ...`, told at the key of each parameter that it names.
+
+    Beside a key of a section, only others of the section count, and `single` ones, which stand for themselves.
+    """
     subject, _, rest = sentence.partition(": ")
     if subject not in keys:
         return in_keys(sentence, keys)
-    others, rest = [key for name, key in keys.items() if re.search(rf"\b{name}\b", rest)], in_keys(rest, keys)
+    section = keys[subject].partition(".")[0]
+    near = keys
+    if keys[subject] not in single:
+        near = {name: key for name, key in keys.items() if key in single or key.startswith(f"{section}.")}
+    others = [key for name, key in near.items() if re.search(rf"(?<!\bat )\b{name}\b", rest)]  # not "at least"
+    rest = in_keys(rest, near)
     return {**dict.fromkeys(others, f"{keys[subject]}: {rest}"), keys[subject]: rest}

@@ -31,23 +31,31 @@ def lines(name: str) -> list[str]:
             keys.setdefault(place, []).append(model.name)
             registry = KINDS[name].registry
             names = known.choices if known else registry
-            parts |= {each: head(registry[each]) if each in registry else _said(known, each) for each in names}
-    takes = [f"{place} = NAME or module:NAME, in scenes of {', '.join(of)}" for place, of in keys.items()]
+            parts |= {
+                each: head(registry[each]) if each in registry else _said(known, each)
+                for each in names
+                if each != "none"
+            }
+    takes = [f"{place}, in scenes of {', '.join(of)}" for place, of in keys.items()]
     width = max(map(len, parts), default=0)
     return takes + [f"  {each:<{width}}  {title}".rstrip() for each, title in parts.items()]
 
 
 def _keys(schema: type, kind: Kind) -> Iterator[tuple[str, Key | None]]:
-    """Yield each key of a scene that takes parts of a kind; None where a section has the parts themselves."""
+    """Yield what is written in a scene to take a part of a kind, and its key; None where a section has the parts."""
     for name, declared in keys_in(schema).items():
         if declared.section is None:
             continue
         for key, held in getattr(declared.section, "holds", {}).items():
             if held is kind:
-                yield (f"[{name}]", None) if key == ITSELF else (f"{name}.{key}", keys_in(declared.section)[key])
+                if key == ITSELF:
+                    yield f'[{name}] NAME = true or "module:NAME" = true', None
+                else:
+                    known = keys_in(declared.section)[key]
+                    yield f"{name}.{key} = {'NAME or ' if known.names else ''}module:NAME", known
         for key, known in keys_in(declared.section).items():
             if known.table and kind in getattr(known.table, "holds", {}).values():
-                yield f"kind in {name}.{key}", keys_in(known.table)["kind"]
+                yield f"kind = NAME or module:NAME in {name}.{key}", keys_in(known.table)["kind"]
 
 
 def _said(known: Key | None, name: str) -> str:

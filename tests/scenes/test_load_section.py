@@ -40,15 +40,27 @@ def command(*arguments: str) -> None:
 @pytest.mark.parametrize(
     ("overrides", "sentence"),
     [
-        (("load.kind=payload", "load.joint=9"), "load.joint: got 9"),
-        (("load.kind=payload", "load.mass_kg=-1"), "load.mass_kg: got -1"),
-        (("load.kind=thether",), "load.kind: got 'thether'"),
-        (("load.kind=payload", "load.weight_N_m=1"), "load.weight_N_m"),
+        (("load.kind=payload", "load.joint=9"), r"^override load.joint: got 9, must be from 0, the tail, to 6"),
+        (
+            ("load.kind=payload", "load.mass_kg=-1"),
+            "^override load.mass_kg: got -1: input should be greater",
+        ),
+        (("load.kind=thether",), "^override load.kind: got 'thether': .*; did you mean 'tether'"),
+        (("load.kind=payload", "load.weight_N_m=1"), "^override load.weight_N_m: only for load.kind = 'tether'"),
+        (
+            ("load.kind=payload", "load.mass_kg=1e13"),
+            "^override load.mass_kg: got 1000.* kg, must be of a size",
+        ),
+        (
+            ("load.kind=payload", "load.mass_kg=1"),
+            "pressed flat: .*; carry less, or make spring_N or half_",
+        ),
     ],
 )
 def test_mistakes(overrides: tuple[str, ...], sentence: str) -> None:
-    with pytest.raises(SceneError, match=sentence):
+    with pytest.raises(SceneError, match=sentence) as caught:
         worm(*overrides)
+    assert len(caught.value.lines) == 1
 
 
 def test_a_run_from_a_scene_goes_on_and_says_what_it_dragged(tmp_path: Path) -> None:

@@ -178,3 +178,39 @@ def test_a_gait_takes_pairs_for_each_segment() -> None:
     pairs = [[0.1 * k, 0.1 * k + 0.05] for k in range(6)]
     scene = parse_scene('model = "worm"\n[gait]\nkind = "periodic"\n', "test", [f"gait.phase={pairs}"])
     assert scene.settings.gait.phase[1] == (0.1, 0.15000000000000002)
+
+
+def test_a_refusal_of_a_default_leaves_the_other_mistakes_to_be_told() -> None:
+    wrong = ("medium.kind=strain_drag", "friction.viscosity_s_m=3", "reflexes.reach_most=3", "push.joint=99")
+    found = lines_about('model = "worm"\n', *wrong)
+    keys = ("medium.kind", "friction.viscosity_s_m", "reflexes.reach_most", "push.joint")
+    assert {line.split(":")[0] for line in found} == {f"override {key}" for key in keys}
+    assert found[0].startswith("override medium.kind: worm.drag_N_s_m: got 0.0 N s/m, must be above 0 with a medium")
+
+
+def test_mistakes_with_equal_words_at_two_keys_are_two() -> None:
+    found = lines_about('model = "worm"\n', "worm.half_height_m=[1,2]", "friction.forward=[1,2]")
+    assert found == [
+        f"override {key}: got 2 values, must be a number or 6 of them"
+        for key in ("worm.half_height_m", "friction.forward")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "line"),
+    [
+        (
+            ("hinge_actuator.lag_s=1e26", "actuator.lag_s=0.2"),
+            "override hinge_actuator.lag_s: got 1e+26, must be",
+        ),
+        (("hinge_actuator.rate_limit_per_s=1e300",), "override hinge_actuator.rate_limit_per_s: got 1e+300, must be"),
+        (("world.kind=clamped", "friction.law=viscous"), "override friction.law: got 'viscous': on world.kind = 'clam"),
+        (
+            ("run.gravity_m_s2=[1e300,0,0]",),
+            "override run.gravity_m_s2: got [1e+300, 0, 0] m/s^2: must",
+        ),
+    ],
+)
+def test_a_refusal_is_told_at_the_key_that_is_wrong(overrides: tuple[str, ...], line: str) -> None:
+    (found,) = lines_about('model = "worm"\n', *overrides)
+    assert found.startswith(line)

@@ -122,6 +122,25 @@ def test_it_is_slack_until_the_tail_has_come_back() -> None:
     assert_allclose(found["laid"], furthest, atol=3e-6)
 
 
+def test_a_worm_that_backs_over_its_cable_draws_none_off_the_reel() -> None:
+    """Pulled out by a, backed beyond the end by several free lengths and pulled out again: taut at the old place."""
+
+    def force(t: float) -> float:
+        return 0.06 if t < 4.0 else -0.4 if t < 7.0 else 0.4 if t < 9.4 else 0.1
+
+    run = pulled(Tether(weight=1.0, free_length=0.1), force, 13.0)
+    found, x = states(run), run.joints[:, 0, 0] - run.joints[0, 0, 0]
+    furthest = np.maximum.accumulate(x)
+    assert x.min() < -0.5, "beyond the end of the cable, which lies 0.1 m behind the start, and its free length"
+    assert x[-1] > furthest[400] + 0.01, "it is drawn further at last"
+    assert_allclose(found["laid"], furthest, atol=2e-5)
+    back = x < furthest - 2e-5
+    assert back.sum() > 400
+    assert_array_equal(found["tension"][back], 0.0)
+    assert_allclose(found["tension"][-1], 0.3 * found["laid"][-1], rtol=1e-9)
+    assert run.energy.balance_error < 1e-12
+
+
 @pytest.mark.parametrize("tilt", [-0.2, 0.15, 0.7, np.pi / 2])
 def test_up_a_slope_and_in_an_upright_pipe_it_hangs(tilt: float) -> None:
     """T = w s (sin(theta) + mu cos(theta)) drawn up, and w s (sin(theta) - mu cos(theta)) at least when let down."""
@@ -236,6 +255,22 @@ def test_the_ledger_closes_whatever_the_load(seed: int) -> None:
         found = states(run)
         assert (found["tension"] >= -1e-12).all()
         assert (found["laid"] >= 0.0).all()
+
+
+@pytest.mark.parametrize("gone", [0.0, 1.3])
+def test_terms_of_a_tether_that_sticks_and_is_let_go(gone: float) -> None:
+    """A stuck cable stores k y^2/2 and its damper loses b y'^2 dt; the rest of the step's work is numerical, O(dt)."""
+    rest = []
+    for dt in (0.004, 0.002):
+        run = pulled(Tether(weight=1.0), lambda t: 0.06 if t < 4.0 else 0.01 * np.sin(gone * t), 6.0, dt)
+        found, sums = states(run), {name: getattr(run.energy, name) for name in ("anchor", "friction_loss")}
+        s = found["laid"][-1]
+        assert_allclose(sums["friction_loss"].sum(), 0.3 * s**2 / 2.0, rtol=1e-6)
+        assert 1e-12 < sums["anchor"].cumsum().max() < 1e-6, "a stiff spring stores little, and gives it back"
+        assert sums["anchor"].cumsum().min() > -1e-12
+        rest.append(abs(run.energy.numerical_loss.sum()))
+    assert rest[1] < 0.8 * rest[0], rest
+    assert rest[1] < 1e-3 * run.energy.work_external.sum()
 
 
 def test_turned_and_mirrored_scenes_give_turned_and_mirrored_paths() -> None:

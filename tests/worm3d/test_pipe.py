@@ -244,3 +244,9 @@ def test_pieces_with_a_kink_are_refused() -> None:
     line = Centreline.of([Straight(1.0), Straight(1.0)])
     with pytest.raises(ValueError, match="pieces 0 and 1 do not meet without a kink; put a bend between them"):
         Centreline(line.start, [[1, 0, 0], [0, 1, 0]], line.normal, line.curvature, line.length)  # type: ignore[arg-type]
+
+
+def test_distances_of_no_places() -> None:
+    pipe = Pipe(Centreline.of([Straight(1.0)]), 0.1)
+    distance = pipe.distance(np.empty((0, 3)))
+    assert np.shape(distance) == (0,)

@@ -29,7 +29,10 @@ towards x so that
 
 D > 0 draws cable off the reel: s, h and R grow. D < 0, only where T_low > 0, lets a hanging cable slide back. Where
 T_low = 0 the end stays where it is, and the cable is slack until the joint has come back. Where a joint has passed the
-end of its own cable, so that this lies ahead in the direction of the segment, it pulls nothing.
+end of its own cable, so that this lies ahead in the direction of the segment, it pulls nothing, and the end stays.
+
+In a bent pipe the free piece is a chord, and its end rises with the sideways motion of the tail: tensions are up to 8 %
+off mu w s there, with a free length of 0.1 m.
 
 T(y) is a line between its two kinks and beyond each. Newton's method takes one line, the *regime*, until it leads to a
 place on another one; the way from slack to sliding and back leads through sticking, so that it does not go in circles.
@@ -134,14 +137,15 @@ class _Cable:
         self.normal = s["normal"] / ca.sqrt(ca.sumsqr(s["normal"]) + 1e-30)
         self.y, self.along = self._reach(s["x"])
         y_n, along_n = self._reach(s["past"][:3])
-        self.y_n, self.climbs = ca.fmax(0.0, y_n), -ca.dot(along_n, self.down)
+        self.climbs, ahead = -ca.dot(along_n, self.down), ca.dot(along_n, s["tangent"])
+        self.pulls = ahead > 0.0  # else the joint has passed the end
+        self.y_n = ca.if_else(self.pulls, ca.fmax(0.0, y_n), 0.0)
         rubs = s["friction"] * ca.sqrt(ca.fmax(0.0, ca.sumsqr(self.down) - self.climbs**2))
         self.rubs = s["weight"] * rubs  # dR/ds
         self.stiffness = s["stiffness"] + s["damping"] / s["dt"]
         self.rest = s["damping"] / s["dt"] * self.y_n / self.stiffness
-        ahead = ca.dot(along_n, s["tangent"])
         grip = ca.fmin(1.0, 2.0 * ahead)  # what lies across the pull slides in part
-        self.low, self.high = self._limits(ahead > 0.0, ca.fmax(0.0, grip))
+        self.low, self.high = self._limits(self.pulls, ca.fmax(0.0, grip))
 
     def _reach(self, x: Any) -> tuple[Any, Any]:
         """Return the stretch of the cable's free piece and its direction, from the end to the joint along the world."""
@@ -210,11 +214,11 @@ class _Cable:
         ways = [k * (self.y - line.kink) / (k + line.rate) for line in (low, high)]
         back = ca.if_else(low.limit > 0.0, ca.fmax(ways[0], -s["laid_n"]), 0.0)  # slack is left alone
         tension = self._chosen(tensions[0], k * beyond, tensions[1])
-        way = self._chosen(back, 0.0, ways[1])
+        way = ca.if_else(self.pulls, self._chosen(back, 0.0, ways[1]), 0.0)
         rate = self._chosen(low.rate, 0.0, high.rate)
         climbs = -ca.dot(self.along, self.down)
         raised = s["weight"] * (s["climb_n"] + climbs * way / 2.0) * way
-        elastic = ca.fmax(0.0, self.y - way)
+        elastic = ca.if_else(self.pulls, ca.fmax(0.0, self.y - way), 0.0)
         gave = elastic - self.y_n
         level = ca.dot(s["x"] - self.end, self.normal) * self.normal
         laid = s["laid_n"] + way

@@ -157,10 +157,12 @@ def require_equilibrium(worm: Worm, gravity: float) -> None:
     """
     load, limit = carried_weight(worm, gravity), flattening_weight(worm)
     if load.sum() >= limit.sum():
-        i, lightest = int(np.argmax(load / limit)), worm.mass * limit.sum() / load.sum()
+        i, carried = int(np.argmax(load / limit)), gravity * float(worm.load_mass.sum())
+        room = (limit.sum() - carried) / (load.sum() - carried)
+        lighter = f"make the worm lighter than {worm.mass * room:.3g} kg, or" if room > 0.0 else "carry less, or make"
         raise LimitPointError(
-            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; make "
-            f"the worm lighter than {lightest:.3g} kg, or k_spring or half_height larger"
+            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; "
+            f"{lighter} k_spring or half_height larger"
         )
 
 

@@ -93,7 +93,7 @@ def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:
     inputs[:3, : len(places)], inputs[3:] = places.T, kernel.parameters[:, None]
     outputs = np.zeros((WORLD_ROWS, lanes))
     evaluate(kernel.address, inputs, outputs, len(places))
-    return outputs[:, : len(places)].reshape(-1, *np.shape(points)[:-1])
+    return outputs[:, : len(places)].reshape(WORLD_ROWS, *np.shape(points)[:-1])
 
 
 def halves(*places: int) -> list[float]:

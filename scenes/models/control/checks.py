@@ -16,6 +16,7 @@ from scenes.models.checks import building
 from scenes.models.control.build import faults_of, parts_of
 from scenes.models.control.reference import middle_of, reference_of
 from scenes.models.control.schema import ControlScene, Faults, Sensor
+from scenes.models.sensors import own_channels
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
@@ -41,6 +42,11 @@ def _there_is_such_a_path(*sections: Section) -> Found:
 def _faults(*sections: Section) -> None:
     """Raise ValueError for faults that the worm or the controller of a scene cannot have."""
     scene = _scene(FAULTY, sections)
+    known = [name for name in QUANTITIES if any(key.startswith(f"{name}_") for key in keys_in(Sensor))]
+    known += own_channels(scene.sensor).values()
+    for channel in (getattr(fault, "channel", known[0]) for fault in faults_of(scene)):
+        if channel not in known:  # of a scene that was looked at before
+            raise ValueError(f"channel: got {channel!r}, must be one of {', '.join(known)}")
     plans = getattr(controllers.controller(scene.controller.kind), "plans", False)
     if any(fault.of_plans for fault in faults_of(scene)) and not plans:
         raise ValueError("planner: got true: this controller plans nothing")

@@ -16,7 +16,7 @@ from control.gaits.reflexive import Reflexive
 from control.parts import ACTUATOR, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
-from scenes.language.parts import keys_by_parameter, part_named, part_of
+from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of
 from scenes.models.base import Observer
 from scenes.models.sections import gait_from
 from scenes.models.sensors import channels_of
@@ -38,6 +38,7 @@ from worm3d.running.accuracy import begin
 from worm3d.running.actuation import Actuation, Sensor
 from worm3d.running.problem import Problem
 from worm3d.values import named
+from worm3d.values.named import Kind, declared
 
 KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
@@ -113,9 +114,18 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm that the section [worm] describes."""
     if isinstance(scene, PlanarWormScene):
         return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
-    parts = {name: (kind, getattr(scene, name)) for name, kind in PARTS.items()}
-    chosen: dict[str, Any] = {name: part_named(kind, own.kind, own) for name, (kind, own) in parts.items()}
+    chosen: dict[str, Any] = {name: _part(name, kind, getattr(scene, name)) for name, kind in PARTS.items()}
     return replace(part_of(worm3d.Worm, scene.worm), **chosen)
+
+
+def _part(name: str, kind: Kind, section: Any) -> Any:
+    """Return the part of a section; what it refuses of its parameters begins with the name of the section."""
+    try:
+        return part_named(kind, section.kind, section)
+    except ValueError as error:
+        if str(error).partition(":")[0] in declared(class_named(kind, section.kind)):
+            raise ValueError(f"{name}.{error}") from error
+        raise
 
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:

@@ -13,6 +13,7 @@ from control.parts import GAIT
 from scenes.language.checks import Check, Found
 from scenes.language.parts import class_named
 from scenes.language.schema import Section, keys_in
+from scenes.language.toml import shown
 from scenes.models.checks import RUN_CHECKS, building, gait_checks, in_keys, too_much_memory
 from scenes.models.switched import switched_checks
 from scenes.models.worlds.build import world_of
@@ -32,7 +33,7 @@ from scenes.models.worm.schema import (
 )
 from worm3d.recorded.state import StateError
 from worm3d.running import start
-from worm3d.values.arguments import bytes_of_run
+from worm3d.values.arguments import LARGEST, bytes_of_run
 from worm3d.values.named import is_own
 
 IMPOSSIBLE = (ValueError, ArithmeticError)
@@ -83,6 +84,8 @@ def _refusal(scene: Any) -> Found:
 
 
 def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
+    if np.max(np.abs(gravity_m_s2), initial=0.0) > LARGEST:
+        return f"got {shown(gravity_m_s2)} m/s^2: must be at most {LARGEST:g}"
     if isinstance(gravity_m_s2, list | tuple):
         if len(gravity_m_s2) == 3:
             return None
@@ -90,6 +93,12 @@ def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
     return (
         None if gravity_m_s2 >= 0 else f"got {gravity_m_s2} m/s^2: g is at least 0; a list of x, y, z may point upwards"
     )
+
+
+def _clamped_by_coulomb(law: str, kind: str) -> str | None:
+    if kind != "clamped" or law == "coulomb":
+        return None
+    return f"got {law!r}: on world.kind = 'clamped' friction is (P10), Coulomb's; leave it out, or take another world"
 
 
 def _accuracy_by_bdf2(accuracy: float | None, integrator: str) -> str | None:
@@ -133,6 +142,7 @@ REFLEX_CHECKS = (
 WORLD_CHECKS = (
     *RUN_CHECKS,
     Check(("run.gravity_m_s2",), _g_or_a_vector),
+    Check(("friction.law", "world.kind"), _clamped_by_coulomb),
     Check(("run.accuracy", "run.integrator"), _accuracy_by_bdf2),
     *SECTION_CHECKS,
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
