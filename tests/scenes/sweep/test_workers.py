@@ -61,7 +61,10 @@ def require_complete(wanted: list[Job]) -> None:
 def listening() -> set[str]:
     """Return the addresses on which this process and those that it has started listen."""
     me = psutil.Process()
-    found = [link for each in (me, *me.children(recursive=True)) for link in each.net_connections("inet")]
+    found = []
+    for each in (me, *me.children(recursive=True)):
+        with suppress(psutil.NoSuchProcess):  # a worker that was killed meanwhile
+            found += each.net_connections("inet")
     return {link.laddr.ip for link in found if link.status == psutil.CONN_LISTEN}
 
 
