@@ -151,13 +151,17 @@ def init(
     from scenes import models
     from scenes.language.template import template
     from scenes.records.folder import write_bytes
+    from scenes.running.terminal import counted
 
     if model not in models.names():
         raise SceneError(f"--model: got '{model}', must be one of {', '.join(models.names())}")
     if file.exists() and not force:
         raise SceneError(f"{file} exists: choose another name, or replace it with --force")
-    write_bytes(file, template(models.get(model), o or ()).encode())
-    typer.echo(f"wrote {file}; 'worm3d run {file}' runs it")
+    text = template(models.get(model), o or ())
+    write_bytes(file, text.encode())
+    lacking = text.count(" = ?  must be given")
+    fill = f"fill in its {counted(lacking, 'key')} with '= ?', then " if lacking else ""
+    typer.echo(f"wrote {file}; {fill}'worm3d run {file}' runs it")
 
 
 @app.command()

@@ -192,7 +192,10 @@ def _extended(
 
 def _section_of(name: str, keys: Keys, doc: str | None, base: type[Section] = PartSection) -> Any:
     """Return a class of sections with some keys, beside those of its base."""
-    space: dict[str, Any] = {"__annotations__": {key: known.hint for key, known in keys.items()}, "__doc__": doc}
+    space: dict[str, Any] = {
+        "__annotations__": {key: known.hint for key, known in keys.items()},
+        "__doc__": doc or "Parameters of a part.",
+    }
     space |= {key: known.as_field() for key, known in keys.items()}
     return new_class(name, (base,), exec_body=lambda body: body.update(space))
 

@@ -27,7 +27,11 @@ def template(model: Model, overrides: Iterable[str] = ()) -> str:
     """
     data, paths, mistakes = apply_overrides({}, overrides)
     model, given, wrong = with_own_parts(model, data)
-    mistakes += wrong + [each for each in schema_mistakes(model.schema, given) if each.path in paths]
+    mistakes += wrong + [
+        each
+        for each in schema_mistakes(model.schema, given)
+        if any(path[: len(each.path)] == each.path for path in paths)
+    ]
     if mistakes:
         raise SceneError(*report(mistakes, {}, paths))
     head = (

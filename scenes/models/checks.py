@@ -18,7 +18,7 @@ from scenes.language.checks import Check, Found
 from scenes.language.schema import Section, keys_in
 from scenes.language.toml import shown
 from scenes.models.sections import gait_from
-from worm3d.values import time_steps
+from worm3d.values import named, time_steps
 from worm3d.values.arguments import MOST_MEMORY
 
 AMPLITUDE = "gait.amplitude"
@@ -117,6 +117,9 @@ def _refused(*values: Any, make: Callable[..., object], needs: tuple[str, ...], 
         with np.errstate(all="ignore"):
             make(*values)
     except refusals as error:
+        own = any(named.is_own(str(getattr(value, "kind", ""))) for value in values)
+        if own and str(error).partition(":")[0] not in _keys(zip(needs, values, strict=True)):
+            raise  # of code of the user's own: it is told whose
         single = [need for need, value in zip(needs, values, strict=True) if not isinstance(value, Section)]
         return by_key(str(error), _keys(zip(needs, values, strict=True)), single)
     return None

@@ -149,6 +149,19 @@ def test_each_kind_is_checked_and_written_by_the_command_line(worm3d, scene: str
     assert worm3d("check", "my.toml").code == 0
 
 
+def test_init_tells_of_sections_that_there_are_not_and_of_keys_to_fill_in(worm3d, tmp_path: Path) -> None:
+    ended = worm3d("init", "my.toml", "-o", "gat.period_s=2")
+    assert (ended.code, ended.complaints) == (
+        2,
+        ["override gat.period_s: gat: unknown section; did you mean 'gait'?"],
+    )
+    assert not (tmp_path / "my.toml").exists()
+    ended = worm3d("init", "my.toml", "-o", "load.kind=zoo:Kite")
+    assert ended.out.startswith("wrote my.toml; ")
+    text = (tmp_path / "my.toml").read_text()
+    assert (" = ?  must be given" in text) == ("fill in its" in ended.out)
+
+
 def test_every_check_reads_keys_that_its_model_has() -> None:
     from scenes.language.schema import key_at
 

@@ -26,6 +26,7 @@ from scenes.running.runner import lengthened, simulate
 from scenes.studies.fit.fitting import fit
 from scenes.studies.fit.varied import varied_of
 from scenes.sweep.plan import Source, planned
+from worm3d.measures import MEASURES
 
 pytestmark = pytest.mark.usefixtures("zoo")
 
@@ -428,3 +429,26 @@ def test_a_run_round_an_obstacle_of_ones_own_is_shown_where_the_module_is_not(tm
     (tmp_path / "zoo.py").unlink()
     shown = scene_of(load(tmp_path / "result.nc"))
     assert (shown.reference.kind, shown.reference.obstacles) == ("line", ())
+
+
+def test_a_measure_that_raises_has_no_value_and_loses_no_run(zoo: Path, tmp_path: Path) -> None:
+    zoo.write_text(
+        f"{zoo.read_text()}\n\n@measure('nothing_m', 'nothing')\ndef nothing(result):\n    return result.nothing\n"
+    )
+    record = simulate(asked("flat", *WORM, "gait.kind=zoo:Kick", "gait.period_s=0.4"))
+    MEASURES.pop("nothing_m")
+    assert record.summary.metrics["nothing_m"] is None
+    assert "nothing_m: raised AttributeError" in record.summary.reasons["nothing_m"]
+
+
+def test_a_list_of_the_wrong_length_for_a_gait_names_the_gait_and_its_line(zoo: Path) -> None:
+    zoo.write_text(
+        zoo.read_text().replace(
+            "return (phase % 1.0 < self.share)", "return np.ones((1, 7)) * (phase % 1.0 < self.share)"
+        )
+    )
+    with pytest.raises(
+        SceneError, match=r"zoo:Kick: raised operands could not be broadcast .*\(zoo\.py, line \d+\)"
+    ) as caught:
+        asked("flat", *WORM, "gait.kind=zoo:Kick", "gait.period_s=0.4")
+    assert len(caught.value.lines) == 1

@@ -19,6 +19,7 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 from worm3d.recorded.finished import FinishedRun
+from worm3d.values import named
 from worm3d.values.metrics import Summary
 from worm3d.values.named import marked
 from worm3d.values.read_only import kept
@@ -54,11 +55,15 @@ class Measure:
         return self.function(result)
 
     def __call__(self, result: FinishedRun) -> Metric:
-        """Return the value of a run, None if it has none, and why."""
+        """Return the value of a run, None if it has none, and why; a measure of a user's own that raises has none."""
         try:
             value = self.of(result)
         except NoValueError as none:
             return None, str(none)
+        except named.EXCEPTIONS as error:
+            if getattr(self.function, "__module__", __name__).startswith("worm3d."):
+                raise
+            return None, f"{self.name}: raised {named.told(error)}"
         return (value, "") if isinstance(value, str) or isfinite(value) else (None, OVERFLOW)
 
 

@@ -16,8 +16,7 @@ from scenes.models.worm.build import KEYS, Drive, measures_of, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record, fault_row
-from worm3d.measures import Measure, Metric
-from worm3d.values.named import EXCEPTIONS, is_own, told
+from worm3d.values.named import is_own
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
@@ -93,7 +92,7 @@ def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
     """Return a run as what the command line takes, with the measures that its scene asks for."""
     from worm3d.results.files import checkpoint_of, described  # imports the libraries of files
 
-    asked = {measure.name: measured(measure, result) for measure in measures_of(scene)}
+    asked = {measure.name: measure(result) for measure in measures_of(scene)}
     figures = {**result.summary(), **{name: value for name, (value, _) in asked.items()}}
     period, faults = result.period, faults_of(result)
     speed = figures["mean_speed_m_s"]
@@ -117,14 +116,6 @@ def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
         run=run,
         parts=parts,
     )
-
-
-def measured(measure: Measure, result: worm3d.Result) -> Metric:
-    """Return a measure of a run; what one of a user's own raises is why it has no value."""
-    try:
-        return measure(result)
-    except EXCEPTIONS as error:
-        return None, told(error)
 
 
 def _errors(result: worm3d.Result) -> dict[str, float]:
