@@ -452,3 +452,11 @@ def test_a_list_of_the_wrong_length_for_a_gait_names_the_gait_and_its_line(zoo: 
     ) as caught:
         asked("flat", *WORM, "gait.kind=zoo:Kick", "gait.period_s=0.4")
     assert len(caught.value.lines) == 1
+
+
+def test_a_gait_that_raises_in_a_run_keeps_the_steps_before(zoo: Path) -> None:
+    late = "if times.max() > 0.2:\n            raise RuntimeError('late')\n        phase = np.multiply"
+    zoo.write_text(zoo.read_text().replace("phase = np.multiply", late, 1))
+    record = simulate(asked("flat", *WORM, "gait.kind=zoo:Kick", "gait.period_s=0.4"))
+    assert (record.status, record.sizes["step"]) == ("diverged", 10)
+    assert "RuntimeError: late" in record.sentence

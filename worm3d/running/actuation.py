@@ -13,6 +13,7 @@ from worm3d.physics.worm import Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
+from worm3d.values.named import EXCEPTIONS
 from worm3d.values.read_only import ReadOnly
 
 if TYPE_CHECKING:
@@ -160,8 +161,10 @@ class Driver:
         """Return the commands at K times as rows, shape (K, 5 N); None if they have to be asked for one by one."""
         if not self.tabular:
             return None
-        given: Commands = self._at.commands(times)  # type: ignore[attr-defined]
-        return self.rows(given, len(times))  # if they are wrong it is told one by one which is
+        try:
+            return self.rows(self._at.commands(times), len(times))  # type: ignore[attr-defined]
+        except EXCEPTIONS:  # of a user's own code: asked one by one, it is told where, and the steps before are kept
+            return None
 
     def rows(self, given: Commands, k: int) -> FloatArray | None:
         """Return K commands as rows, shape (K, 5 N); None if any of them cannot be applied."""
