@@ -454,3 +454,15 @@ def test_an_update_filters_a_few_samples_once_more_and_never_all(record_property
 def test_bad_starts_are_refused(more, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         Estimator(WORM, model(), **more)
+
+
+def test_an_instant_that_is_put_into_a_pause_of_samples_lies_in_it() -> None:
+    """Such an instant bounds the steps of the filter; after the pause no sample may come before one in the future."""
+    estimator, asked = Estimator(WORM, model(), heading=0.0), GaitParameters(0.28, 0.9)
+    for k in range(60):
+        known = {"heading": (np.array(0.05), 0.0)} if k == 0 else {}
+        estimator.update(0.02 * k, Measurement(0.02 * k, **known), asked, 0.02 * k * 1.8 * np.pi)
+        times = [each.sample.time for each in estimator._past]
+        assert times == sorted(times)
+        assert times[-1] <= 0.02 * k
+    assert len(times) > 2, "some were put in"

@@ -156,3 +156,15 @@ def test_what_exceeds_a_limit_weighs_like_a_miss_and_what_keeps_it_weighs_nothin
     assert_allclose(found.z, expected, rtol=1e-7)
     assert found.cost == pytest.approx(half_square(residuals(found.z), 1))
     assert found.certificate < 1e-6
+
+
+def test_what_is_negligible_is_so_beside_the_cost() -> None:
+    """A decrease of 5e-3 ends the search beside a cost of 5e5, not beside none."""
+    found = []
+    for rest in (1e3, 0.0):
+        residuals = lambda z, rest=rest: np.array([rest, z[0] - 0.1])  # noqa: E731
+        slopes = lambda z, residuals=residuals: (residuals(z), np.array([[0.0], [1.0]]))  # noqa: E731
+        found.append(GaussNewton(1, 5).minimise(residuals, slopes, np.zeros(1), -np.ones(1), np.ones(1)))
+    assert [each.outcome for each in found] == [Outcome.CONVERGED] * 2
+    assert_array_equal(found[0].z, 0.0)
+    assert_allclose(found[1].z, 0.1, atol=1e-9)

@@ -96,6 +96,15 @@ class Scheduler:
         return {f"worker {k}": 1 for k in range(self.workers)}
 
 
+class Failed:
+    """Stands in for a task of Dask that ended with an exception."""
+
+    status = "error"
+
+    def exception(self) -> Exception:
+        return ZeroDivisionError("nothing to divide by")
+
+
 def flight_of(scheduler: Scheduler, hint: str = "") -> Flight:
     """Return a flight that stops after it has sent tasks once."""
     return Flight(scheduler, perform, iter([False, True]).__next__, hint)  # type: ignore[arg-type]
@@ -175,6 +184,16 @@ def test_a_user_who_has_to_start_workers_is_told_once_and_nobody_waits_for_ever(
     scheduler.status = "closed"
     with pytest.raises(SchedulerError, match="the scheduler has ended"):
         waiting._look()
+
+
+@pytest.mark.parametrize("together", [1, 2])
+def test_cases_of_a_task_that_fails_are_tried_again_unless_there_is_one(tmp_path: Path, together: int) -> None:
+    batch = tuple(jobs(tmp_path, "spin", together))
+    driver, task = flight_of(Scheduler()), Failed()
+    driver._under_way[batch[0].key] = task  # type: ignore[assignment]
+    report = driver._verdict(batch, task)  # type: ignore[arg-type]
+    assert (report is None) == (together == 2)
+    assert driver._lost == (list(batch) if together == 2 else [])
 
 
 def test_a_killed_worker_costs_no_case_and_a_killing_case_is_told(tmp_path: Path) -> None:

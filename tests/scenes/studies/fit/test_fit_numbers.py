@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from scenes.language.errors import SceneError
+from scenes.models.loading import load_scene
 from scenes.studies.fit.dips import dips
 from scenes.studies.fit.identifiability import VAGUE, determined, vague
 from scenes.studies.fit.lack import lack_of
@@ -20,7 +21,7 @@ from scenes.studies.fit.solving import solve
 from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import Data, SpentError
 from scenes.studies.fit.uncertainty import MOST_CHANNELS, Uncertainty, uncertainty_of
-from scenes.studies.fit.varied import Varied
+from scenes.studies.fit.varied import Varied, varied_of
 
 PHI = 0.8
 TIME = np.linspace(0.0, 4.0, 160)
@@ -163,6 +164,9 @@ def test_white_noise_gives_the_textbook_covariance() -> None:
     inverse = np.linalg.inv(slopes[0].T @ slopes[0])
     found = uncertainty_of(0.3 * random.standard_normal((1, 4000)), slopes, np.ones(1), inverse, draws=20)
     np.testing.assert_allclose(found.covariance, 0.09 * inverse, rtol=0.08, atol=2e-7)
+    plain = uncertainty_of(0.3 * random.standard_normal((1, 4000)), slopes, np.ones(1), inverse, draws=0)
+    half = 1.959964 * np.sqrt(np.diag(plain.covariance))  # of 95 % of normal errors
+    np.testing.assert_allclose(plain.half_width, half, rtol=1e-6)
 
 
 def test_slopes_use_the_side_where_the_run_comes_to_its_end() -> None:
@@ -395,8 +399,22 @@ def test_a_valley_whose_residuals_are_no_noise_is_left(monkeypatch: pytest.Monke
             return np.array([a * TIME])
         return np.array([(a + 0.0085) * TIME + 0.03 * np.sin(9.0 * TIME)])
 
+    tried: list[float] = []
+
+    def noted(a: float) -> np.ndarray:
+        tried.append(a)
+        return model(a)
+
     noise = 0.01 * np.random.default_rng(9).standard_normal(len(TIME))
-    trials = Analytic(model, model(1.0) + noise, varied("a", 0.95))
+    key = varied("a", 0.95)
+    trials = Analytic(noted, model(1.0) + noise, key)
     assert solve(trials).values[0] == pytest.approx(1.0, abs=0.001)
     monkeypatch.setattr("scenes.studies.fit.solving.SUSPECT", np.inf)
     assert solve(trials).values[0] == pytest.approx(0.9915, abs=0.001)
+    assert key.low <= min(tried)
+    assert max(tried) <= key.high
+
+
+def test_a_key_without_bounds_may_take_any_value() -> None:
+    (key,) = varied_of(load_scene("flat", ["start.azimuth_deg=3"]), ["start.azimuth_deg"])
+    assert (key.start, key.low, key.high) == (3.0, -np.inf, np.inf)
