@@ -13,7 +13,10 @@ from control.gaits import TravellingWave
 from scenes.language.errors import SceneError
 from worm3d import Command, Held, Plane, Pneumatic, Status, Worm, simulate
 from worm3d.physics.kernels import actuator
+from worm3d.physics.kernels.segment import LAYOUT
 from worm3d.running.plant import kernels
+from worm3d.running.problem import Problem
+from worm3d.running.run import Run
 
 RT = 287.05 * 293.15
 """Gas constant times temperature of the default air [J/kg]."""
@@ -264,3 +267,12 @@ def test_a_pressure_beyond_that_of_a_contraction_of_one_is_kept(tmp_path: Path) 
     rest = simulate(worm, None, duration=0.19, state=worm3d.load(tmp_path / "a.nc").state, **chosen, **pressed)
     assert begun.contraction[-1].max() > 1.0
     assert_array_equal(rest.joints, whole.joints[105:])
+
+
+def test_every_segment_of_a_contracted_pose_has_the_rest_length_of_its_actuator() -> None:
+    worm = Worm(actuator=Pneumatic())
+    state = worm3d.State.straight(worm, None, contraction=np.full((6, 2), 0.2))
+    plant = Run(Problem(worm=worm, world=None, state=state, gravity=(0.0, 0.0, 0.0))).plant
+    plant.set_pose(state)
+    lengths = LAYOUT.of("commanded", plant.arrays["segment_in"])[:, :6]
+    assert_allclose(lengths, worm.l0, rtol=1e-15)  # pressure bears what is asked, no shorter springs
