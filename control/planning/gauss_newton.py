@@ -117,7 +117,7 @@ class GaussNewton:
         given["ubx"] = np.concatenate([upper, np.full(limits, inf)])
         step = np.array(programme(**given)["x"]).ravel()[:n]
         solved = programme.stats()["success"] and np.isfinite(step).all()
-        return step if solved else None
+        return np.clip(step, lower, upper) if solved else None
 
 
 def half_square(r: FloatArray, limits: int = 0) -> float:
