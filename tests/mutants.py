@@ -38,7 +38,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 PHYSICS = [f"worm3d/physics/{name}.py" for name in ("contact", "friction*", "kernels/point", "kernels/regime")]
 OF_SOLVER = "newton segment_law fronts time_step series free_flight impact friction symmetry energy_ledger media "
-OF_SOLVER += "step_derivatives planar_case violence resume settling bad_arguments accuracy locomotion"
+OF_SOLVER += "step_derivatives planar_case violence resume settling bad_arguments pneumatic accuracy locomotion"
 OF_FRICTION = "point_kernels friction_laws kernel_derivatives fronts friction small_coefficients"
 OF_ESTIMATOR = "reduced kalman turning input_history ground terms body_wave estimator noise"
 OF_PLANNER = "gauss_newton constraints terms prediction feedforward suited mpc"
