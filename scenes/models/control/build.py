@@ -133,7 +133,7 @@ def map_name(scene: ControlScene) -> str:
 
 def faults_of(scene: ControlScene) -> list[Injected]:
     """Return the faults that are put in; ValueError where there can be no such fault."""
-    own_channels(scene.sensor)  # of which there may be faults
+    own_channels(scene.sensor)  # enters channels of a user's own, which a fault may name
     faults = switched_parts(FAULT, scene.fault)
     for fault in faults:
         fault.require(worm_of(scene))
