@@ -301,3 +301,122 @@ def test_friction_loses_the_gauge_of_the_slip_times_the_limit() -> None:
     assert_allclose(loss[touched], expected[touched], rtol=1e-9, atol=1e-14)
     assert_allclose(out[first("slipped"), touched], np.hypot(*slip)[touched], rtol=1e-9, atol=1e-14)
     assert 3 < (loss[touched] > 1e-9).sum() < touched.sum()
+
+
+def after(values: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return the outputs of `point.after` by name, and the terms of contact and friction in its ledger, less inertia's.
+
+    Inertia's terms are those of a point that touches nothing.
+    """
+    out, first = run("point_after", point.LAYOUT, values), point.AFTER.first
+    found = {name: out[first(name) : first(name) + size].squeeze() for name, size in point.AFTER.sizes.items()}
+    of_inertia = run("point_free_after", point.LAYOUT, values)[: len(LEDGER_TERMS)]
+    return found, dict(zip(LEDGER_TERMS, found["terms"] - of_inertia, strict=True))
+
+
+def pressed(seed: int) -> dict[str, np.ndarray]:
+    """Return points of which some are pressed into the world, with their own load as that of the end of the step."""
+    v = some_point(coupled=True, inside=False, seed=seed) | {"regime": np.full((1, COUNT), point.FREE)}
+    v["load_n"] = run("point_force", point.LAYOUT, v)[LOAD][None]
+    assert 5 < (v["load_n"] > 0.0).sum() < COUNT - 5
+    return v
+
+
+def test_the_stored_terms_of_a_contact_are_the_change_of_what_its_springs_hold() -> None:
+    """Penetration: k d^2/2, d = max(0, -g). Anchor: from the energy before to the energy that the next step finds.
+
+    `load_change` is what the load alone changes of the energy: all of it where the spring keeps its length.
+    """
+    v = pressed(21)
+    (found, terms), touches = after(v), v["load_n"][0] > 0.0
+    depth = np.maximum(0.0, -v["distance"])
+    risen = (0.5 * v["stiffness"] * (depth**2 - v["depth_n"] ** 2))[0]
+    assert_allclose(terms["penetration"], risen, rtol=1e-9, atol=1e-15)
+    assert risen.min() < -1e-4 < 1e-4 < risen.max()
+    gained = found["stored"] - v["stored_n"][0]
+    assert_allclose(terms["anchor"][touches], gained[touches], rtol=1e-9, atol=1e-15)
+    limit = (v["limit_ratio"] * v["r"])[0]
+    still = v | {"past": np.tile(v["x"], (2, 1)), "slide_n": np.vstack([0.1 * limit, 0.1 * limit])}
+    still |= {"anchor": v["x"] - 0.1 * limit * (v["tangent"][:3] + v["tangent"][3:]), "centre": np.zeros((2, COUNT))}
+    found, terms = after(still)
+    assert_allclose(terms["load_change"][touches], (found["stored"] - v["stored_n"][0])[touches], rtol=1e-9)
+    energy = v["hold"] * v["load_n"] * np.sum(v["mu"][[0, 2]] ** 2, axis=0) * (0.1 * limit) ** 2
+    assert_allclose(found["stored"][touches], (energy / (2.0 * v["yield_gauge"]))[0, touches], rtol=1e-9)
+
+
+def test_what_the_world_does_in_a_step_is_stored_or_lost() -> None:
+    """The terms of contact and friction together are the work of their force over the motion to first order.
+
+    `load_change` is no work, and `work_friction_p13` is the work over the whole motion.
+    """
+    v = pressed(22)
+    _, terms = after(v)
+    names = ("penetration", "anchor", "viscous_loss", "friction_loss", "impact", "numerical_loss")
+    spent = sum(terms[name] for name in names) - terms["load_change"]
+    load, normal = v["load_n"], v["normal"]
+    force = run("point_free_force", point.LAYOUT, v)[:3] - run("point_force", point.LAYOUT, v)[:3]
+    assert_allclose(spent, -np.sum(force * v["first"], axis=0), rtol=0, atol=1e-12)
+    friction, moved = force - load * normal, v["x"] - v["past"][:3]
+    assert_allclose(terms["work_friction_p13"], np.sum(friction * moved, axis=0), rtol=0, atol=1e-12)
+    assert (np.abs(terms["work_friction_p13"]) > 1e-4).sum() > 5
+
+
+def test_the_damper_beside_an_anchor_loses_its_force_over_the_way_of_the_spring() -> None:
+    """D/dt m^2 (s - s_n)^2 per unit of the capacity where the contact sticks; the spring itself loses nothing."""
+    v = pressed(25)
+    v["mu"][1], v["anchor"] = v["mu"][0], v["x"] - 1e-4 * v["tangent"][:3] - 1e-4 * v["tangent"][3:]
+    v["past"][:3] = v["x"] - 3e-4 * v["tangent"][:3] + 2e-4 * v["tangent"][3:]
+    away = v["past"][:3] - v["anchor"]
+    v["slide_n"] = np.array([np.sum(way * away, axis=0) for way in (v["tangent"][:3], v["tangent"][3:])])
+    found, terms = after(v | presets(v))
+    stretch = v["mu"][[0, 2]] * np.array([[3e-4], [-2e-4]])
+    lost = (v["hold"] * v["load_n"] * v["gauge_damping"] / v["dt"])[0] * np.sum(stretch**2, axis=0)
+    holds = (v["load_n"][0] > 0.0) & (found["slipped"] == 0.0)
+    assert holds.sum() > 5
+    assert_allclose(terms["viscous_loss"][holds], lost[holds], rtol=1e-9)
+
+
+def test_an_impact_takes_what_the_load_does_over_the_mean_motion_and_a_damper_what_it_does_over_the_way() -> None:
+    """Where a point lands the force works over the mean of both velocities; elsewhere the damper over the distance."""
+    v = pressed(23)
+    (found, terms), lands, load = after(v), v["lands"][0] > 0, v["load_n"][0]
+    mean, moved = 0.5 * v["dt"] * (found["velocity"] + v["velocity"][:3]), v["x"] - v["past"][:3]
+    force = run("point_free_force", point.LAYOUT, v)[:3] - run("point_force", point.LAYOUT, v)[:3]
+    friction = force - load * v["normal"]
+    of_landing = -np.sum(force * mean, axis=0) + np.sum(friction * moved, axis=0) - terms["penetration"]
+    spring = v["stiffness"][0] * np.maximum(0.0, -v["distance"][0])
+    of_damper = (load - spring) * (v["distance_n"] - v["distance"])[0]
+    assert_allclose(terms["impact"], np.where(lands, of_landing, of_damper), rtol=1e-9, atol=1e-13)
+    assert ((load > 0.0) & lands).sum() > 3
+    assert ((load > 0.0) & ~lands).sum() > 3
+
+
+@pytest.mark.parametrize("way", [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1)])
+def test_an_anchor_follows_a_contact_that_slips_along_or_aside_and_holds_one_that_does_not(
+    way: tuple[int, int],
+) -> None:
+    """(C4): what is left of the displacement points as before, on the yield surface; a contact that slips is not stuck.
+
+    A displacement along one tangent alone slips along that one alone.
+    """
+    v = pressed(24)
+    v |= {
+        name: np.zeros((size, COUNT)) for name, size in (("slide_n", 2), ("centre", 2), ("depth_n", 1), ("carried", 1))
+    }
+    v |= {"tangent": np.repeat(np.eye(3)[:2].reshape(6, 1), COUNT, axis=1), "anchor": np.zeros((3, COUNT))}
+    away = 0.1 * np.repeat([[way[0]], [way[1]], [0.0]], COUNT, axis=1)
+    v |= {"x": away, "distance": np.full((1, COUNT), -0.03), "load_n": np.ones((1, COUNT))}
+    found, _ = after(v)
+    slips = way != (0, 0)
+    assert (found["stuck"] == (not slips)).all()
+    assert ((found["slipped"] > 0.0) == slips).all()
+    left = away - found["anchor"]
+    assert_allclose(left[2], 0.0)
+    assert_allclose(left[0] * way[1], left[1] * way[0])
+    gauge = np.hypot(np.where(left[0] > 0.0, v["mu"][0], v["mu"][1]) * left[0], v["mu"][2] * left[1])
+    assert_allclose(gauge, slips * (v["limit_ratio"] * v["r"])[0], rtol=1e-9)
+    assert (np.sum(left * away, axis=0) > 0.0).all() == slips
+    apart, _ = after(v | {"load_n": np.zeros((1, COUNT))})
+    assert (apart["stuck"] == 1.0).all(), "the anchor of what touches nothing lies under the point"
+    assert_allclose(apart["anchor"], away)
+    assert (apart["stored"] == 0.0).all()
