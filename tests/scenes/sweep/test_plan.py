@@ -155,6 +155,9 @@ def test_a_scene_may_say_itself_what_is_varied(section: str, cases: int) -> None
     assert "sweep" not in found.base.to_toml()
     asked = planned(Source(f"{SWEPT}\n{section}", "swept"), {"gait.amplitude": "0.1,0.2"})
     assert [each.key for each in asked.design.varied] == ["gait.amplitude"], "the command line wins"
+    listed = [{"gait.amplitude": 0.1}, {"gait.amplitude": 0.3}]
+    tabled = planned(Source(f"{SWEPT}\n{section}", "swept"), listed=listed)
+    assert [case.values for case in tabled.cases] == listed, "and so does a table of cases"
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from scenes.studies.fit.dips import dips
 from scenes.studies.fit.identifiability import VAGUE, determined, vague
 from scenes.studies.fit.lack import lack_of
 from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
-from scenes.studies.fit.slopes import slopes_at
-from scenes.studies.fit.solving import solve
+from scenes.studies.fit.slopes import Slopes, slopes_at
+from scenes.studies.fit.solving import AROUND, STARTS, TINY_STEP, _Problem, solve
 from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import Data, SpentError
 from scenes.studies.fit.uncertainty import MOST_CHANNELS, Uncertainty, uncertainty_of
@@ -418,3 +418,69 @@ def test_a_valley_whose_residuals_are_no_noise_is_left(monkeypatch: pytest.Monke
 def test_a_key_without_bounds_may_take_any_value() -> None:
     (key,) = varied_of(load_scene("flat", ["start.azimuth_deg=3"]), ["start.azimuth_deg"])
     assert (key.start, key.low, key.high) == (3.0, -np.inf, np.inf)
+
+
+@pytest.mark.parametrize("search", ["lowest", "beside"])
+def test_of_two_valleys_beside_a_minimum_the_lower_one_is_taken(search: str) -> None:
+    """At 0.9 nothing is left, at 1.05 hardly less than at 1, and the way to either goes over a crest."""
+
+    def model(a: float) -> np.ndarray:
+        bottom, left = (
+            (0.9, 0.0) if a < 0.97 else (1.0, 0.05) if a < 1.02 else (a, 0.07) if a < 1.04 else (1.05, 0.0499)
+        )
+        return np.array([(a - bottom + 1.0) * TIME + left * np.sin(9.0 * TIME)])
+
+    noise = 1e-3 * np.random.default_rng(3).standard_normal(len(TIME))
+    problem = _Problem(Analytic(model, model(0.9) + noise, varied("a", 1.0)))
+    found = getattr(problem, search)(np.ones(1), np.ones(1), np.full(1, 1e-3))
+    assert found == pytest.approx(0.9, abs=1e-3)
+
+
+def test_searches_from_further_places_begin_within_the_bounds_and_none_is_left_out() -> None:
+    """At a minimum in a corner half of the places of each key lie out of bounds: they are moved to the bound."""
+    model = lambda a, b: np.array([a * TIME + b * TIME**2 + np.sin(9.0 * TIME)])  # noqa: E731
+    keys = varied("a", 1.0, 0.5, 1.0), varied("b", 2.0, 2.0, 3.0)
+    problem = _Problem(Analytic(model, 4.0 * TIME[None], *keys))
+    starts: list[np.ndarray] = []
+    problem.minimum = lambda start, *rest: starts.append(start) or start  # type: ignore[method-assign, func-returns-value]
+    problem.elsewhere(np.ones(2), np.ones(1), np.full(2, 1e-3))
+    begun = np.array(starts[:STARTS])
+    assert begun.shape == (STARTS, 2)
+    assert np.all((problem.low <= begun) & (begun <= problem.high))
+    assert np.all((begun == 1.0).any(axis=0)), "on its bound"
+    assert np.all((begun != 1.0).any(axis=0))
+    assert np.abs(begun - 1.0).max() < 5.0 * AROUND
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.01])
+def test_keys_whose_rough_slopes_may_cancel_are_told_apart_by_a_tiny_step(apart: float) -> None:
+    """The slopes differ by less than their roughness: the step alone tells whether the keys cancel, however sure it is.
+
+    A contact changes where b has gone twice as far as the step may lead. The third key is at its bound, with no part.
+    """
+    other = np.sin(9.0 * TIME)
+
+    def model(c: float, a: float, b: float) -> np.ndarray:
+        event = abs(b - 1.0) > 2.0 * TINY_STEP
+        return np.array([c * TIME**2 + a**3 * b * TIME + (apart * (b - 1.0) * np.linalg.norm(TIME) + event) * other])
+
+    keys = varied("c", 1.0, 1.0), varied("a", 1.0), varied("b", 1.0)
+    problem = _Problem(Analytic(model, model(1.0, 1.0, 1.0), *keys))
+    values = np.column_stack([TIME**2, 3.0 * TIME, TIME + 0.1 * other])[None]
+    slopes = Slopes(values, 0.5 * np.abs(values))
+    for weight in (1.0, 1e3):
+        found = problem._determined(np.ones(3), np.array([weight]), slopes)
+        assert found.known.tolist() == [False, apart > 0.0, apart > 0.0]
+        assert [each.keys for each in found.relations] == ([] if apart else [("a", "b")])
+
+
+def test_weights_that_no_longer_change_end_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run may take minutes: that more passes are allowed costs a linear fit of white noise none."""
+    noise = 0.01 * np.random.default_rng(6).standard_normal(len(TIME))
+    runs = []
+    for passes in (4, 40):
+        monkeypatch.setattr("scenes.studies.fit.solving.PASSES", passes)
+        trials = Analytic(lambda a: a * TIME[None], TIME[None] + noise, varied("a", 1.3))
+        assert solve(trials).values[0] == pytest.approx(1.0, abs=0.01)
+        runs.append(trials.runs)
+    assert runs[0] == runs[1]
