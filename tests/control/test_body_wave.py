@@ -5,8 +5,9 @@ import pytest
 
 from control.chambers.controller import along_path
 from control.chambers.wave import ASIDE, GUIDED, BodyWave
-from control.estimation.estimator import Estimator
-from control.estimation.reduced import ReducedModel
+from control.estimation.estimator import BEGIN, Estimator
+from control.estimation.kalman import GAINS
+from control.estimation.reduced import ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification import identified
 from control.sensing.sensors import HEADING, Measurement
@@ -101,3 +102,21 @@ def test_the_crab_of_a_bent_body_is_taken_as_known_and_turns_what_is_believed_of
 
 def test_a_sensor_of_the_heading_shows_the_crab_itself():
     assert believed({"heading": HEADING}, told=True) == believed({"heading": HEADING}, told=False)
+
+
+@pytest.mark.parametrize(("gain", "taken"), [(0.5, 0.5), (2.0, 2.0), (0.01, GAINS[0]), (9.0, GAINS[1])])
+def test_a_worm_that_is_told_how_it_turns_takes_that_within_bounds_and_as_uncertain_as_at_the_start(
+    gain: float, taken: float
+) -> None:
+    """The rest of what it believes stays, and has nothing to do with the gain."""
+    model, index = ReducedModel.of(WORM, identified.load(WORM)), ReducedState._fields.index("turn_gain")
+    estimator = Estimator(WORM, model, heading=0.3)
+    before = estimator.estimate(0.0)
+    estimator.turns(gain)
+    after = estimator.estimate(0.0)
+    assert after.state.turn_gain == pytest.approx(taken)
+    assert after.state._replace(turn_gain=before.state.turn_gain) == before.state
+    expected = before.covariance.copy()
+    expected[index] = expected[:, index] = 0.0
+    expected[index, index] = BEGIN["turn_gain"] ** 2
+    np.testing.assert_allclose(after.covariance, expected, rtol=1e-12)

@@ -1,12 +1,14 @@
 """The feed-forward: the identified map there and back."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from control.identification.identified import SteeringMap, load
 from control.identification.surrogate import SLOWEST
-from control.planning.feed_forward import FeedForward
+from control.planning.feed_forward import PREFERRED, FeedForward
 from worm3d import Worm
 
 
@@ -116,3 +118,18 @@ def test_it_goes_as_slowly_as_its_slowest_wave_and_backwards_if_it_can() -> None
     slow, still = 1.01 * forward.slowest, 0.99 * forward.slowest
     assert [forward.goes(speed) for speed in (slow, still, 0.0, -still, -slow)] == [True, False, False, False, False]
     assert [both.goes(speed) for speed in (slow, still, 0.0, -still, -slow)] == [True, False, False, False, True]
+
+
+@pytest.mark.parametrize(("least", "greatest", "preferred"), [(0.4, 1.3, PREFERRED), (0.3, 0.7, 0.5), (0.9, 1.3, 1.1)])
+def test_a_preferred_frequency_outside_the_map_gives_way_to_the_middle(
+    least: float, greatest: float, preferred: float
+) -> None:
+    """The waves of middling speeds have the preferred frequency, and those of all speeds a frequency of the map."""
+    known = found("hinge")
+    ranges = replace(known.ranges, frequency=(least, greatest))
+    forward = FeedForward(replace(known, ranges=ranges), 1.0)
+    assert forward.frequency == pytest.approx(preferred)
+    frequencies = forward.frequencies(np.linspace(forward.slowest, forward.fastest, 60))
+    assert np.isclose(frequencies, preferred).sum() > 3
+    assert frequencies.min() >= SLOWEST
+    assert frequencies.max() <= greatest

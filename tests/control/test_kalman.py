@@ -301,3 +301,22 @@ def test_samples_that_follow_each_other_closely_make_no_push() -> None:
         found.append(belief.trend[1])
     assert 0.0 < found[0] < 1.3 * found[1]
     assert np.array_equal(FILTER.with_com(Belief(MEAN, spread()), np.array([1e200, 0.0]), WAVE, True).belief.mean, MEAN)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_few_impossible_headings_are_refused_and_many_believed(way: float) -> None:
+    """A heading that a filter is so sure of that no sample may be a radian off; it is open again for such samples."""
+    belief, far = Belief(MEAN, 1e-2 * spread()), MEAN[2] + way
+    for count in range(PATIENCE):
+        belief, refused = FILTER.with_heading(belief, far, gated=True)
+        assert refused
+        assert (belief.turned, belief.log_weight) == (count + 1, 0.0)
+        assert_allclose(belief.mean, MEAN, atol=0.0)
+    likely, refused = FILTER.with_heading(belief, MEAN[2] + 0.01, gated=True)
+    assert (likely.turned, refused) == (0, False)
+    turned, refused = FILTER.with_heading(belief, far, gated=True)
+    assert (turned.turned, refused) == (0, False)
+    assert turned.mean[2] == pytest.approx(far, abs=0.01)
+    ungated, refused = FILTER.with_heading(Belief(MEAN, 1e-2 * spread()), far)
+    assert not refused
+    assert 0.0 < way * (ungated.mean[2] - MEAN[2]) < 0.5

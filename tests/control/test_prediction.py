@@ -7,8 +7,9 @@ from numpy.testing import assert_allclose
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.identification.identified import Identified, load
 from control.planning.constraints import Roll, default_constraints
-from control.planning.cost import WANTED, Cost, Prediction, Scale
+from control.planning.cost import WANTED, Cost, Prediction, Problem, Scale
 from control.planning.terms import CostTerm, Heading, Offset, Speed, default_terms
+from control.tracking.preview import Preview
 from worm3d import Worm
 
 STEPS = 5
@@ -101,3 +102,26 @@ def test_the_roll_is_that_of_the_wave_however_slow_it_is_and_whichever_way_it_go
         roll = float(found.roll(0.3, frequency, 0.4))
         assert misses[-1] == pytest.approx((roll - 0.1) / 0.01)
         assert abs(roll) > 1e-3
+
+
+def test_a_worm_stands_across_its_path_as_far_as_the_speed_asked_for_says_and_no_slow_one_farther() -> None:
+    """Carried aside by 0.002 m/s it turns by 0.002 m/s over the speed, below 0.02 m/s as at 0.02 m/s, the way it goes.
+
+    Without a path it does not turn at all.
+    """
+    terms = [Heading(1.0, large=1e6)]
+    cost = Cost.of(model(), FOUND, 1.0, terms, ())
+    prediction = Prediction(model(), cost.function, 0.4, 3, SCALE)
+    state = np.array(ReducedState(0.0, 0.0, 0.0, 0.0, 0.0, drift=0.002))
+    z, none = SCALE.scaled(np.tile([0.3, 0.8, 0.0], (3, 1))), np.zeros(3)
+
+    def misses(speed: float, follows: bool) -> np.ndarray:
+        far = np.full(3, np.inf)
+        ahead = Preview(np.full(3, speed), np.zeros((3, 2)), none, follows, True, 0.0, far, far, np.full(3, 0.1))
+        return Problem(prediction, cost, state, ahead, 0.02, BEFORE, none).residuals(z)
+
+    plain = misses(0.08, follows=False)
+    crabs = {speed: misses(speed, follows=True) - plain for speed in (0.08, 0.04, 0.02, 0.01, 0.0, -0.04, -0.01)}
+    assert (crabs[0.08] > 0.0).all()
+    for speed, crab in crabs.items():
+        assert_allclose(crab, np.copysign(0.08 / max(abs(speed), 0.02), speed) * crabs[0.08], rtol=1e-9)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -255,6 +256,15 @@ def test_a_figure_that_a_case_has_not_is_none() -> None:
     table = Table.of(Design("flat", (SEGMENTS,)), [done(0, cost_of_transport=2.0), done(1), done(2)])
     axes = draw(table, "cost_of_transport", "cost", "Title").axes[0]
     assert [(text.get_text(), text.get_position()[0]) for text in axes.texts] == [("none", 4.0), ("none", 5.0)]
+
+
+def test_a_row_tells_each_reason_once_and_in_alphabetical_order() -> None:
+    """A table is the same in each process: the order of a set is not."""
+    reasons = {f"figure_{letter}": f"no {letter}" for letter in "gcaebdf"}
+    table = Table.of(
+        Design("flat", (SEGMENTS,)), [replace(done(k), reasons={**reasons, "g": "no g"}) for k in range(3)]
+    )
+    assert table.reasons == ["; ".join(f"no {letter}" for letter in "abcdefg")] * 3
 
 
 def test_a_single_value_can_be_drawn() -> None:

@@ -275,6 +275,41 @@ def test_a_suspect_says_which_way_it_is_wrong_and_what_that_did_to_the_varied_ke
     np.testing.assert_allclose(a + suspect.shift, 2.0, atol=0.01)
 
 
+def test_of_several_suspects_the_best_are_named_and_noise_is_what_the_best_leaves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a scene with three wrong keys the one with less than half of the share is not named."""
+    effects = {
+        key: np.sin(cycles * np.pi * TIME)[None]
+        for key, cycles in (("worm.mass_kg", 2.0), ("friction.forward", 3.0), ("friction.backward", 5.0))
+    }
+    sizes, noise = (1.6, 0.5, 2.0), 0.3 * np.random.default_rng(12).standard_normal((1, len(TIME)))
+
+    class Several(Analytic):
+        def number(self, key: str) -> float | None:
+            return 1.0 if key in effects else None
+
+        def changed(self, values: np.ndarray, override: str) -> np.ndarray | None:
+            key, _, value = override.partition("=")
+            return values[0] * TIME[None] + (float(value) - 1.0) * effects[key] if key in effects else None
+
+    modelled: list[np.ndarray] = []
+    monkeypatch.setattr(
+        "scenes.studies.fit.suspects.noise_of", lambda series: modelled.append(series) or noise_of(series)
+    )
+    wrong = sum(size * effect for size, effect in zip(sizes, effects.values(), strict=True))
+    trials = Several(lambda a: a * TIME[None], TIME[None] + wrong + noise, varied("a", 1.0))
+    residuals = wrong + noise
+    found = suspects_of(trials, np.ones(1), residuals, TIME[None, :, None], np.ones(1))
+    assert [each.what for each in found.named] == ["friction.backward", "worm.mass_kg"]
+    assert found.named[0].share > found.named[1].share
+    (left,) = modelled
+    best = effects["friction.backward"][0]
+    assert abs(left[0] @ best) < 0.02 * abs(residuals[0] @ best)
+    for key in ("worm.mass_kg", "friction.forward"):
+        assert abs(left[0] @ effects[key][0]) > 0.8 * abs(residuals[0] @ effects[key][0])
+
+
 @pytest.mark.parametrize(
     ("key", "value", "tried"),
     [
@@ -421,19 +456,20 @@ def test_a_key_without_bounds_may_take_any_value() -> None:
 
 
 @pytest.mark.parametrize("search", ["lowest", "beside"])
-def test_of_two_valleys_beside_a_minimum_the_lower_one_is_taken(search: str) -> None:
-    """At 0.9 nothing is left, at 1.05 hardly less than at 1, and the way to either goes over a crest."""
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_of_two_valleys_beside_a_minimum_the_lower_one_is_taken(search: str, side: float) -> None:
+    """A tenth to one side nothing is left; half as far to the other hardly less than at 1; both lie behind a crest."""
 
     def model(a: float) -> np.ndarray:
-        bottom, left = (
-            (0.9, 0.0) if a < 0.97 else (1.0, 0.05) if a < 1.02 else (a, 0.07) if a < 1.04 else (1.05, 0.0499)
-        )
-        return np.array([(a - bottom + 1.0) * TIME + left * np.sin(9.0 * TIME)])
+        off = side * (a - 1.0)
+        bottom, left = (-0.1, 0.0) if off < -0.03 else (0.0, 0.05) if off < 0.02 else (off, 0.07)
+        bottom, left = (0.05, 0.0499) if off > 0.04 else (bottom, left)
+        return np.array([(off - bottom + 1.0) * TIME + left * np.sin(9.0 * TIME)])
 
     noise = 1e-3 * np.random.default_rng(3).standard_normal(len(TIME))
-    problem = _Problem(Analytic(model, model(0.9) + noise, varied("a", 1.0)))
+    problem = _Problem(Analytic(model, model(1.0 - 0.1 * side) + noise, varied("a", 1.0)))
     found = getattr(problem, search)(np.ones(1), np.ones(1), np.full(1, 1e-3))
-    assert found == pytest.approx(0.9, abs=1e-3)
+    assert found == pytest.approx(1.0 - 0.1 * side, abs=1e-3)
 
 
 def test_searches_from_further_places_begin_within_the_bounds_and_none_is_left_out() -> None:
@@ -442,7 +478,7 @@ def test_searches_from_further_places_begin_within_the_bounds_and_none_is_left_o
     keys = varied("a", 1.0, 0.5, 1.0), varied("b", 2.0, 2.0, 3.0)
     problem = _Problem(Analytic(model, 4.0 * TIME[None], *keys))
     starts: list[np.ndarray] = []
-    problem.minimum = lambda start, *rest: starts.append(start) or start  # type: ignore[method-assign, func-returns-value]
+    problem.minimum = lambda start, *rest: starts.append(start) or start
     problem.elsewhere(np.ones(2), np.ones(1), np.full(2, 1e-3))
     begun = np.array(starts[:STARTS])
     assert begun.shape == (STARTS, 2)
