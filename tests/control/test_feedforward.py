@@ -133,3 +133,12 @@ def test_a_preferred_frequency_outside_the_map_gives_way_to_the_middle(
     assert np.isclose(frequencies, preferred).sum() > 3
     assert frequencies.min() >= SLOWEST
     assert frequencies.max() <= greatest
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 0.03, -0.03])
+@pytest.mark.parametrize("speed", [0.005, 0.06, 0.12])
+def test_backwards_is_the_same_wave_the_other_way_round(speed: float, turn_rate: float) -> None:
+    forward = FeedForward(found("hinge"), 1.0, backward=True)
+    ahead, back = forward(speed, turn_rate), forward(-speed, turn_rate)
+    assert ahead.amplitude > 0.0
+    assert back == ahead._replace(amplitude=-ahead.amplitude)

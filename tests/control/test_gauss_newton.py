@@ -133,10 +133,10 @@ def test_a_negligible_decrease_ends_the_search_where_it_is() -> None:
 def test_it_says_how_it_failed() -> None:
     start, method = np.array([0.5, 0.5]), GaussNewton(2, 5)
     nowhere = method.minimise(rosenbrock, lambda z: (np.full(2, np.nan), np.eye(2)), start, *BOX)
-    assert nowhere.outcome is Outcome.NOT_FINITE
+    assert (nowhere.outcome, nowhere.iterations) == (Outcome.NOT_FINITE, 0)
     assert_array_equal(nowhere.z, start)
     wrong_way = method.minimise(lambda z: z, lambda z: (z, -np.eye(2)), start, *BOX)
-    assert wrong_way.outcome is Outcome.STUCK
+    assert (wrong_way.outcome, wrong_way.iterations) == (Outcome.STUCK, 1)
     assert_array_equal(wrong_way.z, start)
     short = GaussNewton(2, 1).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
     assert (short.outcome, short.iterations) == (Outcome.IMPROVED, 1)

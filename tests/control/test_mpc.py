@@ -188,6 +188,14 @@ def test_what_is_followed_is_moved_to_the_other_side_of_a_lasting_offset_and_its
         assert_array_equal(preview.point[:, 1], 0.0)
 
 
+@pytest.mark.parametrize("x", [0.0, np.nan])
+def test_a_plan_knows_how_long_it_took(x: float) -> None:
+    controller, began = mpc(steps=4), time.perf_counter()
+    plan = controller.plan(0.0, exact(0.0, np.array(REST._replace(x=x))), Reference(Constant(0.08), path=Line()))
+    assert 0.0 < plan.seconds < time.perf_counter() - began
+    assert plan.status.ok == (x == 0.0)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("aside", "deviations", "speed", "moved"),

@@ -68,6 +68,8 @@ def test_wrong_samples_uncertain_predictions_and_steady_errors_are_no_noise() ->
     assert learned(Noise(TOLD, 0.2), TOLD, 300, wrong=0.05) == TOLD
     assert learned(Noise(TOLD, 0.2), TOLD, 300, spread=0.02**2) == TOLD
     assert learned(Noise(TOLD, 0.2), 0.02, 500, spread=0.01**2) == pytest.approx(0.02, rel=0.35)
+    unsure = [learned(Noise(TOLD, 0.2), 0.02, 2 * NOISE_WINDOW, seed, spread=0.02**2) for seed in range(6)]
+    assert np.mean(unsure) == pytest.approx(0.02, rel=0.15), "what is uncertain is no change of the noise"
     noise = Noise(TOLD, 0.2)
     random = np.random.default_rng(3)
     for k in range(300):

@@ -12,7 +12,8 @@ from control.estimation.kalman import Uncertainty
 from control.identification.identified import load
 from control.planning.feed_forward import FeedForward
 from control.planning.suited import suited
-from control.planning.terms import Arrival, Change, CostTerm, Frequency, Heading, Offset, Speed, Steering
+from control.planning.terms import WALLED, Arrival, Change, CostTerm, Frequency, Heading, Offset, Speed, Steering
+from control.tracking.preview import Preview
 from worm3d import Worm
 
 FOUND = load(Worm()).maps["hinge"]
@@ -81,3 +82,21 @@ def test_what_is_trusted_goes_with_the_length() -> None:
     for name in ("place", "speed", "drift", "rocking"):
         assert getattr(longer, name) == 2.0 * getattr(trust, name)
     assert (longer.turn_rate, longer.com) == (trust.turn_rate, trust.com)
+
+
+@pytest.mark.parametrize(("follows", "walled", "kept"), [(True, False, 1.0), (True, True, WALLED), (False, False, 0.0)])
+def test_terms_of_a_path_weigh_where_there_is_one_and_the_arrival_weighs_at_the_end(
+    follows: bool, walled: bool, kept: float
+) -> None:
+    """The arrival counts L of way, by which an offset dies away, over the way of the last step; squared it is a factor."""
+    none, far = np.zeros(3), np.full(3, np.inf)
+    for way in (0.04, 0.16, -0.16):
+        ways = np.full(3, way)
+        ahead = Preview(none, np.zeros((3, 2)), none, follows, follows, 0.0, far, far, ways, walled)
+        assert Offset().weight(ahead) == kept
+        weights = np.asarray(Arrival(way=0.08).weight(ahead))
+        assert_allclose(weights, [0.0, 0.0, kept * np.sqrt(0.08 / abs(way))])
+        assert (Heading().weight(ahead), Steering().weight(ahead)) == (float(follows), float(not follows))
+        assert (Speed().weight(ahead), Change().weight(ahead), Frequency().weight(ahead)) == (1.0, 1.0, 1.0)
+    standing = Preview(none, np.zeros((3, 2)), none, follows, follows, 0.0, far, far, none, walled)
+    assert np.isfinite(np.asarray(Arrival().weight(standing))).all()

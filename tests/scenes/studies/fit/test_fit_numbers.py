@@ -520,3 +520,20 @@ def test_weights_that_no_longer_change_end_the_search(monkeypatch: pytest.Monkey
         assert solve(trials).values[0] == pytest.approx(1.0, abs=0.01)
         runs.append(trials.runs)
     assert runs[0] == runs[1]
+
+
+def test_slopes_at_the_minimum_are_those_of_a_chord_as_wide_as_the_interval() -> None:
+    """Two standard errors to each side: a valley is steeper at its bottom than where a value is nearly as likely."""
+    noise, tried = 0.05 * np.random.default_rng(6).standard_normal(len(TIME)), []
+
+    def model(a: float) -> np.ndarray:
+        tried.append(a)
+        return a * TIME[None]
+
+    found = solve(Analytic(model, TIME[None] + noise, varied("a", 1.3)))
+    (a,), (error,) = found.values, found.uncertainty.standard_error
+    white = 0.05 / np.linalg.norm(TIME)
+    assert error == pytest.approx(white, rel=0.3)
+    for side in (2.0, -2.0):
+        assert np.isclose(tried, a + side * error, rtol=0.0, atol=0.2 * error).any()
+    assert not np.isclose(np.abs(np.array(tried) - a), error, rtol=0.0, atol=0.2 * error).any()

@@ -1,0 +1,44 @@
+"""Shapes that are refused: the angles by which a joint is bent, and what chambers and hinges ask for."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from worm3d.physics.kernels import joint, segment
+from worm3d.solver.evaluate import TANGENT
+from worm3d.solver.guard import BEND, joint_angles
+
+N = 5
+
+
+def angles(tangents: np.ndarray, bend: np.ndarray, hinge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles of joints for tangents (3, N), chamber bends (N,) and hinges (N - 1,), in wider arrays."""
+    rest, segments, joints = np.full((TANGENT + 3, 8), 7.0), np.full((60, 8), 7.0), np.full((60, 8), 7.0)
+    rest[TANGENT:, :N] = tangents
+    segments[segment.LAYOUT.first("q") + BEND, :N] = bend
+    joints[joint.LAYOUT.first("hinge"), : N - 1] = hinge
+    return joint_angles({"rest": rest, "segment_in": segments, "joint_in": joints}, N)
+
+
+def test_a_straight_body_has_no_angle_at_its_joints_whichever_way_it_lies() -> None:
+    """The product of two equal unit vectors may be above 1 by rounding, which is the cosine of no angle."""
+    above = 0
+    for seed in range(200):
+        t = np.random.default_rng(seed).standard_normal((3, 1))
+        t = np.repeat(t / np.linalg.norm(t), N, axis=1)
+        above += np.sum(t[:, 0] ** 2) > 1.0
+        enclosed, asked = angles(t, np.zeros(N), np.zeros(N - 1))
+        assert_allclose(enclosed, 0.0, rtol=0, atol=1e-7)
+        assert_allclose(asked, 0.0)
+    assert above > 10
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bent_body_has_the_angles_of_its_turns_and_its_chambers_and_hinges_ask_for_their_sum(seed: int) -> None:
+    """Each chamber bend is shared by the joints at both ends of its segment; left and right count alike."""
+    random = np.random.default_rng(seed)
+    turns, bend, hinge = (random.uniform(-1.5, 1.5, size) for size in (N - 1, N, N - 1))
+    azimuth = np.concatenate([[0.4], 0.4 + np.cumsum(turns)])
+    enclosed, asked = angles(np.array([np.cos(azimuth), np.sin(azimuth), 0.0 * azimuth]), bend, hinge)
+    assert_allclose(enclosed, np.abs(turns), rtol=1e-7)
+    assert_allclose(asked, [abs(bend[k] / 2 + bend[k + 1] / 2 + hinge[k]) for k in range(N - 1)])
