@@ -88,7 +88,7 @@ def test_what_is_trusted_goes_with_the_length() -> None:
 def test_terms_of_a_path_weigh_where_there_is_one_and_the_arrival_weighs_at_the_end(
     follows: bool, walled: bool, kept: float
 ) -> None:
-    """The arrival counts L of way, by which an offset dies away, over the way of the last step; squared it is a factor."""
+    """The arrival weighs as many steps of its size as L, the way in which an offset dies away, has of them."""
     none, far = np.zeros(3), np.full(3, np.inf)
     for way in (0.04, 0.16, -0.16):
         ways = np.full(3, way)

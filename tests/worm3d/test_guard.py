@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from worm3d.physics.kernels import joint, segment
-from worm3d.solver.evaluate import TANGENT
-from worm3d.solver.guard import BEND, joint_angles
+from worm3d.physics.kernels import joint, point, segment
+from worm3d.recorded.status import Status
+from worm3d.solver.arrays import POINTS
+from worm3d.solver.evaluate import LENGTHS, TANGENT
+from worm3d.solver.guard import BEND, joint_angles, refused
 
 N = 5
 
@@ -42,3 +44,39 @@ def test_a_bent_body_has_the_angles_of_its_turns_and_its_chambers_and_hinges_ask
     enclosed, asked = angles(np.array([np.cos(azimuth), np.sin(azimuth), 0.0 * azimuth]), bend, hinge)
     assert_allclose(enclosed, np.abs(turns), rtol=1e-7)
     assert_allclose(asked, [abs(bend[k] / 2 + bend[k + 1] / 2 + hinge[k]) for k in range(N - 1)])
+
+
+def arrays_of(rest: float, distance: np.ndarray) -> dict[str, np.ndarray]:
+    """Return arrays of segments with chambers of one length, and of points at distances (POINTS, N), in wider ones."""
+    points = np.full((60, POINTS * 8), -1.0)
+    lanes = points[point.LAYOUT.first("distance")].reshape(POINTS, 8)
+    lanes[:, :N] = distance
+    return {"rest": np.full((60, 8), rest), "longest": np.linspace(0.2, 0.3, 8)[None], "point_in": points}
+
+
+@pytest.mark.parametrize("deepest", range(N + 1))
+def test_the_deepest_joint_is_named_that_of_the_head_too(deepest: int) -> None:
+    """The rear faces of the segments are the joints from the tail on, the front face of the head is the last joint.
+
+    Apexes below the segments may be deeper: they are no joints.
+    """
+    distance = np.full((POINTS, N), 1.0)
+    distance[:6] = -0.5
+    distance[6] = 0.001
+    distance[7, -1] = 0.002
+    distance[6 if deepest < N else 7, min(deepest, N - 1)] = -0.013
+    segment_of, reason = refused(arrays_of(0.1, distance), N, Status.SUNK)
+    assert segment_of == min(deepest, N - 1)
+    assert reason.startswith(f"joint {deepest} is 0.013 m deep; press on it less")
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("longest", range(N))
+def test_the_chamber_that_is_longest_beside_its_links_is_named(longest: int, side: int) -> None:
+    arrays = arrays_of(0.1, np.ones((POINTS, N)))
+    arrays["rest"][LENGTHS + side, longest] = 1.01 * arrays["longest"][0, longest]
+    found, reason = refused(arrays, N, Status.FLATTENED)
+    assert found == longest
+    length = f"{arrays['rest'][LENGTHS + side, longest]:.4g}"
+    assert reason.startswith(f"segment {longest}, whose {('left', 'right')[side]} chamber is {length} m long")
+    assert refused(arrays, N, Status.DONE) == (0, "")

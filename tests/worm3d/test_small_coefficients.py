@@ -12,6 +12,7 @@ from test_locomotion import PERIOD, STEPS, quantile, slow_crawl
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Patch, Plane, Status, Worm
+from worm3d.physics.friction import BREAKAWAY, WEIGHTLESS, ContactConstants, natural_time
 from worm3d.physics.kernels import point
 from worm3d.solver.regimes import EXCESS, Y
 
@@ -151,3 +152,53 @@ def test_a_contact_without_friction_along_the_segment_holds_sideways() -> None:
     assert (across <= limit * np.minimum(1.0, multiple) + 1e-3).all()
     assert (across >= limit * multiple / (1.0 + multiple) - 1e-3).all()
     assert (run("point_yielding", point.LAYOUT, v | AT_REST)[EXCESS] > 0.0).all(), "the anchor follows"
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_contacts_of_other_coefficients_in_proportion_differ_by_their_size_alone(factor: float) -> None:
+    """Yield gauge in proportion, hardness alike; coefficients of 0 stand for a tiny part of the largest."""
+    worm = Worm(segments=4)
+    for seed in range(5):
+        mu = np.random.default_rng(seed).uniform(0.1, 0.9, (3, 4)) * [[1.0], [10.0 ** -(seed % 3)], [1.0]]
+        mu[seed % 3, 1] = 0.0
+        one, other = (ContactConstants.of(worm, Friction(*each), 9.81) for each in (mu, factor * mu))
+        assert_allclose(other.mu, factor * one.mu)
+        assert_allclose(other.hardness, one.hardness)
+        assert_allclose(other.yield_gauge, factor * one.yield_gauge)
+        assert_allclose(other.gauge_damping, one.gauge_damping * factor**-1.5)
+        assert (other.stiffness, other.damping) == (one.stiffness, one.damping)
+        assert_allclose(one.mu[mu > 0.0], mu[mu > 0.0])
+        assert 0.0 < one.mu[seed % 3, 1] < 1e-12
+    alike = {
+        name: ContactConstants.of(worm, Friction(0.0, 0.0, 0.0), g).yield_gauge for name, g in (("g", 9.81), ("0", 0.0))
+    }
+    assert alike["g"] == alike["0"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("mu", "least"),
+    [
+        ((0.5, 0.3, 0.4), 0.3),
+        ((0.5, 0.0051, 0.4), 0.0051),
+        ((0.5, 0.0049, 0.4), 0.05),
+        ((0.5, 0.0049, 0.04), 0.04),
+        ((0.5, 0.0, 0.0), 0.05),
+    ],
+)
+def test_the_least_coefficient_that_is_no_hundredth_of_the_largest_sets_where_contacts_yield(
+    mu: tuple[float, float, float], least: float
+) -> None:
+    """Beside smaller ones a tenth of the largest does, where none is below; smaller ones are as hard as that one."""
+    worm = Worm()
+    found = ContactConstants.of(worm, Friction(*mu), 9.81)
+    assert_allclose(found.yield_gauge, least * BREAKAWAY * worm.l0)
+    assert_allclose(found.hardness * found.mu, np.maximum(found.mu, least))
+
+
+@pytest.mark.parametrize("length", [0.5, 1.0, 2.0])
+def test_the_natural_time_is_that_of_a_fall_by_half_the_body(length: float) -> None:
+    worm = Worm(length=length)
+    for gravity in (1.6, 9.81):
+        assert 0.5 * gravity * natural_time(worm, gravity) ** 2 == pytest.approx(0.5 * length)
+    light = WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.mass
+    assert natural_time(worm, 0.0) == pytest.approx(natural_time(worm, light))

@@ -16,8 +16,8 @@ from scenes.studies.fit.dips import dips
 from scenes.studies.fit.identifiability import VAGUE, determined, vague
 from scenes.studies.fit.lack import lack_of
 from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
-from scenes.studies.fit.slopes import Slopes, slopes_at
-from scenes.studies.fit.solving import AROUND, STARTS, TINY_STEP, _Problem, solve
+from scenes.studies.fit.slopes import HALVINGS, Slopes, slopes_at
+from scenes.studies.fit.solving import AROUND, FIRST_STEP, STARTS, TINY_STEP, _Problem, solve
 from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import Data, SpentError
 from scenes.studies.fit.uncertainty import MOST_CHANNELS, Uncertainty, uncertainty_of
@@ -537,3 +537,54 @@ def test_slopes_at_the_minimum_are_those_of_a_chord_as_wide_as_the_interval() ->
     for side in (2.0, -2.0):
         assert np.isclose(tried, a + side * error, rtol=0.0, atol=0.2 * error).any()
     assert not np.isclose(np.abs(np.array(tried) - a), error, rtol=0.0, atol=0.2 * error).any()
+
+
+def test_where_no_runs_are_left_the_slopes_at_the_best_values_are_found_however_many_runs_fail() -> None:
+    """Around the best values all runs fail but those of the last halving of a step, which the reserve allows for."""
+
+    class Fragile(Analytic):
+        centre: np.ndarray | None = None
+        ended = False
+
+        def allow(self, more: int) -> None:
+            super().allow(more)
+            self.ended = True
+
+        def __call__(self, values: np.ndarray) -> np.ndarray | None:
+            if not self.ended:
+                return super().__call__(values)
+            if self.centre is None:
+                self.centre = values.copy()
+            if np.array_equal(values, self.centre):  # that run is kept
+                return self._function(*values)
+            found = super().__call__(values)
+            return found if np.abs(values - self.centre).max() < 1.01 * FIRST_STEP * 0.5**HALVINGS else None
+
+    noise = 0.01 * np.random.default_rng(6).standard_normal(len(TIME))
+    model = lambda a, b: np.array([a * TIME + b * np.sin(3.0 * TIME)])  # noqa: E731
+    found = solve(Fragile(model, model(1.0, 1.2) + noise, varied("a", 1.0), varied("b", 1.0), most=4))
+    assert not found.finished
+    assert found.known.all()
+
+
+def test_a_scale_is_the_start_or_else_the_range() -> None:
+    cases = [(2.0, -1.0, 3.0), (-2.0, -3.0, 3.0), (0.0, -1.0, 3.0), (0.0, -1.0, np.inf), (0.0, -np.inf, np.inf)]
+    assert [varied("a", *each).scale for each in cases] == [2.0, 2.0, 4.0, 1.0, 1.0]
+
+
+def test_errors_that_are_larger_by_a_factor_are_so_in_both_measures() -> None:
+    scaled = Uncertainty(np.array([[4.0, 1.0], [1.0, 9.0]]), np.array([4.0, 7.0])).scaled(3.0)
+    np.testing.assert_allclose(scaled.covariance, [[36.0, 9.0], [9.0, 81.0]])
+    np.testing.assert_allclose(scaled.half_width, [12.0, 21.0])
+    np.testing.assert_allclose(scaled.standard_error, [6.0, 9.0])
+
+
+def test_the_end_of_a_drawn_series_knows_nothing_of_its_begin() -> None:
+    """The slowest memory of all channels counts: series are drawn round a circle on which all is forgotten."""
+    coefficients = np.array([[0.95, -0.045], [0.1, 0.0]])  # roots 0.9 and 0.05
+    noise, random = Noise(coefficients, np.eye(2)), np.random.default_rng(13)
+    drawn = np.array([noise.draw(60, random) for _ in range(600)])
+    for channel in (0, 1):
+        assert abs(np.corrcoef(drawn[:, channel, 0], drawn[:, channel, -1])[0, 1]) < 0.15
+    assert drawn.shape == (600, 2, 60)
+    assert np.corrcoef(drawn[:, 0, 0], drawn[:, 0, 1])[0, 1] > 0.8

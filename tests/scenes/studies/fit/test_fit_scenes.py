@@ -176,6 +176,7 @@ def test_a_run_that_fails_on_the_way_is_a_step_too_far(
         ("world.slope_deg=-1:inf", {}, "must be two finite numbers lo < hi"),
         ("gait.amplitude=0.1", {}, "got '0.1', must be a range lo:hi of two numbers"),
         ("gait.amplitude=0.1:2", {}, "got 0.1:2, must lie within 0 <= … < 1"),
+        ("gait.amplitude=-0.1:0.3", {}, "got -0.1:0.3, must lie within 0 <= … < 1"),
         ("worm.rate_limit_per_s", {}, "left out in the scene, so there is no start; give a range"),
         ("", {}, "has no such key"),
         ("a..b", {}, "has no such key"),
