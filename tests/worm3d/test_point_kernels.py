@@ -21,7 +21,17 @@ from worm3d.physics.kernels import point
 from worm3d.physics.kernels import regime as regime_kernels
 from worm3d.physics.kernels.point import LEDGER_TERMS
 from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
-from worm3d.solver.regimes import EXCESS, NEXT, PREDICTED_FRICTION, STALE, SWING, TOUCHING, Y
+from worm3d.solver.regimes import (
+    EXCESS,
+    NEXT,
+    PREDICTED_FRICTION,
+    RECENT,
+    STALE,
+    STATIC_EXCESS,
+    SWING,
+    TOUCHING,
+    Y,
+)
 
 
 @pytest.mark.parametrize("inside", [False, True])
@@ -138,6 +148,63 @@ def test_regimes_change_where_the_law_denies_them(error: float) -> None:
             assert out[STALE, k] == changed
             seen.add((regime, expected))
     assert len(seen) > 10, seen
+
+
+def displaced(y: np.ndarray, regime: float, error: float, **more: np.ndarray) -> dict[str, np.ndarray]:
+    """Return pressed points at a displacement y from s*, shape (2, COUNT), in units in which 1 is the yield surface.
+
+    y is given in the gauge of hard contacts, H mu y over c_0 r.
+    """
+    v = some_point(coupled=True, inside=False, seed=17) | AT_REST
+    v |= {"regime": np.full((1, COUNT), regime), "error": np.full((1, COUNT), error)} | more
+    v["hardness"] = np.random.default_rng(18).uniform(1.0, 2.0, (3, COUNT))
+    v["distance"] = -np.abs(v["distance"]) - 0.01
+    e = v["mu"] * v["hardness"]
+    y = y * (v["limit_ratio"] * v["r"])[0] / np.array([np.where(y[0] > 0.0, e[0], e[1]), e[2]])
+    s = v["centre"] + y
+    return v | {"anchor": v["x"] - s[0] * v["tangent"][:3] - s[1] * v["tangent"][3:]}
+
+
+def test_what_is_as_good_as_at_its_static_limit_breaks_away() -> None:
+    """(C6): within a billionth of the limit in the gauge eta, and not before, in any direction."""
+    angle = np.linspace(-3.0, 3.0, COUNT)
+    for share in (0.5, 1.0 - 2e-9, 1.0 - 0.5e-9, 1.0, 1.5):
+        v = displaced(share * np.array([np.cos(angle), np.sin(angle)]), point.STICKING, 0.0)
+        out, limit = run("point_yielding", point.LAYOUT, v), (v["limit_ratio"] * v["r"])[0]
+        assert ((out[STATIC_EXCESS] > 0.0) == (share > 1.0 - 1e-9)).all()
+        assert_allclose(out[STATIC_EXCESS], (share - 1.0) * limit, rtol=1e-6, atol=2e-9 * limit.max())
+
+
+def test_the_last_change_of_a_contact_is_its_step_in_its_gauge_and_the_error() -> None:
+    angle = np.linspace(-3.0, 3.0, COUNT)
+    v = displaced(0.7 * np.array([np.cos(angle), np.sin(angle)]), point.STICKING, 2e-4)
+    v["first"] = np.random.default_rng(19).uniform(-1e-4, 1e-4, (3, COUNT))
+    out, e = run("point_yielding", point.LAYOUT, v), v["mu"] * v["hardness"]
+    dy = np.array([np.sum(way * v["first"], axis=0) for way in (v["tangent"][:3], v["tangent"][3:])])
+    moved = np.hypot(np.where(out[Y] > 0.0, e[0], e[1]) * dy[0], e[2] * dy[1])
+    assert_allclose(out[RECENT], moved + e.max(axis=0) * 2e-4, rtol=1e-9)
+
+
+@pytest.mark.parametrize("regime", [point.STICKING, point.STICKING_BACK])
+def test_a_stuck_contact_slides_far_beyond_its_limit_whatever_the_error(regime: float) -> None:
+    """Up to there it sticks as long as the error may be to blame."""
+    angle = np.linspace(-3.0, 3.0, COUNT)
+    for share in (0.9, 2.9, 3.1):
+        v = displaced(share * np.array([np.cos(angle), np.sin(angle)]), regime, 1.0, breaks=np.full((1, COUNT), 9.0))
+        found = run("point_yielding", point.LAYOUT, v)[NEXT]
+        assert (found == (point.SLIDING if share > 3.0 else regime)).all()
+
+
+def test_a_stuck_contact_takes_the_other_side_once_it_is_there_by_more_than_rounding() -> None:
+    """Coefficients forward and backward differ: that of the side counts, from a ten millionth of the limit on."""
+    regimes = point.STICKING, point.STICKING_BACK
+    for regime, other, way in ((*regimes, -1.0), (*regimes[::-1], 1.0)):
+        for share, turns in ((-0.5, False), (0.5e-7, False), (2e-7, True), (0.5, True)):
+            y = np.array([np.full(COUNT, way * share), np.full(COUNT, 0.1)])
+            v = displaced(y, regime, 0.0)
+            assert (run("point_yielding", point.LAYOUT, v)[NEXT] == (other if turns else regime)).all()
+            v["mu"][1], v["hardness"][1] = v["mu"][0], v["hardness"][0]
+            assert (run("point_yielding", point.LAYOUT, v)[NEXT] != other).all(), "both sides are alike"
 
 
 def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
