@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from control.estimation.estimate import consistency
-from control.estimation.estimator import Estimate, Estimator
+from control.estimation.estimator import Estimate, Estimator, _Sample
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification.identified import load
@@ -466,3 +466,36 @@ def test_an_instant_that_is_put_into_a_pause_of_samples_lies_in_it() -> None:
         assert times == sorted(times)
         assert times[-1] <= 0.02 * k
     assert len(times) > 2, "some were put in"
+
+
+@pytest.mark.parametrize("likelier", [0, 1])
+def test_of_several_beliefs_the_likeliest_says_how_well_a_sample_fits(likelier: int) -> None:
+    """Its innovation is that of the estimator, and what the noise is learnt from; the other belief is 2 cm off."""
+    estimator, place = Estimator(WORM, model(), heading=0.0), np.array([0.4, 0.1, 0.03])
+    estimator.estimate(0.0)
+    (start,) = estimator._past
+    sure = replace(start.beliefs[0], covariance=1e-8 * start.beliefs[0].covariance)
+    near, far = (replace(sure, mean=sure.mean + np.eye(len(sure.mean))[1] * 0.02 * k) for k in (0, 1))
+    for belief in (near, far):
+        belief.mean[:2] += place[:2]
+    learnt: list[np.ndarray] = []
+    estimator.noise.learn = lambda innovation, spread: learnt.append(innovation)
+    beliefs = [near, far] if likelier == 0 else [far, near]
+    sample = _Sample(0.0, place, np.zeros(2), 0.005, np.nan, 0.8)
+    found = estimator._fused(replace(start, beliefs=beliefs, placed=-0.05), sample, new=True)
+    assert found.nis == pytest.approx(0.0, abs=1e-9)
+    assert_allclose(learnt, [[0.0, 0.0]], atol=1e-9)
+    alone = estimator._fused(replace(start, beliefs=[far], placed=-0.05), sample, new=True)
+    assert alone.nis is not None
+    assert alone.nis > 10.0
+
+
+def test_as_long_as_samples_come_no_instant_is_put_between_them() -> None:
+    """Each would cost a prediction of every belief at every step."""
+    estimator, asked = Estimator(WORM, model(), heading=0.0), GaitParameters(0.28, 0.9)
+    for k in range(40):
+        t = 0.05 * k
+        estimator.take(t, Measurement(t, heading=(np.array(0.0), t)), asked, t * 1.8 * np.pi)
+    times = [each.sample.time for each in estimator._past]
+    assert len(times) > 4
+    assert_allclose(np.diff(times), 0.05)

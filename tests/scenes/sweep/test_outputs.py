@@ -15,10 +15,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from scenes.models.loading import Scene, load_scene
+from scenes.running.terminal import HEADLINES
 from scenes.sweep.case_file import NOT_RUN, CaseResult
 from scenes.sweep.design import Design, Varied
 from scenes.sweep.figures import draw
-from scenes.sweep.outputs import MOST_LINES, MOST_ROWS, report, write_outputs
+from scenes.sweep.outputs import MOST_LINES, MOST_ROWS, NOT_DRAWN, headlines, report, write_outputs
 from scenes.sweep.table import Table
 from worm3d.values import netcdf
 
@@ -301,3 +302,13 @@ def test_seeds_of_each_controller_are_bars_with_points() -> None:
     cases = np.array([done(k).summary["distance_m"] if k != LOST else np.nan for k in range(6)]).reshape(3, 2)
     assert_allclose([bar.get_height() for bar in axes.patches], np.nanmean(cases, axis=0))
     assert_allclose(axes.lines[-1].get_ydata(), cases.ravel())
+
+
+def test_figures_of_all_models_come_before_those_of_one_and_what_cannot_be_drawn_is_left_out() -> None:
+    """The order is that of the columns of the report, and of the pictures."""
+    base = load_scene("path_line")
+    own, found = [name for name, _, _ in base.model.headlines], list(headlines(base))
+    assert own
+    every = [name for name, _, _ in HEADLINES]
+    assert found == [name for name in dict.fromkeys(every + own) if name not in NOT_DRAWN]
+    assert [name for name in found if name in every] == found[: len(set(every) - set(NOT_DRAWN))]
