@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from control.gaits import TravellingWave
+from worm3d import Plane, State, Status, Worm, simulate
 from worm3d.physics.kernels import joint, point, segment
-from worm3d.recorded.status import Status
 from worm3d.solver.arrays import POINTS
 from worm3d.solver.evaluate import LENGTHS, TANGENT
 from worm3d.solver.guard import BEND, joint_angles, refused
@@ -80,3 +81,16 @@ def test_the_chamber_that_is_longest_beside_its_links_is_named(longest: int, sid
     length = f"{arrays['rest'][LENGTHS + side, longest]:.4g}"
     assert reason.startswith(f"segment {longest}, whose {('left', 'right')[side]} chamber is {length} m long")
     assert refused(arrays, N, Status.DONE) == (0, "")
+
+
+@pytest.mark.parametrize("place", [(30.0, -20.0), (-30.0, 20.0)])
+def test_a_worm_is_judged_by_its_shape_and_not_by_where_it_lies(place: tuple[float, float]) -> None:
+    """It crawls as at the origin, though its places are larger numbers than any angle that is refused."""
+    worm, gait = Worm(), TravellingWave(amplitude=0.3, bias=0.2, period=0.5)
+    ways = []
+    for at in ((0.0, 0.0), place):
+        state = State.straight(worm, Plane(), at)
+        run = simulate(worm, Plane(), actuation=gait, duration=0.5, state=state)
+        assert run.status is Status.DONE, run.stop.sentence
+        ways.append(run.joints - run.joints[0, 0])
+    assert_allclose(ways[1], ways[0], rtol=0, atol=1e-7)
