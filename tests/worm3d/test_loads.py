@@ -1,8 +1,9 @@
 """Payloads and tethers against closed forms: how they pull, stick and slide, and what becomes of the energy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -15,6 +16,7 @@ from worm3d import Friction, Held, Load, Payload, Pipe, Plane, Result, State, St
 from worm3d.physics.kernels import load as kernels
 from worm3d.physics.load import LOAD_FREE, LOAD_HIGH, LOAD_LOW, LOAD_STICKING
 from worm3d.running.plant import kernels as compiled
+from worm3d.values.parameters import parameter
 
 G = 9.81
 WAVE = TravellingWave(period=1.0)
@@ -455,6 +457,51 @@ class Wrong(Load):
     @classmethod
     def respond(cls, s: Any) -> worm3d.LoadStep:
         return worm3d.LoadStep(ca.sumsqr(s["x"]), {"heat": 1.0})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Witness(Load):
+    """No load, but one that keeps what it is given."""
+
+    states: ClassVar[Mapping[str, str]] = {
+        f"{name}{k}": "1" for name in ("tangent", "past", "velocity") for k in range(6)
+    }
+    joint: int = parameter(0, meaning="joint that it looks at", ge=0)
+
+    @property
+    def at(self) -> int:
+        return self.joint
+
+    @classmethod
+    def respond(cls, s: Any) -> worm3d.LoadStep:
+        given = {
+            name: ca.vertcat(s[name], ca.SX.zeros(6 - s[name].numel())) for name in ("tangent", "past", "velocity")
+        }
+        return worm3d.LoadStep(
+            0.0 * s["x"][0], {}, {f"{name}{k}": row[k] for name, row in given.items() for k in range(6)}
+        )
+
+
+@pytest.mark.parametrize("joint", range(4))
+def test_a_load_sees_the_joint_that_it_acts_on(joint: int) -> None:
+    """Places and velocities of the last two steps, and the tangent of the segment ahead; of the last one at the head.
+
+    The worm flies, so that it rises and bends in all directions.
+    """
+    worm = Worm(segments=3, load=Witness(joint=joint))
+    start = State.straight(worm, position=(0.0, 0.0, 1.0), azimuth=0.4)
+    shaken = 0.2 * np.random.default_rng(7).standard_normal(start.joints.shape)
+    run = done(simulate(worm, None, duration=0.1, state=start.with_changes(joint_velocity=shaken)))
+    found = {
+        name: np.column_stack([states(run)[f"{name}{k}"] for k in range(6)]) for name in ("tangent", "past", "velocity")
+    }
+    tangents = np.diff(run.joints, axis=1)
+    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+    assert np.ptp(tangents[-1], axis=0).min() > 1e-4
+    assert_allclose(found["tangent"][2:, :3], tangents[1:-1, min(joint, 2)], rtol=0, atol=1e-9)
+    assert_allclose(found["past"][2:], np.hstack([run.joints[1:-1, joint], run.joints[:-2, joint]]), rtol=0, atol=1e-12)
+    speeds = run.joint_velocity[:, joint]
+    assert_allclose(found["velocity"][2:], np.hstack([speeds[1:-1], speeds[:-2]]), rtol=0, atol=1e-12)
 
 
 def test_a_load_of_ones_own() -> None:
