@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.fft import dct
 from scipy.linalg import toeplitz
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
@@ -14,7 +15,7 @@ from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.studies.fit.dips import dips
 from scenes.studies.fit.identifiability import VAGUE, determined, vague
-from scenes.studies.fit.lack import lack_of
+from scenes.studies.fit.lack import lack_of, ratio_of
 from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
 from scenes.studies.fit.slopes import HALVINGS, Slopes, slopes_at
 from scenes.studies.fit.solving import AROUND, FIRST_STEP, STARTS, TINY_STEP, _Problem, solve
@@ -156,6 +157,21 @@ def test_nothing_is_said_of_few_samples_or_no_residuals() -> None:
     assert lack_of(np.full((2, 500), np.nan)).ratio == 0.0
     assert lack_of(np.zeros((2, 500))).ratio == 0.0
     assert not lack_of(np.arange(20.0)[None]).found
+
+
+@pytest.mark.parametrize("turns", [1, 40])
+def test_what_alternates_is_the_opposite_of_slow_and_what_is_slow_has_no_longer_memory_than_noise(turns: int) -> None:
+    """From sample to sample noise is correlated by 0 to 0.9; beyond, the series is no noise and its ratio is that."""
+    random, sign = np.random.default_rng(14), (-1.0) ** np.arange(400)
+    series = sign * (1.0 + 0.1 * random.standard_normal(400)) + 0.1 * np.sin(np.linspace(0.0, 2.0 * np.pi * turns, 400))
+    assert ratio_of(series[None]) < 0.1
+    slow = np.sin(np.linspace(0.0, 2.0 * np.pi, 400))
+    steps = np.diff(slow)
+    noise = 0.5 * 1.9 * float(steps @ steps) / len(steps) / (1.0 - 0.9**2)
+    k = np.arange(400)
+    spectrum = (1.0 - 0.9**2) / (1.0 - 1.8 * np.cos(np.pi * k / 400) + 0.9**2)
+    power = dct(slow, norm="ortho") ** 2 / (noise * spectrum)
+    assert ratio_of(slow[None]) == pytest.approx(power[:6].mean(), rel=1e-6)
 
 
 def test_white_noise_gives_the_textbook_covariance() -> None:
