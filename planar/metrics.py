@@ -49,37 +49,3 @@ def dimensionless_cost_of_transport(work: float, mass: float, gravity: float, di
     if distance <= 0.0:
         return float("nan")
     return work / (mass * gravity * distance)
-
-
-def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
-    """Return the length of the path of the centre of mass, averaged over a period about each instant [m].
-
-    A wave rocks the centre of mass; a mean over a period takes that out. From the first place to the mean over the
-    first period, and from that over the last one to the last place, it is straight: nothing of the way is lost.
-
-    Parameters
-    ----------
-    com : ndarray, shape (T, D)
-        Centre of mass [m].
-    time : ndarray, shape (T,)
-        Ascending times [s].
-    period : float
-        Period of the gait [s].
-    """
-    if len(time) < 2:
-        return 0.0
-    half = 0.5 * min(period, float(time[-1] - time[0]))
-    inner = time[(time > time[0] + half) & (time < time[-1] - half)]
-    middle = np.concatenate([time[:1] + half, inner, time[-1:] - half])
-    means = [(_swept(x, time, middle + half) - _swept(x, time, middle - half)) / (2.0 * half) for x in com.T]
-    path = np.vstack([com[:1], np.column_stack(means), com[-1:]])
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-
-
-def _swept(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the integral from time[0] to t of the straight lines through values, shape (T,), at times, shape (T,)."""
-    up_to = np.append(0.0, np.cumsum(0.5 * np.diff(time) * (values[1:] + values[:-1])))
-    k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(time) - 2)
-    here = np.interp(t, time, values)
-    area: FloatArray = up_to[k] + 0.5 * (t - time[k]) * (values[k] + here)
-    return area

@@ -1,4 +1,4 @@
-"""What a run of the corrected worm holds, and the paper's figures of merit (P11) to (P14) with the right units."""
+"""What a run of the corrected worm holds, and the paper's figures of merit (P11) to (P13) with the right units."""
 
 from __future__ import annotations
 
@@ -148,15 +148,7 @@ class Run:
     @property
     def cost_of_transport(self) -> float:
         """Dimensionless (P12), work_contract / (m g distance); NaN without way forward or weight."""
-        return self._per_weight_and_distance(self.work_contract)
-
-    @property
-    def friction_cost_of_transport(self) -> float:
-        """Dimensionless (P14), work_friction / (m g distance); NaN without way forward or weight."""
-        return self._per_weight_and_distance(self.work_friction)
-
-    def _per_weight_and_distance(self, work: float) -> float:
         g = float(np.hypot(*self.gravity))
         if g == 0.0:
             return float("nan")
-        return dimensionless_cost_of_transport(work, self.worm.total_mass, g, self.distance)
+        return dimensionless_cost_of_transport(self.work_contract, self.worm.total_mass, g, self.distance)

@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from scenes.commands.arguments import Force, NoCode, Out, Overrides, Quiet, ResultArgument, SceneArgument, path_of
+from scenes.commands.arguments import (
+    Force,
+    NoCode,
+    Out,
+    Overrides,
+    Quiet,
+    ResultArgument,
+    SceneArgument,
+    file_option,
+    path_of,
+)
 from scenes.commands.study_app import gait, studies
 from scenes.language.errors import SceneError
 
@@ -217,10 +227,7 @@ def view(
 @app.command()
 def animate(
     result: ResultArgument,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", parser=path_of, help="File ending in .gif or .mp4 (needs ffmpeg)."),
-    ] = None,
+    out: Annotated[Path | None, file_option("--out", help="File ending in .gif or .mp4 (needs ffmpeg).")] = None,
     fps: Annotated[int, typer.Option(min=1, max=50, help="Frames per second.")] = 20,
     force: Force = False,
 ) -> None:
@@ -241,16 +248,9 @@ def animate(
 @app.command()
 def export(
     result: ResultArgument,
-    csv: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", parser=path_of, help="What is known at each instant, a row each."),
-    ] = None,
-    npz: Annotated[
-        Path | None, typer.Option(metavar="FILE", parser=path_of, help="All variables, for numpy.load.")
-    ] = None,
-    glb: Annotated[
-        Path | None, typer.Option(metavar="FILE", parser=path_of, help="A mesh of worm and world, for 3D programs.")
-    ] = None,
+    csv: Annotated[Path | None, file_option("--csv", help="What is known at each instant, a row each.")] = None,
+    npz: Annotated[Path | None, file_option("--npz", help="All variables, for numpy.load.")] = None,
+    glb: Annotated[Path | None, file_option("--glb", help="A mesh of worm and world, for 3D programs.")] = None,
     at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh; left out: the end.")] = None,
     force: Force = False,
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,8 @@ ResultArgument = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder o
 Overrides = Annotated[
     list[str] | None, typer.Option("-o", metavar="KEY=VALUE", help="Override, e.g. gait.period_s=3; repeatable.")
 ]
+file_option = partial(typer.Option, metavar="FILE", parser=path_of)
+"""Returns an option that names a file."""
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=path_of, help="Folder to write to.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 NoCode = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenes.commands.arguments import Force, NoCode, Out, Overrides, Quiet, SceneArgument, path_of
+from scenes.commands.arguments import Force, NoCode, Out, Overrides, Quiet, SceneArgument, file_option
 from scenes.language.errors import SceneError
 
 studies = typer.Typer(rich_markup_mode=None)
@@ -23,10 +23,7 @@ Vary = Annotated[
     ),
 ]
 Random = Annotated[int | None, typer.Option("--random", metavar="N", help="Draw N cases from the keys given as lo:hi.")]
-Listed = Annotated[
-    Path | None,
-    typer.Option("--list", metavar="FILE", parser=path_of, help="CSV: a row of keys, then a row of values per case."),
-]
+Listed = Annotated[Path | None, file_option("--list", help="CSV: a row of keys, then a row of values per case.")]
 Results = Annotated[bool, typer.Option("--results", help="Keep the whole record of each case, as 'worm3d run' does.")]
 RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Run cases again that failed before.")]
 Workers = Annotated[int | None, typer.Option("--workers", metavar="N", help="Run on N processes of this machine.")]
@@ -163,10 +160,7 @@ def validate(
 @studies.command()
 def fit(
     scene: SceneArgument,
-    to: Annotated[
-        Path,
-        typer.Option("--to", metavar="FILE", parser=path_of, help="Measurement: a CSV file, see scenes/STUDIES.md."),
-    ],
+    to: Annotated[Path, file_option("--to", help="Measurement: a CSV file, see scenes/STUDIES.md.")],
     vary: Annotated[
         list[str],
         typer.Option("--vary", metavar="KEY[=LO:HI]", help="Key to fit, e.g. friction.forward=0.01:0.3; repeatable."),
@@ -214,7 +208,7 @@ def technologies(
 @studies.command()
 def learn(
     scene: SceneArgument,
-    to: Annotated[Path, typer.Option("--to", metavar="FILE", parser=path_of, help="Policy to write, ending in .npz.")],
+    to: Annotated[Path, file_option("--to", help="Policy to write, ending in .npz.")],
     minutes: Annotated[float, typer.Option("--minutes", help="Time to train.")] = 10.0,
     practice: Annotated[float, typer.Option("--practice", help="Minutes in a reduced model before.")] = 0.0,
     acts: Annotated[str, typer.Option("--acts", help="What actions mean: course or wave.")] = "course",
@@ -247,10 +241,7 @@ def _group() -> None:
 
 @gait.command(name="fit")
 def gait_fit(
-    to: Annotated[
-        Path,
-        typer.Option("--to", metavar="FILE", parser=path_of, help="Recordings of waves: a CSV file, scenes/README.md."),
-    ],
+    to: Annotated[Path, file_option("--to", help="Recordings of waves: a CSV file, scenes/README.md.")],
     use: Annotated[
         list[str] | None,
         typer.Option("--use", metavar="NAME", help="Recording to fit, repeatable; the others are predicted. Else all."),

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
     from PIL.Image import Image
 
+    import planar.status
+    import worm3d
+
 Draw = Callable[[Record], "tuple[Picture, Axes]"]
 """Draws a picture of a record."""
 
@@ -61,6 +64,13 @@ class Watch:
     """Simulated over real time [1]."""
     began: Callable[[str], None]
     """Called with the address to visit, once there is something to see."""
+
+
+def status_word(status: worm3d.Status | planar.status.Status) -> Status:
+    """Return how a run ended, in a word."""
+    if status.diverged:
+        return "diverged"
+    return "done" if status.name == "DONE" else "interrupted"
 
 
 @dataclass(frozen=True)

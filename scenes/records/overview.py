@@ -65,7 +65,7 @@ class Side:
 def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArray]) -> Image.Image:
     """Return the overview of a run: its views, and curves [m], each of shape (T,), over its time."""
     heights = [_height(side) for side in sides]
-    canvas = _headed(record, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (ABOVE + BELOW))
+    canvas = headed(record, record.sentence, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (ABOVE + BELOW))
     top = HEADER
     for side, height in zip(sides, heights, strict=True):
         _draw_side(canvas, side, top + ABOVE, height)
@@ -89,11 +89,11 @@ def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArra
     return of_run(record, [side], {"along the ground": com[:, 0] - com[0, 0]})
 
 
-def _headed(record: Record, height: int) -> Canvas:
-    """Return a canvas with the title and how the run ended."""
+def headed(record: Record, sentence: str, height: int) -> Canvas:
+    """Return a canvas with the title and a sentence over panels of a height [pixels]."""
     canvas = Canvas(WIDTH, HEADER + height)
     canvas.text(12, 16, record.title, size=15, width=WIDTH - 24)
-    canvas.text(12, 36, record.sentence, width=WIDTH - 24)
+    canvas.text(12, 36, sentence, width=WIDTH - 24)
     return canvas
 
 

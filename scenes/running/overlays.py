@@ -78,76 +78,55 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
 
 def centre_of_mass_and_heading(records: Records) -> tuple[Figure, Axes] | None:
     """Draw the centre of mass, from each record's first place, and the heading over time."""
-    rows: dict[str, Curves] = {}
-    for axis, name in enumerate(AXES):
-        curves = {
-            label: (record["time"], com[:, axis] - _first(com[:, axis]))
-            for label, record in records.items()
-            if (com := _values(record, "com")) is not None and axis < com.shape[1] and np.isfinite(com[:, axis]).any()
+    com, heading = _series(records, "com"), _series(records, "heading")
+    rows: dict[str, Curves] = {
+        f"centre of mass,\n{name} from the start [m]": {
+            label: (time, x - x[np.isfinite(x)][0]) for label, (time, x) in _component(com, axis).items()
         }
-        rows[f"centre of mass,\n{name} from the start [m]"] = curves
-    heading = {
-        label: np.rad2deg(each) for label, record in records.items() if (each := _values(record, "heading")) is not None
+        for axis, name in enumerate(AXES)
     }
-    rows["heading [deg]"] = {label: (records[label]["time"], each) for label, each in heading.items()}
+    rows["heading [deg]"] = {label: (time, np.rad2deg(each)) for label, (time, each) in heading.items()}
     return _rows(records, rows, "Centre of mass and heading")
 
 
 def strain(records: Records) -> tuple[Figure, Axes] | None:
     """Draw the strain of each segment over time, the head on top."""
-    known = {label: each for label, record in records.items() if (each := _values(record, "strain")) is not None}
-    most = max((each.shape[1] for each in known.values()), default=0)
+    known = _series(records, "strain")
+    most = max((each.shape[1] for _, each in known.values()), default=0)
     shown = sorted(set(np.linspace(0, most - 1, min(most, MOST_ROWS)).round().astype(int).tolist()), reverse=True)
-    rows = {
-        f"segment {k}": {
-            label: (records[label]["time"], each[:, k])
-            for label, each in known.items()
-            if k < each.shape[1] and np.isfinite(each[:, k]).any()
-        }
-        for k in shown
-    }
+    rows = {f"segment {k}": _component(known, k) for k in shown}
     return _rows(records, rows, "Strain of the segments (0 = tail)", same=True)
 
 
 def markers(records: Records) -> tuple[Figure, Axes] | None:
     """Draw the coordinates of the markers over time."""
     tracks = {label: _tracks(record, records) for label, record in records.items()}
-    names = dict.fromkeys(name for found in tracks.values() for name in found if name != "com")
     rows: dict[str, Curves] = {}
-    for name in names:
-        for axis, letter in enumerate(AXES):
-            rows[f"{name},\n{letter} [m]"] = {
-                label: (records[label]["time"], found[name][:, axis])
-                for label, found in tracks.items()
-                if name in found and axis < found[name].shape[1] and np.isfinite(found[name][:, axis]).any()
-            }
+    for name in dict.fromkeys(name for found in tracks.values() for name in found if name != "com"):
+        places = {label: (records[label]["time"], found[name]) for label, found in tracks.items() if name in found}
+        rows |= {f"{name},\n{letter} [m]": _component(places, axis) for axis, letter in enumerate(AXES)}
     return _rows(records, rows, "Markers")
 
 
 def energy(records: Records) -> tuple[Figure, Axes] | None:
     """Draw the main terms of the energy ledger, summed over the run."""
-    known = {
-        name: {label: each for label, r in records.items() if (each := _values(r, name)) is not None}
-        for name in ENERGIES
-    }
+    known = {name: _series(records, name) for name in ENERGIES}
     rows = {
-        f"{name.replace('_', ' ')} [J]": {
-            label: (records[label]["time"], np.cumsum(each)) for label, each in found.items()
-        }
+        f"{name.replace('_', ' ')} [J]": {label: (time, np.cumsum(each)) for label, (time, each) in found.items()}
         for name, found in known.items()
-        if any(np.any(each) for each in found.values())
+        if any(np.any(each) for _, each in found.values())
     }
     return _rows(records, rows, "Energy, summed over the run")
 
 
 def single_numbers(records: Records) -> tuple[Figure, Axes] | None:
     """Draw what is one number at each instant of a measurement, such as a force, in all records that have it."""
-    rows: dict[str, Curves] = {}
-    for name, unit in _numbers(records).items():
-        found = {label: each for label, record in records.items() if (each := _values(record, name)) is not None}
-        rows[f"{name.replace('_', ' ')} [{unit}]"] = {
-            label: (records[label]["time"], each) for label, each in found.items() if each.ndim == 1
+    rows = {
+        f"{name.replace('_', ' ')} [{unit}]": {
+            label: (time, each) for label, (time, each) in _series(records, name).items() if each.ndim == 1
         }
+        for name, unit in _numbers(records).items()
+    }
     return _rows(records, rows, "Over time")
 
 
@@ -203,6 +182,21 @@ def _values(record: Record, name: str) -> FloatArray | None:
     return None if found is None else np.asarray(found.values, dtype=float)
 
 
+def _series(records: Records, name: str) -> Curves:
+    """Return a quantity of the records that have it over time, its values of shape (T, ...)."""
+    found = {label: _values(record, name) for label, record in records.items()}
+    return {label: (records[label]["time"], values) for label, values in found.items() if values is not None}
+
+
+def _component(curves: Curves, k: int) -> Curves:
+    """Return a component of curves with values of shape (T, K), where it is there and known at some time."""
+    return {
+        label: (time, values[:, k])
+        for label, (time, values) in curves.items()
+        if k < values.shape[1] and np.isfinite(values[:, k]).any()
+    }
+
+
 def _numbers(records: Records) -> dict[str, str]:
     """Return quantities that are one number at each instant of a measurement, with their units."""
     return {
@@ -224,10 +218,6 @@ def _tracks(record: Record, records: Records) -> dict[str, FloatArray]:
                 with suppress(SceneError):
                     found[name] = measured.counterpart(record, other, variable)
     return {name.removeprefix(MARKER): places for name, places in found.items()}
-
-
-def _first(values: FloatArray) -> float:
-    return float(values[np.isfinite(values)][0])
 
 
 def _figure(wide: float, high: float) -> tuple[Figure, Axes]:

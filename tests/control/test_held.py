@@ -19,6 +19,7 @@ from scenes.models.control import identify
 from worm3d import Friction, Worm
 
 WORM, GROUND = Worm(), Friction()
+SUBJECT = identify.Subject(WORM, GROUND, Schedule())
 PHASES = np.linspace(0.0, 2.0 * np.pi, 7)
 RANDOM = np.random.default_rng(3)
 UNEQUAL = tuple(HeldSteering(tuple(map(tuple, RANDOM.uniform(-1.0, 1.0, (2, 5)).tolist())), 0.1) for _ in range(6))
@@ -75,8 +76,8 @@ def test_the_pattern_turns_the_most_of_those_that_do_not_move_aside() -> None:
 
 def test_what_is_shipped_is_what_fresh_runs_find() -> None:
     assert [k for k, each in enumerate(known().held) if each is not None] == [1, 3]
-    assert identify.held_steering(WORM, GROUND, Schedule(), Design(), 0) is None
-    shipped, found = known().held[3], identify.held_steering(WORM, GROUND, Schedule(), Design(), 3)
+    assert identify.held_steering(SUBJECT, Design(), 0) is None
+    shipped, found = known().held[3], identify.held_steering(SUBJECT, Design(), 3)
     assert shipped is not None
     assert found is not None
     assert_allclose(found.hinges, shipped.hinges, rtol=0, atol=1e-6)

@@ -11,7 +11,7 @@ from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedMode
 from control.gaits.steering import GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
 from control.identification.identified import Identified, load
 from worm3d import Plane, Worm, simulate
-from worm3d.measures.way import averaged
+from worm3d.values.period_means import averaged
 
 WORM = Worm()
 REST = np.array(ReducedState(0.0, 0.0, 0.0, 0.0, 0.0))

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from planar import published
-from planar.metrics import dimensionless_cost_of_transport, p12_cost_of_transport, path_length
+from planar.metrics import dimensionless_cost_of_transport, p12_cost_of_transport
 from planar.published import Parameters
 from planar.published_worm import BAND, Net
 from planar.status import Status
@@ -222,18 +222,6 @@ def test_cost_of_transport_of_each_step() -> None:
     assert_allclose(p12_cost_of_transport(np.array([1.0, 1.0, 1.0]), com_x), [2.0, 0.0, -4.0])
     assert_allclose(dimensionless_cost_of_transport(2.0, 0.5, 9.81, 4.0), 2.0 / (0.5 * 9.81 * 4.0))
     assert np.isnan(dimensionless_cost_of_transport(2.0, 0.1, 10.0, -4.0))
-
-
-def test_path_length_is_the_whole_way_without_the_rocking() -> None:
-    """A line of 0.3 m/s, rocked with the period, of a whole number of time steps or not."""
-    time = np.linspace(0.0, 10.0, 1001)
-    for period in (2.0, 1.997, 0.5):
-        x = 0.3 * time + 0.05 * np.sin(2.0 * np.pi * time / period)
-        com = np.column_stack([x, np.zeros_like(time)])
-        assert_allclose(path_length(com, time, period), np.ptp(x[[0, -1]]), rtol=1e-4)
-        assert_allclose(path_length(com[:, ::-1], time, period), np.ptp(x[[0, -1]]), rtol=1e-4)
-    assert_allclose(path_length(com[:100], time[:100], 2.0), np.ptp(x[[0, 99]]), rtol=1e-10)
-    assert path_length(com[:1], time[:1], 2.0) == 0.0
 
 
 def test_a_run_that_blows_up_is_not_called_done() -> None:

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import GAITS
-from planar import metrics, published
+from planar import published
 from scenes.language.parts import key_of
 from scenes.language.schema import keys_in
 from scenes.models.loading import load_scene
@@ -19,6 +19,7 @@ from scenes.records.record import Record
 from scenes.running.runner import simulate
 from worm3d.values.parameters import Parameter
 from worm3d.values.parameters import parameters_of as declared_in
+from worm3d.values.period_means import path_length
 
 FIGURES = [
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
@@ -208,7 +209,7 @@ def test_signs_and_values_of_the_summary(paper_run: Record) -> None:
     assert_allclose(summary["work_contract_p11_J"], run.work_contract_p11.sum())
     assert summary["work_contract_p11_J"] != summary["work_contract_J"]
     assert_allclose(summary["newton_iterations_mean"], run.newton_iterations.mean())
-    assert_allclose(summary["path_length_m"], metrics.path_length(run.com[:, :1], run.time, 2.0))
+    assert_allclose(summary["path_length_m"], path_length(run.com[:, :1], run.time, 2.0))
     first, last = run.com[:200, 0].mean(), run.com[-200:, 0].mean()
     assert_allclose(summary["mean_speed_m_s"], (last - first) / 8.01)
     assert_allclose(summary["path_length_m"], summary["distance_m"], rtol=1e-4)  # averaged, it only goes on

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from control.gaits import TravellingWave
 from worm3d import Plane, State, Worm, simulate
-from worm3d.measures.way import path_length
+from worm3d.values.period_means import path_length
 
 DT = 0.01
 
@@ -29,6 +29,17 @@ def test_no_wave_lengthens_the_way(period: float, phase: float) -> None:
         com, time = rocked(period, phase, periods * period)
         chord = float(np.linalg.norm(com[-1] - com[0]))
         assert chord * (1.0 - 1e-12) <= path_length(com, time, period) <= chord + 0.04 * period * 0.1 + 0.02 * chord
+
+
+@pytest.mark.parametrize("period", [2.0, 1.997, 0.5])
+def test_a_planar_way_is_whole_without_the_rocking(period: float) -> None:
+    """A line of 0.3 m/s, rocked with the period, of a whole number of time steps or not."""
+    time = np.linspace(0.0, 10.0, 1001)
+    x = 0.3 * time + 0.05 * np.sin(2.0 * np.pi * time / period)
+    com = np.column_stack([x, np.zeros_like(time)])
+    assert_allclose(path_length(com, time, period), np.ptp(x[[0, -1]]), rtol=1e-4)
+    assert_allclose(path_length(com[:, ::-1], time, period), np.ptp(x[[0, -1]]), rtol=1e-4)
+    assert_allclose(path_length(com[:100], time[:100], 4.0 * period), np.ptp(x[[0, 99]]), rtol=1e-10)
 
 
 def test_a_bend_has_the_length_of_its_arc() -> None:

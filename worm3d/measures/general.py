@@ -9,20 +9,11 @@ import numpy as np
 
 from worm3d.measures.spread import ROUGH, rough
 from worm3d.measures.table import NoValueError, measure
-from worm3d.measures.way import (
-    NO_HEADING,
-    NO_PERIOD,
-    NO_WAY,
-    SHORT_RUN,
-    along_the_ground,
-    averaged,
-    distance,
-    path_length,
-    way,
-)
+from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, along_the_ground, distance, way
 from worm3d.recorded.energy import TERMS, Energy
 from worm3d.recorded.estimate import ErrorEstimate
 from worm3d.recorded.finished import FinishedRun
+from worm3d.values.period_means import SHORT_RUN, averaged, path_length
 
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
 NOT_SETTLED = (

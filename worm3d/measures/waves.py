@@ -7,9 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from worm3d.measures.table import NoValueError
-from worm3d.measures.way import NO_HEADING, NO_PERIOD, SHORT_RUN, along_the_ground, integrals
+from worm3d.measures.way import NO_HEADING, NO_PERIOD, along_the_ground
 from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
+from worm3d.values.period_means import SHORT_RUN, integrals
 from worm3d.values.read_only import kept
 
 FEWEST_ROWS = 8

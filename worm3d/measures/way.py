@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from worm3d.worlds import World
 
 NO_HEADING = "the body is vertical at the start: it has no heading"
-SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
 NO_PERIOD = "the actuation has no `period` [s] over which the centre of mass could be averaged"
 NO_WAY = 1e-9
 """Distance that counts as rounding, as a fraction of the body length."""
@@ -43,50 +42,6 @@ def distance(result: FinishedRun) -> float:
     """Return how far the centre of mass has come from the start, as `way` counts it [m]; NaN for a vertical body."""
     ends = way(result.com[[0, -1]], result.joints[0], result.world)
     return float("nan") if ends is None else float(ends[-1] - ends[0])
-
-
-def averaged(com: FloatArray, window: int) -> FloatArray:
-    """Return the mean of the centre of mass over `window` samples, shape (T - window + 1, 3) [m]."""
-    total = np.cumsum(np.vstack([np.zeros((1, com.shape[1])), com]), axis=0)
-    mean: FloatArray = (total[window:] - total[:-window]) / window
-    return mean
-
-
-def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
-    """Return the length of the path of the centre of mass, averaged over a period about each instant [m].
-
-    A wave rocks the centre of mass; a mean over a period takes that out. From the first place to the mean over the
-    first period, and from that over the last one to the last place, it is straight: nothing of the way is lost, and a
-    shorter mean would rock. Between the instants the centre of mass moves on straight lines. A run shorter than a
-    period has one mean, over all of it.
-
-    Parameters
-    ----------
-    com : ndarray, shape (T, D)
-        Centre of mass [m].
-    time : ndarray, shape (T,)
-        Ascending [s].
-    period : float
-        Time to average over [s].
-    """
-    if len(time) < 2:
-        return 0.0
-    half = 0.5 * min(period, float(time[-1] - time[0]))
-    inner = time[(time > time[0] + half) & (time < time[-1] - half)]
-    middle = np.concatenate([time[:1] + half, inner, time[-1:] - half])
-    swept = (integrals(com, time, middle + half) - integrals(com, time, middle - half)) / (2.0 * half)
-    path = np.vstack([com[:1], swept, com[-1:]])
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-
-
-def integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray:
-    """Return integrals from time[0] to each t, (K,), of straight lines through values, (T, D), at times, (K, D)."""
-    step = np.diff(time)[:, None]
-    up_to = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
-    k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(step) - 1)
-    since = (t - time[k])[:, None]
-    area: FloatArray = up_to[k] + since * (values[k] + 0.5 * since / step[k] * (values[k + 1] - values[k]))
-    return area
 
 
 def along_the_ground(result: FinishedRun) -> FloatArray:

@@ -22,18 +22,6 @@ from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
 from worm3d.viewer.skin import ALONG, AROUND, LEFT, Skin
 
-_SWATCHES = {
-    "links": colours.LINK,
-    "chambers": colours.REST,
-    "skin": colours.SKIN,
-    "faces": colours.FACE,
-    "forces": colours.FORCE,
-    "anchors": colours.ANCHOR,
-    "trail": colours.TRAIL,
-    "path": colours.PATH,
-    "horizon": colours.HORIZON,
-}
-
 
 def write_html(
     frames: Frames,
@@ -205,18 +193,17 @@ def _skin(skin: Skin) -> dict[str, Any]:
 
 def _layers(parts: list[Piece], where: str) -> list[dict[str, Any]]:
     """Return the switches; what the skin covers is switched off. `where` says where the trail is drawn."""
-    present = {part.layer for part in parts}
-    covered = ("links", "chambers") if "skin" in present else ()
-    world = next((part.colour for part in parts if part.layer == "world"), (1.0, 1.0, 1.0))
+    first = {part.layer: part.colour for part in reversed(parts)}
+    covered = ("links", "chambers") if "skin" in first else ()
     return [
         {
             "name": name,
             "label": label + where * (name == "trail"),
-            "colour": colours.as_hex(_SWATCHES.get(name, world)),
+            "colour": colours.as_hex(colour or first[name]),
             "visible": name not in covered,
         }
-        for name, label in LAYERS.items()
-        if name in present
+        for name, (label, colour) in LAYERS.items()
+        if name in first
     ]
 
 

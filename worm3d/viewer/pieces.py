@@ -14,19 +14,19 @@ from worm3d.viewer.piece import HIDDEN, Piece
 from worm3d.viewer.shapes import Mesh, tube
 from worm3d.viewer.world import Colour, WorldMesh
 
-LAYERS = {
-    "skin": "skin",
-    "faces": "end faces",
-    "chambers": "chambers",
-    "links": "links",
-    "forces": "contact forces",
-    "anchors": "anchored",
-    "trail": "trail (centre of mass)",
-    "path": "path to keep to",
-    "horizon": "horizon",
-    "world": "world",
+LAYERS: dict[str, tuple[str, Colour | None]] = {
+    "skin": ("skin", colours.SKIN),
+    "faces": ("end faces", colours.FACE),
+    "chambers": ("chambers", colours.REST),
+    "links": ("links", colours.LINK),
+    "forces": ("contact forces", colours.FORCE),
+    "anchors": ("anchored", colours.ANCHOR),
+    "trail": ("trail (centre of mass)", colours.TRAIL),
+    "path": ("path to keep to", colours.PATH),
+    "horizon": ("horizon", colours.HORIZON),
+    "world": ("world", None),
 }
-"""Names of the layers, as they stand in paths and as they are shown."""
+"""Layers by their names in paths: the name and the colour that are shown; None for that of the layer's first piece."""
 
 FULLNESS = 0.74
 """Ratio of the semi-axes of a chamber's ellipsoid to half the diagonals of its linkage; 0.71 touches the links."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,6 +73,14 @@ WINDING_WAVES = (0.6, 0.9, 1.1)
 Gait = SteeredWave | TravellingWave
 
 
+class Subject(NamedTuple):
+    """What is identified: a worm, the friction of its level ground, and the schedule of its wave."""
+
+    worm: worm3d.Worm
+    ground: worm3d.Friction
+    schedule: Schedule
+
+
 @dataclass(frozen=True)
 class Steady:
     """What a steady wave does."""
@@ -101,13 +110,7 @@ def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, s
     return Steady(motion, float(run.slip[first:].sum()) / (waves - skipped) / worm.length, roll)
 
 
-def identify(
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-    schedule: Schedule,
-    design: Design,
-    watch: Callable[[int], None] = lambda done: None,
-) -> Identified:
+def identify(subject: Subject, design: Design, watch: Callable[[int], None] = lambda done: None) -> Identified:
     """Identify a worm on level ground; `watch` is called with the number of finished mechanisms.
 
     Raises
@@ -118,30 +121,24 @@ def identify(
     maps: dict[Mechanism, SteeringMap] = {}
     lags: dict[Mechanism, Lags] = {}
     for done, mechanism in enumerate(MECHANISMS, start=1):
-        maps[mechanism] = map_of(worm, ground, schedule, design, mechanism)
+        maps[mechanism] = map_of(subject, design, mechanism)
         steering = maps[mechanism].ranges.steering / 2.0
         straight = lags[MECHANISMS[0]] if lags else None
-        lags[mechanism] = measure_lags(worm, ground, schedule, mechanism, steering, straight)
+        lags[mechanism] = measure_lags(subject, mechanism, steering, straight)
         watch(done)
-    known = range(worm.segments if worm.segments <= MOST_HELD else 0)
-    held = tuple(held_steering(worm, ground, schedule, design, segment) for segment in known)
-    return Identified(schedule, MappingProxyType(maps), MappingProxyType(lags), held=held)
+    segments = subject.worm.segments
+    known = range(segments if segments <= MOST_HELD else 0)
+    held = tuple(held_steering(subject, design, segment) for segment in known)
+    return Identified(subject.schedule, MappingProxyType(maps), MappingProxyType(lags), held=held)
 
 
-def map_of(
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-    schedule: Schedule,
-    design: Design,
-    mechanism: Mechanism,
-    similar: SteeringMap | None = None,
-) -> SteeringMap:
+def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
     """Return the map of one mechanism, that of a similar worm corrected if there is one; raises as `identify`."""
     for attempt in range(TRIES):
         greatest = MAX_STEERING[mechanism] * SHRINK**attempt
         ranges = design.ranges(greatest)
-        fitted = samples(worm, ground, schedule, design, design.parameters(mechanism, greatest))
-        checks = fitted and samples(worm, ground, schedule, design, check_parameters(ranges, mechanism))
+        fitted = samples(subject, design, design.parameters(mechanism, greatest))
+        checks = fitted and samples(subject, design, check_parameters(ranges, mechanism))
         if fitted and checks:
             return fit_map(mechanism, ranges, fitted, checks, similar)
     raise SceneError(
@@ -150,10 +147,9 @@ def map_of(
     )
 
 
-def samples(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, parameters: Sequence[GaitParameters]
-) -> list[Sample] | None:
+def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameters]) -> list[Sample] | None:
     """Return the motions of waves with their parameters; None if the worm tipped in one of the runs."""
+    worm, ground, schedule = subject
     stood = []
     for given in sorted(parameters, key=_risk):
         found = steady(worm, ground, SteeredWave(given, schedule), design.waves, design.skipped)
@@ -168,13 +164,12 @@ def _risk(given: GaitParameters) -> float:
     return -given.amplitude * (abs(given.hinge) + abs(given.bias))
 
 
-def held_steering(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, segment: int
-) -> HeldSteering | None:
+def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteering | None:
     """Return how a worm steers while one segment is held still, (HS2).
 
     None where it needs no other hinges than as a whole worm, tips over, or cannot turn so.
     """
+    worm, ground, schedule = subject
 
     def moved(wave: Schedule, hinge: float = WAVE.hinge) -> Motion | None:
         found = steady(worm, ground, SteeredWave(replace(WAVE, hinge=hinge), wave), design.waves, design.skipped)
@@ -211,19 +206,12 @@ def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameter
     ]
 
 
-def measure_lags(
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-    schedule: Schedule,
-    mechanism: Mechanism,
-    steering: float,
-    straight: Lags | None = None,
-) -> Lags:
+def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straight: Lags | None = None) -> Lags:
     """Measure how speed, turn rate and drift lag behind the gait parameters; `steering` is the amplitude of the sines.
 
     The lags of the speed are those of a straight wave: `straight`, of another mechanism, has them already.
     """
-    winding = [_winding(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
+    winding = [_winding(subject, mechanism, steering, frequency) for frequency in WINDING_WAVES]
     behind, swings = zip(*winding, strict=True)
     turning = max(float(np.mean(behind)), LEAST_LAG)
     rise, swing = np.polyfit(WINDING_WAVES, swings, 1).tolist()
@@ -233,30 +221,23 @@ def measure_lags(
     quick = GaitParameters(0.3, 1.2 * FREQUENCY)
 
     def mean_lag(begin: GaitParameters, end: GaitParameters) -> float:
-        rates = [step_response(worm, ground, schedule, begin, end, shift)[0] for shift in SHIFTS]
+        rates = [step_response(subject, begin, end, shift)[0] for shift in SHIFTS]
         # From mean to mean of two waves: the first rate after the step stands for half a wave before it.
         return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
     return Lags(mean_lag(slow, long), mean_lag(long, quick), turning, swing, rise)
 
 
-def _winding(
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-    schedule: Schedule,
-    mechanism: Mechanism,
-    steering: float,
-    frequency: float,
-) -> tuple[float, float]:
+def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency: float) -> tuple[float, float]:
     """Return the time constant T [s] by which the turn rate follows a sine of the steering in force, and the swing.
 
     T follows from its phase. A first-order response lags behind a sine of w rad/s by arctan(w T), and so does the
     steering in force behind that asked for with T = blend/f; the heading is the integral of the turn rate.
     """
     w = 2.0 * np.pi * WINDING
-    wave, generator = GaitParameters(0.28, frequency), WaveGenerator(schedule, worm)
+    wave, generator = GaitParameters(0.28, frequency), WaveGenerator(subject.schedule, subject.worm)
     plan = PlannedWave(lambda t: wave.steered(mechanism, steering * float(np.sin(w * t))), generator)
-    run = _simulated(worm, ground, plan, round(3.0 / WINDING / DT))
+    run = _simulated(subject.worm, subject.ground, plan, round(3.0 / WINDING / DT))
     late = run.time >= 1.0 / WINDING  # two windings
     t, h = run.time[late][:-1], run.heading[late][:-1]
     waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
@@ -281,12 +262,7 @@ def _swing(run: worm3d.Result, rows: int) -> float:
 
 
 def step_response(
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-    schedule: Schedule,
-    begin: GaitParameters,
-    end: GaitParameters,
-    shift: float = 0.0,
+    subject: Subject, begin: GaitParameters, end: GaitParameters, shift: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return speed [m/s] and turn rate [rad/s] from wave to wave, around a step of the parameters.
 
@@ -294,7 +270,7 @@ def step_response(
     are averaged over each, since a step changes by how much a wave rocks them; rate k is from wave k to wave k + 1, so
     that number `BEFORE` - 1 spans the step.
     """
-    generator = WaveGenerator(schedule, worm)
+    generator = WaveGenerator(subject.schedule, subject.worm)
     phases: list[float] = []
 
     def plan(t: float) -> GaitParameters:
@@ -302,7 +278,7 @@ def step_response(
         return begin if generator.waves < BEFORE + shift else end
 
     duration = (BEFORE + shift) / begin.frequency + (AFTER + 1) / end.frequency
-    run = _simulated(worm, ground, PlannedWave(plan, generator), round(duration / DT))
+    run = _simulated(subject.worm, subject.ground, PlannedWave(plan, generator), round(duration / DT))
     # A command given at the beginning of a step is in force at its end: entry k is the phase of row k's shape.
     times, waves = run.time[1 : len(phases)], np.array(phases)[1:]
     ends = np.interp(np.arange(BEFORE + AFTER + 1) + shift, waves, times)

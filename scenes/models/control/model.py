@@ -23,6 +23,7 @@ from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
+from scenes.models.worm.build import simulate
 from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
@@ -84,7 +85,7 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
 
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
     drive = injected(driver, scene), sensors_of(scene)
-    result = worm.simulated(scene, observer, live=live, drive=drive)
+    result = simulate(scene, observer, live=live, drive=drive)
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result, scene), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)

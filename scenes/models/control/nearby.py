@@ -60,7 +60,7 @@ def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wav
     usual = kept.load(worm3d.Worm(), schedule=wave)
     assert usual is not None  # it is shipped
     try:
-        found = runs.map_of(worm, ground, wave, DESIGN, mechanism, usual.maps[mechanism])
+        found = runs.map_of(runs.Subject(worm, ground, wave), DESIGN, mechanism, usual.maps[mechanism])
     except SceneError as error:
         raise SceneError(f"worm: {error}") from error
     for name, most in MOST.items():

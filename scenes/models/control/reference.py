@@ -157,27 +157,10 @@ def path_of(scene: Any) -> Path | None:
     return None if make is None else make(scene)
 
 
-def _line(scene: Any) -> Path:
-    length = scene.reference.length_m
-    return Line(*_begin(scene), math.inf if length is None else length)
-
-
-def _circle(scene: Any) -> Path:
-    return Circle(scene.reference.radius_m, *_begin(scene), scene.reference.towards)
-
-
 def _s_curve(scene: Any) -> Path:
     asked, (start, azimuth) = scene.reference, _begin(scene)
     waves = math.ceil(2.0 * _farthest(scene) / asked.wavelength_m) / 2.0
     return SCurve(asked.amplitude_m, asked.wavelength_m, max(waves, 0.5), start, azimuth, asked.towards)
-
-
-def _spline(scene: Any) -> Path:
-    return SplinePath(_points(scene), scene.reference.closed)
-
-
-def _way_points(scene: Any) -> Path:
-    return WayPoints(_points(scene), scene.reference.radius_m)
 
 
 def _pipe(scene: Any) -> Path:
@@ -190,11 +173,11 @@ def _pipe(scene: Any) -> Path:
 
 
 MAKERS: dict[str, Callable[[Any], Path]] = {
-    "line": _line,
-    "circle": _circle,
+    "line": lambda scene: Line(*_begin(scene), scene.reference.length_m or math.inf),
+    "circle": lambda scene: Circle(scene.reference.radius_m, *_begin(scene), scene.reference.towards),
     "s_curve": _s_curve,
-    "spline": _spline,
-    "way_points": _way_points,
+    "spline": lambda scene: SplinePath(_points(scene), scene.reference.closed),
+    "way_points": lambda scene: WayPoints(_points(scene), scene.reference.radius_m),
     "pipe": _pipe,
 }
 """Maker of the path of each kind of reference that is one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from PIL.Image import Image
 
-from scenes.records.overview import ABOVE, BELOW, COLOURS, HEADER, LEFT, RIGHT, WIDTH, Canvas, Panel, limits
+from scenes.records.overview import ABOVE, BELOW, COLOURS, HEADER, LEFT, RIGHT, WIDTH, Panel, headed, limits
 from scenes.records.record import Record
 
 HIGH = 320
@@ -14,11 +14,9 @@ HIGH = 320
 
 def draw(record: Record) -> Image:
     """Draw the overview of a record."""
-    canvas = Canvas(WIDTH, HEADER + ABOVE + HIGH + BELOW)
     share = record.summary["work_lost_share"]
     lost = f": {share:.1%} of the work is lost" if isinstance(share, float) else ""
-    canvas.text(12, 16, record.title, size=15, width=WIDTH - 24)
-    canvas.text(12, 36, record.sentence + lost, width=WIDTH - 24)
+    canvas = headed(record, record.sentence + lost, ABOVE + HIGH + BELOW)
     cable, force = 1e3 * record["cable"], record["force"]
     x, y = limits(cable, 1e-6), limits(force, 1e-9)
     box = (LEFT, HEADER + ABOVE, WIDTH - RIGHT, HEADER + ABOVE + HIGH)

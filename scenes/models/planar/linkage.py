@@ -9,12 +9,13 @@ import numpy as np
 
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
-from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures
+from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures, status_word
 from scenes.models.planar.linkage_scene import CHECKS, LinkageScene, simulate
-from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
+from scenes.models.planar.merit import NO_STEP, Travel, common, movie, no_cost_because
 from scenes.records import overview
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.period_means import SHORT_RUN
 from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:

@@ -5,25 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from planar import status as planar
-from planar.metrics import path_length
-from scenes.models.base import MOVIE_S, Movie, Status
+from scenes.models.base import MOVIE_S, Movie
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.period_means import path_length
 
 if TYPE_CHECKING:
     from planar import linkage, published
 
-SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
-
 NO_STEP = "no step was finished"
-
-
-def status_word(status: planar.Status) -> Status:
-    """Return how a planar run ended, in a word."""
-    if status.diverged:
-        return "diverged"
-    return "done" if status is planar.Status.DONE else "interrupted"
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,13 @@ from planar import published
 from planar.published import Parameters, bytes_per_step
 from scenes.language.parts import PartSection, keys_of, part_of
 from scenes.language.schema import setting
-from scenes.models.base import Model, Movie, Observer, Outcome, pictures
+from scenes.models.base import Model, Movie, Observer, Outcome, pictures, status_word
 from scenes.models.checks import RUN_CHECKS, building, gait_checks, memory_check
-from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
+from scenes.models.planar.merit import NO_STEP, Travel, common, movie, no_cost_because
 from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, planar_gait_keys
 from scenes.records import overview
 from scenes.records.record import Record
+from worm3d.values.period_means import SHORT_RUN
 from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:

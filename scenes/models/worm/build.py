@@ -16,8 +16,10 @@ from control.gaits.reflexive import Reflexive
 from control.parts import ACTUATOR, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
+from scenes.language.errors import SceneError
 from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of
 from scenes.models.base import Observer
+from scenes.models.checks import in_keys
 from scenes.models.sections import gait_from
 from scenes.models.sensors import channels_of
 from scenes.models.switched import switched_parts
@@ -71,18 +73,23 @@ def simulate(
 
     Raises
     ------
+    SceneError
+        The worm's weight would flatten it, or the state is not of this worm: what only the compiled plant can tell.
     ValueError
-        The worm is refused, its weight would flatten it (`LimitPointError`), or the state is not of this worm.
+        The worm is refused.
     """
-    problem = problem_of(scene, state, done, drive)
-    # A run that ended between two stored states could not be gone on from without a gap.
-    rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
-    looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
+    try:
+        problem = problem_of(scene, state, done, drive)
+        # A run that ended between two stored states could not be gone on from without a gap.
+        rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
+        looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
-    def observers(run: runs.Run) -> list[runs.Observer]:
-        return [looks] if live is None else [live.follow(run), looks]
+        def observers(run: runs.Run) -> list[runs.Observer]:
+            return [looks] if live is None else [live.follow(run), looks]
 
-    return begin(problem, observed=observers, checked=[looks])()
+        return begin(problem, observed=observers, checked=[looks])()
+    except (worm3d.StateError, worm3d.LimitPointError) as error:
+        raise SceneError(in_keys(str(error), KEYS)) from error
 
 
 def problem_of(

@@ -8,11 +8,10 @@ from typing import TypeVar
 import worm3d
 from scenes.language.checks import Check
 from scenes.language.errors import SceneError
-from scenes.models.base import Model, Observer, Outcome, Status, Watch, pictures
-from scenes.models.checks import in_keys
+from scenes.models.base import Model, Observer, Outcome, Watch, pictures, status_word
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
-from scenes.models.worm.build import KEYS, Drive, measures_of, simulate
+from scenes.models.worm.build import measures_of, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record, fault_row
@@ -36,13 +35,13 @@ OF_THE_CLOCK = ("status", "real_time_factor")
 
 def run(scene: GaitScene, observer: Observer) -> Outcome:
     """Simulate a scene."""
-    return outcome(simulated(scene, observer), scene)
+    return outcome(simulate(scene, observer), scene)
 
 
 def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
     with worm3d.Live(speed=how.speed, began=how.began) as live:
-        return outcome(simulated(scene, observer, live=live), scene)
+        return outcome(simulate(scene, observer, live=live), scene)
 
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
@@ -54,23 +53,8 @@ def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
         raise SceneError(
             f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
         )
-    rest = simulated(scene, observer, state_of(earlier.checkpoint), earlier.sizes["step"])
+    rest = simulate(scene, observer, state_of(earlier.checkpoint), earlier.sizes["step"])
     return outcome(joined(earlier, rest), scene)
-
-
-def simulated(
-    scene: AnyWormScene,
-    observer: Observer,
-    state: worm3d.State | None = None,
-    done: int = 0,
-    live: worm3d.Live | None = None,
-    drive: Drive | None = None,
-) -> worm3d.Result:
-    """Return the run of a scene; parameters as of `worm_build.simulate`, what the plant refuses is a SceneError."""
-    try:
-        return simulate(scene, observer, state, done, live, drive)
-    except (worm3d.StateError, worm3d.LimitPointError) as error:  # what only the compiled plant can tell
-        raise SceneError(in_keys(str(error), KEYS)) from error
 
 
 def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
@@ -105,7 +89,7 @@ def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
     reasons = {**result.reasons(), **{name: why for name, (value, why) in asked.items() if value is None}}
     run, parts = described(result, asked)
     return Outcome(
-        status=_status(result.status),
+        status=status_word(result.status),
         sentence=result.stop.sentence,
         variables=tuple(result.variables()),
         summary=merits,
@@ -124,12 +108,6 @@ def _errors(result: worm3d.Result) -> dict[str, float]:
     if result.period and "mean_speed_m_s" in errors:
         errors["speed_BL_per_period"] = errors["mean_speed_m_s"] * result.period / result.worm.length
     return errors
-
-
-def _status(status: worm3d.Status) -> Status:
-    if status.diverged:
-        return "diverged"
-    return "done" if status is worm3d.Status.DONE else "interrupted"
 
 
 def _period(scene: GaitScene, record: Record) -> float | None:

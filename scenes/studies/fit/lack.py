@@ -83,11 +83,11 @@ def ratio_of(residuals: FloatArray) -> float:
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else 0.0
 
 
-def lack_of(residuals: FloatArray, seed: int = 0) -> Lack:
+def lack_of(residuals: FloatArray) -> Lack:
     """Return the lack of fit of residuals, shape (C, T), NaN where nothing was measured.
 
     The errors of a wrong scene go with strides and with the whole crawl, far slower than noise, and exceed its power
-    many times, in a single channel too. `seed` is what the random numbers of drawn series start from.
+    many times, in a single channel too.
     """
     channels = list(_series(residuals))
     if not channels:
@@ -96,7 +96,7 @@ def lack_of(residuals: FloatArray, seed: int = 0) -> Lack:
     likely = float(np.mean([np.log(ratio) for _, ratio in found]))
     chance = 1.0
     if likely >= np.log(LIMIT):
-        random = np.random.default_rng(seed)
+        random = np.random.default_rng(0)
         drawn = [_drawn(noise, len(series), random) for (noise, _), series in zip(found, channels, strict=True)]
         means = np.mean([np.log(_by_likelihood(each)[1]) for each in drawn], axis=0)
         chance = float(special.ndtr((means.mean() - likely) / means.std()))

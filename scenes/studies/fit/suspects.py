@@ -87,7 +87,7 @@ NONE = Suspects()
 
 
 def suspects_of(
-    trials: Trials, values: FloatArray, residuals: FloatArray, slopes: FloatArray, weights: FloatArray, seed: int = 0
+    trials: Trials, values: FloatArray, residuals: FloatArray, slopes: FloatArray, weights: FloatArray
 ) -> Suspects:
     """Return the fixed keys that would take most of the residuals away.
 
@@ -102,8 +102,6 @@ def suspects_of(
     slopes : ndarray, shape (C, T, P)
         In scales of the keys.
     weights : ndarray, shape (C,)
-    seed : int
-        What the random numbers of the drawn series start from.
     """
     tried = list(_tried(trials, values))
     if not tried:
@@ -123,7 +121,7 @@ def suspects_of(
         what, value, larger, _ = tried[k]
         shift = -scores[k] * test.mends[:, k] / units
         named.setdefault(what, Suspect(what, value, larger == bool(scores[k] > 0.0), float(shares[k]), shift))
-    return Suspects(tuple(named.values())[:NAMED], test.chance(int(order[0]), float(shares[order[0]]), seed))
+    return Suspects(tuple(named.values())[:NAMED], test.chance(int(order[0]), float(shares[order[0]])))
 
 
 def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | None, bool, FloatArray]]:
@@ -185,9 +183,9 @@ class _Test:
         sizes = np.where(counts, self._sizes, 1.0)
         return np.where(counts, beyond**2 / sizes / power, 0.0), np.where(counts, beyond / sizes, 0.0)
 
-    def chance(self, best: int, share: float, seed: int) -> float:
+    def chance(self, best: int, share: float) -> float:
         """Return the probability that noise has a share as large; the noise is what the best change leaves."""
-        random = np.random.default_rng(seed)
+        random = np.random.default_rng(0)
         gain = self.shares([group.residuals for group in self.groups])[1][best]
         change = np.zeros(self._p + len(self._sizes))
         change[: self._p], change[self._p + best] = -gain * self.mends[:, best], gain

@@ -81,12 +81,7 @@ class Group:
 
 
 def uncertainty_of(
-    residuals: FloatArray,
-    slopes: FloatArray,
-    weights: FloatArray,
-    inverse: FloatArray,
-    draws: int = DRAWS,
-    seed: int = 0,
+    residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray, draws: int = DRAWS
 ) -> Uncertainty:
     """Return how far the estimates may be off that leave these residuals.
 
@@ -100,8 +95,8 @@ def uncertainty_of(
         Factors of the residuals in the fit.
     inverse : ndarray, shape (P, P)
         A^-1, or a generalised inverse where A is singular.
-    draws, seed : int
-        Number of drawn series, and what their random numbers start from.
+    draws : int
+        Number of drawn series.
     """
     groups = list(groups_of(residuals, slopes, weights, inverse))
     models = [noise_of(group.residuals) for group in groups]
@@ -109,7 +104,7 @@ def uncertainty_of(
     if not draws:
         return Uncertainty(found, special.ndtri(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)))
     draws = min(draws, max(LEAST_DRAWS, MOST_SERIES // sum(len(group.residuals) for group in groups)))
-    drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(seed))
+    drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(0))
     mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
     variance = np.diag(found)
     bias = np.sqrt(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0.0))

@@ -9,12 +9,12 @@ from pathlib import Path
 import typer
 
 import worm3d
-from control.gaits.steering import MECHANISMS, WAVES, Schedule, Wave
+from control.gaits.steering import MECHANISMS, WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
 from scenes.language.errors import SceneError
-from scenes.models.control import identify as runs
 from scenes.models.control.build import wave_of
+from scenes.models.control.identify import Subject, identify
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene
 from scenes.models.worm.build import friction_of, worm_of
@@ -50,14 +50,14 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
 
         @cache
         def measured(wave: Wave) -> tuple[Measured, bool]:
-            made = _measure(worm, ground, WAVES[wave], quiet)
+            made = _measure(Subject(worm, ground, WAVES[wave]), quiet)
             return made, kept.store(made[0], worm, ground, Design())
 
         wave = wave_of(settings, lambda wave: measured(wave)[0][0]) if isinstance(settings, ControlScene) else "sine"
-        (found, curves, phases), cached = measured(wave)
-        _write(folder, found, curves, phases, worm, ground)
+        made, cached = measured(wave)
+        _write(folder, made, worm, ground)
         if not quiet:
-            for line in report.terminal_lines(found, curves, worm.length):
+            for line in report.terminal_lines(*made[:2], worm.length):
                 typer.echo(line)
             typer.echo(
                 f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
@@ -65,23 +65,17 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     return 0
 
 
-def _measure(worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, quiet: bool) -> Measured:
+def _measure(subject: Subject, quiet: bool) -> Measured:
     with progress("maps", len(MECHANISMS), quiet=quiet, what="mechanism") as show:
-        found = runs.identify(worm, ground, schedule, Design(), show)
+        found = identify(subject, Design(), show)
     with progress("schedules", study.CURVES, quiet=quiet, what="curve") as show:
-        curves = study.curves(worm, ground, schedule, show)
+        curves = study.curves(subject, show)
     with progress("phases", study.PHASE_STUDIES, quiet=quiet, what="wave") as show:
-        return found, curves, study.phases(worm, ground, schedule, show)
+        return found, curves, study.phases(subject, show)
 
 
-def _write(
-    folder: Path,
-    found: Identified,
-    curves: tuple[Curve, ...],
-    phases: tuple[Phases, ...],
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-) -> None:
+def _write(folder: Path, made: Measured, worm: worm3d.Worm, ground: worm3d.Friction) -> None:
+    found, curves, phases = made
     content = {
         "worm": kept.parameters(worm),
         "ground": kept.parameters(ground),

@@ -13,7 +13,7 @@ import worm3d
 from control.gaits import TravellingWave
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 from control.identification.identified import Motion
-from scenes.models.control.identify import Gait, Steady, steady
+from scenes.models.control.identify import Gait, Steady, Subject, steady
 
 AMPLITUDE, PERIOD = 0.3, 1.25
 """Amplitude and period [s] of all waves."""
@@ -104,14 +104,12 @@ class Phases:
     """Phase of the schedule [deg]."""
 
 
-def curves(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, watch: Callable[[int], None] = lambda done: None
-) -> tuple[Curve, ...]:
+def curves(subject: Subject, watch: Callable[[int], None] = lambda done: None) -> tuple[Curve, ...]:
     """Run all curves; `watch` is called with the number of finished ones."""
     found: list[Curve] = []
-    for mechanism, name, body, gaits in _plans(worm, schedule):
+    for mechanism, name, body, gaits in _plans(subject.worm, subject.schedule):
         runs = zip(STEERINGS[mechanism], gaits, strict=True)
-        points = tuple(_point(s, steady(body, ground, gait, WAVES, SKIPPED)) for s, gait in runs)
+        points = tuple(_point(s, steady(body, subject.ground, gait, WAVES, SKIPPED)) for s, gait in runs)
         found.append(Curve(mechanism, name, points))
         watch(len(found))
     return tuple(found)
@@ -142,11 +140,10 @@ def _point(steering: float, found: Steady) -> Point:
     )
 
 
-def phases(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, watch: Callable[[int], None] = lambda done: None
-) -> tuple[Phases, ...]:
+def phases(subject: Subject, watch: Callable[[int], None] = lambda done: None) -> tuple[Phases, ...]:
     """Run every phase with the schedule's bending wave and with one as long as its contraction wave."""
     found: list[Phases] = []
+    worm, ground, schedule = subject
     for mechanism in STEERINGS:
         for wavelength in (schedule.steering_wavelength, schedule.wavelength):
             found.append(_phases(worm, ground, replace(schedule, steering_wavelength=wavelength), mechanism))

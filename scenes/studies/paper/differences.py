@@ -35,20 +35,12 @@ class Difference:
     effect: str
 
 
-@dataclass(frozen=True)
-class _Entry:
-    what: str
-    text: str
-    program: str
-    effect: Callable[[Run], str]
-
-
 def differences(program_run: Run) -> list[Difference]:
     """Return the differences with their effects on the published run of six segments at T_wave = 2 s.
 
     Makes about ten further runs of the program.
     """
-    return [Difference(e.what, e.text, e.program, e.effect(program_run)) for e in _ENTRIES]
+    return [Difference(what, text, program, effect(program_run)) for what, text, program, effect in _ENTRIES]
 
 
 def _outcome(other: Run, run: Run) -> str:
@@ -138,86 +130,87 @@ def _wave_name(run: Run) -> str:
     return f"none but the name: segments peak one after the other, {np.diff(peaks)[0] * run.dt:.2f} s apart"
 
 
-_ENTRIES = [
-    _Entry(
+_ENTRIES: list[tuple[str, str, str, Callable[[Run], str]]] = [
+    (
         "sign of the elastic force",
         "M q'' - dE/dq - ... = 0 in (P3); but an elastic force is minus the gradient, so that it should be + dE/dq",
         "as (P3) is printed: -dE/dq in the residual",
         _with(Parameters(elastic_sign=1.0), "with the right sign"),
     ),
-    _Entry(
+    (
         "centre of mass",
         "centre of mass along x",
         "mean of every third entry of (x0, y0, x1, y1, ...), which mixes x and y of main nodes and connectors",
         _centre_of_mass,
     ),
-    _Entry(
+    (
         "link stiffness",
         "k_link = 0.12 (Table I, where it is called a torsional stiffness)",
         "1e4 N in (P7) for each of the four links",
         _with(Parameters(k_link=0.12), "with 0.12 N in (P7)"),
     ),
-    _Entry("torsional springs", "k_torsion = 1e4 (Table I), (P6)", "switched off", _torsion),
-    _Entry("mass", "density 10 kg/m^3 (Table I), no depth", "1e-8 kg in all, 1e-11 kg of it on the connectors", _mass),
-    _Entry(
+    ("torsional springs", "k_torsion = 1e4 (Table I), (P6)", "switched off", _torsion),
+    ("mass", "density 10 kg/m^3 (Table I), no depth", "1e-8 kg in all, 1e-11 kg of it on the connectors", _mass),
+    (
         "where friction acts",
         "on what touches the ground",
         "on the main nodes, whose height is held; from their velocity at the start of the step",
         _friction_nodes,
     ),
-    _Entry(
+    (
         "normal loads of the friction",
         "from the residual of the held y in a predictor, (P9)",
         "m_i g of each main node, constant, whether or not anything touches the ground; weight acts nowhere else",
         _residual_loads,
     ),
-    _Entry(
+    (
         "wave",
         "A = sin(kx - wt); section V names non-rectified profiles as future work, so rectified is implied",
         "max(0, sin(kx - wt))",
         _with(Parameters(rectified=False), "not rectified"),
     ),
-    _Entry(
+    (
         "name of the wave",
         "standing wave (Fig. 9 and III.B), travelling wave (III.C)",
         "travelling wave",
         _wave_name,
     ),
-    _Entry(
+    (
         "amplitude",
         "A = sin(kx - wt), no factor",
         "times 10 N, vertically on the connectors",
         _with(Parameters(contraction_force=1.0), "with 1 N"),
     ),
-    _Entry(
+    (
         "Newton's tolerance",
         "EI/L^2 * 1e-3, without a value of EI",
         "1e-6 N, tested before the update that follows it",
         _with(Parameters(tolerance=1e-9), "with 1e-9 N"),
     ),
-    _Entry(
+    (
         "predictor and corrector",
         "forward Euler predictor, implicit corrector, friction from the loads of the predictor",
         "implicit predictor; where contact changes, touching nodes of the start configuration are set on the ground",
         _snaps,
     ),
-    _Entry("work", "(P11), F . (q_{n+1} - q_n)", "|F . dq| summed, dq counted after touching nodes were moved", _work),
-    _Entry(
+    ("work", "(P11), F . (q_{n+1} - q_n)", "|F . dq| summed, dq counted after touching nodes were moved", _work),
+    (
         "cumulative cost of transport",
         "(P12), work over displacement of each step",
         "sum of |work / dx| over the steps with |dx| > 1e-6 m",
         _plotted_cost,
     ),
-    _Entry(
+    (
         "head",
         "index 0, the wave runs head to tail",
         "moves away from index 0",
         lambda run: f"index 0 is the tail: displacement {run.true_displacement:+.6f} m along x",
     ),
-    _Entry(
+    (
         "static friction",
         "mu_s = 0.12 (Table I)",
         "not used; 0.3 mu_k and 2 mu_k with mu_k = 0.10 are",
         lambda run: "none: nothing reads it",
     ),
 ]
+"""What differs, text, program, and the function of the published run that tells the effect."""

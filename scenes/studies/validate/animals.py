@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 
-from scenes.studies.validate.comparison import Comparison, chapter, friction, pipe, speed, within
+from scenes.studies.validate.comparison import Comparison, Source, chapter, friction, pipe, speed, within
 from scenes.studies.validate.measures import Changes, Exponent, Figure, Ratio
 
-QUILLIN_1999 = "Quillin, J. Exp. Biol. 202 (1999) 661, abstract"
-QUILLIN = "Quillin 1999 and 2000, regressions as quoted in a student's table"
-GREANEY = "Greaney et al., J. Neurosci. 2026, 12 larvae, 10th to 90th percentile, as tabulated by others"
-LIU = "Liu et al., eLife 83328 (2023), as quoted by others"
-HECKSCHER = "Heckscher et al. 2012, as quoted in eLife 11031"
+QUILLIN_1999 = Source("Quillin, J. Exp. Biol. 202 (1999) 661, abstract", "R", "animal")
+QUILLIN = Source("Quillin 1999 and 2000, regressions as quoted in a student's table", "R2", "animal")
+GREANEY = Source(
+    "Greaney et al., J. Neurosci. 2026, 12 larvae, 10th to 90th percentile, as tabulated by others", "R2", "animal"
+)
+LIU = Source("Liu et al., eLife 83328 (2023), as quoted by others", "R2", "animal")
+HECKSCHER = Source("Heckscher et al. 2012, as quoted in eLife 11031", "R2", "animal")
 
 BURROWS = (0.00395, 0.0045)
 """Other radii of the earthworm's burrow [m]."""
@@ -74,9 +76,7 @@ COMPARISONS = (
         0.15,
         (0.1, 0.3),
         QUILLIN,
-        "R2",
         "The stride is nearly in proportion to the assumed strain, 0.2 (0.1 to 0.3). Band: plausible for all worms.",
-        kind="animal",
         unit="BL",
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
@@ -86,9 +86,7 @@ COMPARISONS = (
         0.037,
         (0.02, 0.06),
         QUILLIN,
-        "R2",
         "The stride above times the published frequency, 0.25 Hz, which the model is given. Band: preferred speeds.",
-        kind="animal",
         standing="input",
         unit="BL/s",
         unknown=(*STRAINS, *ASYMMETRIES),
@@ -99,10 +97,8 @@ COMPARISONS = (
         0.33,
         (0.23, 0.43),
         QUILLIN_1999,
-        "R",
         "0.1, 1 and 8 g; length and frequency by their published exponents, 0.34 and -0.07, at the same strain: "
         "their sum, 0.27, is what comes out.",
-        kind="animal",
         standing="input",
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
@@ -112,9 +108,7 @@ COMPARISONS = (
         0.41,
         (0.31, 0.51),
         QUILLIN_1999,
-        "R",
         "As above. At the same strain the model's stride grows as the length, with the exponent 0.34.",
-        kind="animal",
         standing="input",
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
@@ -124,10 +118,8 @@ COMPARISONS = (
         0.04 / 0.15,
         within(2.0, 0.04 / 0.15),
         QUILLIN,
-        "R2",
         "The model's burrow is an open pipe, 10 % wider than the worm (4 to 18 %), in which it moves as on the ground; "
         "animals that burrow push earth away, and make other movements.",
-        kind="animal",
         others=tuple(map(in_burrow_over_free, BURROWS)),
         trend=True,
     ),
@@ -137,10 +129,8 @@ COMPARISONS = (
         31.8e-6,
         (23.5e-6, 48.6e-6),
         GREANEY,
-        "R2",
         "Contracted segments are thick and carry the model's worm; a larva lifts them. Assumed: friction 0.1 forward, "
         "0.5 backward (forward 0.03 to 0.3).",
-        kind="animal",
         unit="m/s",
         unknown=ASYMMETRIES,
     ),
@@ -150,9 +140,7 @@ COMPARISONS = (
         153e-6,
         (140e-6, 179e-6),
         GREANEY,
-        "R2",
         "As above.",
-        kind="animal",
         unit="m",
         unknown=ASYMMETRIES,
     ),
@@ -162,9 +150,7 @@ COMPARISONS = (
         1.0e-3,
         (0.35e-3, 1.23e-3),
         LIU,
-        "R2",
         "At 1.5 waves a second and a contraction of 30 %; about 1 mm/s (Hughes and Thomas 2007, quoted).",
-        kind="animal",
         unit="m/s",
         unknown=ASYMMETRIES,
     ),
@@ -174,10 +160,8 @@ COMPARISONS = (
         None,
         (0.0, math.inf),
         HECKSCHER,
-        "R2",
         "Three segments are off the ground where the wave is, so a larva would get forward on any ground. The model's "
         "worm goes the other way: its contracted segments hold the ground.",
-        kind="animal",
         unit="m/s",
         trend=True,
     ),

@@ -143,17 +143,3 @@ class Crawl:
     def travel(self) -> float:
         """Way of the feet, on average, in the last period [m]."""
         return float((self.places[-1] - self.places[-1 - self.chain.steps]).mean())
-
-    def by_the_law(self, loads: FloatArray | None = None) -> float:
-        """Return the way in the last period by the quantile law, of how the feet moved relative to each other [m].
-
-        V = -(load-weighted quantile at the level q of the velocities relative to the body), Gidoni, Noselli, DeSimone
-        2014; with the true loads, or others of shape (T - 1, N).
-        """
-        relative = np.diff(self.places - self.places.mean(axis=1, keepdims=True), axis=0)
-        loads = self.loads if loads is None else loads
-        order = np.argsort(relative, axis=1)
-        share = np.cumsum(np.take_along_axis(loads, order, axis=1), axis=1)
-        anchor = (share < self.chain.level * share[:, -1:]).sum(axis=1)
-        anchored = np.take_along_axis(relative, np.take_along_axis(order, anchor[:, None], axis=1), axis=1)
-        return float(-anchored[-self.chain.steps :].sum())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenes.language.errors import SceneError
 from scenes.studies.validate.chain import Chain, Crawl
 from scenes.studies.validate.formulas import (
     breathing,
@@ -18,7 +19,6 @@ from scenes.studies.validate.formulas import (
     of_quantiles,
     of_stroke,
     of_swimming,
-    of_swings,
     of_wave,
     off_the_steady_wave,
     sine,
@@ -75,7 +75,7 @@ class Case:
         chain = Chain.of(self.scene, self.overrides)
         try:
             crawl = Crawl.of(chain)
-        except ValueError as error:
+        except (ValueError, SceneError) as error:
             return self._row(np.nan, self.formula(chain), str(error))
         loads = (f"loads of the feet within {crawl.unevenness:.1g} of their mean",) if chain.feet else ()
         return self._row(self.measure(crawl), self.formula(chain), "; ".join(filter(None, (self.note, *loads))))
@@ -210,7 +210,7 @@ STEPS = [
         f"Sines in unison, n = {n}, no back-slip",
         "phase_steps",
         constant(2.0),
-        of_swings,
+        of_stroke,
         3e-5,
         (*body(n + 1, **WIDE), *friction(0.1, 1.0, n + 1), phase_step(IN_UNISON, n + 1)),
     )
@@ -220,7 +220,7 @@ STEPS = [
         f"Sines in steps of 2 pi/{n}, no back-slip",
         "phase_steps",
         constant(1.0),
-        of_swings,
+        of_stroke,
         3e-5,
         (*body(n + 1, **WIDE), *friction(0.1, 1.0, n + 1), phase_step(2.0 * np.pi / n, n + 1)),
     )
@@ -232,7 +232,7 @@ ISOTROPIC = [
         f"Sines in steps of {step} rad, n = {n}, equal friction",
         "phase_steps",
         constant(0.0),
-        of_swings,
+        of_stroke,
         1e-6,
         (*body(n + 1, **WIDE), phase_step(step, n + 1), *friction(0.2, 0.2, n + 1)),
     )
@@ -244,7 +244,7 @@ LAW = [
         f"Velocity law, phases without order, q = {forward / (forward + backward):.3g}",
         "phase_steps",
         of_quantiles,
-        of_swings,
+        of_stroke,
         1e-3,
         (
             "gait.kind=periodic",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from scenes.studies.validate.measures import Changes, Figure, Measure, StoppedError
 from scenes.studies.validate.rows import Chapter, Row
@@ -40,6 +41,14 @@ def pipe(radius: float, *changes: str) -> Changes:
     return ("world.kind=pipe", f"world.radius_m={radius}", *changes)
 
 
+class Source(NamedTuple):
+    """Where published numbers are from; the fields mean what they mean in `Row`."""
+
+    text: str
+    trust: str
+    kind: str
+
+
 @dataclass(frozen=True)
 class Comparison:
     """A measure beside what was published; the fields that `Row` has mean the same."""
@@ -48,10 +57,8 @@ class Comparison:
     measure: Measure
     published: float | None
     band: tuple[float, float]
-    source: str
-    trust: str
+    source: Source
     note: str
-    kind: str
     standing: str = "prediction"
     unit: str = "1"
     unknown: Sequence[Changes] = ()
@@ -77,12 +84,12 @@ class Comparison:
             model=model,
             published=self.published,
             tolerance=self.band,
-            source=self.source,
+            source=self.source.text,
             note=note,
-            trust=self.trust,
+            trust=self.source.trust,
             unit=self.unit,
             scene=self.measure.scene,
-            kind=self.kind,
+            kind=self.source.kind,
             standing=self.standing,
             spread=(min(model, *found), max(model, *found)) if found else None,
             sign_agrees=all(map(self._has_sign, (model, *found))) if self.trend and not math.isnan(model) else None,

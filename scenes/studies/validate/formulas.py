@@ -54,18 +54,13 @@ from scenes.studies.validate.chain import Chain, Crawl
 
 
 def of_stroke(crawl: Crawl) -> float:
-    """Return the way over the stroke of all muscles together, (Y1), (Y2), (Y7)."""
+    """Return the way over the stroke of all muscles together, n a: (Y1), (Y2), (Y4), (Y5), (Y7), (Y11)."""
     return crawl.travel / (crawl.chain.muscles * crawl.chain.swing)
 
 
 def of_wave(crawl: Crawl) -> float:
     """Return the way over N a, (Y3): V/(A c)."""
     return crawl.travel / (crawl.chain.feet * crawl.chain.swing)
-
-
-def of_swings(crawl: Crawl) -> float:
-    """Return the way over n a, (Y4), (Y5)."""
-    return crawl.travel / (crawl.chain.muscles * crawl.chain.swing)
 
 
 def of_pulse(crawl: Crawl) -> float:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenes.studies.validate.comparison import Comparison, chapter, friction, within
+from scenes.studies.validate.comparison import Comparison, Source, chapter, within
 from scenes.studies.validate.measures import Changes, Figure, StoppedError
-from scenes.studies.validate.robots import CMMWORM, SOFT_TO_STIFF
+from scenes.studies.validate.robots import CMMWORM, GROUNDS, SOFT_TO_STIFF
 
-BRAID_TABLE = "the table of robots of Active Braid Crawler's authors"
+BRAID_TABLE = Source("the table of robots of Active Braid Crawler's authors", "R2", "robot")
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.021)
 """Periods that are tried in turn, over that of the scene, until `PAST` in a row are slower than the fastest."""
 PAST = 2
@@ -24,7 +24,6 @@ STRONG = ("actuator.reserve=10", "actuator.room=0.3")
 FASTER_COILS = ("actuator.rise_s=0.17", "actuator.fall_s=0.67")
 SLOWER_COILS = ("actuator.rise_s=0.34", "actuator.fall_s=1.7")
 """Coils at the ends of what is told of the times of one of 2 mm, 0.5 and 2 s or 1 and 5 s to 90 %."""
-GROUNDS = (friction(0.2), friction(0.8))
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,8 @@ COMPARISONS = (
         0.0036,
         within(2.0, 0.0036),
         CMMWORM,
-        "R",
         "Assumed: friction 0.4 (0.2 to 0.8), springs of 100 N (50 to 5000), two moving segments (or three). The joints "
         "of the mesh do not rub here.",
-        kind="robot",
         unit="BL/s",
         unknown=(*SOFT_TO_STIFF, *GROUNDS, ("gait.moving=0.5",)),
     ),
@@ -83,11 +80,9 @@ COMPARISONS = (
         0.017,
         within(2.0, 0.017),
         BRAID_TABLE,
-        "R2",
         "Missing in the model: the coils along the body, which pull back what those around it have squeezed long; here "
         "the mesh's springs do. Assumed: mass, friction, springs, coils of the default size (or five times as strong), "
         "times of the coils, moving segments.",
-        kind="robot",
         unit="BL/s",
         unknown=(STRONG, FASTER_COILS, SLOWER_COILS, (*STRONG, *FASTER_COILS), *GROUNDS, ("gait.moving=0.6",)),
     ),
@@ -97,11 +92,9 @@ COMPARISONS = (
         0.0031,
         within(2.0, 0.0031),
         BRAID_TABLE,
-        "R2",
         "The published speed may not be the fastest: its gait and its times are not known. The coil that is strong "
         "enough for the model is thin, 0.7 mm, and so it is fast. Assumed: amplitude and times of the coils, which "
         "decide most, friction, springs, number of segments.",
-        kind="robot",
         unit="BL/s",
         unknown=(
             SLOWER_COILS,

@@ -8,14 +8,30 @@ fitted: they say so and do not count.
 
 from __future__ import annotations
 
-from scenes.studies.validate.comparison import ABOVE_1, BELOW_1, Comparison, chapter, friction, pipe, speed, within
+from scenes.studies.validate.comparison import (
+    ABOVE_1,
+    BELOW_1,
+    Comparison,
+    Source,
+    chapter,
+    friction,
+    pipe,
+    speed,
+    within,
+)
 from scenes.studies.validate.measures import Figure, Ratio
 
-CMMWORM = "Horchler et al., Soft Robotics 2 (2015) 135, abstract"
-KANDHARI = "Kandhari et al., An Analysis of Peristaltic Locomotion (2019), abstract"
-RIDDLE = "Riddle et al., Bioinspiration & Biomimetics 20 (2025) 066001, a simulation, as quoted in talks on it"
-LOAD_FRAME = "Riddle et al. 2025, load-frame record of a segment (data/mesh_segment_load_frame.csv)"
-BRAID = "Active Braid Crawler, its authors' table"
+CMMWORM = Source("Horchler et al., Soft Robotics 2 (2015) 135, abstract", "R", "robot")
+KANDHARI = Source("Kandhari et al., An Analysis of Peristaltic Locomotion (2019), abstract", "R", "other model")
+RIDDLE = Source(
+    "Riddle et al., Bioinspiration & Biomimetics 20 (2025) 066001, a simulation, as quoted in talks on it",
+    "R2",
+    "other model",
+)
+LOAD_FRAME = Source(
+    "Riddle et al. 2025, load-frame record of a segment (data/mesh_segment_load_frame.csv)", "R", "robot"
+)
+BRAID = Source("Active Braid Crawler, its authors' table", "R", "robot")
 
 SOFT_TO_STIFF = tuple((f"worm.spring_N={k}",) for k in (50.0, 200.0, 1000.0, 5000.0))
 GROUNDS = tuple(friction(mu) for mu in (0.2, 0.8))
@@ -59,10 +75,8 @@ COMPARISONS = (
         4.3e-3,
         within(2.0, 4.3e-3),
         CMMWORM,
-        "R",
         "Assumed: friction 0.4 (0.2 to 0.8), springs of 100 N (50 to 5000), joints that do not rub (or do), "
         "and the gait of the successor, two moving segments (or three).",
-        kind="robot",
         unit="m/s",
         unknown=(*SOFT_TO_STIFF, RUBBING, *GROUNDS, THREE_MOVE),
     ),
@@ -72,10 +86,8 @@ COMPARISONS = (
         None,
         ABOVE_1,
         CMMWORM,
-        "R",
         "Faster where friction is larger. In the model that holds of worms that are stiff or whose joints rub; soft "
         "ones are held back by friction.",
-        kind="robot",
         unknown=(*SOFT_TO_STIFF, RUBBING),
         trend=True,
     ),
@@ -85,9 +97,7 @@ COMPARISONS = (
         None,
         ABOVE_1,
         KANDHARI,
-        "R",
         "Speed is largest with as many moving segments as possible.",
-        kind="other model",
         unknown=(*SOFT_TO_STIFF, RUBBING, *GROUNDS),
         trend=True,
     ),
@@ -97,9 +107,7 @@ COMPARISONS = (
         None,
         ABOVE_1,
         KANDHARI,
-        "R",
         "The cost of transport is least with few moving segments; there it is the power that holds segments in shape.",
-        kind="other model",
         unknown=(*SOFT_TO_STIFF, RUBBING, *GROUNDS),
         trend=True,
     ),
@@ -109,9 +117,7 @@ COMPARISONS = (
         0.0385,
         (0.029, 0.048),
         RIDDLE,
-        "R2",
         "Another simulation, no measurement: 29 to 48 mm/s over friction of 0.1 to 0.9.",
-        kind="other model",
         unit="m/s",
         unknown=(*SOFT_TO_STIFF, RUBBING, friction(0.1), friction(0.9)),
     ),
@@ -121,10 +127,8 @@ COMPARISONS = (
         None,
         ABOVE_1,
         RIDDLE,
-        "R2",
         "There a stiff mesh is faster on more friction. Stiff here: springs of 1000 N (500 to 5000), joints that do "
         "not rub (or do).",
-        kind="other model",
         others=(*(on_more_friction(f"worm.spring_N={k}") for k in (500, 5000)), on_more_friction(*RUBBING)),
         trend=True,
     ),
@@ -134,10 +138,8 @@ COMPARISONS = (
         None,
         BELOW_1,
         RIDDLE,
-        "R2",
         "There a soft mesh is slower on more friction. Soft here: springs of 26 N, by the measured work (13 to 52), "
         "joints that do not rub (or do).",
-        kind="other model",
         unknown=(("worm.spring_N=13.0",), ("worm.spring_N=52.0",), RUBBING_JOINTS),
         trend=True,
     ),
@@ -147,9 +149,7 @@ COMPARISONS = (
         0.91,
         (0.86, 0.96),
         LOAD_FRAME,
-        "R",
         "The segment was fitted to this record. Without friction in its joints it would lose nothing.",
-        kind="robot",
         standing="fitted",
     ),
     Comparison(
@@ -158,9 +158,7 @@ COMPARISONS = (
         16.0,
         (14.4, 17.6),
         LOAD_FRAME,
-        "R",
         "As above. The record is jagged: the smooth loop that fits it best passes below its peak.",
-        kind="robot",
         standing="fitted",
         unit="N",
     ),
@@ -170,10 +168,8 @@ COMPARISONS = (
         72 / 22,
         within(2.0, 72 / 22),
         BRAID,
-        "R",
         "On the ground the robot loses 70 % of what it gains in a pipe to slip. The model's worm, whose sections keep "
         "their lengths whatever they meet, slips little.",
-        kind="robot",
         unknown=(*GROUNDS, ("worm.spring_N=300.0",), ("worm.spring_N=3000.0",)),
         others=tuple(map(in_pipe_over_free, PIPES)),
         trend=True,
@@ -184,10 +180,8 @@ COMPARISONS = (
         27 / 72,
         within(2.0, 27 / 72),
         BRAID,
-        "R",
         "The model's cranks lift the robot without slowing down or giving way, in a pipe of 145 to 152 mm; in one of "
         "155 mm, in which a section alone has no hold at times, it slides down.",
-        kind="robot",
         unknown=(*GROUNDS, ("worm.spring_N=3000.0",)),
         others=tuple(map(up_over_level, PIPES)),
         trend=True,

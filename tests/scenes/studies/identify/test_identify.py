@@ -21,6 +21,7 @@ from scenes.studies.identify import command, figure, report, study
 from worm3d import Friction, Worm
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()
+SUBJECT, STEEP = (runs.Subject(WORM, GROUND, wave) for wave in (SCHEDULE, WAVES["steep"]))
 FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
 
 
@@ -28,14 +29,14 @@ FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
 def curves() -> tuple[study.Curve, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "STEERINGS", FEW)
-        return study.curves(WORM, GROUND, SCHEDULE)
+        return study.curves(SUBJECT)
 
 
 @pytest.fixture(scope="module")
 def turned() -> tuple[study.Phases, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "PHASES_DEG", (0, 60, 120))
-        return study.phases(WORM, GROUND, SCHEDULE)
+        return study.phases(SUBJECT)
 
 
 def test_the_phase_decides_between_turning_and_shuffling(turned: tuple[study.Phases, ...]) -> None:
@@ -63,8 +64,8 @@ def test_steady_runs_tell_a_worm_that_tips_from_one_that_stands() -> None:
     assert np.rad2deg(lies.roll) == pytest.approx(45.0, abs=1.0)
     assert lies.slip > 3.0 * stands.slip > 0.0
     parameters = [GaitParameters(0.3, 0.8, hinge=0.1), GaitParameters(0.3, 0.8, hinge=0.4)]
-    assert runs.samples(WORM, GROUND, SCHEDULE, Design(), parameters) is None
-    found = runs.samples(WORM, GROUND, SCHEDULE, Design(), parameters[:1])
+    assert runs.samples(SUBJECT, Design(), parameters) is None
+    found = runs.samples(SUBJECT, Design(), parameters[:1])
     assert found is not None
     assert [(each.parameters, each.motion) for each in found] == [(parameters[0], stands.motion)]
 
@@ -77,17 +78,14 @@ def test_a_run_that_folds_counts_as_tipped() -> None:
 
 def test_lags_are_those_of_the_file_and_of_a_step() -> None:
     """What the steering lags behind by, the generator's part included, is also what a step of it finds, (I3)."""
-    lags = runs.measure_lags(WORM, GROUND, SCHEDULE, "hinge", 0.06)
+    lags = runs.measure_lags(SUBJECT, "hinge", 0.06)
     known = load(WORM)
     assert known is not None
     for name in ("amplitude", "frequency", "steering"):
         assert getattr(lags, name) == pytest.approx(getattr(known.lags["hinge"], name), abs=1e-6)
     assert 0.25 < lags.amplitude < 0.55
     straight = GaitParameters(0.3, runs.FREQUENCY)
-    steps = [
-        runs.step_response(WORM, GROUND, SCHEDULE, straight, straight.steered("hinge", 0.06), shift)[1]
-        for shift in runs.SHIFTS
-    ]
+    steps = [runs.step_response(SUBJECT, straight, straight.steered("hinge", 0.06), shift)[1] for shift in runs.SHIFTS]
     found = np.mean([lag(each, runs.BEFORE - 1) - 0.5 for each in steps]) / runs.FREQUENCY
     assert lags.steering + BLEND / runs.FREQUENCY == pytest.approx(found, abs=0.15)
 
@@ -100,11 +98,11 @@ def test_the_swing_is_that_of_the_file_and_of_a_wave_between() -> None:
     known = load(WORM, schedule=WAVES["steep"])
     assert known is not None
     lags = known.lags["both"]
-    measured = runs.measure_lags(WORM, GROUND, WAVES["steep"], "both", 0.5, lags)
+    measured = runs.measure_lags(STEEP, "both", 0.5, lags)
     assert (measured.swing, measured.swing_rise) == pytest.approx((lags.swing, lags.swing_rise), abs=1e-4)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runs, "WINDING", 0.05)
-        _, found = runs._winding(WORM, GROUND, WAVES["steep"], "both", 0.25, 0.8)
+        _, found = runs._winding(STEEP, "both", 0.25, 0.8)
     assert lags.swing + 0.8 * lags.swing_rise == pytest.approx(found, abs=0.01)
 
 
@@ -119,10 +117,10 @@ def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
     monkeypatch.setattr(runs, "MAX_STEERING", {"hinge": 0.3})
     monkeypatch.setattr(runs, "samples", run)
     monkeypatch.setattr(runs, "fit_map", lambda mechanism, ranges, *given: ranges)
-    assert runs.map_of(WORM, GROUND, SCHEDULE, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
+    assert runs.map_of(SUBJECT, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
     monkeypatch.setattr(runs, "samples", lambda *given: None)
     with pytest.raises(SceneError, match=r"tips over, folds or flattens even when it steers by 0\.103"):
-        runs.map_of(WORM, GROUND, SCHEDULE, Design(), "hinge")
+        runs.map_of(SUBJECT, Design(), "hinge")
 
 
 def test_check_runs_lie_within_the_ranges_and_last_whole_steps() -> None:
@@ -219,9 +217,9 @@ def test_a_map_of_each_wave_that_a_choice_asks_for_is_made(
 ) -> None:
     made = []
 
-    def measure(worm, ground, schedule, quiet):
-        made.append(schedule)
-        return load(WORM, schedule=schedule), curves, turned
+    def measure(subject, quiet):
+        made.append(subject.schedule)
+        return load(WORM, schedule=subject.schedule), curves, turned
 
     monkeypatch.setattr(command, "_measure", measure)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

@@ -58,7 +58,7 @@ def test_verdict_on_the_period() -> None:
 
 def test_the_differences_are_measured() -> None:
     run = published.simulate()
-    by_name = {e.what: e.effect for e in differences._ENTRIES}
+    by_name = {what: effect for what, _, _, effect in differences._ENTRIES}
     assert_allclose(numbers_in(by_name["centre of mass"](run))[:2], [0.739210, 1.250650], rtol=0, atol=1.5e-6)
     counted, signed = numbers_in(by_name["work"](run))[:2]
     assert_allclose([counted, signed], [4.547915, run.work_contract.sum()], rtol=0, atol=1.5e-6)

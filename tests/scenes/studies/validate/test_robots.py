@@ -7,7 +7,7 @@ import pytest
 from scenes.models.loading import load_scene
 from scenes.studies.validate import animals, powered, report, robots
 from scenes.studies.validate.animals import earthworm
-from scenes.studies.validate.comparison import ABOVE_1, BELOW_1, Comparison
+from scenes.studies.validate.comparison import ABOVE_1, BELOW_1, Comparison, Source
 from scenes.studies.validate.measures import FIGURES, HOME, Exponent, Figure, Ratio, StoppedError, figures, stride
 from scenes.studies.validate.rows import Row
 
@@ -20,8 +20,8 @@ def test_scenes_are_right_and_say_what_they_are(name):
     assert not path.exists() or "Not published" in path.read_text()
 
 
-def comparison(measure, published=None, band=(1.0, math.inf), **more):
-    return Comparison("x", measure, published, band, "here", "C", "A note.", **{"kind": "robot", **more})
+def comparison(measure, published=None, band=(1.0, math.inf), kind="robot", **more):
+    return Comparison("x", measure, published, band, Source("here", "C", kind), "A note.", **more)
 
 
 class Fixed:
@@ -96,7 +96,7 @@ def test_speeds_whose_sign_is_published_have_it_over_their_spread():
 def test_rows_that_were_fitted_or_follow_from_an_input_say_so():
     rows = [*robots.COMPARISONS, *animals.COMPARISONS, *powered.COMPARISONS]
     assert {c.name for c in rows if c.standing == "fitted"} == {c.name for c in rows if c.source == robots.LOAD_FRAME}
-    assert {c.name for c in rows if c.kind == "other model"} == {
+    assert {c.name for c in rows if c.source.kind == "other model"} == {
         c.name for c in rows if c.source in (robots.RIDDLE, robots.KANDHARI)
     }
     given = [c for c in rows if c.standing == "input"]
