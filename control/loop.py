@@ -1,9 +1,9 @@
 """The loop that all controllers of this package share, from measurements to the commands of a wave.
 
 At every step the measurement passes the gate, the estimator (if there is one) takes what is left of it, and the wave
-generator gives the command. Once a control period the wave's parameters are chosen and the decision is recorded; a
-choice that raises an exception leaves those in force, and after a while rest. Meanwhile the watch looks for faults, and
-a segment of which a chamber does not obey is held still.
+generator gives the command, which the inner loop corrects chamber by chamber. Once a control period the wave's
+parameters are chosen and the decision is recorded; a choice that raises an exception leaves those in force, and after a
+while rest. Meanwhile the watch looks for faults, and a segment of which a chamber does not obey is held still.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from math import inf, nan
 from time import perf_counter
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
 
+from control.estimation.chamber_gains import ChamberGains
 from control.estimation.estimate import HEADING, Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
@@ -24,10 +25,12 @@ from control.faults.rules import Fault
 from control.faults.watch import Watch
 from control.gaits.held import WAVE, HeldSteering, held_schedule
 from control.gaits.steering import GaitParameters, WaveGenerator
+from control.identification.strain_model import StrainModel
+from control.inner_loop import InnerLoop
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import Plan
 from control.sensing.gate import SPAN, Gate
-from control.sensing.sensors import Measurement
+from control.sensing.sensors import STRAIN, Measurement
 from control.task import ControlTask
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
@@ -197,6 +200,10 @@ class WaveController(Driver):
     ----------
     held_steering : tuple of HeldSteering or None
         How the worm steers while a segment is held still, for each segment; empty if that is not known.
+    chamber_gains : ChamberGains
+        How far, and how late, the chambers follow their commands.
+    inner_loop : InnerLoop or None
+        Law that corrects the commands by these gains, where there is one; it needs the strains of the map.
     """
 
     held_steering: tuple[HeldSteering | None, ...] = ()
@@ -207,6 +214,10 @@ class WaveController(Driver):
         self.feed_forward = feed_forward or FeedForward(task.found, task.worm.length, task.map.backward)
         super().__init__(task, self.feed_forward, estimator)
         self.generator = WaveGenerator(task.map.schedule, task.worm)
+        noise = task.sensors.get("strain", STRAIN).noise
+        known = StrainModel.plain(task.worm.segments) if task.map.strain is None else task.map.strain
+        self.chamber_gains = ChamberGains(known, noise, getattr(estimator, "span", SPAN))
+        self.inner_loop = None if task.map.strain is None or estimator is None else InnerLoop()
         self.chambers = Chambers(task.worm)
         self.descent = Descent(task.worm, task.reference)
         self.reset()
@@ -221,7 +232,9 @@ class WaveController(Driver):
         super().reset()
         self.generator.schedule = self.task.map.schedule
         self.generator.reset()
+        self.chamber_gains.reset()
         self.chambers.reset()
+        self.feed_forward.most_amplitude = inf
         self.descent.reset()
         self._kept_count = 0
         self._target = GaitParameters(0.0, self._frequency)
@@ -238,16 +251,22 @@ class WaveController(Driver):
         seen = self.gate(t, measurement, moving=self._target.amplitude != 0.0)
         if self.estimator is not None:
             self.estimator.take(t, seen, self._target, self.generator.phase)
-            found = self.chambers.take(t, seen.strain)
+            self.chamber_gains.take(t, self.generator.phase, seen.strain, seen.strain_time)
+            found = self.chambers.take(t, seen.strain, self.chamber_gains)
             self.watch.report(found)
             if found:
                 self._steer_as_held()
+            if self.inner_loop is not None:
+                self.generator.correction = self.inner_loop.correction(self.chamber_gains)
+                followed = inf
+                self.feed_forward.most_amplitude = followed
         self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
             began = perf_counter()
         command = self.chambers.amended(t, self.generator.step(elapsed, self._target))
-        self.watch.tell(self.generator.phase, command, self._target)
+        self.chamber_gains.tell(t, command)
+        self.watch.tell(self.generator.phase, command, self._target, self.chamber_gains.gain)
         self._spent += perf_counter() - began
         return command
 

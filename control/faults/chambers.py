@@ -5,12 +5,13 @@ turns, crabs, and often tips within a wave and a half (5 of the 12 chambers of t
 on both sides, the segment is straight again and is carried by the others: what is left is a worm that is a little
 slower at the same wave, which the estimator finds as slip.
 
-*Found.* Chambers answer commands c like a first-order lag of gain g and time constant T. With the strains s,
+*Found.* By (CG1) of `control.estimation.chamber_gains`, which knows weak and slow chambers, a strain misses m; its own
+command makes e of it, and would make f of a healthy chamber. Smoothed,
 
-    p' = (g c - p)/T,   E' = (p + s - E)/tau,   D = E_left - E_right                                          (CH1)
+    E' = (m - E)/tau,   M' = (m + e - f - M)/tau,   F' = (f - F)/tau,   D = E_left - E_right                  (CH1)
 
-D does not see what both sides have in common: errors of g and T, loads, walls. A chamber does not obey where |D| is
-beyond a limit, its E is at least twice that of its twin, and the segments beside it show no D of this sign, for a
+D does not see loads and walls, which both sides have in common. A chamber does not obey where |D| is beyond a limit, |E|
+is at least twice that of its twin, |M| more than half of |F|, and the segments beside it show no D of this sign, for a
 while. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes bend both
 sides of several segments alike: |D| is up to 0.18, and beside it 0.4 of this at least; beside a chamber without
 pressure it is 0.2 of 0.13 to 0.25 at most, and mostly of the other sign.
@@ -26,12 +27,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from control.estimation.chamber_gains import ChamberGains
 from control.faults.rules import ADVICE, SIDES, Fault
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
-GAIN, LAG = 0.9, 0.1
-"""Gain and time constant [s] of the answer of the default worm. Others only matter to which of two is to blame."""
+MISSED = 0.55
+"""Share of the strain of a healthy chamber that a chamber which does not obey misses at least."""
 SMOOTHING = 0.03
 """Time constant tau of E [s]."""
 LIMIT = 0.05
@@ -72,27 +74,32 @@ class Chambers:
         self.held: dict[int, Held] = {}
         self._told: FloatArray | None = None
         self._time = np.nan
-        self._answer = np.zeros(self._shape)
-        self._miss = np.zeros(self._shape)
+        self._miss, self._short, self._healthy, self._strain = np.zeros((4, *self._shape))
         self._last: list[FloatArray] = []
         self._variance = 0.0
         self._since = np.full(self._shape, np.inf)
 
-    def take(self, t: float, strain: FloatArray | None) -> list[Fault]:
-        """Take what was measured at time t [s], shape (N, 2), NaN where unknown; return what was found just now."""
+    def take(self, t: float, strain: FloatArray | None, gains: ChamberGains) -> list[Fault]:
+        """Take what was measured at time t [s], shape (N, 2), NaN where unknown; return what was found just now.
+
+        The gains have taken the same strains.
+        """
         if self._told is None:
             return []
         passed, self._time = t - self._time, t
-        self._answer += (1.0 - np.exp(-passed / LAG)) * (GAIN * self._told - self._answer)
         if strain is None:
             return []
         share = 1.0 - np.exp(-passed / SMOOTHING)
-        miss = self._answer + strain
-        self._miss += share * np.where(np.isnan(miss), -self._miss, miss - self._miss)
+        known = np.isfinite(strain)
+        miss = np.where(known, gains.miss, 0.0)
+        self._miss += share * (miss - self._miss)
+        self._short += share * (miss + gains.expected - gains.healthy - self._short)
+        self._healthy += share * (gains.healthy - self._healthy)
+        self._strain += share * np.where(known, strain - self._strain, 0.0)
         found = []
         for segment, side in np.argwhere(self._disobeying(t, self._doubt(strain, share))).tolist():
             if segment not in self.held:
-                now = float(np.clip((self._answer - self._miss)[segment, side], *self._stroke))
+                now = float(np.clip(-self._strain[segment, side], *self._stroke))
                 self.held[segment] = Held(side, now, now)
                 found.append(self._fault(t, segment, side))
         for segment, held in self.held.items():
@@ -102,10 +109,8 @@ class Chambers:
         return found
 
     def _fault(self, t: float, segment: int, side: int) -> Fault:
-        name, where = f"the {SIDES[side]} chamber of segment {segment}", self._answer[segment, side]
-        what = (
-            f"{name} does not obey: it is shortened by {where - self._miss[segment, side]:.2f} in place of {where:.2f}"
-        )
+        name, now = f"the {SIDES[side]} chamber of segment {segment}", -self._strain[segment, side]
+        what = f"{name} does not obey: it is shortened by {now:.2f} in place of {now + self._short[segment, side]:.2f}"
         advice = f"{ADVICE}; the segment is held still, the others carry it"
         return Fault(t, f"chamber {segment} {SIDES[side]}", what, advice)
 
@@ -139,7 +144,9 @@ class Chambers:
         size, apart = np.abs(self._miss), self._miss[:, 0] - self._miss[:, 1]
         beside = np.sign(apart) * np.vstack([np.append(apart[1:], 0.0), np.append(0.0, apart[:-1])])
         alone = (np.abs(apart) > LIMIT + SURE * doubt) & (beside < SPREAD * np.abs(apart)).all(axis=0)
-        bad = alone[:, None] & (size > ONE_SIDED * size[:, ::-1])
+        bad = (
+            alone[:, None] & (size > ONE_SIDED * size[:, ::-1]) & (np.abs(self._short) > MISSED * np.abs(self._healthy))
+        )
         self._since = np.where(bad, np.minimum(self._since, t), np.inf)
         found: NDArray[np.bool_] = t - self._since >= LASTING
         return found

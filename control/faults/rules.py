@@ -124,6 +124,8 @@ class Wave:
     """Standard deviation of the estimated heading [rad]."""
     back: bool = False
     """Whether it is to go backwards, as it can; speeds are counted backwards then."""
+    usual_gain: FloatArray | None = None
+    """Gain of each chamber, over a healthy chamber's, as it was known when the wave began, shape (N, 2)."""
     expected: float = 1.0
     """Expected gain of this wave over the expected gain of the wave of greatest amplitude; the ways of both on the map
     tell the gains."""
@@ -151,13 +153,15 @@ def _lean(wave: Wave) -> tuple[float, float]:
 
     Segments with a chamber that does not obey are left out: it alone would be a difference of 8 % for six segments.
     """
-    both = np.isfinite(wave.gain).all(axis=1)
+    usual = np.ones_like(wave.gain) if wave.usual_gain is None else wave.usual_gain
+    gain, error = wave.gain / usual, wave.gain_error / usual
+    both = np.isfinite(gain).all(axis=1)
     if both.any():
-        both &= (wave.gain > DISOBEYS * np.nanmedian(wave.gain)).all(axis=1)
+        both &= (gain > DISOBEYS * np.nanmedian(gain)).all(axis=1)
     if not both.any():
         return 0.0, inf
-    left, right = wave.gain[both].mean(axis=0)
-    error = float(np.sqrt((wave.gain_error[both] ** 2).sum())) / both.sum()
+    left, right = gain[both].mean(axis=0)
+    error = float(np.sqrt((error[both] ** 2).sum())) / both.sum()
     return float((left - right) / (left + right)), error / float(left + right)
 
 

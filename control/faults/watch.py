@@ -68,6 +68,8 @@ class Watch:
         self._strains: list[tuple[float, FloatArray, FloatArray]] = []
         self._places: list[tuple[float, float, float]] = []
         self._told: tuple[float, FloatArray] | None = None
+        self._known_gain: FloatArray | None = None
+        self._usual_gain: FloatArray | None = None
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
 
@@ -84,11 +86,16 @@ class Watch:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
             self._end_wave(self._wave(self._begin[0], t, known(t)))
-            self._begin = t, phase
+            self._begin, self._usual_gain = (t, phase), self._known_gain
 
-    def tell(self, phase: float, command: Command, parameters: GaitParameters | None) -> None:
-        """Take in what is commanded from now on; without parameters it is no wave that the map knows."""
-        self._told, self._parameters = (phase, command.contraction), parameters
+    def tell(
+        self, phase: float, command: Command, parameters: GaitParameters | None, gain: FloatArray | None = None
+    ) -> None:
+        """Take in what is commanded from now on; without parameters it is no wave that the map knows.
+
+        The gain of each chamber, shape (N, 2), is what it was found to be so far.
+        """
+        self._told, self._parameters, self._known_gain = (phase, command.contraction), parameters, gain
 
     def _end_wave(self, wave: Wave) -> None:
         self._waves.append(wave)
@@ -128,6 +135,7 @@ class Watch:
             end=end,
             gain=gain,
             gain_error=error,
+            usual_gain=self._usual_gain,
             bend=bend,
             place=place,
             place_time=instant,

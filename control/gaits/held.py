@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from control.gaits.gait import Body
-from control.gaits.steering import GaitParameters, Schedule
+from control.gaits.steering import Correction, GaitParameters, Schedule
 from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 
@@ -63,9 +63,11 @@ class HeldSchedule(Schedule):
     hinges: FloatArray
     backward: FloatArray
 
-    def commands_at(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
+    def commands_at(
+        self, phase: FloatArray, parameters: FloatArray, body: Body, correction: Correction | None = None
+    ) -> Commands:
         """Return the commands at K phases psi (K,) [rad]; see `Schedule.commands_at`."""
-        given = super().commands_at(phase, parameters * [1.0, 1.0, 0.0, 0.0], body)
+        given = super().commands_at(phase, parameters * [1.0, 1.0, 0.0, 0.0], body, correction)
         contraction = given.contraction.copy()
         contraction[:, self.segment] = 0.0
         amplitude, frequency, _, hinge = parameters.T

@@ -57,7 +57,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -125,6 +125,15 @@ class GaitParameters(Spelled):
         return np.array([self.amplitude, self.frequency, self.bias, self.hinge])
 
 
+class Correction(NamedTuple):
+    """What chambers are told instead of the wave, so that weak and slow ones do what the others do."""
+
+    gain: FloatArray
+    """Factor of the contraction of each chamber, shape (N, 2)."""
+    ahead: FloatArray
+    """Phase by which each chamber is told it earlier, shape (N, 2) [rad]."""
+
+
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Schedule(Spelled):
@@ -148,26 +157,34 @@ class Schedule(Spelled):
     def __post_init__(self) -> None:
         check(self)
 
-    def commands_at(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
+    def commands_at(
+        self, phase: FloatArray, parameters: FloatArray, body: Body, correction: Correction | None = None
+    ) -> Commands:
         """Return the commands at K phases psi (K,) [rad], (S1) and (S2).
 
         The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each of them, (S3) where the
-        amplitude is below 0.
+        amplitude is below 0. With a correction the chambers are told more or less of it, and earlier or later.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         back, amplitude = amplitude < 0.0, np.abs(amplitude)
-        ahead = phase[:, None] + 2.0 * np.pi * self.lead * frequency
-        pulse = self.pulse(phase[:, None], body.segments)
-        unequal = bias * self._wave(ahead + self.bias_phase, self.steering_wavelength, body.segments)
-        chambers = amplitude[..., None] * (pulse[..., None] + unequal[..., None] * LEFT_RIGHT)
-        bend, chambers = hinge * self.bend(ahead, body.segments), np.clip(chambers, *body.stroke)
+        psi, bending = phase[:, None, None], phase[:, None] + 2.0 * np.pi * self.lead * frequency
+        gain: FloatArray | float = 1.0
+        shift: FloatArray | float = 0.0
+        if correction is not None:
+            gain, shift = (np.where(back[..., None], each[::-1, ::-1], each) for each in correction)
+            shift = shift.transpose(0, 2, 1)
+        pulse = self.pulse(psi + shift, body.segments).transpose(0, 2, 1)
+        steered = self._wave(bending[:, None] + shift + self.bias_phase, self.steering_wavelength, body.segments)
+        unequal = bias[..., None] * steered.transpose(0, 2, 1) * LEFT_RIGHT
+        chambers = np.clip(gain * (amplitude[..., None] * (pulse + unequal)), *body.stroke)
+        bend = hinge * self.bend(bending, body.segments)
         if back.any():
             chambers = np.where(back[..., None], chambers[:, ::-1, ::-1], chambers)
             bend = np.where(back, -bend[:, ::-1], bend)
         return Commands(chambers, bend, np.zeros_like(chambers))
 
     def pulse(self, phase: FloatArray, segments: int) -> FloatArray:
-        """Return the contractions without steering over the amplitude, at phases (K, 1) [rad], shape (K, N)."""
+        """Return the contractions without steering over the amplitude, at phases (..., 1) or (..., N) [rad]."""
         return np.clip(self.steepness * self._wave(phase, self.wavelength, segments), 0.0, 1.0)
 
     def bend(self, ahead: FloatArray, segments: int) -> FloatArray:
@@ -227,7 +244,8 @@ class WaveGenerator(Spelled):
 
     Its `phase` psi [rad] accumulates, psi' = 2 pi f, and each of its `parameters` p (None before the first step)
     approaches its target at the rate (target - p) f / blend, f at least `PACE`. A wave begins at amplitude 0. Where the
-    worm is to go the other way, (S3), the wave dies away as the other one swells, and the commands are their sum.
+    worm is to go the other way, (S3), the wave dies away as the other one swells, and the commands are their sum. The
+    `correction` of the chambers, None at first, may be set at any time.
 
     Parameters
     ----------
@@ -250,6 +268,7 @@ class WaveGenerator(Spelled):
         self.phase = 0.0
         self.parameters: GaitParameters | None = None
         self._dying: FloatArray | None = None
+        self.correction: Correction | None = None
 
     def step(self, dt: float, target: GaitParameters) -> Command:
         """Return the command after another `dt` [s] of approaching `target`."""
@@ -271,10 +290,10 @@ class WaveGenerator(Spelled):
                 self._dying = np.array([left_over, 1.0, 1.0, left_over]) * self._dying
                 dying_rows.append(self._dying)
         self.parameters = GaitParameters(*now.tolist())
-        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body)
+        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body, self.correction)
         if self._dying is None:
             return given
-        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body)
+        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body, self.correction)
         if np.abs(self._dying[[0, 3]]).max() < GONE:
             self._dying = None
         both = np.clip(given.contraction + other.contraction, *self._body.stroke)

@@ -45,6 +45,7 @@ import numpy as np
 from control.gaits.held import HeldSteering
 from control.gaits.steering import GaitParameters, Mechanism, Schedule
 from control.identification import surrogate
+from control.identification.strain_model import StrainModel
 from control.identification.surrogate import Misfit, Parity, Polynomial, Ranges
 from worm3d import Friction, Worm
 from worm3d.machine import cache
@@ -215,6 +216,8 @@ class Identified:
     """Whether the worm crawls backwards as it does forwards, `is_reversible`; known of the worm, not kept in files."""
     held: tuple[HeldSteering | None, ...] = ()
     """How it steers while a segment is held still, for each segment; empty where it was not asked."""
+    strain: StrainModel | None = None
+    """Strains of the worm while all its chambers are healthy; None where they are not known."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""
@@ -223,6 +226,7 @@ class Identified:
             "maps": {mechanism: found.as_dict() for mechanism, found in self.maps.items()},
             "lags": {mechanism: asdict(lags) for mechanism, lags in self.lags.items()},
             "held": [each and asdict(each) for each in self.held],
+            **({} if self.strain is None else {"strain": self.strain.as_dict()}),
         }
 
     @classmethod
@@ -233,6 +237,7 @@ class Identified:
             MappingProxyType({name: SteeringMap.from_dict(name, found) for name, found in content["maps"].items()}),
             MappingProxyType({name: Lags(**lags) for name, lags in content["lags"].items()}),
             held=tuple(each and HeldSteering.from_dict(each) for each in content.get("held", ())),
+            strain=StrainModel.from_dict(content["strain"]) if "strain" in content else None,
         )
 
 

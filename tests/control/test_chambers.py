@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from control.faults.chambers import GAIN, LAG, Chambers
+from control.estimation.chamber_gains import ChamberGains
+from control.faults.chambers import Chambers
 from control.faults.injected import INJECTED, Faulty, FaultyChamber, FaultyPlanner, FaultySensor, Injected
+from control.identification.strain_model import PLAIN_GAIN as GAIN
+from control.identification.strain_model import PLAIN_LAG as LAG
+from control.identification.strain_model import StrainModel
 from control.sensing.sensors import Measurement
 from worm3d import Command, Worm
 
@@ -24,12 +28,16 @@ def crawled(spoil, seconds: float = 4.0, noise: float = 0.01, bend=0.0, gain: fl
 
     `spoil` changes what is told at a time; `bend` is added to the contraction of the left, taken from the right.
     """
-    chambers, random = Chambers(WORM), np.random.default_rng(1)
+    chambers, gains, random = Chambers(WORM), ChamberGains(StrainModel.plain(WORM.segments)), np.random.default_rng(1)
     answer, found = np.zeros((WORM.segments, 2)), []
     for t in np.arange(0.0, seconds, DT):
         seen = answer + np.multiply.outer(np.broadcast_to(bend, WORM.segments), [0.5, -0.5])
-        found += chambers.take(t, -seen + noise * random.standard_normal(seen.shape))
-        told = chambers.amended(t, Command(wave(t), NO_HINGE)).contraction
+        strain = -seen + noise * random.standard_normal(seen.shape)
+        gains.take(t, 2.0 * np.pi * 0.8 * t, strain, t)
+        found += chambers.take(t, strain, gains)
+        command = chambers.amended(t, Command(wave(t), NO_HINGE))
+        gains.tell(t, command)
+        told = command.contraction
         answer += (1.0 - np.exp(-DT / LAG)) * (gain * spoil(t, told.copy()) - answer)
     return chambers, found
 
@@ -72,10 +80,13 @@ def test_loads_noise_and_pushes_are_no_faults(bend, gain, noise) -> None:
 
 
 def test_unknown_strains_are_passed_over() -> None:
-    chambers = Chambers(WORM)
+    chambers, gains = Chambers(WORM), ChamberGains(StrainModel.plain(WORM.segments))
     for t in np.arange(0.0, 2.0, DT):
-        assert not chambers.take(t, None if int(t / DT) % 3 else np.full((WORM.segments, 2), np.nan))
-        chambers.amended(t, Command(wave(t), NO_HINGE))
+        strain = None if int(t / DT) % 3 else np.full((WORM.segments, 2), np.nan)
+        gains.take(t, 2.0 * np.pi * 0.8 * t, strain, t)
+        assert not chambers.take(t, strain, gains)
+        gains.tell(t, chambers.amended(t, Command(wave(t), NO_HINGE)))
+    np.testing.assert_array_equal(gains.gain, 1.0)
     assert np.isfinite(chambers.amended(2.0, Command(wave(2.0), NO_HINGE)).contraction).all()
 
 

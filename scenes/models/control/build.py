@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, Sensors
 from control.task import ControlTask
 from scenes.language.errors import SceneError
 from scenes.language.parts import part_of, values_of
+from scenes.models.control.identify import Subject, strain_model
 from scenes.models.control.nearby import nearby
 from scenes.models.control.reference import reference_of, speeds_of
 from scenes.models.control.schema import AUTO, Controller, ControlScene
@@ -85,9 +87,15 @@ def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
 
     SceneError if it is not identified nor near the default one.
     """
-    wave = wave or wave_of(scene)
-    found = loaded(scene, wave)
-    return found or nearby(worm_of(scene), friction_of(scene), scene.controller.mechanism, WAVES[wave])
+    wave, asked = wave or wave_of(scene), scene.controller
+    found = loaded(scene, wave) or nearby(worm_of(scene), friction_of(scene), asked.mechanism, WAVES[wave])
+    if not asked.inner_loop:
+        return replace(found, strain=None)
+    if found.strain is not None and found.strain.segments == scene.worm.segments:
+        return found
+    known = (worm3d.Worm(segments=scene.worm.segments), worm3d.Friction())
+    subject = Subject(*(known if asked.map == "default" else (worm_of(scene), friction_of(scene))), WAVES[wave])
+    return replace(found, strain=strain_model(subject, found.maps[asked.mechanism]))
 
 
 def waves_of(scene: ControlScene) -> tuple[Wave, ...]:

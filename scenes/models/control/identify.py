@@ -16,6 +16,7 @@ from control.gaits.steering import (
     BLEND,
     MECHANISMS,
     UNITS,
+    Correction,
     GaitParameters,
     Mechanism,
     PlannedWave,
@@ -35,6 +36,7 @@ from control.identification.identified import (
     lag,
     steady_motion,
 )
+from control.identification.strain_model import StrainModel
 from control.identification.surrogate import Ranges
 from scenes.language.errors import SceneError
 from worm3d.values.arrays import FloatArray
@@ -58,6 +60,13 @@ FREQUENCY = 0.875
 """Frequency of the wave whose steps give the lags, in the middle of the map [Hz]."""
 LEAST_LAG = 0.1
 """Least lag of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
+EXCITED = 60.0
+"""Duration of the run of which the strains are fitted [s]."""
+CHANGES = 1.0
+"""Time between two changes of its wave [s]."""
+UNEQUAL, SHIFTED, STEERED = (0.8, 1.15), 0.2, 0.5
+"""Factors of the commands of its chambers, least and greatest, greatest shift of their phases [rad], and its greatest
+steering over that of the map: a worm of unequal chambers tips sooner."""
 ENOUGH = 2.0 / 3.0
 """Share of a whole worm's turn that one with a segment held still needs to make with the same hinges. Segments 0, 2, 4
 and 5 of the default one leave it 0.87 or more; hinges of their own, which turn it less, make its offset from a line
@@ -71,6 +80,7 @@ WINDING_WAVES = (0.6, 0.9, 1.1)
 """Frequencies of the waves that wind so [Hz]."""
 
 Gait = SteeredWave | TravellingWave
+Drive = Gait | PlannedWave | Callable[[float], worm3d.Command]
 
 
 class Subject(NamedTuple):
@@ -105,7 +115,7 @@ def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, s
     if run.status is not worm3d.Status.DONE:
         return Steady(None, float("nan"), float("nan"))
     first = skipped * rows + 1
-    roll = float(np.abs(np.arcsin(np.clip(run.directors[first:, :, 2], -1.0, 1.0)).mean(axis=1)).max())
+    roll = float(_roll(run)[first:].max())
     motion = replace(steady_motion(run.com, run.heading, rows, skipped, worm.length), roll=roll)
     return Steady(motion, float(run.slip[first:].sum()) / (waves - skipped) / worm.length, roll)
 
@@ -129,7 +139,8 @@ def identify(subject: Subject, design: Design, watch: Callable[[int], None] = la
     segments = subject.worm.segments
     known = range(segments if segments <= MOST_HELD else 0)
     held = tuple(held_steering(subject, design, segment) for segment in known)
-    return Identified(subject.schedule, MappingProxyType(maps), MappingProxyType(lags), held=held)
+    strain = strain_model(subject, maps["both"])
+    return Identified(subject.schedule, MappingProxyType(maps), MappingProxyType(lags), held=held, strain=strain)
 
 
 def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
@@ -294,5 +305,35 @@ def step_response(
     return (step[:, 0] * np.cos(along) + step[:, 1] * np.sin(along)) / spans, np.diff(h) / spans
 
 
-def _simulated(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait | PlannedWave, steps: int) -> worm3d.Result:
+def strain_model(subject: Subject, found: SteeringMap) -> StrainModel:
+    """Return the strains of a healthy worm, fitted to a run in which its wave changes all over the ranges of a map.
+
+    In the second half of the run each chamber is told more or less of the wave, earlier or later, so that the effect of
+    its own command is told from the effect of its twin's. The fit ends where the worm tips.
+    """
+    (worm, ground, schedule), ranges = subject, found.ranges
+    random, count, generator = np.random.default_rng(0), round(EXCITED / CHANGES), WaveGenerator(schedule, worm)
+    places = random.uniform([0.0, 0.0, -STEERED], [1.0, 1.0, STEERED], (count, 3))
+    given = ranges.bounds[0] * (1.0 - places) + ranges.bounds[1] * places
+    given[:, 2] = places[:, 2] * ranges.steering
+    waves = [GaitParameters(a, f).steered(found.mechanism, s) for a, f, s in given.tolist()]
+    shape, told = (count, worm.segments, 2), []
+    unequal = [*map(Correction, random.uniform(*UNEQUAL, shape), random.uniform(-SHIFTED, SHIFTED, shape))]
+    for k in range(round(EXCITED / DT)):
+        now = min(int(k * DT / CHANGES), count - 1)
+        generator.correction = unequal[now] if 2 * now >= count else None
+        told.append(generator.step(DT, waves[now]))
+    run = _simulated(worm, ground, lambda t: told[min(round(t / DT), len(told) - 1)], len(told))
+    stands = np.append(_roll(run) <= TIPPED, False)
+    rows = slice(0, min(int(np.argmin(stands)), len(told)))
+    contraction, hinge = (np.array([getattr(each, name) for each in told[rows]]) for name in ("contraction", "hinge"))
+    return StrainModel.fit(run.time[rows], contraction, hinge, run.chamber_strain[rows])
+
+
+def _roll(run: worm3d.Result) -> FloatArray:
+    """Return the magnitude of the mean roll of the segments at each instant [rad]."""
+    return np.asarray(np.abs(np.arcsin(np.clip(run.directors[:, :, 2], -1.0, 1.0)).mean(axis=1)))
+
+
+def _simulated(worm: worm3d.Worm, ground: worm3d.Friction, gait: Drive, steps: int) -> worm3d.Result:
     return worm3d.simulate(worm, worm3d.Plane(), ground, actuation=gait, duration=steps * DT, dt=DT)

@@ -73,6 +73,7 @@ def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wav
     maps = {**(known.maps if known else {}), mechanism: found}
     lags = MappingProxyType({each: usual.lags[each] for each in maps})
     held = usual.held if worm.segments == len(usual.held) else ()
-    near = Identified(usual.schedule, MappingProxyType(maps), lags, kept.is_reversible(worm, ground), held)
+    strain = runs.strain_model(runs.Subject(worm, ground, wave), found)
+    near = Identified(usual.schedule, MappingProxyType(maps), lags, kept.is_reversible(worm, ground), held, strain)
     kept.store(near, worm, ground, DESIGN)
     return near

@@ -72,6 +72,13 @@ class Controller(
         "identified, otherwise nearby; nearby: the default worm's, corrected by some seconds of runs as the scene "
         "starts; default: the default worm's, whatever the worm is",
     )
+    inner_loop: bool = setting(
+        True,
+        meaning="whether a chamber is told more, or earlier, than the others where its strain shows that it does too "
+        "little",
+        left_out="that of its kind: false for pi_los and open_loop, true for all others",
+        defaults_by_kind={"pi_los": False, "open_loop": False},
+    )
     told: bool = setting(
         True, meaning="whether it is told how good the sensors are; false: it takes them for usual ones"
     )

@@ -1,0 +1,159 @@
+"""Gains and phases of the chambers: how far, and how late, each follows its command, found from the strains.
+
+A chamber that is weak, slow, leaking or loaded answers like a healthy one, (SM1) of
+`control.identification.strain_model`, to a command that is smaller and later in the wave's phase psi. With the lags x_m
+of its own command and their slopes y_m = dx_m/dpsi = (u - x_m)/(T_m psi'),
+
+    s = b + sum_m w_m (p x_m + q y_m) + the same sums over its other inputs                                   (CG1)
+    gain = hypot(p, q),   phase = atan2(q, p)
+
+A healthy chamber has p = 1, q = 0. Given the other inputs, s is linear in the chamber's own p, q and b: a Kalman filter
+of three states for each chamber takes the strains sample by sample, and takes the others from their own latest states.
+The states wander from wave to wave. An error of the model lasts for a part of a wave and not for a sample, so that it
+weighs as white noise of so many samples.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from control.identification.strain_model import StrainModel, inputs, lagged
+from worm3d import Command
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
+
+SLOWEST = 1e-3
+"""Rate of the phase below which a wave stands still, and slopes over the phase are not known [rad/s]."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class GainTrust(Spelled):
+    """Trust in the gains of the chambers: standard deviations of what (CG1) does not know."""
+
+    begin: float = parameter(0.2, gt=0, meaning="p and q of a chamber before the first sample")
+    begin_mean: float = parameter(0.05, gt=0, meaning="mean strain b before the first sample")
+    wander: float = parameter(0.01, ge=0, meaning="change of p and q in a wave")
+    wander_mean: float = parameter(0.003, ge=0, meaning="change of b in a wave")
+    missed: float = parameter(0.014, gt=0, meaning="strain that the model of a healthy worm misses")
+    lasts: float = parameter(0.25, unit="waves", gt=0, meaning="time for which such a miss lasts")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+class ChamberGains:
+    """Gains and phases of the chambers of a worm of N segments, (CG1).
+
+    Parameters
+    ----------
+    model : StrainModel
+        Strains of the healthy worm.
+    noise : float
+        Standard deviation of the noise of a strain.
+    span : float
+        Greatest age of a sample that is used [s].
+    trust : GainTrust, optional
+
+    Attributes
+    ----------
+    gain, phase, doubt : ndarray of float, shape (N, 2)
+        Gain and phase [rad] of each chamber, and the standard deviation of p and q.
+    miss : ndarray of float, shape (N, 2)
+        Latest strain less the strain by (CG1), NaN where there was none; above 0 where a chamber is longer.
+    expected, healthy : ndarray of float, shape (N, 2)
+        Part of the strain by (CG1) that the chamber's own command makes, and would make if the chamber were healthy.
+    """
+
+    def __init__(
+        self, model: StrainModel, noise: float = 0.01, span: float = 2.0, trust: GainTrust | None = None
+    ) -> None:
+        self._model, self._noise, self._span, self._trust = model, noise, span, trust or GainTrust()
+        self._lags = model.time_constants
+        weights = model.weights.transpose(2, 0, 1)[:, :, None]
+        self._own, self._others = weights[..., 0], weights.copy()
+        self._others[..., 0] = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        count, trust = self._model.segments, self._trust
+        self._state = np.zeros((count, 2, 3))
+        self._state[..., 0], self._state[..., 2] = 1.0, self._model.mean[:, None]
+        self._most = np.array([trust.begin, trust.begin, trust.begin_mean]) ** 2
+        self._covariance = np.zeros((count, 2, 3, 3)) + np.diag(self._most)
+        self._told: tuple[FloatArray, FloatArray] | None = None
+        self._given = np.zeros((count, 2, 1)), np.zeros((count - 1, 1))
+        self._lagged = np.zeros((count, 2, len(self._lags))), np.zeros((count - 1, len(self._lags)))
+        self._time = self._phase = np.nan
+        self._past: deque[tuple[float, tuple[FloatArray, FloatArray, FloatArray]]] = deque()
+        self.miss, self.expected, self.healthy = np.full((count, 2), np.nan), *np.zeros((2, count, 2))
+        self._derive()
+
+    def _derive(self) -> None:
+        p, q = self._state[..., 0], self._state[..., 1]
+        self.gain, self.phase = np.hypot(p, q), np.arctan2(q, p)
+
+    @property
+    def doubt(self) -> FloatArray:
+        """Standard deviation of p and q, the greater one, shape (N, 2)."""
+        return np.sqrt(np.maximum(self._covariance[..., 0, 0], self._covariance[..., 1, 1]))
+
+    def tell(self, t: float, command: Command) -> None:
+        """Take in the command that holds from time t [s] on."""
+        if self._told is None:
+            self._time = t
+        self._told = command.contraction[..., None], command.hinge[..., None]
+
+    def take(self, t: float, phase: float, strain: FloatArray | None, instant: float) -> None:
+        """Take what was measured of an instant [s] by time t [s], shape (N, 2), NaN where unknown.
+
+        The phase of the wave is that of the command that was told last [rad].
+        """
+        if self._told is None or t <= self._time:
+            return
+        passed, turned = t - self._time, abs(phase - self._phase) if np.isfinite(self._phase) else 0.0
+        self._time, self._phase = t, phase
+        before, self._given = self._given, self._told
+        parts = zip(self._lagged, before, self._given, strict=True)
+        x, hinges = self._lagged = tuple(lagged(*each, self._lags, passed) for each in parts)  # type: ignore[assignment]
+        rate = turned / passed
+        y = (self._given[0] - x) / (self._lags * rate) if rate > SLOWEST else np.zeros_like(x)
+        self._past.append((t, (x, y, hinges)))
+        while self._past[0][0] < t - self._span:
+            self._past.popleft()
+        waves = turned / (2.0 * pi)
+        self._wander(waves)
+        self.miss = np.full_like(self.miss, np.nan)
+        if strain is not None:
+            moment = next((each for at, each in reversed(self._past) if at <= instant + 1e-9), self._past[0][1])
+            self._correct(strain, *moment, waves)
+
+    def _wander(self, waves: float) -> None:
+        """Let the states wander for so many waves."""
+        wander = waves * np.array([self._trust.wander, self._trust.wander, self._trust.wander_mean]) ** 2
+        diagonal = np.einsum("ijkk->ijk", self._covariance)  # a view
+        np.minimum(diagonal + wander, np.maximum(diagonal, self._most), out=diagonal)
+
+    def _correct(self, strain: FloatArray, x: FloatArray, y: FloatArray, hinges: FloatArray, waves: float) -> None:
+        """Take strains for which the lags, their slopes over the phase and the lags of the hinges are known."""
+        p, q = self._state[..., 0], self._state[..., 1]
+        done = (p[..., None] * x + q[..., None] * y).transpose(2, 0, 1)
+        others = (self._others * inputs(done, hinges.T)).sum(axis=(0, -1))
+        own_x, own_y = ((self._own * each.transpose(2, 0, 1)).sum(axis=0) for each in (x, y))
+        row = np.stack([own_x, own_y, np.ones_like(own_x)], axis=-1)
+        self.expected, self.healthy = p * own_x + q * own_y, own_x
+        self.miss = strain - others - self.expected - self._state[..., 2]
+        known = np.isfinite(self.miss)
+        lasting = max(self._trust.lasts / waves, 1.0) if waves > 0.0 else 1.0
+        spread = np.einsum("ijkl,ijl->ijk", self._covariance, row)
+        variance = self._noise**2 + self._trust.missed**2 * lasting + (row * spread).sum(axis=-1)
+        gain = np.where(known, 1.0 / variance, 0.0)[..., None] * spread
+        self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
+        self._covariance -= gain[..., None] * spread[..., None, :]
+        self._derive()

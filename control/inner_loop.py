@@ -1,0 +1,59 @@
+"""The inner loop: each chamber is told as much more, and as much earlier, as its strain shows that it does too little.
+
+With the gain g and phase d of a chamber, (CG1) of `control.estimation.chamber_gains`, and the standard deviation of
+both, the chamber is told the wave times 1/g and ahead by -d, as far as they are known to differ from 1 and 0:
+
+    told = exp(-r(log g)) wave(psi - r(d)),   r(e) = e e^4/(e^4 + e_0^4),                                     (IL1)
+    e_0^2 = dead_band^2 + (surely doubt)^2
+
+The gains are identified from the commands that were given, and not from what is left of an error, so that neither delay
+nor noise of the strains makes the loop unstable. Where a chamber reaches the end of its stroke, the planner is told to
+which amplitude all chambers can follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.estimation.chamber_gains import ChamberGains
+from control.gaits.steering import Correction
+from worm3d import Worm
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class InnerLoop(Spelled):
+    """Law by which chambers are told more, or earlier, than the wave, (IL1)."""
+
+    dead_band: float = parameter(
+        0.03, gt=0, meaning="relative error of a gain, and phase in rad, that is half corrected"
+    )
+    surely: float = parameter(1.5, ge=0, meaning="standard deviations of gain or phase that count like the dead band")
+    least: float = parameter(0.4, gt=0, le=1, meaning="least gain that is corrected in full")
+    most: float = parameter(2.0, ge=1, meaning="greatest gain that is corrected in full")
+    latest: float = parameter(1.2, gt=0, unit="rad", meaning="greatest phase that is corrected in full")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def correction(self, gains: ChamberGains) -> Correction:
+        """Return the correction of the chambers."""
+        band = np.hypot(self.dead_band, self.surely * gains.doubt)
+        error = np.log(np.clip(gains.gain, self.least, self.most))
+        late = np.clip(gains.phase, -self.latest, self.latest)
+        return Correction(np.exp(-_real(error, band)), -_real(late, band))
+
+    @staticmethod
+    def most_amplitude(correction: Correction, worm: Worm) -> float:
+        """Return the greatest amplitude that all chambers can follow, each within its stroke."""
+        return float(worm.stroke[1] / correction.gain.max())
+
+
+def _real(error: FloatArray, band: FloatArray) -> FloatArray:
+    """Return errors, the less of them the less they are beyond a band."""
+    return np.asarray(error * error**4 / (error**4 + band**4))
