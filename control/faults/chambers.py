@@ -10,11 +10,11 @@ command makes e of it, and would make f of a healthy chamber. Smoothed,
 
     E' = (m - E)/tau,   M' = (m + e - f - M)/tau,   F' = (f - F)/tau,   D = E_left - E_right                  (CH1)
 
-D does not see loads and walls, which both sides have in common. A chamber does not obey where |D| is beyond a limit, |E|
-is at least twice that of its twin, |M| more than half of |F|, and the segments beside it show no D of this sign, for a
-while. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes bend both
-sides of several segments alike: |D| is up to 0.18, and beside it 0.4 of this at least; beside a chamber without
-pressure it is 0.2 of 0.13 to 0.25 at most, and mostly of the other sign.
+D does not see loads and walls, which both sides have in common. A chamber does not obey where |D| is beyond a limit,
+|E| at least twice the |E| of its twin, |M| more than half of |F|, and the segments beside it show no D of this sign,
+for a while. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes
+bend both sides of several segments alike: |D| is up to 0.18, and beside it 0.4 of this at least; beside a chamber
+without pressure it is 0.2 of 0.13 to 0.25 at most, and mostly of the other sign.
 
 *Lived with.* Both chambers of the segment are held: the faulty one at the contraction h that it had, its twin at what
 is measured of the faulty one since. If it was the sensor that is wrong, the segment is held still all the same.

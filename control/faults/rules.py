@@ -9,7 +9,8 @@ amplitude of 0.15, 0.5 at 0.2, 0.7 at 0.27. The identified map tells how much le
 *Tipping.* A load on a chamber changes its gain. A worm that lies on its side rests on the chambers of that side: the
 mean gains of left and right, equal to 4 % while it stands on both (slopes of 5 degrees, friction 30 % off),
 differ by 4.5 to 18 % of their sum once it does not (37 worms tipped by pushes and slopes; the heights of the centre of
-mass, by 1 to 6 mm, and the innovations say less). A push to the side changes the gains too, but bends the body.
+mass, by 1 to 6 mm, and the innovations say less). Chambers that are weak from the first differ as much, so that gains
+count over the usual ones of the waves before. A push to the side changes the gains too, but bends the body.
 
 *Speed, turn and place* are those of the centre of mass averaged over each wave, against the reference and the map.
 
@@ -125,7 +126,7 @@ class Wave:
     back: bool = False
     """Whether it is to go backwards, as it can; speeds are counted backwards then."""
     usual_gain: FloatArray | None = None
-    """Gain of each chamber, over a healthy chamber's, as it was known when the wave began, shape (N, 2)."""
+    """Gain of each chamber, over a healthy chamber's, as it was known in the waves before, shape (N, 2)."""
     expected: float = 1.0
     """Expected gain of this wave over the expected gain of the wave of greatest amplitude; the ways of both on the map
     tell the gains."""
@@ -151,22 +152,23 @@ def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
 def _lean(wave: Wave) -> tuple[float, float]:
     """Return the difference of the mean gains of left and right over their sum, positive to the left, and its error.
 
-    Segments with a chamber that does not obey are left out: it alone would be a difference of 8 % for six segments.
+    Gains are those over the usual ones, so that weak chambers are no lean. Segments with a chamber that does not obey
+    are left out: it alone would be a difference of 8 % for six segments.
     """
-    usual = np.ones_like(wave.gain) if wave.usual_gain is None else wave.usual_gain
-    gain, error = wave.gain / usual, wave.gain_error / usual
+    usual = 1.0 if wave.usual_gain is None else wave.usual_gain
+    gain, errors = wave.gain / usual, wave.gain_error / usual
     both = np.isfinite(gain).all(axis=1)
     if both.any():
         both &= (gain > DISOBEYS * np.nanmedian(gain)).all(axis=1)
     if not both.any():
         return 0.0, inf
     left, right = gain[both].mean(axis=0)
-    error = float(np.sqrt((error[both] ** 2).sum())) / both.sum()
+    error = float(np.sqrt((errors[both] ** 2).sum())) / both.sum()
     return float((left - right) / (left + right)), error / float(left + right)
 
 
 def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
-    leans = [_lean(wave) for wave in waves[-2:]]
+    leans = [_lean(wave) for wave in waves[1:][-2:]]  # the usual gains are not known in the first wave
     one_side = len({np.sign(lean) for lean, _ in leans}) == 1
     sure = all(abs(lean) > max(LEANS, SURE_TO_LEAN * error) for lean, error in leans)
     if len(leans) == 2 and one_side and sure and all(wave.bend < BENT for wave in waves[-2:]):

@@ -33,6 +33,8 @@ KNOWN = 0.3
 """Standard deviation of a heading by which forward can be told from backward [rad]."""
 MOMENTS = 9
 """Number of instants of a wave at which the speed that is asked for is looked up."""
+USUAL = 0.2
+"""Share of a wave in the usual gains, which those of the first wave begin."""
 REMEMBERED = 40
 """Number of waves that are kept."""
 _LOG = logging.getLogger(__name__)
@@ -86,7 +88,10 @@ class Watch:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
             self._end_wave(self._wave(self._begin[0], t, known(t)))
-            self._begin, self._usual_gain = (t, phase), self._known_gain
+            self._begin = t, phase
+            if self._known_gain is not None:
+                usual = self._known_gain if self._usual_gain is None else self._usual_gain
+                self._usual_gain = usual + USUAL * (self._known_gain - usual)
 
     def tell(
         self, phase: float, command: Command, parameters: GaitParameters | None, gain: FloatArray | None = None
