@@ -88,6 +88,10 @@ class Decision:
     """Wall time of the decision, estimator included [s]."""
     horizon: FloatArray | None = None
     """Predicted way of the centre of mass [m], shape (H + 1, 2)."""
+    chamber_gain: FloatArray | None = None
+    """Gain of each chamber over a healthy one's, as it is known by now, shape (N, 2); None where nobody looks."""
+    chamber_phase: FloatArray | None = None
+    """Phase by which each chamber is ahead of a healthy one [rad], shape (N, 2)."""
 
 
 class Estimates(Protocol):
@@ -234,7 +238,6 @@ class WaveController(Driver):
         self.generator.reset()
         self.chamber_gains.reset()
         self.chambers.reset()
-        self.feed_forward.most_amplitude = inf
         self.descent.reset()
         self._kept_count = 0
         self._target = GaitParameters(0.0, self._frequency)
@@ -258,8 +261,6 @@ class WaveController(Driver):
                 self._steer_as_held()
             if self.inner_loop is not None:
                 self.generator.correction = self.inner_loop.correction(self.chamber_gains)
-                followed = inf
-                self.feed_forward.most_amplitude = followed
         self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
@@ -300,6 +301,8 @@ class WaveController(Driver):
                 cost=plan.cost if plan else nan,
                 seconds=self._spent + perf_counter() - began,
                 horizon=plan.horizon if plan and choice.source == "mpc" else None,
+                chamber_gain=None if self.estimator is None else self.chamber_gains.gain,
+                chamber_phase=None if self.estimator is None else self.chamber_gains.phase,
             )
         )
         self._spent = 0.0

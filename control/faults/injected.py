@@ -104,6 +104,27 @@ class FaultyChamber(Injected, name="chamber"):
 
 @documented
 @dataclass(frozen=True, kw_only=True)
+class UnequalChambers(Injected, name="unequal"):
+    """Each chamber follows its command by a factor of its own, drawn between two bounds."""
+
+    least: float = parameter(0.6, meaning="least factor", ge=0, le=2)
+    greatest: float = parameter(1.1, meaning="greatest factor", ge=0, le=2)
+    seed: int = parameter(0, ge=0, meaning="seed of the factors")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.greatest < self.least:
+            raise ValueError(f"greatest: got {self.greatest!r}, must be at least {self.least!r}, the least factor")
+
+    def commanded(self, command: Command) -> Command:
+        """Return the command with what the chambers do."""
+        random = np.random.default_rng([self.seed, crc32(b"unequal")])
+        factors = random.uniform(self.least, self.greatest, command.contraction.shape)
+        return replace(command, contraction=factors * command.contraction)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
 class FaultySensor(Injected, name="sensor"):
     """A sensor gives no samples, the last one again and again, or one that is off."""
 

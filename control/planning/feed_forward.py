@@ -45,15 +45,12 @@ class FeedForward:
         Speed of the slowest wave [m/s], below which the worm stands, and the greatest one.
     least_divisor : float
         Half of the least identified speed [m/s], below which speeds are not divided by.
-    most_amplitude : float
-        Greatest amplitude that all chambers can follow at present, infinite at first.
     """
 
     def __init__(self, found: SteeringMap, length: float, backward: bool = False) -> None:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
         self.found, self.ranges, self.backward = found, found.ranges, backward
-        self.most_amplitude = np.inf
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
         amplitudes = [np.full(2 * POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
         up, on = np.linspace(low, preferred, POINTS), np.linspace(preferred, high, POINTS)
@@ -83,7 +80,6 @@ class FeedForward:
             rising = np.maximum.accumulate(self._turn_rates(amplitude, frequency)) + RISE * self._steerings
             steering = float(np.interp(abs(turn_rate), rising, self._steerings))
         way = -1.0 if speed < 0.0 else 1.0
-        amplitude = min(amplitude, max(self.most_amplitude, self.ranges.amplitude[0]))
         return ReducedInput(way * amplitude, frequency, float(np.copysign(steering, turn_rate)))
 
     def goes(self, speed: float) -> bool:

@@ -259,7 +259,6 @@ class GaitMPC:
         bounds[0, 1::INPUTS] = np.maximum(bounds[0, 1::INPUTS], np.minimum(problem.frequency, -1.0))
         ways = problem.preview.ways
         least, most = self.feed_forward.ranges.amplitude
-        most = max(least, min(most, self.feed_forward.most_amplitude))
         ends = np.where(ways < 0.0, [[-most], [-least]], [[least], [most]])
         bounds[:, ::INPUTS] = (ends - self._scale.centre[0]) / self._scale.half[0]
         given = [np.column_stack([ways * np.abs(wave[:, 0]), wave[:, 1:]]) for wave in waves]

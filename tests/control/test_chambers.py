@@ -150,4 +150,4 @@ def test_a_controller_without_planner_has_no_faulty_one() -> None:
 
 
 def test_faults_are_found_by_name() -> None:
-    assert set(INJECTED) == {"chamber", "sensor", "planner"}
+    assert set(INJECTED) == {"chamber", "unequal", "sensor", "planner"}

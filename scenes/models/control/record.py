@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -49,6 +49,7 @@ def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Vari
         ),
         *_estimates(decisions),
         *_horizon(decisions),
+        *_chambers(decisions),
     )
 
 
@@ -76,6 +77,17 @@ def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
     ways = [unknown if d.horizon is None or d.horizon.shape != shape else d.horizon for d in decisions]
     meaning = "predicted way of the centre of mass; NaN where nothing was predicted"
     return (Variable("horizon", ("decision", "ahead", "plane"), ways, "m", meaning),)
+
+
+def _chambers(decisions: Sequence[Decision]) -> Iterator[Variable]:
+    """Yield gains and phases of the chambers, if the controller looks at their strains."""
+    for name, unit, meaning in (
+        ("chamber_gain", "1", "gain of the chambers over a healthy worm's, as the controller finds it"),
+        ("chamber_phase", "rad", "phase by which chambers are ahead of a healthy worm's, as the controller finds it"),
+    ):
+        known = [getattr(decision, name) for decision in decisions]
+        if known and all(each is not None for each in known):
+            yield Variable(name, ("decision", "segment", "chamber"), np.array(known), unit, meaning)
 
 
 def timing_of(decisions: Sequence[Decision], control_period: float) -> tuple[Variable, ...]:
