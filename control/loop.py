@@ -115,6 +115,14 @@ class LearnsTurning(Protocol):
         """Take in that the worm turns by about so much of what its map says from now on."""
 
 
+@runtime_checkable
+class LearnsGround(Protocol):
+    """A source of estimates that learns the slope of the ground, and can be told to learn it anew."""
+
+    def forget_ground(self) -> None:
+        """Forget the ground."""
+
+
 class Driver(ABC):
     """What drives a worm in a scene: its decisions are recorded, measurements pass a gate, a watch looks for faults.
 
@@ -223,7 +231,7 @@ class WaveController(Driver):
         self.chamber_gains = ChamberGains(known, noise, getattr(estimator, "span", SPAN))
         self.inner_loop = None if task.map.strain is None or estimator is None else InnerLoop()
         self.chambers = Chambers(task.worm)
-        self.descent = Descent(task.worm, task.reference)
+        self.descent = Descent(task.worm, task.reference, task.map.grip)
         self.reset()
 
     @classmethod
@@ -311,9 +319,11 @@ class WaveController(Driver):
         """Return the choice, or rest before a way down; after an exception the parameters in force, then rest."""
         try:
             steep = self.descent.fault(t, estimate)
-            if steep is not None:
+            if steep is not None and estimate is not None:
                 self.watch.report([steep])
-                return Choice("stop", rest(self._target), steep.what)
+                if not (isinstance(self.estimator, LearnsGround) and self.descent.tries(t, estimate.position)):
+                    return Choice("stop", rest(self._target), steep.what)
+                self.estimator.forget_ground()
             choice, self._kept_count = self._choose(t, estimate), 0
         except EXCEPTIONS as error:
             _LOG.warning("no decision at %.3f s", t, exc_info=error)

@@ -171,8 +171,10 @@ class Supervisor(WaveController):
         The end of the way back is the begin of the path.
         """
         path = self.reference.path
-        if path is None or not self.reference.ends or not estimate.is_placed(self.worm.length):
+        if path is None or not self.reference.ends:
             return False
+        if not estimate.is_placed(self.worm.length):  # a worm at rest stays at rest, though its place is forgotten
+            return self._is_there and back == self._was_back
         self._near = float(path.project(estimate.position, self._near))
         left = (self._near if back else path.length - self._near) / self.worm.length
         self._is_there = left < (STAYS if self._is_there and back == self._was_back else THERE)

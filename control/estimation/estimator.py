@@ -334,6 +334,10 @@ class Estimator:
         """Take in that the worm turns by about so much of what its map says from now on."""
         self._believe(GAIN, min(max(gain, GAINS[0]), GAINS[1]), BEGIN["turn_gain"])
 
+    def forget_ground(self) -> None:
+        """Forget the slope and the height of the ground."""
+        self._past = [replace(each, ground=Ground.unknown(self._trust_ground)) for each in self._past]
+
     def _believe(self, index: int, value: float, deviation: float) -> None:
         """Put a number of X, and its standard deviation, in the place of what was known of it."""
         for k, each in enumerate(self._past):

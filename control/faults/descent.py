@@ -6,6 +6,10 @@ G of the ground that the estimator finds, its covariance C, and the direction n 
 (or back, where the worm is to go backwards),
 
     descent = -G . n,   deviation = sqrt(n . C n)                                                             (DE1)
+
+G is found from places that may have been wrong for a while, and a worm at rest learns no more of it. So the stop ends
+after some seconds: what is believed of the ground is forgotten, and the worm tries the way again until it knows better.
+Where it has to stop again before it has got any further, it waits twice as long.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from control.estimation.estimate import Estimate
 from control.faults.rules import Fault
 from control.tracking.references import Reference
 from worm3d import Worm
+from worm3d.values.arrays import FloatArray
 
 AHEAD = 0.3
 """How far ahead the path must not be too steep [body lengths]: what a worm goes in three waves."""
@@ -28,6 +33,8 @@ SURE = 1.5
 KNOWN = 0.5
 """Standard deviation of the gradient, as a share of the friction, from which on it is known well enough to stop for: a
 worm that stops learns no more of the ground."""
+WAITS, LONGEST_WAIT = 4.0, 64.0
+"""Time after the first stop until the way is tried again, and the longest such time [s]."""
 
 
 class Descent:
@@ -40,6 +47,17 @@ class Descent:
     def reset(self) -> None:
         """Begin anew."""
         self._near: float | None = None
+        self._wait, self._stopped, self._tried = WAITS, -inf, False
+        self._place: FloatArray | None = None
+
+    def tries(self, t: float, place: FloatArray) -> bool:
+        """Return whether a worm with a fault at a place (2,) [m] is to try its way again at time t [s]."""
+        if self._place is None or np.hypot(*(place - self._place)) > AHEAD * self._length:
+            self._wait, self._stopped, self._place = WAITS, t, place
+        elif self._tried:
+            self._wait, self._stopped = min(2.0 * self._wait, LONGEST_WAIT), t
+        self._tried = t >= self._stopped + self._wait
+        return self._tried
 
     def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
         """Return what is wrong with the way ahead at time t [s]; None if nothing is known to be."""

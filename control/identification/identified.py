@@ -35,6 +35,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from itertools import product
+from math import inf
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -216,8 +217,14 @@ class Identified:
     """Whether the worm crawls backwards as it does forwards, `is_reversible`; known of the worm, not kept in files."""
     held: tuple[HeldSteering | None, ...] = ()
     """How it steers while a segment is held still, for each segment; empty where it was not asked."""
+    grip: float = inf
+    """Least coefficient of forward friction, the gradient up to which the ground holds the worm; not kept in files."""
     strain: StrainModel | None = None
     """Strains of the worm while all its chambers are healthy; None where they are not known."""
+
+    def on(self, worm: Worm, ground: Friction) -> Identified:
+        """Return it with what is known of the worm and its ground without a run."""
+        return replace(self, backward=is_reversible(worm, ground), grip=float(np.min(ground.forward)))
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""
@@ -324,7 +331,7 @@ def load(
     content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)
     if content is None:
         return None
-    return replace(Identified.from_dict(json.loads(content)), backward=is_reversible(worm, ground or Friction()))
+    return Identified.from_dict(json.loads(content)).on(worm, ground or Friction())
 
 
 def is_reversible(worm: Worm, ground: Friction) -> bool:

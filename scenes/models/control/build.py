@@ -52,8 +52,8 @@ def controller_of(scene: ControlScene) -> Driver:
         if not own:
             raise
         raise SceneError(f"controller: {', '.join(own)}: {named.told(error)}") from error
-    if isinstance(driver, WaveController) and scene.world.kind not in PIPES:
-        driver.descent.steepest = float(np.min(friction_of(scene).forward))
+    if isinstance(driver, WaveController) and scene.world.kind in PIPES:
+        driver.descent.steepest = np.inf  # walls hold the worm
     return driver
 
 

@@ -74,6 +74,6 @@ def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wav
     lags = MappingProxyType({each: usual.lags[each] for each in maps})
     held = usual.held if worm.segments == len(usual.held) else ()
     strain = runs.strain_model(runs.Subject(worm, ground, wave), found)
-    near = Identified(usual.schedule, MappingProxyType(maps), lags, kept.is_reversible(worm, ground), held, strain)
+    near = Identified(usual.schedule, MappingProxyType(maps), lags, held=held, strain=strain).on(worm, ground)
     kept.store(near, worm, ground, DESIGN)
     return near
