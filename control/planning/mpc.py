@@ -7,6 +7,11 @@ that lasts; what is followed is moved aside by its integral, within bounds,
 
     e_lasting' = e / T,   r -> r - e_lasting n                                                                (P4)
 
+The speed V has an integral of its own, since slow waves that turn sharply go faster than the plain waves below which
+the search does not go; it makes up for a speed that is missed by a little, and not for one that has just changed,
+
+    trim' = (1 - V/V_ref)/T,   V_ref -> V_ref (1 + trim)                                                      (P5)
+
 The search begins at the better of two waves, the plan before and the plain wave of the feed-forward, and is never worse
 than either.
 """
@@ -16,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from time import perf_counter
 
 import numpy as np
@@ -44,6 +49,8 @@ LASTING = 8.0
 """Time constant with which an offset that lasts is taken off [s]: four times that in which others die away."""
 MOST_LASTING = 0.01
 """Greatest offset that is taken for one that lasts [body lengths]; a worm that is farther off is on its way back."""
+MOST_MISSED, MOST_TRIM = 0.25, 0.4
+"""Greatest share of a speed that is taken for one that is missed lastingly, and the greatest trim of (P5)."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
@@ -165,7 +172,7 @@ class GaitMPC:
     def reset(self) -> None:
         """Begin anew."""
         self._near: float | None = None
-        self._lasting, self._latest = 0.0, nan
+        self._lasting, self._trim, self._latest = 0.0, 0.0, nan
         self.forget()
 
     def forget(self) -> None:
@@ -214,19 +221,28 @@ class GaitMPC:
         if not all(np.isfinite(part).all() for part in (preview.speed, preview.point, preview.heading)):
             return None
         self._near = preview.progress
-        return self._beside(t, estimate, reference, preview) if preview.follows and not preview.walled else preview
+        passed, self._latest = min(max(t - self._latest, 0.0), 1.0) if isfinite(self._latest) else 0.0, t
+        preview = self._paced(passed, estimate, preview)
+        follows = preview.follows and not preview.walled
+        return self._beside(passed, estimate, reference, preview) if follows else preview
 
-    def _beside(self, t: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
+    def _paced(self, passed: float, estimate: Estimate, preview: Preview) -> Preview:
+        """Return a preview whose speeds make up for a miss of the speed that lasts, (P5)."""
+        asked = float(preview.speed[0])
+        miss = 1.0 - estimate.speed / asked if asked != 0.0 else inf
+        if abs(miss) < MOST_MISSED:
+            self._trim = min(max(self._trim + miss * passed / LASTING, -MOST_TRIM), MOST_TRIM)
+        return replace(preview, speed=preview.speed * (1.0 + self._trim))
+
+    def _beside(self, passed: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
         """Return a preview that is moved to the other side of an offset that lasts, (P4)."""
         assert reference.path is not None
         most, along = MOST_LASTING * self._length, np.array([preview.progress])
         aside = float(offset(reference.path, estimate.position, preview.progress))
         aside -= float(detour(reference, along, self._length)[0][0])
         turned = abs(estimate.state.yaw_bias) > TURNED * estimate.deviations[YAW_BIAS]
-        if turned and isfinite(self._latest) and abs(aside) < most and preview.speed[0] != 0.0:
-            self._lasting += aside * min(max(t - self._latest, 0.0), 1.0) / LASTING
-            self._lasting = min(max(self._lasting, -most), most)
-        self._latest = t
+        if turned and abs(aside) < most and preview.speed[0] != 0.0:
+            self._lasting = min(max(self._lasting + aside * passed / LASTING, -most), most)
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
         point = preview.point - self._lasting * left
         bounds = preview.left + self._lasting, preview.right - self._lasting
