@@ -28,7 +28,7 @@ AHEAD = 0.3
 """How far ahead the path must not be too steep [body lengths]: what a worm goes in three waves."""
 MARGIN = 0.8
 """Share of the friction up to which a worm crawls downhill: its wave moves feet, which do not hold meanwhile."""
-SURE = 1.5
+SURE = 2.5
 """Standard deviations of the gradient that it must be beyond this."""
 KNOWN = 0.5
 """Standard deviation of the gradient, as a share of the friction, from which on it is known well enough to stop for: a

@@ -125,6 +125,8 @@ class Wave:
     """Standard deviation of the estimated heading [rad]."""
     back: bool = False
     """Whether it is to go backwards, as it can; speeds are counted backwards then."""
+    numb: bool = False
+    """Whether the worm has sensors of the strains, and none of their samples was used."""
     usual_gain: FloatArray | None = None
     """Gain of each chamber, over a healthy chamber's, as it was known in the waves before, shape (N, 2)."""
     expected: float = 1.0
@@ -142,6 +144,7 @@ def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
         _speed,
         _off_path,
         _blind,
+        _numb,
         _astray,
         _facing_away,
         _trespassing,
@@ -228,7 +231,7 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
         what = f"the worm makes {way:.3g} m/s over three waves, {least:.3g} are asked for"
         yield Fault(last[-1].end, "too slow", what, "ask for less speed; look at ground, slope, load and chambers")
     made = max(wave.made for wave in last)
-    if abs(way) - 3.0 * error > FAST * max(most, made, 0.5 * last[-1].reach):
+    if abs(way) - 3.0 * error > FAST * max(most, made, 0.25 * last[-1].reach):
         what = f"the worm is carried along at {abs(way):.3g} m/s, {most:.3g} are asked for"
         yield Fault(last[-1].end, "too fast", what, "hold it: it slides, or something moves it")
 
@@ -259,6 +262,12 @@ def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) >= 3 and all(wave.place is None for wave in waves[-3:]):
         advice = "look at the sensor, its delay and its clock, and at the measurements that were refused"
         yield Fault(waves[-1].end, "no place", "no sample of the centre of mass was used for three waves", advice)
+
+
+def _numb(waves: Sequence[Wave]) -> Iterator[Fault]:
+    if len(waves) >= 3 and all(wave.numb for wave in waves[-3:]):
+        what = "no strain of a chamber was used for three waves: a chamber that does not obey would not be found"
+        yield Fault(waves[-1].end, "no strains", what, "look at the strain sensors, and at the measurements refused")
 
 
 def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:

@@ -74,6 +74,7 @@ class Watch:
         self._usual_gain: FloatArray | None = None
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
+        self._numb = True
 
     def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
         """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate of t."""
@@ -82,13 +83,14 @@ class Watch:
         if self._told is None:
             return
         phase, contraction = self._told
+        self._numb = self._numb and "strain" in seen and seen.strain is None
         if seen.strain is not None:
             self._strains.append((phase, seen.strain, contraction))
         if self._begin is None:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
             self._end_wave(self._wave(self._begin[0], t, known(t)))
-            self._begin = t, phase
+            self._begin, self._numb = (t, phase), True
             if self._known_gain is not None:
                 usual = self._known_gain if self._usual_gain is None else self._usual_gain
                 self._usual_gain = usual + USUAL * (self._known_gain - usual)
@@ -141,6 +143,7 @@ class Watch:
             gain=gain,
             gain_error=error,
             usual_gain=self._usual_gain,
+            numb=self._numb,
             bend=bend,
             place=place,
             place_time=instant,

@@ -247,3 +247,21 @@ def test_without_samples_of_the_place_it_says_so() -> None:
     _, _, found = run(Reference(Constant(0.08), path=LINE), 6.0, sensors=Sensors(com=Channel(noise=0.005, dropout=1.0)))
     assert set(found) == {"no place", "lost heading"}
     assert "known to 10" in found["lost heading"].what, "it may look anywhere: 180 / sqrt(3) degrees"
+
+
+def test_strains_that_are_lost_are_told_within_three_waves_and_a_worm_without_such_sensors_misses_nothing() -> None:
+    class Deaf(Broken):
+        def step(self, t: float, measurement: Measurement) -> Command:
+            lost = measurement.changed(strain=(None, float("nan"))) if t > 4.0 else measurement
+            return super().step(t, lost)
+
+    assert FOUND is not None
+    for sensors, told in ((Sensors(seed=3), True), (Sensors(strain=None, seed=3), False)):
+        deaf = Deaf(Supervisor.of(ControlTask(WORM, Reference(Constant(0.08), path=LINE), FOUND)), lambda t, told: told)
+        if sensors.channels.get("strain") is None:
+            deaf.step = lambda t, measurement, deaf=deaf: Broken.step(deaf, t, measurement)
+        simulate(WORM, Plane(), actuation=deaf, sensor=sensors, duration=10.0)
+        found = {fault.kind: fault for fault in deaf.supervisor.faults}
+        assert set(found) == ({"no strains"} if told else set())
+        if told:
+            assert deaf.waves_from(4.0, found["no strains"].time) < 3.0 + 1.0

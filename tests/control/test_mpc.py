@@ -293,7 +293,7 @@ def test_a_plan_is_never_worse_than_the_plain_wave_or_the_plan_before() -> None:
 @pytest.mark.parametrize("mechanism", ["hinge", "bias"])
 @pytest.mark.parametrize("slip", [-0.15, 0.2])
 def test_slip_leaves_no_lasting_error_of_the_speed(mechanism, slip: float) -> None:
-    run = closed_loop(Reference(Constant(0.08), path=Line()), REST._replace(slip=slip), 16.0, mechanism)
+    run = closed_loop(Reference(Constant(0.08), path=Line()), REST._replace(slip=slip), 24.0, mechanism)
     assert_allclose(run.speed[-10:], 0.08, rtol=1e-3)
 
 
@@ -504,3 +504,10 @@ def test_effort_of_a_plan(record_property) -> None:
     record_property("cpu_ms_a_plan", 1e3 * (time.process_time() - began) / len(run.plans))
     record_property("wall_ms_p99", 1e3 * float(np.percentile([plan.seconds for plan in run.plans], 99)))
     assert np.mean([plan.iterations for plan in run.plans]) <= 3.0
+
+
+def test_a_slow_wave_on_a_sharp_circle_is_not_faster_than_it_is_asked_to_be() -> None:
+    run = closed_loop(Reference(Constant(0.02), path=Circle(0.6)), REST, 50.0)
+    assert_allclose(run.speed[-20:].mean(), 0.02, rtol=0.01)
+    quick = closed_loop(Reference(Steps(0.05, (8.0,), (0.1,))), REST, 12.0)
+    assert quick.speed.max() < 0.1 * 1.02  # a step is not taken for a miss that lasts
