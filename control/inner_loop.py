@@ -3,9 +3,10 @@
 With the gain g and phase d of a chamber, (CG1) of `control.estimation.chamber_gains`, and the standard deviation of
 both, the chamber is told the wave times 1/g and ahead by -d, as far as they are known to differ from 1 and 0:
 
-    told = exp(-r(log g)) wave(psi - r(d)),   r(e) = e e^4/(e^4 + e_0^4),                                     (IL1)
-    e_0^2 = dead_band^2 + (surely doubt)^2
+    told = exp(-c r(log g)) wave(psi - c r(d)),   r(e) = e e^4/(e^4 + e_0^4),                                 (IL1)
+    e_0^2 = dead_band^2 + (surely doubt)^2,       c = fits^8/(fits^8 + misfit^8)
 
+Where gain and phase do not explain the strains, as with stiff actuators, whose two chambers fight, little is corrected.
 The gains are identified from the commands that were given, and not from what is left of an error, so that neither delay
 nor noise of the strains makes the loop unstable. Commands end at the stroke of the worm. A planner that keeps to the
 amplitude that all chambers can follow was slower by 10 %: its waves were faster, in which slow chambers do still less.
@@ -35,6 +36,7 @@ class InnerLoop(Spelled):
     surely: float = parameter(1.5, ge=0, meaning="standard deviations of gain or phase that count like the dead band")
     least: float = parameter(0.4, gt=0, le=1, meaning="least gain that is corrected in full")
     most: float = parameter(2.0, ge=1, meaning="greatest gain that is corrected in full")
+    fits: float = parameter(0.13, gt=0, meaning="median misfit of the chambers at which half is corrected")
     latest: float = parameter(1.2, gt=0, unit="rad", meaning="greatest phase that is corrected in full")
 
     def __post_init__(self) -> None:
@@ -45,7 +47,8 @@ class InnerLoop(Spelled):
         band = np.hypot(self.dead_band, self.surely * gains.doubt)
         error = np.log(np.clip(gains.gain, self.least, self.most))
         late = np.clip(gains.phase, -self.latest, self.latest)
-        return Correction(np.exp(-_real(error, band)), -_real(late, band))
+        fit = self.fits**8 / (self.fits**8 + float(np.median(gains.misfit)) ** 8)
+        return Correction(np.exp(-fit * _real(error, band)), -fit * _real(late, band))
 
 
 def _real(error: FloatArray, band: FloatArray) -> FloatArray:

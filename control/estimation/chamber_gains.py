@@ -27,6 +27,10 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
+SMOOTHING = 0.05
+"""Time over which strains are averaged that are left unexplained, so that noise does not count [s]."""
+USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
+"""Strain by its command that a chamber is taken to have at first, and below which its misfit is not judged, rms."""
 SLOWEST = 1e-3
 """Rate of the phase below which a wave stands still, and slopes over the phase are not known [rad/s]."""
 
@@ -42,6 +46,7 @@ class GainTrust(Spelled):
     wander_mean: float = parameter(0.003, ge=0, meaning="change of b in a wave")
     missed: float = parameter(0.014, gt=0, meaning="strain that the model of a healthy worm misses")
     lasts: float = parameter(0.25, unit="waves", gt=0, meaning="time for which such a miss lasts")
+    judged: float = parameter(2.0, unit="waves", gt=0, meaning="time over which the misfit is averaged")
 
     def __post_init__(self) -> None:
         check(self)
@@ -68,6 +73,9 @@ class ChamberGains:
         Latest strain less the strain by (CG1), NaN where there was none; above 0 where a chamber is longer.
     expected, healthy : ndarray of float, shape (N, 2)
         Part of the strain by (CG1) that the chamber's own command makes, and would make if the chamber were healthy.
+    misfit : ndarray of float, shape (N, 2)
+        Strain that (CG1) leaves unexplained, over the part that the chamber's own command makes, rms of the last waves;
+        noise from sample to sample is left out.
     """
 
     def __init__(
@@ -92,6 +100,8 @@ class ChamberGains:
         self._lagged = np.zeros((count, 2, len(self._lags))), np.zeros((count - 1, len(self._lags)))
         self._time = self._phase = np.nan
         self._past: deque[tuple[float, tuple[FloatArray, FloatArray, FloatArray]]] = deque()
+        self._left, self._left_power = np.zeros((2, count, 2))
+        self._own_power = np.full((count, 2), USUAL_STRAIN**2)
         self.miss, self.expected, self.healthy = np.full((count, 2), np.nan), *np.zeros((2, count, 2))
         self._derive()
 
@@ -103,6 +113,11 @@ class ChamberGains:
     def doubt(self) -> FloatArray:
         """Standard deviation of p and q, the greater one, shape (N, 2)."""
         return np.sqrt(np.maximum(self._covariance[..., 0, 0], self._covariance[..., 1, 1]))
+
+    @property
+    def misfit(self) -> FloatArray:
+        """Unexplained strain over the part that the chamber's own command makes, shape (N, 2)."""
+        return np.sqrt(self._left_power / np.maximum(self._own_power, LEAST_STRAIN**2))
 
     def tell(self, t: float, command: Command) -> None:
         """Take in the command that holds from time t [s] on."""
@@ -132,7 +147,7 @@ class ChamberGains:
         self.miss = np.full_like(self.miss, np.nan)
         if strain is not None:
             moment = next((each for at, each in reversed(self._past) if at <= instant + 1e-9), self._past[0][1])
-            self._correct(strain, *moment, waves)
+            self._correct(strain, *moment, waves, passed)
 
     def _wander(self, waves: float) -> None:
         """Let the states wander for so many waves."""
@@ -140,8 +155,13 @@ class ChamberGains:
         diagonal = np.einsum("ijkk->ijk", self._covariance)  # a view
         np.minimum(diagonal + wander, np.maximum(diagonal, self._most), out=diagonal)
 
-    def _correct(self, strain: FloatArray, x: FloatArray, y: FloatArray, hinges: FloatArray, waves: float) -> None:
-        """Take strains for which the lags, their slopes over the phase and the lags of the hinges are known."""
+    def _correct(
+        self, strain: FloatArray, x: FloatArray, y: FloatArray, hinges: FloatArray, waves: float, passed: float
+    ) -> None:
+        """Take strains for which the lags, their slopes over the phase and the lags of the hinges are known.
+
+        Since the last call so many waves, and so much time [s], have passed.
+        """
         p, q = self._state[..., 0], self._state[..., 1]
         done = (p[..., None] * x + q[..., None] * y).transpose(2, 0, 1)
         others = (self._others * inputs(done, hinges.T)).sum(axis=(0, -1))
@@ -157,3 +177,8 @@ class ChamberGains:
         self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
         self._covariance -= gain[..., None] * spread[..., None, :]
         self._derive()
+        left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
+        self._left += (1.0 - np.exp(-passed / SMOOTHING)) * (left - self._left)
+        share = 1.0 - np.exp(-waves / self._trust.judged)
+        self._left_power += share * (self._left**2 - self._left_power)
+        self._own_power += share * (self.expected**2 - self._own_power)
