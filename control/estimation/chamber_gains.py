@@ -126,9 +126,9 @@ class ChamberGains:
         self._told = command.contraction[..., None], command.hinge[..., None]
 
     def take(self, t: float, phase: float, strain: FloatArray | None, instant: float) -> None:
-        """Take what was measured of an instant [s] by time t [s], shape (N, 2), NaN where unknown.
+        """Take the strains of an instant [s] that arrived by time t [s], shape (N, 2), NaN where unknown.
 
-        The phase of the wave is that of the command that was told last [rad].
+        The phase is the wave's at the last command [rad].
         """
         if self._told is None or t <= self._time:
             return

@@ -117,7 +117,7 @@ class UnequalChambers(Injected, name="unequal"):
             raise ValueError(f"greatest: got {self.greatest!r}, must be at least {self.least!r}, the least factor")
 
     def commanded(self, command: Command) -> Command:
-        """Return the command with what the chambers do."""
+        """Return the command, each contraction by the factor of its chamber."""
         random = np.random.default_rng([self.seed, crc32(b"unequal")])
         factors = random.uniform(self.least, self.greatest, command.contraction.shape)
         return replace(command, contraction=factors * command.contraction)

@@ -223,7 +223,7 @@ class Identified:
     """Strains of the worm while all its chambers are healthy; None where they are not known."""
 
     def on(self, worm: Worm, ground: Friction) -> Identified:
-        """Return it with what is known of the worm and its ground without a run."""
+        """Return the map with the properties of a worm and a ground that need no run."""
         return replace(self, backward=is_reversible(worm, ground), grip=float(np.min(ground.forward)))
 
     def as_dict(self) -> dict[str, Any]:

@@ -105,8 +105,8 @@ class StrainModel:
 def inputs(contraction: FloatArray, hinge: FloatArray) -> FloatArray:
     """Return the inputs of each chamber, (..., N, 2, 8), from values of chambers (..., N, 2) and hinges (..., N - 1).
 
-    They are those of the chamber, of its twin, of the chamber behind and its twin, of the chamber ahead and its twin,
-    and of the hinges behind and ahead. Beyond the ends of the worm there is nothing, 0.
+    Their order: the chamber, its twin, the chamber behind, its twin, the chamber ahead, its twin, the hinge behind, the
+    hinge ahead. Inputs beyond the ends of the worm are 0.
     """
     *more, segments, _ = contraction.shape
     values = np.zeros((*more, segments, 2, INPUTS))
