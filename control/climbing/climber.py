@@ -66,6 +66,7 @@ class Climber(Supervisor):
         self._change(t, enclosed(self.worm, self._load) > 0)
         wanted = self._crawled(t, measurement) if self._climb is None else self._climbed(t, self._climb, measurement)
         self._given = self._blended(t, wanted)
+        self.chamber_gains.tell(t, self._given)
         return self._given
 
     def _change(self, t: float, closed: bool) -> None:
