@@ -215,7 +215,7 @@ class WaveController(Driver):
     chamber_gains : ChamberGains
         How far, and how late, the chambers follow their commands.
     inner_loop : InnerLoop or None
-        Law that corrects the commands by these gains, where there is one; it needs the strains of the map.
+        Law that corrects the commands by these gains; None where the map has no strains of so many segments.
     """
 
     held_steering: tuple[HeldSteering | None, ...] = ()
@@ -227,9 +227,11 @@ class WaveController(Driver):
         super().__init__(task, self.feed_forward, estimator)
         self.generator = WaveGenerator(task.map.schedule, task.worm)
         noise = task.sensors.get("strain", STRAIN).noise
-        known = StrainModel.plain(task.worm.segments) if task.map.strain is None else task.map.strain
-        self.chamber_gains = ChamberGains(known, noise, getattr(estimator, "span", SPAN))
-        self.inner_loop = None if task.map.strain is None or estimator is None else InnerLoop()
+        healthy, segments = task.map.strain, task.worm.segments
+        known = healthy is not None and healthy.segments == segments
+        strains = healthy if healthy is not None and known else StrainModel.plain(segments)
+        self.chamber_gains = ChamberGains(strains, noise, getattr(estimator, "span", SPAN))
+        self.inner_loop = InnerLoop() if known and estimator is not None else None
         self.chambers = Chambers(task.worm)
         self.descent = Descent(task.worm, task.reference, task.map.grip)
         self.reset()
@@ -321,9 +323,10 @@ class WaveController(Driver):
             steep = self.descent.fault(t, estimate)
             if steep is not None and estimate is not None:
                 self.watch.report([steep])
-                if not (isinstance(self.estimator, LearnsGround) and self.descent.tries(t, estimate.position)):
+                if not self.descent.tries(t, estimate.position):
                     return Choice("stop", rest(self._target), steep.what)
-                self.estimator.forget_ground()
+                if isinstance(self.estimator, LearnsGround):
+                    self.estimator.forget_ground()
             choice, self._kept_count = self._choose(t, estimate), 0
         except EXCEPTIONS as error:
             _LOG.warning("no decision at %.3f s", t, exc_info=error)

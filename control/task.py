@@ -45,9 +45,6 @@ class ControlTask(Spelled):
         if self.mechanism not in self.map.maps:
             known = ", ".join(map(repr, self.map.maps))
             raise ValueError(f"mechanism: got {self.mechanism!r}, must be one of those identified: {known}")
-        if self.map.strain is not None and self.map.strain.segments != self.worm.segments:
-            count = self.map.strain.segments
-            raise ValueError(f"map: got strains of {count} segments, must be {self.worm.segments}, as the worm has")
 
     @property
     def found(self) -> SteeringMap:

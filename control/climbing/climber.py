@@ -90,6 +90,7 @@ class Climber(Supervisor):
         self.watch.faults = faults
         if self.estimator is not None:
             self.estimator.reset()
+        self.chamber_gains.reset()
         self.planner.reset()
         self.generator.parameters = None
         self._accepted = None

@@ -31,6 +31,8 @@ SMOOTHING = 0.05
 """Time over which strains are averaged that are left unexplained, so that noise does not count [s]."""
 USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
 """Strain by its command that a chamber is taken to have at first, and below which its misfit is not judged, rms."""
+STILL = 1e-6
+"""Waves between two samples below which a wave stands still."""
 SLOWEST = 1e-3
 """Rate of the phase below which a wave stands still, and slopes over the phase are not known [rad/s]."""
 
@@ -99,6 +101,7 @@ class ChamberGains:
         self._given = np.zeros((count, 2, 1)), np.zeros((count - 1, 1))
         self._lagged = np.zeros((count, 2, len(self._lags))), np.zeros((count - 1, len(self._lags)))
         self._time = self._phase = np.nan
+        self._since = np.zeros(2)
         self._past: deque[tuple[float, tuple[FloatArray, FloatArray, FloatArray]]] = deque()
         self._left, self._left_power = np.zeros((2, count, 2))
         self._own_power = np.full((count, 2), USUAL_STRAIN**2)
@@ -117,7 +120,7 @@ class ChamberGains:
     @property
     def misfit(self) -> FloatArray:
         """Unexplained strain over the part that the chamber's own command makes, shape (N, 2)."""
-        return np.sqrt(self._left_power / np.maximum(self._own_power, LEAST_STRAIN**2))
+        return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, LEAST_STRAIN**2)))
 
     def tell(self, t: float, command: Command) -> None:
         """Take in the command that holds from time t [s] on."""
@@ -145,9 +148,11 @@ class ChamberGains:
         waves = turned / (2.0 * pi)
         self._wander(waves)
         self.miss = np.full_like(self.miss, np.nan)
-        if strain is not None:
-            moment = next((each for at, each in reversed(self._past) if at <= instant + 1e-9), self._past[0][1])
-            self._correct(strain, *moment, waves, passed)
+        self._since += waves, passed
+        if strain is not None and self._past[0][0] <= instant + 1e-9:
+            moment = next(each for at, each in reversed(self._past) if at <= instant + 1e-9)
+            self._correct(strain, *moment, *self._since.tolist())
+            self._since[:] = 0.0
 
     def _wander(self, waves: float) -> None:
         """Let the states wander for so many waves."""
@@ -160,7 +165,8 @@ class ChamberGains:
     ) -> None:
         """Take strains for which the lags, their slopes over the phase and the lags of the hinges are known.
 
-        Since the last call so many waves, and so much time [s], have passed.
+        Since the strains before so many waves, and so much time [s], have passed. A worm whose wave stands still learns
+        nothing: a miss lasts as long as it stands.
         """
         p, q = self._state[..., 0], self._state[..., 1]
         done = (p[..., None] * x + q[..., None] * y).transpose(2, 0, 1)
@@ -169,8 +175,9 @@ class ChamberGains:
         row = np.stack([own_x, own_y, np.ones_like(own_x)], axis=-1)
         self.expected, self.healthy = p * own_x + q * own_y, own_x
         self.miss = strain - others - self.expected - self._state[..., 2]
-        known = np.isfinite(self.miss)
-        lasting = max(self._trust.lasts / waves, 1.0) if waves > 0.0 else 1.0
+        if waves < STILL:
+            return
+        known, lasting = np.isfinite(self.miss), max(self._trust.lasts / waves, 1.0)
         spread = np.einsum("ijkl,ijl->ijk", self._covariance, row)
         variance = self._noise**2 + self._trust.missed**2 * lasting + (row * spread).sum(axis=-1)
         gain = np.where(known, 1.0 / variance, 0.0)[..., None] * spread
@@ -179,6 +186,7 @@ class ChamberGains:
         self._derive()
         left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
         self._left += (1.0 - np.exp(-passed / SMOOTHING)) * (left - self._left)
-        share = 1.0 - np.exp(-waves / self._trust.judged)
+        judged = known & (np.abs(own_x).max() > LEAST_STRAIN)
+        share = np.where(judged, 1.0 - np.exp(-waves / self._trust.judged), 0.0)
         self._left_power += share * (self._left**2 - self._left_power)
         self._own_power += share * (self.expected**2 - self._own_power)

@@ -7,9 +7,10 @@ G of the ground that the estimator finds, its covariance C, and the direction n 
 
     descent = -G . n,   deviation = sqrt(n . C n)                                                             (DE1)
 
-G is found from places that may have been wrong for a while, and a worm at rest learns no more of it. So the stop ends
-after some seconds: what is believed of the ground is forgotten, and the worm tries the way again until it knows better.
-Where it has to stop again before it has got any further, it waits twice as long.
+G is found from places that may have been wrong for a while, mu_forward belongs to the ground of the map, and a worm at
+rest learns no more of both. So the stop ends after some seconds: the slope is forgotten, the worm tries the way again,
+and where it has to stop again before it has got any further, it waits twice as long. A slope on which the worm has
+rested without sliding holds it: only a steeper one stops it again.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ SURE = 2.5
 KNOWN = 0.5
 """Standard deviation of the gradient, as a share of the friction, from which on it is known well enough to stop for: a
 worm that stops learns no more of the ground."""
+HOLDS = 0.01
+"""Way that a worm which slides makes at least while it rests [body lengths]."""
 WAITS, LONGEST_WAIT = 4.0, 64.0
 """Time after the first stop until the way is tried again, and the longest such time [s]."""
 
@@ -49,14 +52,17 @@ class Descent:
         self._near: float | None = None
         self._wait, self._stopped, self._tried = WAITS, -inf, False
         self._place: FloatArray | None = None
+        self._descent = self._held = 0.0
 
     def tries(self, t: float, place: FloatArray) -> bool:
         """Return whether a worm with a fault at a place (2,) [m] is to try its way again at time t [s]."""
         if self._place is None or np.hypot(*(place - self._place)) > AHEAD * self._length:
             self._wait, self._stopped, self._place = WAITS, t, place
         elif self._tried:
-            self._wait, self._stopped = min(2.0 * self._wait, LONGEST_WAIT), t
+            self._wait, self._stopped, self._place = min(2.0 * self._wait, LONGEST_WAIT), t, place
         self._tried = t >= self._stopped + self._wait
+        if self._tried and np.hypot(*(place - self._place)) < HOLDS * self._length:
+            self._held = max(self._held, self._descent / MARGIN)
         return self._tried
 
     def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
@@ -67,11 +73,12 @@ class Descent:
         along = np.array([cos(azimuth), sin(azimuth)])
         descent = -float(estimate.slope @ along)
         deviation = sqrt(max(float(along @ estimate.slope_covariance @ along), 0.0))
-        known = deviation < KNOWN * self.steepest
-        if not (known and descent > MARGIN * self.steepest + SURE * deviation):
+        holds = max(self.steepest, self._held)
+        if not (deviation < KNOWN * holds and descent > MARGIN * holds + SURE * deviation):
             return None
-        down, holds = degrees(atan(descent)), degrees(atan(self.steepest))
-        what = f"the way leads down by {down:.2g} degrees; this worm slides from {holds:.2g} on"
+        self._descent = descent
+        down, slides = degrees(atan(descent)), degrees(atan(holds))
+        what = f"the way leads down by {down:.2g} degrees; this worm slides from {slides:.2g} on"
         return Fault(t, "too steep down", what, "it stops: lead it down more gently, or along the slope")
 
     def _azimuth(self, estimate: Estimate, back: bool) -> float:

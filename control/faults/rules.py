@@ -158,11 +158,12 @@ def _lean(wave: Wave) -> tuple[float, float]:
     Gains are those over the usual ones, so that weak chambers are no lean. Segments with a chamber that does not obey
     are left out: it alone would be a difference of 8 % for six segments.
     """
-    usual = 1.0 if wave.usual_gain is None else wave.usual_gain
+    usual = 1.0 if wave.usual_gain is None else np.maximum(wave.usual_gain, WEAK)
     gain, errors = wave.gain / usual, wave.gain_error / usual
     both = np.isfinite(gain).all(axis=1)
-    if both.any():
-        both &= (gain > DISOBEYS * np.nanmedian(gain)).all(axis=1)
+    for each in (gain, wave.gain):
+        if both.any():
+            both &= (each > DISOBEYS * np.nanmedian(each)).all(axis=1)
     if not both.any():
         return 0.0, inf
     left, right = gain[both].mean(axis=0)

@@ -290,10 +290,11 @@ class WaveGenerator(Spelled):
                 self._dying = np.array([left_over, 1.0, 1.0, left_over]) * self._dying
                 dying_rows.append(self._dying)
         self.parameters = GaitParameters(*now.tolist())
-        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body, self.correction)
+        corrected = () if self.correction is None else (self.correction,)
+        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body, *corrected)
         if self._dying is None:
             return given
-        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body, self.correction)
+        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body, *corrected)
         if np.abs(self._dying[[0, 3]]).max() < GONE:
             self._dying = None
         both = np.clip(given.contraction + other.contraction, *self._body.stroke)

@@ -49,8 +49,9 @@ LASTING = 8.0
 """Time constant with which an offset that lasts is taken off [s]: four times that in which others die away."""
 MOST_LASTING = 0.01
 """Greatest offset that is taken for one that lasts [body lengths]; a worm that is farther off is on its way back."""
-MOST_MISSED, MOST_TRIM = 0.25, 0.4
-"""Greatest share of a speed that is taken for one that is missed lastingly, and the greatest trim of (P5)."""
+MOST_MISSED, MOST_TRIM = 0.25, 0.2
+"""Greatest share of a speed that is taken for one that is missed lastingly, and the greatest trim of (P5), which dies
+away while more is missed."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
@@ -230,8 +231,8 @@ class GaitMPC:
         """Return a preview whose speeds make up for a miss of the speed that lasts, (P5)."""
         asked = float(preview.speed[0])
         miss = 1.0 - estimate.speed / asked if asked != 0.0 else inf
-        if abs(miss) < MOST_MISSED:
-            self._trim = min(max(self._trim + miss * passed / LASTING, -MOST_TRIM), MOST_TRIM)
+        change = miss if abs(miss) < MOST_MISSED else -self._trim
+        self._trim = min(max(self._trim + change * passed / LASTING, -MOST_TRIM), MOST_TRIM)
         return replace(preview, speed=preview.speed * (1.0 + self._trim))
 
     def _beside(self, passed: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:

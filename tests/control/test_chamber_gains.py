@@ -8,6 +8,9 @@ from control.gaits.steering import Correction, GaitParameters, Schedule, WaveGen
 from control.identification.identified import load
 from control.identification.strain_model import StrainModel, inputs, lagged
 from control.inner_loop import InnerLoop
+from control.supervisor import Supervisor
+from control.task import ControlTask
+from control.tracking.references import Constant, Reference
 from scenes.models.control.identify import Subject, strain_model
 from worm3d import Command, Friction, Worm
 
@@ -118,13 +121,48 @@ def test_a_chamber_of_unknown_strain_keeps_its_gain_and_the_others_are_found() -
     np.testing.assert_array_equal(gains.gain, 1.0)
 
 
-def test_a_worm_at_rest_teaches_nothing_of_its_gains() -> None:
+def test_a_worm_whose_wave_stands_still_teaches_nothing_of_its_gains() -> None:
     gains = ChamberGains(MODEL)
     for k in range(300):
-        gains.take(k * DT, 0.0, np.full((6, 2), 0.02), k * DT)
-        gains.tell(k * DT, Command(np.zeros((6, 2))))
+        gains.take(k * DT, 1e-8 * k, np.full((6, 2), 0.02), k * DT)
+        gains.tell(k * DT, Command(np.full((6, 2), 0.2)))
     np.testing.assert_array_equal(gains.gain, 1.0)
     np.testing.assert_allclose(gains.doubt, GainTrust().begin)
+    assert np.isfinite(gains.miss).all()
+
+
+@pytest.mark.parametrize("every", [5, 10])
+def test_samples_that_are_rare_tell_gains_as_soon_as_frequent_ones(every: int) -> None:
+    def found(rarely: int) -> np.ndarray:
+        plant, gains = Plant(MODEL, np.full((6, 2), 0.7), np.zeros((6, 2))), ChamberGains(MODEL)
+        generator, strain = WaveGenerator(Schedule(), Worm()), None
+        for k in range(500):
+            sample = strain if k % rarely == 0 else None
+            gains.take(k * DT, generator.phase, sample, k * DT)
+            command = generator.step(DT, WAVE)
+            strain = plant.strain(command, command.contraction)
+            gains.tell(k * DT, command)
+        np.testing.assert_allclose(gains.gain, 0.7, atol=0.03)
+        return gains.doubt
+
+    np.testing.assert_allclose(found(every), found(1), rtol=0.25)
+
+
+@pytest.mark.parametrize("segments", [1, 2, 9])
+def test_worms_of_other_numbers_of_segments_have_gains_by_the_plain_model_and_no_inner_loop(segments: int) -> None:
+    assert FOUND is not None
+    worm = Worm(segments=segments, length=segments / 6.0)
+    driver = Supervisor.of(ControlTask(worm, Reference(Constant(0.05)), FOUND))
+    assert driver.inner_loop is None
+    gains, generator = ChamberGains(StrainModel.plain(segments)), WaveGenerator(Schedule(), worm)
+    lag = np.zeros((segments, 2))
+    before = lag
+    for k in range(600):
+        gains.take(k * DT, generator.phase, -0.9 * 0.6 * lag, k * DT)
+        command = generator.step(DT, GaitParameters(0.3, 0.8))
+        lag, before = lagged(lag, before, command.contraction, 0.1, DT), command.contraction
+        gains.tell(k * DT, command)
+    np.testing.assert_allclose(gains.gain, 0.6, atol=0.03)
 
 
 def test_the_shipped_model_is_that_of_the_default_worm_and_is_made_again() -> None:
@@ -155,7 +193,7 @@ def test_a_filter_of_one_lag_is_found_exactly() -> None:
 def test_a_correction_of_a_wave_that_goes_backwards_is_that_of_the_same_chambers() -> None:
     random, worm = np.random.default_rng(3), Worm()
     gain, ahead = random.uniform(0.8, 1.2, (6, 2)), random.uniform(-0.3, 0.3, (6, 2))
-    phase, rows = np.array([1.0, 2.0]), np.array([[0.2, 0.8, 0.0, 0.05], [-0.2, 0.8, 0.0, 0.05]])
+    phase, rows = np.array([1.0, 2.0]), np.array([[0.2, 0.8, 0.3, 0.05], [-0.2, 0.8, 0.3, 0.05]])
     forward = Schedule().commands_at(phase, rows * [1.0, 1.0, 1.0, 1.0], worm, Correction(gain, ahead)).contraction
     for k in range(2):
         for segment in range(6):

@@ -82,3 +82,46 @@ def test_a_worm_on_the_plant_says_that_it_slides_and_stops() -> None:
     assert f"slides from {np.rad2deg(atan(HOLDS)):.2g} on" in fault.what
     assert tan(radians(3.0)) > HOLDS
     assert supervisor.decisions[-1].source == "stop"
+
+
+def test_a_stop_ends_and_lasts_twice_as_long_where_the_worm_gets_no_further() -> None:
+    descent = Descent(WORM, Reference(Constant(0.08), path=Line()), HOLDS)
+    descent.fault(0.0, estimate((-2.0 * HOLDS, 0.0)))
+    slid, tries = 0.0, []
+    for t in np.arange(0.0, 40.0, 0.2):
+        slid += 0.004  # the worm slides: it is no proof that the slope holds
+        if descent.tries(t, np.array([min(slid, 0.2), 0.0])):
+            tries.append(t)
+    np.testing.assert_allclose(np.diff([0.0, *tries]), [4.0, 8.2, 16.2], atol=0.21)
+    assert not descent.tries(50.0, np.array([1.0, 0.0]))  # farther on it is a first stop again
+    assert descent.tries(54.0, np.array([1.0, 0.0]))
+
+
+def test_a_slope_on_which_the_worm_rested_without_sliding_stops_it_no_more() -> None:
+    descent = Descent(WORM, Reference(Constant(0.08), path=Line()), HOLDS)
+    steep, place = estimate((-2.0 * HOLDS, 0.0)), np.zeros(2)
+    assert descent.fault(0.0, steep) is not None
+    assert not descent.tries(0.0, place)
+    assert descent.tries(4.0, place)
+    assert descent.fault(5.0, steep) is None
+    assert descent.fault(5.0, estimate((-2.2 * HOLDS, 0.0))) is not None
+    descent.reset()
+    assert descent.fault(0.0, steep) is not None
+
+
+def test_a_short_error_of_the_height_of_the_centre_of_mass_does_not_stop_a_worm_for_good() -> None:
+    found = load(WORM)
+    assert found is not None
+    supervisor = Supervisor.of(ControlTask(WORM, Reference(Constant(0.08), path=Line(start=(0.5, 0.0))), found))
+    sensors = Sensors(seed=5)
+
+    def wrong(seen):
+        measured = sensors(seen)
+        if measured.com is None or not 4.0 < seen.time < 6.0:
+            return measured
+        return measured.changed(com=(measured.com + np.array([0.0, 0.0, 0.08]), measured.com_time))
+
+    wrong.reset = sensors.reset
+    run = simulate(WORM, Plane(), actuation=supervisor, sensor=wrong, duration=24.0)
+    assert "too steep down" in {fault.kind for fault in supervisor.faults}
+    assert (run.com[-1, 0] - run.com[-400, 0]) / 4.0 > 0.07

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,7 @@ from control.planning.terms import (
     default_terms,
 )
 from control.tracking.paths import Circle, Line, SCurve, offset, track
+from control.tracking.preview import look_ahead
 from control.tracking.references import Constant, Disc, Reference, Steps
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
@@ -511,3 +513,16 @@ def test_a_slow_wave_on_a_sharp_circle_is_not_faster_than_it_is_asked_to_be() ->
     assert_allclose(run.speed[-20:].mean(), 0.02, rtol=0.01)
     quick = closed_loop(Reference(Steps(0.05, (8.0,), (0.1,))), REST, 12.0)
     assert quick.speed.max() < 0.1 * 1.02  # a step is not taken for a miss that lasts
+
+
+def test_the_integral_of_the_speed_dies_away_where_a_speed_is_out_of_reach() -> None:
+    planner, ahead = mpc(), look_ahead(Reference(Constant(0.1)), 0.0, 0.4, 16, np.zeros(2), 0.0, None)
+    for _ in range(200):  # held up at 85 % of the speed that is asked for
+        held_up = planner._paced(0.2, SimpleNamespace(speed=0.085), ahead)
+    assert held_up.speed[0] == pytest.approx(0.1 * 1.2)
+    slow = replace(ahead, speed=np.full_like(ahead.speed, 0.05))
+    made = 0.06
+    for _ in range(400):  # then it is free, and does what it is asked for
+        asked = planner._paced(0.2, SimpleNamespace(speed=made), slow)
+        made = asked.speed[0]
+    assert asked.speed[0] == pytest.approx(0.05, rel=0.01)

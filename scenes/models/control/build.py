@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from control.faults.injected import Injected
 from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
+from control.identification.strain_model import StrainModel
 from control.loop import Driver, WaveController
 from control.parts import CONSTRAINT, FAULT, TERM
 from control.planning.suited import suited
@@ -52,8 +54,11 @@ def controller_of(scene: ControlScene) -> Driver:
         if not own:
             raise
         raise SceneError(f"controller: {', '.join(own)}: {named.told(error)}") from error
-    if isinstance(driver, WaveController) and scene.world.kind in PIPES:
-        driver.descent.steepest = np.inf  # walls hold the worm
+    if isinstance(driver, WaveController):
+        if not asked.inner_loop:
+            driver.inner_loop = None
+        if scene.world.kind in PIPES:
+            driver.descent.steepest = np.inf  # walls hold the worm
     return driver
 
 
@@ -89,13 +94,21 @@ def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
     """
     wave, asked = wave or wave_of(scene), scene.controller
     found = loaded(scene, wave) or nearby(worm_of(scene), friction_of(scene), asked.mechanism, WAVES[wave])
-    if not asked.inner_loop:
-        return replace(found, strain=None)
-    if found.strain is not None and found.strain.segments == scene.worm.segments:
+    segments = scene.worm.segments
+    if found.strain is not None and found.strain.segments == segments:
         return found
-    known = (worm3d.Worm(segments=scene.worm.segments), worm3d.Friction())
-    subject = Subject(*(known if asked.map == "default" else (worm_of(scene), friction_of(scene))), WAVES[wave])
+    if asked.map == "default":
+        return replace(found, strain=_usual_strains(segments, wave))
+    subject = Subject(worm_of(scene), friction_of(scene), WAVES[wave])
     return replace(found, strain=strain_model(subject, found.maps[asked.mechanism]))
+
+
+@cache
+def _usual_strains(segments: int, wave: Wave) -> StrainModel | None:
+    """Return the strains of the default worm with another number of segments; None where it cannot stand."""
+    found = kept.load(worm3d.Worm(), schedule=WAVES[wave])
+    assert found is not None  # it is shipped
+    return strain_model(Subject(worm3d.Worm(segments=segments), worm3d.Friction(), WAVES[wave]), found.maps["both"])
 
 
 def waves_of(scene: ControlScene) -> tuple[Wave, ...]:

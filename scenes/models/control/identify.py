@@ -305,11 +305,12 @@ def step_response(
     return (step[:, 0] * np.cos(along) + step[:, 1] * np.sin(along)) / spans, np.diff(h) / spans
 
 
-def strain_model(subject: Subject, found: SteeringMap) -> StrainModel:
+def strain_model(subject: Subject, found: SteeringMap) -> StrainModel | None:
     """Return the strains of a healthy worm, fitted to a run in which its wave changes all over the ranges of a map.
 
     In the second half of the run each chamber is told more or less of the wave, earlier or later, so that the effect of
-    its own command is told from the effect of its twin's. The fit ends where the worm tips.
+    its own command is told from the effect of its twin's. The fit ends where the worm tips. There is none of a worm that
+    tips early or cannot stand.
     """
     (worm, ground, schedule), ranges = subject, found.ranges
     random, count, generator = np.random.default_rng(0), round(EXCITED / CHANGES), WaveGenerator(schedule, worm)
@@ -323,9 +324,14 @@ def strain_model(subject: Subject, found: SteeringMap) -> StrainModel:
         now = min(int(k * DT / CHANGES), count - 1)
         generator.correction = unequal[now] if 2 * now >= count else None
         told.append(generator.step(DT, waves[now]))
-    run = _simulated(worm, ground, lambda t: told[min(round(t / DT), len(told) - 1)], len(told))
+    try:
+        run = _simulated(worm, ground, lambda t: told[min(round(t / DT), len(told) - 1)], len(told))
+    except ValueError:
+        return None
     stands = np.append(_roll(run) <= TIPPED, False)
     rows = slice(0, min(int(np.argmin(stands)), len(told)))
+    if rows.stop < ENOUGH * len(told):
+        return None
     contraction, hinge = (np.array([getattr(each, name) for each in told[rows]]) for name in ("contraction", "hinge"))
     return StrainModel.fit(run.time[rows], contraction, hinge, run.chamber_strain[rows])
 
