@@ -309,8 +309,8 @@ def strain_model(subject: Subject, found: SteeringMap) -> StrainModel | None:
     """Return the strains of a healthy worm, fitted to a run in which its wave changes all over the ranges of a map.
 
     In the second half of the run each chamber is told more or less of the wave, earlier or later, so that the effect of
-    its own command is told from the effect of its twin's. The fit ends where the worm tips. There is none of a worm that
-    tips early or cannot stand.
+    its own command is told from the effect of its twin's. The fit ends where the worm tips. A worm that tips early,
+    or cannot stand, has none.
     """
     (worm, ground, schedule), ranges = subject, found.ranges
     random, count, generator = np.random.default_rng(0), round(EXCITED / CHANGES), WaveGenerator(schedule, worm)
