@@ -278,7 +278,9 @@ class Estimator:
             beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
             height = sample.com[2] - sample.standing
             if not best.refused and np.isfinite(height):
-                ground = ground.sampled(merged(beliefs).mean[:2], height, self._trust_ground)
+                trust = self._trust_ground
+                noisy = replace(trust, height=sample.deviation) if sample.deviation > trust.height else trust
+                ground = ground.sampled(merged(beliefs).mean[:2], height, noisy)
             if new and np.isfinite(nis):
                 self.noise.learn(best.innovation, best.spread)
         if sample.heading is not None:
