@@ -269,15 +269,15 @@ class WaveController(Driver):
             self.watch.report(found)
             if found:
                 self._steer_as_held()
-            if self.inner_loop is not None:
-                self.generator.correction = self.inner_loop.correction(self.chamber_gains)
         self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
+            if self.inner_loop is not None:
+                self.generator.correction = self.inner_loop.correction(self.chamber_gains)
             self._decide(t, self._estimate(t), began)
             began = perf_counter()
         command = self.chambers.amended(t, self.generator.step(elapsed, self._target))
         self.chamber_gains.tell(t, command)
-        self.watch.tell(self.generator.phase, command, self._target, self.chamber_gains.gain)
+        self.watch.tell(self.generator.phase, command, self._target, lambda: self.chamber_gains.gain)
         self._spent += perf_counter() - began
         return command
 

@@ -97,20 +97,25 @@ class ChamberGains:
         self._state[..., 0], self._state[..., 2] = 1.0, self._model.mean[:, None]
         self._most = np.array([trust.begin, trust.begin, trust.begin_mean]) ** 2
         self._covariance = np.zeros((count, 2, 3, 3)) + np.diag(self._most)
-        self._told: tuple[FloatArray, FloatArray] | None = None
-        self._given = np.zeros((count, 2, 1)), np.zeros((count - 1, 1))
-        self._lagged = np.zeros((count, 2, len(self._lags))), np.zeros((count - 1, len(self._lags)))
+        self._told: FloatArray | None = None
+        self._given = np.zeros((3 * count - 1, 1))
+        self._lagged = np.zeros((3 * count - 1, len(self._lags)))
         self._time = self._phase = np.nan
         self._since = np.zeros(2)
-        self._past: deque[tuple[float, tuple[FloatArray, FloatArray, FloatArray]]] = deque()
+        self._past: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._left, self._left_power = np.zeros((2, count, 2))
         self._own_power = np.full((count, 2), USUAL_STRAIN**2)
         self.miss, self.expected, self.healthy = np.full((count, 2), np.nan), *np.zeros((2, count, 2))
-        self._derive()
 
-    def _derive(self) -> None:
-        p, q = self._state[..., 0], self._state[..., 1]
-        self.gain, self.phase = np.hypot(p, q), np.arctan2(q, p)
+    @property
+    def gain(self) -> FloatArray:
+        """Gain of each chamber, shape (N, 2)."""
+        return np.hypot(self._state[..., 0], self._state[..., 1])
+
+    @property
+    def phase(self) -> FloatArray:
+        """Phase by which each chamber is ahead of a healthy one [rad], shape (N, 2)."""
+        return np.arctan2(self._state[..., 1], self._state[..., 0])
 
     @property
     def doubt(self) -> FloatArray:
@@ -126,7 +131,7 @@ class ChamberGains:
         """Take in the command that holds from time t [s] on."""
         if self._told is None:
             self._time = t
-        self._told = command.contraction[..., None], command.hinge[..., None]
+        self._told = np.concatenate([command.contraction.ravel(), command.hinge])[:, None]
 
     def take(self, t: float, phase: float, strain: FloatArray | None, instant: float) -> None:
         """Take the strains of an instant [s] that arrived by time t [s], shape (N, 2), NaN where unknown.
@@ -137,12 +142,11 @@ class ChamberGains:
             return
         passed, turned = t - self._time, abs(phase - self._phase) if np.isfinite(self._phase) else 0.0
         self._time, self._phase = t, phase
-        before, self._given = self._given, self._told
-        parts = zip(self._lagged, before, self._given, strict=True)
-        x, hinges = self._lagged = tuple(lagged(*each, self._lags, passed) for each in parts)  # type: ignore[assignment]
+        x = self._lagged = lagged(self._lagged, self._given, self._told, self._lags, passed)
+        self._given = self._told
         rate = turned / passed
-        y = (self._given[0] - x) / (self._lags * rate) if rate > SLOWEST else np.zeros_like(x)
-        self._past.append((t, (x, y, hinges)))
+        y = (self._given - x) / (self._lags * rate) if rate > SLOWEST else np.zeros_like(x)
+        self._past.append((t, x, y))
         while self._past[0][0] < t - self._span:
             self._past.popleft()
         waves = turned / (2.0 * pi)
@@ -150,8 +154,8 @@ class ChamberGains:
         self.miss = np.full_like(self.miss, np.nan)
         self._since += waves, passed
         if strain is not None and self._past[0][0] <= instant + 1e-9:
-            moment = next(each for at, each in reversed(self._past) if at <= instant + 1e-9)
-            self._correct(strain, *moment, *self._since.tolist())
+            x, y = next(rows for at, *rows in reversed(self._past) if at <= instant + 1e-9)
+            self._correct(strain, x, y, *self._since.tolist())
             self._since[:] = 0.0
 
     def _wander(self, waves: float) -> None:
@@ -160,18 +164,17 @@ class ChamberGains:
         diagonal = np.einsum("ijkk->ijk", self._covariance)  # a view
         np.minimum(diagonal + wander, np.maximum(diagonal, self._most), out=diagonal)
 
-    def _correct(
-        self, strain: FloatArray, x: FloatArray, y: FloatArray, hinges: FloatArray, waves: float, passed: float
-    ) -> None:
-        """Take strains for which the lags, their slopes over the phase and the lags of the hinges are known.
+    def _correct(self, strain: FloatArray, x: FloatArray, y: FloatArray, waves: float, passed: float) -> None:
+        """Take strains, given the lags of all commands and their slopes over the phase, shape (3 N - 1, M).
 
         Since the strains before so many waves, and so much time [s], have passed. A worm whose wave stands still learns
         nothing: a miss lasts as long as it stands.
         """
         p, q = self._state[..., 0], self._state[..., 1]
-        done = (p[..., None] * x + q[..., None] * y).transpose(2, 0, 1)
-        others = (self._others * inputs(done, hinges.T)).sum(axis=(0, -1))
-        own_x, own_y = ((self._own * each.transpose(2, 0, 1)).sum(axis=0) for each in (x, y))
+        x, y, chambers = x.T, y.T, p.size
+        own, slope = (each[:, :chambers].reshape(-1, *p.shape) for each in (x, y))
+        others = (self._others * inputs(p * own + q * slope, x[:, chambers:])).sum(axis=(0, -1))
+        own_x, own_y = (self._own * own).sum(axis=0), (self._own * slope).sum(axis=0)
         row = np.stack([own_x, own_y, np.ones_like(own_x)], axis=-1)
         self.expected, self.healthy = p * own_x + q * own_y, own_x
         self.miss = strain - others - self.expected - self._state[..., 2]
@@ -183,7 +186,6 @@ class ChamberGains:
         gain = np.where(known, 1.0 / variance, 0.0)[..., None] * spread
         self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
         self._covariance -= gain[..., None] * spread[..., None, :]
-        self._derive()
         left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
         self._left += (1.0 - np.exp(-passed / SMOOTHING)) * (left - self._left)
         judged = known & (np.abs(own_x).max() > LEAST_STRAIN)

@@ -70,7 +70,7 @@ class Watch:
         self._strains: list[tuple[float, FloatArray, FloatArray]] = []
         self._places: list[tuple[float, float, float]] = []
         self._told: tuple[float, FloatArray] | None = None
-        self._known_gain: FloatArray | None = None
+        self._known_gain: Callable[[], FloatArray] | None = None
         self._usual_gain: FloatArray | None = None
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
@@ -92,15 +92,20 @@ class Watch:
             self._end_wave(self._wave(self._begin[0], t, known(t)))
             self._begin, self._numb = (t, phase), True
             if self._known_gain is not None:
-                usual = self._known_gain if self._usual_gain is None else self._usual_gain
-                self._usual_gain = usual + USUAL * (self._known_gain - usual)
+                known_gain = self._known_gain()
+                usual = known_gain if self._usual_gain is None else self._usual_gain
+                self._usual_gain = usual + USUAL * (known_gain - usual)
 
     def tell(
-        self, phase: float, command: Command, parameters: GaitParameters | None, gain: FloatArray | None = None
+        self,
+        phase: float,
+        command: Command,
+        parameters: GaitParameters | None,
+        gain: Callable[[], FloatArray] | None = None,
     ) -> None:
         """Take in what is commanded from now on; without parameters it is no wave that the map knows.
 
-        The gain of each chamber, shape (N, 2), is what it was found to be so far.
+        `gain` returns the gain of each chamber as it is found so far, shape (N, 2).
         """
         self._told, self._parameters, self._known_gain = (phase, command.contraction), parameters, gain
 
