@@ -90,7 +90,7 @@ class Chambers:
         if strain is None:
             return []
         share = 1.0 - np.exp(-passed / SMOOTHING)
-        known = np.isfinite(strain)
+        known = np.isfinite(gains.miss)  # neither an unknown strain nor one from before the first command
         miss = np.where(known, gains.miss, 0.0)
         self._miss += share * (miss - self._miss)
         self._short += share * (miss + gains.expected - gains.healthy - self._short)

@@ -23,18 +23,22 @@ def wave(t: float) -> np.ndarray:
     return np.tile(0.3 * np.maximum(0.0, np.sin(2.0 * np.pi * (x / 0.7 + 0.8 * t)))[:, None], 2)
 
 
-def crawled(spoil, seconds: float = 4.0, noise: float = 0.01, bend=0.0, gain: float = GAIN) -> tuple[Chambers, list]:
+def crawled(
+    spoil, seconds: float = 4.0, noise: float = 0.01, bend=0.0, gain: float = GAIN, delay: int = 0
+) -> tuple[Chambers, list]:
     """Return the chambers of a worm of first-order answers after a while, and the faults that were found.
 
     `spoil` changes what is told at a time; `bend` is added to the contraction of the left, taken from the right.
     """
     chambers, gains, random = Chambers(WORM), ChamberGains(StrainModel.plain(WORM.segments)), np.random.default_rng(1)
-    answer, found = np.zeros((WORM.segments, 2)), []
+    answer, found, waiting = np.zeros((WORM.segments, 2)), [], []
     for t in np.arange(0.0, seconds, DT):
         seen = answer + np.multiply.outer(np.broadcast_to(bend, WORM.segments), [0.5, -0.5])
         strain = -seen + noise * random.standard_normal(seen.shape)
-        gains.take(t, 2.0 * np.pi * 0.8 * t, strain, t)
-        found += chambers.take(t, strain, gains)
+        waiting.append((t, strain))
+        instant, arrived = waiting.pop(0) if len(waiting) > delay else (np.nan, None)
+        gains.take(t, 2.0 * np.pi * 0.8 * t, arrived, instant)
+        found += chambers.take(t, arrived, gains)
         command = chambers.amended(t, Command(wave(t), NO_HINGE))
         gains.tell(t, command)
         told = command.contraction
@@ -61,6 +65,16 @@ def test_the_chamber_that_does_not_obey_is_found_within_a_wave_and_its_segment_h
         np.testing.assert_array_equal(each[others], wave(t)[others])
     answered = (value + share * later[0][segment, side]) * GAIN
     assert later[0][segment, 1 - side] == pytest.approx(answered, abs=0.015)
+
+
+def test_a_chamber_that_does_not_obey_is_found_by_strains_that_come_late() -> None:
+    def spoil(t: float, told: np.ndarray) -> np.ndarray:
+        told[2, 1] *= t < 1.0
+        return told
+
+    _, found = crawled(spoil, delay=10)
+    assert [fault.kind for fault in found] == ["chamber 2 right"]
+    assert 1.0 < found[0].time < 1.0 + 1.25 + 0.1
 
 
 @pytest.mark.parametrize(
