@@ -210,6 +210,20 @@ def test_the_supervisor_goes_back_to_the_begin_of_a_path(speed, x, known, status
         assert (chosen.source, chosen.status) == ("stop", status)
 
 
+@pytest.mark.parametrize(("x", "rests"), [(0.999, True), (0.5, False)])
+def test_a_worm_that_rests_at_its_end_stays_there_though_its_place_is_forgotten(x, rests):
+    class Forgetful(Known):
+        def estimate(self, t):
+            return replace(super().estimate(t), covariance=(0.0 if t < 1.0 else 100.0) * np.eye(STATES))
+
+    reference = Reference(Constant(0.05), path=Line(length=1.0), ends=True)
+    task = ControlTask(WORM, reference, KNOWN, "both")
+    driver = Supervisor(task, MODEL, Forgetful(x), GaitMPC(WORM, KNOWN, MODEL))
+    for t in (0.0, 0.5, 1.0, 1.5):
+        driver.step(t, Measurement(t))
+    assert [each.status == ARRIVED for each in driver.decisions] == [rests] * 4
+
+
 def test_the_watch_counts_the_way_backwards():
     able = FeedForward(KNOWN.maps["both"], WORM.length, backward=True)
     watch = Watch(WORM, Reference(Constant(-0.08), path=Line()), able)

@@ -122,6 +122,27 @@ def test_loads_on_single_chambers_count_the_more_the_smaller_the_wave() -> None:
     assert [fault.kind for fault in faults([small, small])] == ["chamber 2 right"]
 
 
+def test_a_worm_leans_where_its_gains_differ_from_the_usual_ones_and_not_where_chambers_are_weak() -> None:
+    usual = np.tile([[0.7, 1.0]], (6, 1))
+    weak = Wave(
+        1.0, 0.85 * usual, 0.0 * usual, 0.0, None, np.nan, np.nan, None, False, 0.1, 0.0, 0.05, 0.1, 0.0, np.inf, None
+    )
+    weak = replace(weak, place=np.zeros(2), place_time=1.0)
+    known = replace(weak, usual_gain=usual)
+    assert [fault.kind for fault in faults([weak] * 3)] == ["tipped"]
+    assert list(faults([known] * 3)) == []
+    for side, name in enumerate(("left", "right")):
+        carries = known.gain.copy()
+        carries[:, side] *= 1.2
+        (told,) = faults([known, *[replace(known, gain=carries)] * 2])
+        assert told.kind == "tipped"
+        assert f"on its {name} side" in told.what
+    assert list(faults([known, replace(known, gain=carries)])) == []  # the first wave tells no lean
+    dead, gain = np.ones((6, 2)), np.full((6, 2), 0.85)
+    gain[2], dead[2] = 0.2, (0.05, 0.1)  # neither chamber does anything, and which one less is chance
+    assert "tipped" not in {fault.kind for fault in faults([replace(known, gain=gain, usual_gain=dead)] * 3)}
+
+
 def test_small_waves_under_load_are_no_fault_of_the_chambers() -> None:
     heavy, slow = replace(WORM, mass=0.4), Reference(Constant(0.02), path=LINE)
     _, _, found = run(slow, 6.0, worm=heavy)
