@@ -231,7 +231,7 @@ def test_the_watch_counts_the_way_backwards():
     wave = watch._wave(0.0, 1.0, None)
     assert (wave.back, wave.least_asked, wave.at_limit) == (True, 0.08, False)
     place = [replace(wave, end=float(k), place=np.array([-0.08 * k, 0.0]), place_time=float(k), place_error=0.0,
-                     ahead=0.0, gain=np.ones((6, 2)), gain_error=np.zeros((6, 2)), bend=0.0)
+                     ahead=0.0, gain=np.ones((6, 2)), gain_error=np.zeros((6, 2)), bend=0.0, numb=False)
              for k in range(5)]  # fmt: skip
     assert list(faults(place)) == []
     wrong = [replace(each, place=-each.place) for each in place]

@@ -137,7 +137,7 @@ def test_only_the_default_worm_is_shipped() -> None:
     assert {path.name for path in SHIPPED.glob("*.json")} == set(names.values())
     for wave, schedule in WAVES.items():
         content = json.loads((SHIPPED / names[wave]).read_text("utf-8"))
-        assert Identified.from_dict(content) == load(Worm(), schedule=schedule)
+        assert Identified.from_dict(content).on(Worm(), Friction()) == load(Worm(), schedule=schedule)
         assert Identified.from_dict(content).schedule == schedule
 
 
