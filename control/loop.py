@@ -22,6 +22,7 @@ from control.estimation.reduced import ReducedModel
 from control.faults.chambers import Chambers
 from control.faults.descent import Descent
 from control.faults.rules import Fault
+from control.faults.sides import Sides
 from control.faults.watch import Watch
 from control.gaits.held import WAVE, HeldSteering, held_schedule
 from control.gaits.steering import GaitParameters, WaveGenerator
@@ -232,7 +233,7 @@ class WaveController(Driver):
         strains = healthy if healthy is not None and known else StrainModel.plain(segments)
         self.chamber_gains = ChamberGains(strains, noise, getattr(estimator, "span", SPAN))
         self.inner_loop = InnerLoop() if known and estimator is not None else None
-        self.chambers = Chambers(task.worm)
+        self.chambers, self.sides = Chambers(task.worm), Sides(segments)
         self.descent = Descent(task.worm, task.reference, task.map.grip)
         self.reset()
 
@@ -248,6 +249,7 @@ class WaveController(Driver):
         self.generator.reset()
         self.chamber_gains.reset()
         self.chambers.reset()
+        self.sides.reset()
         self.descent.reset()
         self._kept_count = 0
         self._target = GaitParameters(0.0, self._frequency)
@@ -267,12 +269,15 @@ class WaveController(Driver):
             self.chamber_gains.take(t, self.generator.phase, seen.strain, seen.strain_time)
             found = self.chambers.take(t, seen.strain, self.chamber_gains)
             self.watch.report(found)
+            if not self.chambers.held:
+                self.watch.report(self.sides.take(t, self.generator.phase, seen.strain, self.chamber_gains))
             if found:
                 self._steer_as_held()
         self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
             if self.inner_loop is not None:
-                self.generator.correction = self.inner_loop.correction(self.chamber_gains)
+                told = None if self.sides.swapped else self.inner_loop.correction(self.chamber_gains)
+                self.generator.correction = told
             self._decide(t, self._estimate(t), began)
             began = perf_counter()
         command = self.chambers.amended(t, self.generator.step(elapsed, self._target))

@@ -117,6 +117,10 @@ class Estimate:
     """Covariance of the slope, shape (2, 2)."""
     refused: int = 0
     """Number of samples so far that were refused as impossible."""
+    pushed: int = 0
+    """Number of samples so far that showed that something other than the wave moves the worm."""
+    jumped: int = 0
+    """Number of samples of the heading so far that were believed although they were impossible."""
 
     @property
     def position(self) -> FloatArray:

@@ -108,6 +108,8 @@ class _Fused:
     nis: float | None
     placed: float | None = None
     refused: int = 0
+    pushed: int = 0
+    jumped: int = 0
 
 
 class Estimator:
@@ -269,13 +271,14 @@ class Estimator:
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
         """Return a sample and the beliefs after it; the noise is learnt from new samples."""
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
-        placed = last.placed
+        placed, pushed, jumped = last.placed, last.pushed, last.jumped
         if sample.com is not None and sample.wave is not None:
             given, placed = (sample.com[:2], sample.wave), sample.time
             noise = sample.deviation, inf if last.placed is None else placed - last.placed, sample.frequency
             corrected = self._with_com(beliefs, given, noise, gated=last.placed is not None)
             best = max(corrected, key=lambda each: each.belief.log_weight)
-            beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
+            beliefs, nis = [each.belief for each in corrected], best.nis
+            refused, pushed = refused + best.refused, pushed + best.pushed
             height = sample.com[2] - sample.standing
             if not best.refused and np.isfinite(height):
                 trust = self._trust_ground
@@ -284,11 +287,11 @@ class Estimator:
             if new and np.isfinite(nis):
                 self.noise.learn(best.innovation, best.spread)
         if sample.heading is not None:
-            beliefs, unlikely = self._with_heading(beliefs, sample.heading)
-            refused += unlikely
+            beliefs, unlikely, jump = self._with_heading(beliefs, sample.heading)
+            refused, jumped = refused + unlikely, jumped + jump
         if sample.rate is not None:
             beliefs = [self._filter.with_rate(belief, sample.rate) for belief in beliefs]
-        return _Fused(sample, pruned(beliefs), ground, nis, placed, refused)
+        return _Fused(sample, pruned(beliefs), ground, nis, placed, refused, pushed, jumped)
 
     def _with_com(
         self,
@@ -308,11 +311,12 @@ class Estimator:
                 return corrected
         return [self._filter.with_com(each, *given, True, *noise) for each in beliefs]
 
-    def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool]:
-        """Return the beliefs after a sample of the heading [rad], and whether all refused it."""
+    def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool, bool]:
+        """Return the beliefs after a sample of the heading [rad], and whether all refused it, or jumped to it."""
         alone = len(beliefs) == 1
         found = [self._filter.with_heading(belief, heading, gated=alone) for belief in beliefs]
-        return [belief for belief, _ in found], all(refused for _, refused in found)
+        after, refused, jumped = zip(*found, strict=True)
+        return list(after), all(refused), all(jumped)
 
     def _predicted(self, last: _Fused, t: float) -> list[Belief]:
         beliefs = last.beliefs
@@ -366,6 +370,8 @@ class Estimator:
             slope=last.ground.slope.copy(),
             slope_covariance=last.ground.covariance[1:, 1:].copy(),
             refused=last.refused,
+            pushed=last.pushed,
+            jumped=last.jumped,
         )
 
 

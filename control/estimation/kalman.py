@@ -152,6 +152,8 @@ class Corrected(NamedTuple):
     """Variance of the expected value, the mean of both coordinates [m^2]."""
     refused: bool = False
     """Whether the sample was refused as impossible."""
+    pushed: bool = False
+    """Whether the samples show that something other than the wave moves the worm."""
 
 
 class Kalman:
@@ -194,7 +196,8 @@ class Kalman:
         found = float(nis[0]), e, float(spread[0])
         trend = belief.trend + (e - belief.trend) * min(1.0, since / APART) / TREND
         rocked = (RIPPLE * self._length) ** 2 / (1.0 + (4.0 * np.pi * frequency * TREND * APART) ** 2)
-        if gated and hypot(*trend) > sqrt(UNEXPLAINED * ((found[2] + sigma**2) / (2 * TREND - 1) + rocked)):
+        pushed = gated and hypot(*trend) > sqrt(UNEXPLAINED * ((found[2] + sigma**2) / (2 * TREND - 1) + rocked))
+        if pushed:
             trend = np.zeros(2)
             wide = widened(belief.covariance, PUSHED, self._length)
             wide[GAIN, :GAIN] = wide[:GAIN, GAIN] = 0.0  # the gain has no part in it
@@ -207,30 +210,33 @@ class Kalman:
             wide = widened(belief.covariance, MOVED, self._length)
             wide[[0, 1], [0, 1]] += float(np.hypot(*(com - belief.mean[:2]))) ** 2  # to about the place of the sample
             mean, covariance, *_ = self._com(belief.mean, wide, com, wave, sigma)
+            pushed = True
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         mean[GAIN] = min(max(mean[GAIN], GAINS[0]), GAINS[1])
         mean[SLIP] = min(max(mean[SLIP], SLIPS[0]), SLIPS[1])
         after = replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, refused=0, trend=trend)
-        return Corrected(after, *found)
+        return Corrected(after, *found, pushed=pushed)
 
-    def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool]:
-        """Return the belief after a sample of the heading [rad], (KF4), modulo a turn, and whether that was refused.
+    def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool, bool]:
+        """Return the belief after a sample of the heading [rad], (KF4), modulo a turn.
 
-        Only a gated sample may be refused as impossible.
+        Returned are also whether the sample was refused, and whether it is believed although it is impossible, since
+        those before were, too. Only a gated sample may be refused as impossible.
         """
         off = wrapped(np.array([heading - belief.mean[HEADING]]))
         before = belief.mean, belief.covariance, belief.mean[HEADING] + off
         mean, covariance, nis, log_det = self._heading(*before)
         if not _usable(nis, mean, covariance):
-            return belief, True
-        if gated and nis[0] > IMPOSSIBLE_HEADING:
+            return belief, True, False
+        jumped = gated and bool(nis[0] > IMPOSSIBLE_HEADING)
+        if jumped:
             if belief.turned < PATIENCE:
-                return replace(belief, turned=belief.turned + 1), True
+                return replace(belief, turned=belief.turned + 1), True, False
             widened = belief.covariance.copy()
             widened[HEADING, HEADING] += float(off[0]) ** 2
             mean, covariance, *_ = self._heading(belief.mean, widened, belief.mean[HEADING] + off)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
-        return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False
+        return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False, jumped
 
     def with_rate(self, belief: Belief, rate: float) -> Belief:
         """Return the belief after a mean turn rate of a wave [rad/s] at its middle instant, (KF4)."""

@@ -126,30 +126,41 @@ class UnequalChambers(Injected, name="unequal"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultySensor(Injected, name="sensor"):
-    """A sensor gives no samples, the last one again and again, or one that is off."""
+    """A sensor gives no samples, the last one again, or samples that are off, drift, or have their sides swapped."""
 
     channel: str = parameter(
         "com", meaning=f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own by its name in its module"
     )
-    mode: Literal["lost", "frozen", "off"] = parameter(
-        "lost", meaning="lost: no samples; frozen: the last one as if it were new; off: with an error added"
+    mode: Literal["lost", "frozen", "off", "drifting", "swapped"] = parameter(
+        "lost",
+        meaning="lost: no samples; frozen: the last one as if it were new; off: with an error added; drifting: with an "
+        "error that grows; swapped: with left and right exchanged",
     )
-    error: float = parameter(0.0, meaning="error that is added, in the unit of the channel (SI)")
+    error: float = parameter(
+        0.0, meaning="error that is added, in the unit of the channel (SI); of a drifting one, in a second"
+    )
+    component: int = parameter(ALL, ge=ALL, meaning="of which component only, as 1 for the y of com; -1: of all")
     segment: int = parameter(ALL, ge=ALL, meaning="of which segment only; -1: of all")
     side: Literal["both", "left", "right"] = parameter("both", meaning="of which side of that segment")
 
     def require(self, worm: Worm) -> None:
-        """Raise ValueError if there is no such channel, a worm has no such segment, or the channel has no segments."""
+        """Raise ValueError if there is no such channel, or it has no such component, segments or sides."""
         if self.channel not in QUANTITIES:
             meant = did_you_mean(self.channel, [(name, name) for name in QUANTITIES])
             known = f"did you mean {meant!r}?" if meant else HOW_TO_ADD
             raise ValueError(f"channel: got {self.channel!r}, must be one of {', '.join(QUANTITIES)}; {known}")
+        shape = QUANTITIES[self.channel].shape(worm)
         if self.segment != ALL:
             _require_segment(self.segment, worm)
-            if len(QUANTITIES[self.channel].shape(worm)) < 2:
+            if len(shape) < 2:
                 raise ValueError(
                     f"segment: got {self.segment!r}, must be left out: {self.channel} is of the whole worm"
                 )
+        if self.mode == "swapped" and shape[1:] != (2,):
+            raise ValueError(f"mode: got {self.mode!r}, must be another one: {self.channel} has no sides")
+        if self.component != ALL and not (len(shape) == 1 and self.component < shape[0]):
+            few = f"must be below {shape[0]}" if len(shape) == 1 else "must be left out"
+            raise ValueError(f"component: got {self.component!r}, {few}: {self.channel} has the shape {shape}")
 
     def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
         """Return the measurement with what this sensor gives."""
@@ -157,16 +168,25 @@ class FaultySensor(Injected, name="sensor"):
         if sample is None or sample.value is None:
             return measurement
         kept: Any = sample.value if before is None else before[self.channel].value
-        value = self._spoilt(np.array(sample.value, dtype=float), np.asarray(kept, dtype=float))
+        value = self._spoilt(np.array(sample.value, dtype=float), np.asarray(kept, dtype=float), sample.time)
         return measurement.changed(**{self.channel: Sample(value, sample.time)})
 
-    def _spoilt(self, value: FloatArray, before: FloatArray) -> FloatArray | None:
-        bad = {"lost": np.full_like(value, np.nan), "frozen": before, "off": value + self.error}[self.mode]
-        if self.segment == ALL:
-            return None if self.mode == "lost" else bad
-        own = slice(None) if self.side == "both" else SIDES.index(self.side)
-        value[self.segment, own] = bad[self.segment, own]
-        return value
+    def _spoilt(self, value: FloatArray, before: FloatArray, instant: float) -> FloatArray | None:
+        if self.mode == "lost" and self.segment == ALL and self.component == ALL:
+            return None
+        bad = before if self.mode == "frozen" else value
+        if self.mode == "lost":
+            bad = np.full_like(value, np.nan)
+        elif self.mode == "swapped":
+            bad = value[..., ::-1]
+        elif self.mode != "frozen":
+            bad = value + self.error * (1.0 if self.mode == "off" else max(instant - self.begin, 0.0))
+        both = slice(None) if self.side == "both" else SIDES.index(self.side)
+        own: Any = ... if self.component == ALL else self.component
+        own = own if self.segment == ALL else (self.segment, both)
+        spoilt = value.copy()
+        spoilt[own] = bad[own]
+        return spoilt
 
 
 @documented

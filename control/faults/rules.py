@@ -56,6 +56,8 @@ ASTRAY = 0.5
 """Standard deviation of a heading from which it is lost [rad]."""
 ANY_WAY = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading that may be any [rad]."""
+CRABS = 0.15
+"""Angle between the way and the measured heading that no slope explains, from which the heading is off [rad]."""
 TRESPASS = 0.03
 """Distance inside an obstacle or outside a corridor beyond which a worm was not able to keep out [body lengths]."""
 LEFT_PATH = 0.3
@@ -129,6 +131,12 @@ class Wave:
     """Whether the worm has sensors of the strains, and none of their samples was used."""
     usual_gain: FloatArray | None = None
     """Gain of each chamber, over a healthy chamber's, as it was known in the waves before, shape (N, 2)."""
+    pushed: bool = False
+    """Whether places showed that something other than the wave moves the worm."""
+    jumped: bool = False
+    """Whether the sensor of the heading jumped, and was believed."""
+    crab: float = 0.0
+    """Angle between the way and the heading, beyond the angle that a slope explains, and surely so [rad]."""
     expected: float = 1.0
     """Expected gain of this wave over the expected gain of the wave of greatest amplitude; the ways of both on the map
     tell the gains."""
@@ -146,6 +154,8 @@ def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
         _blind,
         _numb,
         _astray,
+        _pushed,
+        _beside_heading,
         _facing_away,
         _trespassing,
     ):
@@ -276,6 +286,23 @@ def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) >= 3 and error > ASTRAY:
         what = f"the heading is known to {np.rad2deg(min(error, ANY_WAY)):.0f} degrees at best for three waves"
         yield Fault(waves[-1].end, "lost heading", what, "look at the sensors of place and heading, or give it one")
+
+
+def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
+    if waves[-1].pushed and not any(wave.jumped for wave in waves[-2:]):
+        what = "the centre of mass moves otherwise than the wave makes it: the worm is pushed, or the sensor drifts"
+        advice = "look at what touches the worm, at the ground, and at the sensor of the centre of mass"
+        yield Fault(waves[-1].end, "push or drift", what, advice)
+
+
+def _beside_heading(waves: Sequence[Wave]) -> Iterator[Fault]:
+    wave = waves[-1]
+    advice = "look at the sensor of the heading, and whether the ground slopes across the way"
+    if wave.jumped:
+        yield Fault(wave.end, "heading off", "the sensor of the heading has jumped: the worm did not turn so", advice)
+    elif len(waves) > 1 and min(wave.crab, waves[-2].crab) > CRABS:
+        what = f"the worm goes at least {np.rad2deg(wave.crab):.0f} degrees beside its measured heading"
+        yield Fault(wave.end, "heading off", what, advice)
 
 
 def _facing_away(waves: Sequence[Wave]) -> Iterator[Fault]:

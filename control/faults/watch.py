@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from control.estimation.estimate import Estimate, wrapped
+from control.estimation.kalman import Uncertainty
+from control.estimation.reduced import ReducedState
 from control.faults.rules import Fault, Wave, faults
 from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
@@ -35,6 +37,9 @@ MOMENTS = 9
 """Number of instants of a wave at which the speed that is asked for is looked up."""
 USUAL = 0.2
 """Share of a wave in the usual gains, which those of the first wave begin."""
+CRAB = ReducedState._fields.index("crab")
+YIELDS = Uncertainty().slope_yield
+"""Crab angle over the slope across, (KF2) [rad]."""
 REMEMBERED = 40
 """Number of waves that are kept."""
 _LOG = logging.getLogger(__name__)
@@ -75,6 +80,7 @@ class Watch:
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
         self._numb = True
+        self._pushes, self._jumps, self._felt = 0, 0, False
 
     def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
         """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate of t."""
@@ -85,6 +91,7 @@ class Watch:
         phase, contraction = self._told
         self._numb = self._numb and "strain" in seen and seen.strain is None
         if seen.strain is not None:
+            self._felt = True
             self._strains.append((phase, seen.strain, contraction))
         if self._begin is None:
             self._begin = t, phase
@@ -139,6 +146,10 @@ class Watch:
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
         at_limit, made, expected = self._ability()
+        pushes, jumps, crab = (0, 0, 0.0) if estimate is None else (estimate.pushed, estimate.jumped, _crab(estimate))
+        explained = self._numb or not self._felt or any(fault.kind.startswith("chamber") for fault in self.faults)
+        pushed, jumped = pushes > self._pushes and not explained, jumps > self._jumps
+        self._pushes, self._jumps, self._felt = pushes, jumps, False
         ahead, away = way.azimuth, 0.0
         if estimate is not None and estimate.deviations[2] < KNOWN:
             ahead = estimate.heading if ahead is None else ahead
@@ -167,6 +178,9 @@ class Watch:
             aside=way.aside,
             trespass=way.trespass,
             away=away,
+            pushed=pushed,
+            jumped=jumped,
+            crab=crab,
         )
 
     def _ability(self) -> tuple[bool, float, float]:
@@ -231,3 +245,11 @@ class Watch:
         trespass = float(self._reference.trespass(place, aside)) / self._length
         sharpest = self._feed_forward.sharpest(speed)
         return _Way(turn, sharpest, abs(float(aside)) / self._length, float(path.heading(s)), trespass)
+
+
+def _crab(estimate: Estimate) -> float:
+    """Return how far the crab angle surely is beyond the angle that the slope of the ground explains [rad]."""
+    heading, state = np.array([-np.sin(estimate.heading), np.cos(estimate.heading)]), estimate.state
+    across = float(heading @ estimate.slope)
+    doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[CRAB]
+    return max(abs(float(state.crab) + YIELDS * across) - float(doubt), 0.0)

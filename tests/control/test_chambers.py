@@ -9,7 +9,7 @@ from control.faults.injected import INJECTED, Faulty, FaultyChamber, FaultyPlann
 from control.identification.strain_model import PLAIN_GAIN as GAIN
 from control.identification.strain_model import PLAIN_LAG as LAG
 from control.identification.strain_model import StrainModel
-from control.sensing.sensors import Measurement
+from control.sensing.sensors import Measurement, Sample
 from worm3d import Command, Worm
 
 WORM = Worm()
@@ -146,11 +146,30 @@ def test_a_faulty_sensor_is_lost_frozen_or_off() -> None:
     np.testing.assert_allclose(seen[3].com, [3.5, 6.5, 0.6])
 
 
+def test_a_faulty_sensor_drifts_in_one_component_or_has_its_sides_swapped() -> None:
+    seen, _ = steps(FaultySensor(begin=1.0, mode="drifting", error=0.1, component=1))
+    whole, _ = steps()
+    off = [spoilt.com - true.com for spoilt, true in zip(seen, whole, strict=True)]
+    np.testing.assert_allclose(off, [[0, 0, 0], [0, 0, 0], [0, 0.1, 0], [0, 0.2, 0]], rtol=0, atol=1e-15)
+    lost, _ = steps(FaultySensor(component=2))
+    assert np.isnan(lost[3].com).tolist() == [False, False, True]
+    strain = np.arange(12.0).reshape(6, 2)
+    given = Measurement(1.0, strain=Sample(strain, 1.0))
+    swapped = FaultySensor(channel="strain", mode="swapped").measured(given, None)
+    assert swapped.strain.tolist() == strain[:, ::-1].tolist()
+    one = FaultySensor(channel="strain", mode="swapped", segment=2).measured(given, None)
+    assert one.strain[2].tolist() == [5.0, 4.0]
+    assert one.strain[[0, 1, 3, 4, 5]].tolist() == strain[[0, 1, 3, 4, 5]].tolist()
+
+
 @pytest.mark.parametrize(
     ("fault", "sentence"),
     [
         (FaultyChamber(segment=6), "segment: got 6, must be below 6"),
         (FaultySensor(channel="com", segment=1), "com is of the whole worm"),
+        (FaultySensor(channel="com", mode="swapped"), "mode: got 'swapped', must be another one: com has no sides"),
+        (FaultySensor(channel="com", component=3), "component: got 3, must be below 3"),
+        (FaultySensor(channel="strain", component=0), "component: got 0, must be left out: strain has the shape"),
     ],
 )
 def test_faults_that_a_worm_cannot_have(fault: Injected, sentence: str) -> None:

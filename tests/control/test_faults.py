@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from control.faults.injected import Faulty, FaultySensor
 from control.faults.rules import Fault, Wave, faults
 from control.identification.identified import load
-from control.sensing.sensors import COM, Channel, Measurement, Sensors
+from control.sensing.sensors import COM, HEADING, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
 from control.task import ControlTask
 from control.tracking.obstacles import Disc
@@ -286,3 +287,45 @@ def test_strains_that_are_lost_are_told_within_three_waves_and_a_worm_without_su
         assert set(found) == ({"no strains"} if told else set())
         if told:
             assert deaf.waves_from(4.0, found["no strains"].time) < 3.0 + 1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault"),
+    [
+        ("push or drift", FaultySensor(begin=9.3, mode="drifting", error=0.02, component=0)),
+        ("push or drift", FaultySensor(begin=11.7, mode="drifting", error=-0.02, component=1)),
+        ("heading off", FaultySensor(begin=9.9, channel="heading", mode="off", error=-0.35)),
+        ("swapped sides", FaultySensor(begin=10.4, channel="strain", mode="swapped")),
+    ],
+)
+def test_a_sensor_that_misleads_is_named_within_three_waves(kind: str, fault: FaultySensor) -> None:
+    assert FOUND is not None
+    heading = HEADING if fault.channel == "heading" else None
+    supervisor = Supervisor.of(ControlTask(WORM, Reference(Constant(0.08), path=CIRCLE), FOUND))
+    sensors = Sensors(heading=heading, seed=5)
+    simulate(WORM, Plane(), actuation=Faulty(supervisor, [fault]), sensor=sensors, duration=15.0)
+    (found,) = [each for each in supervisor.faults if each.kind == kind]
+    assert 0.0 < found.time - fault.begin < 3.0 * 1.3
+    assert supervisor.faults[0] is found
+    assert supervisor.sides.swapped == (kind == "swapped sides") == (supervisor.generator.correction is None)
+
+
+def test_a_heading_that_was_off_from_the_first_is_told_by_the_way() -> None:
+    assert FOUND is not None
+    supervisor = Supervisor.of(
+        ControlTask(WORM, Reference(Constant(0.08), path=LINE), FOUND, sensors={"heading": HEADING})
+    )
+    off = FaultySensor(channel="heading", mode="off", error=0.35)
+    simulate(WORM, Plane(), actuation=Faulty(supervisor, [off]), sensor=Sensors(heading=HEADING, seed=5), duration=20.0)
+    assert [each.kind for each in supervisor.faults] == ["heading off"]
+
+
+def test_a_push_is_named_within_three_waves_and_a_sideways_slope_is_none() -> None:
+    _, broken, found = run(Reference(Constant(0.08), path=LINE), 14.0, push=sideways(0.07, 3, 8.0, 12.0))
+    assert broken.waves_from(8.0, found["push or drift"].time) < 3.0
+    wave = Wave(1.0, np.ones((6, 2)), np.zeros((6, 2)), 0.0, np.zeros(2), 1.0, 0.0, None, False, 0.08, 0.08, 0.08, 0.1,
+                0.0, np.inf, None)  # fmt: skip
+    assert list(faults([wave, replace(wave, end=2.0, jumped=True), replace(wave, end=3.0, pushed=True)])) == []
+    assert [each.kind for each in faults([wave, replace(wave, end=2.0, pushed=True)])] == ["push or drift"]
+    assert [each.kind for each in faults([replace(wave, crab=0.2)] * 2)] == ["heading off"]
+    assert list(faults([wave, replace(wave, crab=0.2)])) == []

@@ -150,7 +150,7 @@ def test_a_heading_corrects_by_the_shorter_way() -> None:
     P = spread(3)
     H = np.eye(SIZE)[2:3]
     for turns in (-1, 0, 3):
-        belief, _ = FILTER.with_heading(Belief(MEAN, P), 0.75 + turns * 2.0 * np.pi)
+        belief, *_ = FILTER.with_heading(Belief(MEAN, P), 0.75 + turns * 2.0 * np.pi)
         mean, covariance, _ = textbook(P, H, np.array([0.05]), TRUST.heading_sample)
         assert_allclose(belief.mean, mean, atol=1e-9)
         assert_allclose(belief.covariance, covariance, atol=1e-9)
@@ -308,15 +308,15 @@ def test_a_few_impossible_headings_are_refused_and_many_believed(way: float) -> 
     """A heading that a filter is so sure of that no sample may be a radian off; it is open again for such samples."""
     belief, far = Belief(MEAN, 1e-2 * spread()), MEAN[2] + way
     for count in range(PATIENCE):
-        belief, refused = FILTER.with_heading(belief, far, gated=True)
-        assert refused
+        belief, refused, jumped = FILTER.with_heading(belief, far, gated=True)
+        assert (refused, jumped) == (True, False)
         assert (belief.turned, belief.log_weight) == (count + 1, 0.0)
         assert_allclose(belief.mean, MEAN, atol=0.0)
-    likely, refused = FILTER.with_heading(belief, MEAN[2] + 0.01, gated=True)
-    assert (likely.turned, refused) == (0, False)
-    turned, refused = FILTER.with_heading(belief, far, gated=True)
-    assert (turned.turned, refused) == (0, False)
+    likely, *said = FILTER.with_heading(belief, MEAN[2] + 0.01, gated=True)
+    assert (likely.turned, said) == (0, [False, False])
+    turned, *said = FILTER.with_heading(belief, far, gated=True)
+    assert (turned.turned, said) == (0, [False, True])
     assert turned.mean[2] == pytest.approx(far, abs=0.01)
-    ungated, refused = FILTER.with_heading(Belief(MEAN, 1e-2 * spread()), far)
-    assert not refused
+    ungated, *said = FILTER.with_heading(Belief(MEAN, 1e-2 * spread()), far)
+    assert said == [False, False]
     assert 0.0 < way * (ungated.mean[2] - MEAN[2]) < 0.5

@@ -31,7 +31,7 @@ from worm3d.measures import MEASURES
 pytestmark = pytest.mark.usefixtures("zoo")
 
 WORM = ("worm.segments=3", "worm.mass_kg=0.03", "run.dt_s=0.02", "run.duration_s=0.4")
-DRIVEN = ("controller.kind=zoo:Blind", "run.duration_s=0.4")
+DRIVEN = ("controller.kind=zoo:Blind", "controller.map=default", "run.duration_s=0.4")
 FELT = ("controller.kind=zoo:Feels", "sensor.zoo:tail=true", "run.duration_s=0.4")
 STEERED = ("controller.kind=pi_los", "run.duration_s=0.4")
 NOT_DRAWN = ("--vary", "run.integrator=bdf2", "--vary", "seed=1")
