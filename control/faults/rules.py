@@ -56,6 +56,10 @@ ASTRAY = 0.5
 """Standard deviation of a heading from which it is lost [rad]."""
 ANY_WAY = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading that may be any [rad]."""
+MOVED = 0.016
+"""Change of the velocity, which the wave does not make, of a worm that is pushed [body lengths/s]."""
+NEARLY = 0.003
+"""Standard error of the mean place of a wave beyond which such a change is not known [body lengths]."""
 CRABS = 0.15
 """Angle between the way and the measured heading that no slope explains, from which the heading is off [rad]."""
 TRESPASS = 0.03
@@ -132,7 +136,11 @@ class Wave:
     usual_gain: FloatArray | None = None
     """Gain of each chamber, over a healthy chamber's, as it was known in the waves before, shape (N, 2)."""
     pushed: bool = False
-    """Whether places showed that something other than the wave moves the worm."""
+    """Whether samples of the place showed that something other than the wave moves the worm."""
+    turning: float = 0.0
+    """Estimated turn rate that the wave makes, at its end [rad/s]."""
+    length: float = 1.0
+    """Length of the body [m]."""
     jumped: bool = False
     """Whether the sensor of the heading jumped, and was believed."""
     crab: float = 0.0
@@ -289,10 +297,29 @@ def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
-    if waves[-1].pushed and not any(wave.jumped for wave in waves[-2:]):
+    lately = waves[-3:]
+    if any(wave.pushed for wave in lately) and not any(wave.jumped for wave in lately) and _unexplained(lately) > MOVED:
         what = "the centre of mass moves otherwise than the wave makes it: the worm is pushed, or the sensor drifts"
         advice = "look at what touches the worm, at the ground, and at the sensor of the centre of mass"
         yield Fault(waves[-1].end, "push or drift", what, advice)
+
+
+def _unexplained(waves: Sequence[Wave]) -> float:
+    """Return the change of the velocity, from wave to wave of three, that the waves do not make [body lengths/s].
+
+    The waves make the speeds of the map and the estimated turn rates. 0 if that is not known.
+    """
+    places = [wave.place for wave in waves if wave.place is not None]
+    if len(places) < 3 or not all(np.isfinite(wave.made) and wave.place_error < NEARLY * wave.length for wave in waves):
+        return 0.0
+    times, made = (np.array([getattr(wave, name) for wave in waves]) for name in ("place_time", "made"))
+    before, after = np.diff(places, axis=0) / np.diff(times)[:, None]
+    speed = float(np.hypot(*before))
+    turned = float(np.interp(times, [wave.end for wave in waves], [wave.turning for wave in waves]).mean())
+    angle, quicker = turned * (times[2] - times[0]) / 2.0, float(made[1:].mean() - made[:-1].mean())
+    expected = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ before
+    expected = expected * (1.0 + quicker / speed) if speed > 0.0 else expected
+    return float(np.hypot(*(after - expected))) / waves[-1].length
 
 
 def _beside_heading(waves: Sequence[Wave]) -> Iterator[Fault]:

@@ -179,6 +179,8 @@ class Watch:
             trespass=way.trespass,
             away=away,
             pushed=pushed,
+            turning=0.0 if estimate is None else float(estimate.state.turn_rate),
+            length=self._length,
             jumped=jumped,
             crab=crab,
         )

@@ -320,12 +320,29 @@ def test_a_heading_that_was_off_from_the_first_is_told_by_the_way() -> None:
     assert [each.kind for each in supervisor.faults] == ["heading off"]
 
 
-def test_a_push_is_named_within_three_waves_and_a_sideways_slope_is_none() -> None:
+def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() -> None:
     _, broken, found = run(Reference(Constant(0.08), path=LINE), 14.0, push=sideways(0.07, 3, 8.0, 12.0))
     assert broken.waves_from(8.0, found["push or drift"].time) < 3.0
-    wave = Wave(1.0, np.ones((6, 2)), np.zeros((6, 2)), 0.0, np.zeros(2), 1.0, 0.0, None, False, 0.08, 0.08, 0.08, 0.1,
-                0.0, np.inf, None)  # fmt: skip
-    assert list(faults([wave, replace(wave, end=2.0, jumped=True), replace(wave, end=3.0, pushed=True)])) == []
-    assert [each.kind for each in faults([wave, replace(wave, end=2.0, pushed=True)])] == ["push or drift"]
-    assert [each.kind for each in faults([replace(wave, crab=0.2)] * 2)] == ["heading off"]
-    assert list(faults([wave, replace(wave, crab=0.2)])) == []
+    ones, zero = np.ones((6, 2)), np.zeros((6, 2))
+    steady = Wave(0.0, ones, zero, 0.0, zero[0], 0.0, 0.0, None, False, 0.08, 0.08, 0.08, 0.1, 0.0, np.inf, None)
+
+    def waves(*ways: tuple[float, float], **last: object) -> list[Wave]:
+        places = np.cumsum([(0.0, 0.0), *ways], axis=0)
+        seen = [replace(steady, end=k + 0.5, place=place, place_time=float(k)) for k, place in enumerate(places)]
+        return [*seen[:-1], replace(seen[-1], **last)]
+
+    def kinds(seen: list[Wave]) -> list[str]:
+        return [each.kind for each in faults(seen)]
+
+    assert kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True)) == ["push or drift"]
+    assert kinds(waves((0.08, 0.0), (0.06, 0.0), pushed=True)) == ["push or drift"]
+    assert kinds(waves((0.08, 0.0), (0.08, 0.02))) == kinds(waves((0.08, 0.0), (0.08, 0.01), pushed=True)) == []
+    assert kinds(waves((0.08, 0.0), (0.06, 0.0), pushed=True, made=0.04)) == []
+    assert kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, length=2.0)) == []
+    assert kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, place_error=0.01)) == []
+    turning = [replace(each, turning=0.25) for each in waves((0.08, 0.0), (0.08, 0.02), pushed=True)]
+    assert kinds(turning) == []
+    assert "heading off" in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
+    assert "push or drift" not in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
+    assert kinds([replace(steady, crab=0.2)] * 2) == ["heading off"]
+    assert kinds([steady, replace(steady, crab=0.2)]) == []
