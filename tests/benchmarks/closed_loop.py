@@ -172,7 +172,8 @@ def clean(seed: int, random: Generator) -> Case:
         f"world.slope_deg={np.hypot(up, across):.3f}",
         f"world.heading_deg={np.rad2deg(np.arctan2(across, up)):.2f}",
     )
-    return Case("path_line", (*case.overrides, *(slope if seed % 2 else ()), "run.duration_s=50"), case.speed)
+    task = [each for each in case.overrides if not each.startswith("run.duration_s")]
+    return Case("path_line", (*task, *(slope if seed % 2 else ()), "run.duration_s=50"), case.speed)
 
 
 SENSOR = ("fault.sensor=true",)
