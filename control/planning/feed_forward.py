@@ -62,7 +62,7 @@ class FeedForward:
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
         self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
-        self._straight = self._speeds(0.0)
+        self._straight, self._turned = self._speeds(0.0), self._speeds(found.ranges.steering)
         self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
         self.least_divisor = 0.5 * float(self._straight[POINTS])
         along = zip(self._amplitudes, self._frequencies, strict=True)
@@ -90,9 +90,17 @@ class FeedForward:
         """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
         return float(self._turn_rates(*self._on_line(speed, self._straight)).max())
 
-    def frequencies(self, speeds: FloatArray) -> FloatArray:
-        """Return the frequencies that suit speeds straight ahead, shape (K,) each [m/s, Hz]."""
-        return np.asarray(np.interp(np.abs(speeds), self._straight, self._frequencies))
+    def frequencies(self, speeds: FloatArray, curvatures: ArrayLike = 0.0) -> FloatArray:
+        """Return the frequencies that suit speeds [m/s] on a path of curvatures [1/m], shape (K,) each [Hz].
+
+        A wave that turns goes farther than a straight one, so that slower ones will do; between the straight wave and
+        the wave that turns as sharply as it can the frequency is in proportion to the curvature.
+        """
+        size = np.abs(speeds)
+        sharpest = np.interp(size, self._straight, self._sharpest)
+        share = np.minimum(np.abs(curvatures) / sharpest, 1.0)
+        straight, turned = (np.interp(size, each, self._frequencies) for each in (self._straight, self._turned))
+        return np.asarray(straight + share * (turned - straight))
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
         """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map.

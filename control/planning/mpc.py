@@ -52,6 +52,8 @@ MOST_LASTING = 0.01
 MOST_MISSED, MOST_TRIM = 0.25, 0.2
 """Greatest share of a speed that is taken for one that is missed lastingly, and the greatest trim of (P5), which dies
 away while more is missed."""
+LEAST_WAY = 1e-3
+"""Way in a step below which the curvature of a path is not known [body lengths]."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
@@ -259,7 +261,7 @@ class GaitMPC:
     def _problem(self, t: float, state: ReducedState, preview: Preview, plain: FloatArray) -> Problem:
         """Return (O2); `plain` is the plain wave, shape (H, 3)."""
         kept = max(1.0 - float(state.slip), LEAST_SHARE)
-        frequency = self.feed_forward.frequencies(preview.speed / kept)
+        frequency = self.feed_forward.frequencies(preview.speed / kept, self._curvatures(preview))
         return Problem(
             prediction=self._prediction,
             cost=self.cost,
@@ -269,6 +271,13 @@ class GaitMPC:
             before=self._scale.scaled(plain[:1] if self._last is None else self._last.at(t)),
             frequency=(frequency - self._scale.centre[1]) / self._scale.half[1],
         )
+
+    def _curvatures(self, preview: Preview) -> FloatArray:
+        """Return the curvatures of what is followed, shape (H,) [1/m]; 0 where it is no path."""
+        way = self._length * np.abs(preview.way)
+        if not preview.follows:
+            return np.zeros(len(way))
+        return np.abs(np.gradient(preview.heading)) / np.maximum(way, LEAST_WAY * self._length)
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         bounds = np.tile(self._scale.bounds, self._prediction.steps)

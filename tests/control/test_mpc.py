@@ -147,7 +147,10 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     changes = np.diff(np.vstack([plain, u]), axis=0)
     terms += list((changes / [change.amplitude, change.frequency, change.steering]).T)
     low, high = FOUND["hinge"].frequency
-    preferred = controller.feed_forward.frequencies(ahead.speed / (1.0 - MOVING.slip))
+    turning = np.zeros(len(ahead.way))
+    if reference.path is not None:
+        turning = np.abs(np.gradient(ahead.heading)) / np.abs(ahead.way)
+    preferred = controller.feed_forward.frequencies(ahead.speed / (1.0 - MOVING.slip), turning)
     terms.append((inputs[:, 1] - preferred) / ((high - low) / 2.0) / Frequency().tolerance)
     residuals = problem.residuals(u.ravel())
     assert residuals @ residuals == pytest.approx(sum(np.sum(np.square(term)) for term in terms))
