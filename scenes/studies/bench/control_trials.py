@@ -1,77 +1,238 @@
-"""The trials of `worm3d bench control`: scenes with controllers, with changes as after -o, and what each is about."""
+"""The trials of `worm3d bench control`: tasks, worms, grounds and sensors, drawn at random from a seed.
+
+Trial k of seed S is the same on every machine: all its numbers come from one generator, seeded by S and k, and are
+rounded as they are printed. Its class, the kind of task, is that of k in turn. Whoever wants to tune on the trials can
+tune on those of other seeds only by tuning on the family.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import shlex
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.random import Generator
+
 from scenes.language.errors import SceneError
+from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import did_you_mean
 
-OFFSET, HEADING, SPEED = "cross_track_rms_bl", "heading_error_rms_deg", "speed_error_rms_relative"
+START = (0.5, 0.0)
+"""Place of the middle of the worm as it starts, along +x [m]; paths begin there."""
+SPEEDS = (0.04, 0.09)
+"""Least and greatest speed asked for [m/s]; a worm that is weak, on rough ground and uphill makes some 0.1 m/s."""
+SHORT = ("run.duration_s=12",)
+"""What makes a trial of `--quick`."""
 
 
 class Trial(NamedTuple):
-    """A scene, with changes as after -o."""
+    """A scene that ships, with changes as after -o."""
 
     name: str
+    kind: str
+    """Its class, a name of `CLASSES`."""
     scene: str
     overrides: tuple[str, ...] = ()
-    metric: str = OFFSET
-    """What it is about: the metric that counts in the score."""
+
+    @property
+    def command(self) -> str:
+        """Command that runs it."""
+        return " ".join(["worm3d run", self.scene, *(f"-o {shlex.quote(each)}" for each in self.overrides)])
 
 
-SCENES = (
-    *(Trial(name, name, metric=SPEED) for name in ("velocity_step", "velocity_sine", "stop_and_go")),
-    Trial("heading_hold", "heading_hold", metric=HEADING),
-    *(Trial(name, name) for name in ("path_line", "path_circle", "path_s_curve", "path_waypoints", "there_and_back")),
-    Trial("velocity_pipe", "velocity_pipe", metric=SPEED),
-    *(Trial(name, name) for name in ("path_s_curve_slope", "disturbance_push")),
-)
-"""The scenes that ship, as they are."""
-UNSCORED = ("obstacles",)
-"""Scenes that ask for something that no metric of the score tells, such as to leave the path for an obstacle."""
-SIDE = ("world.slope_deg=2", "world.heading_deg=90")
-CORNER = "reference.points=[{x_m=0.5, y_m=0.0}, {x_m=2.0, y_m=0.0}, {x_m=2.0, y_m=3.0}]"
-# The line passes 0.2 m to the right of the worm's middle at (0.5, 0), 0.5 rad to the right of where the worm looks.
-APART = ("reference.start_m=[0.40411, -0.17552]", "reference.azimuth_deg=-28.648")
-USUAL_MAP = "controller.map=default"
-HARD = (
-    Trial("path_line_uphill", "path_line", ("world.slope_deg=3.0",)),
-    Trial("side_slope", "path_line", SIDE),
-    Trial("side_slope_compass", "path_line", (*SIDE, "sensor.heading=true")),
-    Trial("from_apart", "path_line", APART),
-    Trial("circle_0.6", "path_circle", ("reference.radius_m=0.6",)),
-    Trial("circle_0.4", "path_circle", ("reference.radius_m=0.4",)),
-    Trial("corner", "path_waypoints", (CORNER, "reference.radius_m=0.02", "run.duration_s=45")),
-    Trial("s_curve_slow", "path_s_curve", ("reference.speed_m_s=0.02",)),
-    Trial("s_curve_fast", "path_s_curve", ("reference.speed_m_s=0.14",)),
-    Trial("s_curve_noise", "path_s_curve", ("sensor.com_noise_m=0.02",)),
-    Trial("eight_segments", "path_s_curve", ("worm.segments=8", USUAL_MAP)),
-    Trial("soft_springs", "path_s_curve", ("worm.spring_N=6.5", USUAL_MAP)),
-)
-"""What the scenes are not: steep, turned away, sharp, slow, fast, noisy, or by another worm than the map is of."""
-FULL = (*SCENES, *HARD)
-RETUNED = {
-    "circle_0.4": ("controller.gain_reach=0.1", "controller.gain_heading_per_s=1.2"),
-    "corner": ("controller.gain_reach=0.15", "controller.gain_heading_per_s=1.2"),
-    "s_curve_fast": ("controller.gain_reach=0.5", "controller.gain_heading_per_s=2.0"),
+def drawn(seed: int, number: int) -> Trial:
+    """Return trial `number` of a seed."""
+    random = np.random.default_rng([seed, number])
+    kind = tuple(CLASSES)[number % len(CLASSES)]
+    speed = float(_log_uniform(random, *SPEEDS))
+    task = tuple(CLASSES[kind](random, speed))
+    changed = (*task, *_worm(random), *_ground(random, level=kind == "pipe"), *_sensors(random))
+    scene = "velocity_pipe" if kind == "pipe" else "path_line"
+    common = ("run.duration_s=60", "controller.map=default", f"seed={random.integers(2**31)}")
+    return Trial(f"{seed}-{number:02}-{kind}", kind, scene, (*changed, *common))
+
+
+def _worm(random: Generator) -> Iterator[str]:
+    """Yield what differs from the default worm: half of the worms have unequal chambers, which nobody is told of."""
+    yield f"worm.segments={random.integers(5, 10)}"
+    yield f"worm.spring_N={13.0 * _log_uniform(random, 0.7, 1.4):.3g}"
+    yield f"worm.actuator_lag_s={0.1 * _log_uniform(random, 0.5, 2.0):.3g}"
+    if random.uniform() < 0.5:
+        yield "fault.unequal=true"
+        yield f"fault.unequal_least={random.uniform(0.7, 1.0):.3g}"
+        yield f"fault.unequal_seed={random.integers(1000)}"
+
+
+def _ground(random: Generator, *, level: bool) -> Iterator[str]:
+    """Yield friction, and for half of the grounds a slope; nobody is told of either."""
+    yield f"friction.forward={0.03 * _log_uniform(random, 0.6, 1.6):.3g}"
+    yield f"friction.backward={0.2 * _log_uniform(random, 0.75, 1.3):.3g}"
+    yield f"friction.lateral={0.2 * _log_uniform(random, 0.75, 1.3):.3g}"
+    if random.uniform() < 0.5 and not level:
+        yield f"world.slope_deg={random.uniform(0.0, 2.5):.2f}"
+        yield f"world.heading_deg={random.uniform(-180.0, 180.0):.0f}"
+
+
+def _sensors(random: Generator) -> Iterator[str]:
+    """Yield the quality of the sensors, which controllers are told; a third of the robots has a compass."""
+    yield f"sensor.com_noise_m={_log_uniform(random, 0.002, 0.02):.2g}"
+    yield f"sensor.com_rate_Hz={random.choice([5, 10, 20])}"
+    yield f"sensor.com_delay_s={random.uniform(0.0, 0.2):.2f}"
+    yield f"sensor.strain_noise={_log_uniform(random, 0.005, 0.03):.2g}"
+    if random.uniform() < 1.0 / 3.0:
+        yield "sensor.heading=true"
+
+
+def _line(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a line that does not begin where the worm is."""
+    yield from _at(speed, "line")
+    yield f"reference.start_m=[{START[0]}, {random.uniform(-0.1, 0.1):.3f}]"
+    yield f"reference.azimuth_deg={random.uniform(-20.0, 20.0):.1f}"
+
+
+def _circle(random: Generator, speed: float) -> Iterator[str]:
+    yield from _at(speed, "circle")
+    yield f"reference.radius_m={_log_uniform(random, 0.6, 2.0):.3g}"
+    yield f"reference.towards={_side(random)}"
+
+
+def _s_curve(random: Generator, speed: float) -> Iterator[str]:
+    yield from _at(speed, "s_curve")
+    yield f"reference.amplitude_m={random.uniform(0.2, 0.4):.3g}"
+    yield f"reference.wavelength_m={random.uniform(3.0, 5.0):.3g}"
+    yield f"reference.towards={_side(random)}"
+
+
+def _eight(random: Generator, speed: float) -> Iterator[str]:
+    """Yield an eight that begins at its crossing: x = a sin u, y = (a/2) sin 2u, turned to begin along +x."""
+    u, a = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(0.7, 1.1)
+    x, y = a * np.sin(u), a / 2.0 * np.sin(2.0 * u)
+    yield from _at(speed, "spline")
+    yield "reference.closed=true"
+    yield _points(random, np.column_stack([x + y, y - x]) / math.sqrt(2.0))
+
+
+def _spiral(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a turn and a quarter of a spiral whose radius comes down to a half."""
+    u, radius = np.linspace(0.0, 2.5 * np.pi, 16), random.uniform(1.0, 1.6)
+    r = radius * (1.0 - u / (5.0 * np.pi))
+    yield from _at(speed, "spline")
+    yield _points(random, np.column_stack([r * np.sin(u), radius - r * np.cos(u)]))
+
+
+def _square(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a square with round corners, begun in the middle of a side."""
+    half = random.uniform(0.7, 1.1)
+    corners = np.array([[0, 0], [1, 0], [1, 2], [-1, 2], [-1, 0], [1, 0]])
+    yield from _at(speed, "way_points")
+    yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
+    yield _points(random, half * corners)
+
+
+def _waypoints(random: Generator, speed: float) -> Iterator[str]:
+    turns, ways = np.radians(random.uniform(-60.0, 60.0, 5)), random.uniform(1.0, 1.8, 6)
+    azimuths = np.cumsum([0.0, *turns])
+    yield from _at(speed, "way_points")
+    yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
+    steps = ways[:, None] * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
+    yield _points(random, np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]))
+
+
+def _heading(random: Generator, speed: float) -> Iterator[str]:
+    first, second = random.uniform(-40.0, 40.0, 2)
+    yield from _at(speed, "heading")
+    yield (
+        f"reference.heading_steps=[{{at_s={random.uniform(10.0, 20.0):.1f}, heading_deg={first:.1f}}}, "
+        f"{{at_s={random.uniform(30.0, 45.0):.1f}, heading_deg={second:.1f}}}]"
+    )
+
+
+def _stop_and_go(random: Generator, speed: float) -> Iterator[str]:
+    stop, rest, again, last = random.uniform((12.0, 4.0, 10.0, 4.0), (20.0, 8.0, 16.0, 8.0)).cumsum()
+    yield from _at(speed, "line")
+    yield _steps((stop, 0.0), (rest, float(_log_uniform(random, *SPEEDS))), (again, 0.0), (last, speed))
+
+
+def _speed_steps(random: Generator, speed: float) -> Iterator[str]:
+    yield from _circle(random, speed)
+    times = random.uniform((15.0, 35.0), (25.0, 45.0))
+    yield _steps(*zip(times, _log_uniform(random, *SPEEDS, 2), strict=True))
+
+
+def _speed_sine(random: Generator, speed: float) -> Iterator[str]:
+    yield from _s_curve(random, speed)
+    yield f"reference.speed_sine_m_s={speed * random.uniform(0.15, 0.4):.2g}"
+    yield f"reference.speed_sine_period_s={random.uniform(15.0, 30.0):.3g}"
+
+
+def _pipe(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a pipe with a bend, on whose bottom the worm goes."""
+    bend = f"{{bend_deg={random.uniform(20.0, 60.0):.0f}, bend_radius_m=2.0, towards='{_side(random)}'}}"
+    yield from _at(speed, "pipe")
+    yield f"world.radius_m={random.uniform(0.12, 0.16):.3g}"
+    yield f"world.pieces=[{{straight_m={random.uniform(1.0, 2.0):.2f}}}, {bend}, {{straight_m=3.0}}]"
+
+
+CLASSES: dict[str, Callable[[Generator, float], Iterator[str]]] = {
+    "circle": _circle,
+    "heading": _heading,
+    "stop_and_go": _stop_and_go,
+    "waypoints": _waypoints,
+    "speed_sine": _speed_sine,
+    "pipe": _pipe,
+    "eight": _eight,
+    "line": _line,
+    "square": _square,
+    "speed_steps": _speed_steps,
+    "spiral": _spiral,
+    "s_curve": _s_curve,
 }
-"""Line-of-sight as retuned for a trial: the best of 12 runs with seed 10, with reaches of 0.1 to 0.5 body lengths (on
-the fast S-curve 0.15 to 0.5) and K_h of 0.8, 1.2 and 2 rad/s. At the corner the default gains are the best."""
-SHORT = ("run.duration_s=12", "run.record_every=2")
-QUICK = tuple(Trial(name, name, SHORT) for name in ("path_line", "path_circle"))
-"""Trials to try it out: too short to say much."""
-METRIC = {trial.name: trial.metric for trial in FULL}
-"""What each trial is about."""
+"""Maker of the task of each class of trials, in the order in which they take turns."""
 
 
-def chosen(names: Sequence[str]) -> tuple[Trial, ...]:
-    """Return trials by their names, all if there are none; SceneError for a name that no trial has."""
-    known = {trial.name: trial for trial in FULL}
+def _at(speed: float, kind: str) -> Iterator[str]:
+    yield f"reference.kind={kind}"
+    yield f"reference.speed_m_s={speed:.3f}"
+
+
+def _points(random: Generator, points: FloatArray) -> str:
+    """Return points from the start on, or their mirror image."""
+    x, y = (points * [1.0, random.choice([-1.0, 1.0])] + START).T
+    return f"reference.points=[{', '.join(f'{{x_m={a:.3f}, y_m={b:.3f}}}' for a, b in zip(x, y, strict=True))}]"
+
+
+def _steps(*steps: tuple[float, float]) -> str:
+    return f"reference.speed_steps=[{', '.join(f'{{at_s={t:.1f}, speed_m_s={v:.3f}}}' for t, v in steps)}]"
+
+
+def _side(random: Generator) -> str:
+    return str(random.choice(["left", "right"]))
+
+
+def _log_uniform(random: Generator, least: float, most: float, size: int | None = None) -> FloatArray:
+    return np.exp(random.uniform(math.log(least), math.log(most), size))
+
+
+def chosen(names: Sequence[str], seeds: Sequence[int], count: int) -> tuple[Trial, ...]:
+    """Return the first `count` trials of each seed, of these only those with a name, number or class if any are given.
+
+    Raises
+    ------
+    SceneError
+        There is no such trial among them.
+    """
+    trials = {
+        trial: {trial.name, str(k), trial.kind} for seed in seeds for k in range(count) for trial in [drawn(seed, k)]
+    }
+    known = set().union(*trials.values())
     for name in names:
         if name not in known:
             meant = did_you_mean(name, [(each, each) for each in known])
-            hint = f"; did you mean '{meant}'?" if meant else f"; known are {', '.join(known)}"
-            raise SceneError(f"--trial: got '{name}', which no trial is called{hint}")
-    return tuple(known[name] for name in dict.fromkeys(names)) if names else FULL
+            hint = f"; did you mean '{meant}'?" if meant else ""
+            raise SceneError(
+                f"--trial: got '{name}', must be a class ({', '.join(CLASSES)}), a number from 0 to {count - 1} (more "
+                f"with --trials), or a name that --show prints{hint}"
+            )
+    return tuple(trial for trial, called in trials.items() if not names or called & set(names))
