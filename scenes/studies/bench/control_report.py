@@ -22,16 +22,16 @@ from scenes.running.terminal import counted, progress
 from scenes.studies.bench import control
 from scenes.studies.bench.control import CONTROLLERS, DONE, Case, Found, Study
 from scenes.studies.bench.control_score import HEADER, cells, names
-from scenes.studies.bench.control_trials import SHORT, chosen
+from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
 PICTURE = "control.png"
 FAILED = 5
 """Exit code where a trial is lost by a failure, `control.Found.status`."""
 SAYS = (
-    "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the run is lost. Score: "
-    "geometric mean over the trials of the error over that of pi_los. Real time: seconds simulated in a second, by "
-    "simulator and controller together, in the slowest trial. Step: what a controller computes in a control period, as "
-    "a share of the period, median and 99th percentile, each in the trial where it is largest; above 100 % it is late."
+    "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the trial is lost. "
+    "Score: geometric mean over the trials of the error over that of pi_los. Real time: seconds simulated in a second, "
+    "by simulator and controller together, in the slowest trial. Step: what a controller computes in a control period, "
+    "as a share of the period, median and 99th percentile, each in the trial where it is largest; above 100 % is late."
 )
 METRICS = ("way", "offset_bl", "heading_deg", "real_time_factor", "step_share_p50", "step_share_p99")
 """Columns of `control.csv` after the error."""
@@ -57,7 +57,8 @@ class Options(NamedTuple):
         for name, least in (("seed", 0), ("seeds", 1), ("trials", 1), ("workers", 1)):
             if getattr(self, name) < least:
                 raise SceneError(f"--{name}: got {getattr(self, name)}, must be at least {least}")
-        trials = chosen(self.only, range(self.seed, self.seed + self.seeds), 2 if self.quick else self.trials)
+        only, count = (QUICK, len(CLASSES)) if self.quick and not self.only else (self.only, self.trials)
+        trials = chosen(only, range(self.seed, self.seed + self.seeds), count)
         changed = (*(SHORT if self.quick else ()), *self.overrides)
         _require_controllers(self.guests)
         by = dict.fromkeys((*CONTROLLERS, *self.guests))
@@ -183,7 +184,11 @@ def draw(found: Sequence[Found]) -> Figure:
     for k, name in enumerate(names(found)):
         errors = {each.trial: each.error for each in found if each.controller == name}
         axes.plot(
-            errors.values(), [trials.index(each) for each in errors], "o", color=COLOURS[k % len(COLOURS)], label=name
+            list(errors.values()),
+            [trials.index(each) for each in errors],
+            "o",
+            color=COLOURS[k % len(COLOURS)],
+            label=name,
         )
     axes.set(xscale="log", xlabel="error (1: as if it stood)", ylim=(len(trials) - 0.5, -0.5))
     axes.set_yticks(range(len(trials)), trials)

@@ -1,8 +1,7 @@
 """The trials of `worm3d bench control`: tasks, worms, grounds and sensors, drawn at random from a seed.
 
 Trial k of seed S is the same on every machine: all its numbers come from one generator, seeded by S and k, and are
-rounded as they are printed. Its class, the kind of task, is that of k in turn. Whoever wants to tune on the trials can
-tune on those of other seeds only by tuning on the family.
+rounded as they are printed. Classes of tasks take turns, so that any twelve trials in a row have each of them once.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ START = (0.5, 0.0)
 """Place of the middle of the worm as it starts, along +x [m]; paths begin there."""
 SPEEDS = (0.04, 0.09)
 """Least and greatest speed asked for [m/s]; a worm that is weak, on rough ground and uphill makes some 0.1 m/s."""
-SHORT = ("run.duration_s=12",)
-"""What makes a trial of `--quick`."""
+QUICK, SHORT = ("circle", "line"), ("run.duration_s=12",)
+"""Classes of the trials of `--quick`, and what shortens them: too short to say much."""
 
 
 class Trial(NamedTuple):
