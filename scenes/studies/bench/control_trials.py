@@ -20,6 +20,8 @@ from worm3d.values.spelling import did_you_mean
 
 START = (0.5, 0.0)
 """Place of the middle of the worm as it starts, along +x [m]; paths begin there."""
+SCENES = {"pipe": "velocity_pipe"}
+"""Scene that is changed, where it is not `path_line`."""
 SPEEDS = (0.04, 0.09)
 """Least and greatest speed asked for [m/s]; a worm that is weak, on rough ground and uphill makes some 0.1 m/s."""
 QUICK, SHORT = ("circle", "line"), ("run.duration_s=12",)
@@ -41,63 +43,110 @@ class Trial(NamedTuple):
         return " ".join(["worm3d run", self.scene, *(f"-o {shlex.quote(each)}" for each in self.overrides)])
 
 
+class Range(NamedTuple):
+    """A key of the scene, and between which values it is drawn."""
+
+    key: str
+    least: float
+    most: float
+    form: str = ".3g"
+    """How it is written; "d": a whole number."""
+    log: bool = False
+    """Whether its logarithm is equally likely everywhere, not the value itself."""
+
+    def drawn(self, random: Generator) -> str:
+        """Return the override."""
+        if self.form == "d":
+            return f"{self.key}={random.integers(int(self.least), int(self.most) + 1)}"
+        draw = _log_uniform if self.log else Generator.uniform
+        return f"{self.key}={draw(random, self.least, self.most):{self.form}}"
+
+
+class Group(NamedTuple):
+    """What a share of the trials has."""
+
+    share: float
+    says: str
+    ranges: tuple[Range, ...] = ()
+    switch: tuple[str, ...] = ()
+    """Overrides that come with it."""
+
+
+SLOPE = Group(
+    0.5,
+    "a slope, of whatever direction (not in pipes)",
+    (Range("world.slope_deg", 0.0, 2.5, ".2f"), Range("world.heading_deg", -180, 180, ".0f")),
+)
+GROUPS = (
+    Group(
+        1.0,
+        "body and actuators",
+        (
+            Range("worm.segments", 5, 9, "d"),
+            Range("worm.spring_N", 9, 18, log=True),
+            Range("worm.actuator_lag_s", 0.05, 0.2, log=True),
+        ),
+    ),
+    Group(
+        0.5,
+        "chambers that follow their commands by a factor of their own, up to 1.1",
+        (Range("fault.unequal_least", 0.7, 1.0), Range("fault.unequal_seed", 0, 999, "d")),
+        ("fault.unequal=true",),
+    ),
+    Group(
+        1.0,
+        "friction",
+        (
+            Range("friction.forward", 0.02, 0.05, log=True),
+            Range("friction.backward", 0.15, 0.26, log=True),
+            Range("friction.lateral", 0.15, 0.26, log=True),
+        ),
+    ),
+    Group(
+        1.0,
+        "sensors",
+        (
+            Range("sensor.com_noise_m", 0.002, 0.02, ".2g", log=True),
+            Range("sensor.com_rate_Hz", 5, 20, ".2g", log=True),
+            Range("sensor.com_delay_s", 0.0, 0.2, ".2f"),
+            Range("sensor.strain_noise", 0.005, 0.03, ".2g", log=True),
+        ),
+    ),
+    Group(1.0 / 3.0, "a sensor of the heading", switch=("sensor.heading=true",)),
+    SLOPE,
+)
+"""What differs from the default worm, ground and sensors, whose values lie within these ranges."""
+
+
 def drawn(seed: int, number: int) -> Trial:
     """Return trial `number` of a seed."""
     random = np.random.default_rng([seed, number])
     kind = tuple(CLASSES)[number % len(CLASSES)]
-    speed = float(_log_uniform(random, *SPEEDS))
-    task = tuple(CLASSES[kind](random, speed))
-    changed = (*task, *_worm(random), *_ground(random, level=kind == "pipe"), *_sensors(random))
-    scene = "velocity_pipe" if kind == "pipe" else "path_line"
+    changed = list(CLASSES[kind](random, float(_log_uniform(random, *SPEEDS))))
+    for group in GROUPS:
+        values = [each.drawn(random) for each in group.ranges]
+        if random.uniform() < group.share and not (kind == "pipe" and group is SLOPE):
+            changed += (*group.switch, *values)
     common = ("run.duration_s=60", "controller.map=default", f"seed={random.integers(2**31)}")
-    return Trial(f"{seed}-{number:02}-{kind}", kind, scene, (*changed, *common))
-
-
-def _worm(random: Generator) -> Iterator[str]:
-    """Yield what differs from the default worm: half of the worms have unequal chambers, which nobody is told of."""
-    yield f"worm.segments={random.integers(5, 10)}"
-    yield f"worm.spring_N={13.0 * _log_uniform(random, 0.7, 1.4):.3g}"
-    yield f"worm.actuator_lag_s={0.1 * _log_uniform(random, 0.5, 2.0):.3g}"
-    if random.uniform() < 0.5:
-        yield "fault.unequal=true"
-        yield f"fault.unequal_least={random.uniform(0.7, 1.0):.3g}"
-        yield f"fault.unequal_seed={random.integers(1000)}"
-
-
-def _ground(random: Generator, *, level: bool) -> Iterator[str]:
-    """Yield friction, and for half of the grounds a slope; nobody is told of either."""
-    yield f"friction.forward={0.03 * _log_uniform(random, 0.6, 1.6):.3g}"
-    yield f"friction.backward={0.2 * _log_uniform(random, 0.75, 1.3):.3g}"
-    yield f"friction.lateral={0.2 * _log_uniform(random, 0.75, 1.3):.3g}"
-    if random.uniform() < 0.5 and not level:
-        yield f"world.slope_deg={random.uniform(0.0, 2.5):.2f}"
-        yield f"world.heading_deg={random.uniform(-180.0, 180.0):.0f}"
-
-
-def _sensors(random: Generator) -> Iterator[str]:
-    """Yield the quality of the sensors, which controllers are told; a third of the robots has a compass."""
-    yield f"sensor.com_noise_m={_log_uniform(random, 0.002, 0.02):.2g}"
-    yield f"sensor.com_rate_Hz={random.choice([5, 10, 20])}"
-    yield f"sensor.com_delay_s={random.uniform(0.0, 0.2):.2f}"
-    yield f"sensor.strain_noise={_log_uniform(random, 0.005, 0.03):.2g}"
-    if random.uniform() < 1.0 / 3.0:
-        yield "sensor.heading=true"
+    return Trial(f"{seed}-{number:02}-{kind}", kind, SCENES.get(kind, "path_line"), (*changed, *common))
 
 
 def _line(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a line that does not begin where the worm is."""
+    """Yield a line that begins beside the worm, and leads to one side."""
     yield from _at(speed, "line")
     yield f"reference.start_m=[{START[0]}, {random.uniform(-0.1, 0.1):.3f}]"
     yield f"reference.azimuth_deg={random.uniform(-20.0, 20.0):.1f}"
 
 
 def _circle(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a circle, to either side."""
     yield from _at(speed, "circle")
     yield f"reference.radius_m={_log_uniform(random, 0.6, 2.0):.3g}"
     yield f"reference.towards={_side(random)}"
 
 
 def _s_curve(random: Generator, speed: float) -> Iterator[str]:
+    """Yield an S-curve, to either side first."""
     yield from _at(speed, "s_curve")
     yield f"reference.amplitude_m={random.uniform(0.2, 0.4):.3g}"
     yield f"reference.wavelength_m={random.uniform(3.0, 5.0):.3g}"
@@ -105,7 +154,8 @@ def _s_curve(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _eight(random: Generator, speed: float) -> Iterator[str]:
-    """Yield an eight that begins at its crossing: x = a sin u, y = (a/2) sin 2u, turned to begin along +x."""
+    """Yield an eight, from its crossing on."""
+    # x = a sin u, y = (a/2) sin 2u, turned by 45 degrees to begin along +x.
     u, a = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(0.7, 1.1)
     x, y = a * np.sin(u), a / 2.0 * np.sin(2.0 * u)
     yield from _at(speed, "spline")
@@ -114,7 +164,7 @@ def _eight(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _spiral(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a turn and a quarter of a spiral whose radius comes down to a half."""
+    """Yield a turn and a quarter of a spiral whose radius falls to a half."""
     u, radius = np.linspace(0.0, 2.5 * np.pi, 16), random.uniform(1.0, 1.6)
     r = radius * (1.0 - u / (5.0 * np.pi))
     yield from _at(speed, "spline")
@@ -122,7 +172,7 @@ def _spiral(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _square(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a square with round corners, begun in the middle of a side."""
+    """Yield a square with round corners, from the middle of a side on."""
     half = random.uniform(0.7, 1.1)
     corners = np.array([[0, 0], [1, 0], [1, 2], [-1, 2], [-1, 0], [1, 0]])
     yield from _at(speed, "way_points")
@@ -131,6 +181,7 @@ def _square(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _waypoints(random: Generator, speed: float) -> Iterator[str]:
+    """Yield way points with round corners between them."""
     turns, ways = np.radians(random.uniform(-60.0, 60.0, 5)), random.uniform(1.0, 1.8, 6)
     azimuths = np.cumsum([0.0, *turns])
     yield from _at(speed, "way_points")
@@ -140,6 +191,7 @@ def _waypoints(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _heading(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a heading with two steps."""
     first, second = random.uniform(-40.0, 40.0, 2)
     yield from _at(speed, "heading")
     yield (
@@ -149,25 +201,28 @@ def _heading(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _stop_and_go(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a line on which the worm stops twice."""
     stop, rest, again, last = random.uniform((12.0, 4.0, 10.0, 4.0), (20.0, 8.0, 16.0, 8.0)).cumsum()
     yield from _at(speed, "line")
     yield _steps((stop, 0.0), (rest, float(_log_uniform(random, *SPEEDS))), (again, 0.0), (last, speed))
 
 
 def _speed_steps(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a circle with two steps of the speed."""
     yield from _circle(random, speed)
     times = random.uniform((15.0, 35.0), (25.0, 45.0))
     yield _steps(*zip(times, _log_uniform(random, *SPEEDS, 2), strict=True))
 
 
 def _speed_sine(random: Generator, speed: float) -> Iterator[str]:
+    """Yield an S-curve with a sine of the speed."""
     yield from _s_curve(random, speed)
     yield f"reference.speed_sine_m_s={speed * random.uniform(0.15, 0.4):.2g}"
     yield f"reference.speed_sine_period_s={random.uniform(15.0, 30.0):.3g}"
 
 
 def _pipe(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a pipe with a bend, on whose bottom the worm goes."""
+    """Yield a pipe with a bend, on the bottom of which the worm goes."""
     bend = f"{{bend_deg={random.uniform(20.0, 60.0):.0f}, bend_radius_m=2.0, towards='{_side(random)}'}}"
     yield from _at(speed, "pipe")
     yield f"world.radius_m={random.uniform(0.12, 0.16):.3g}"

@@ -21,9 +21,9 @@ from scenes.studies.bench.control_error import SHORTEST, START, WINDOW, error_of
 from scenes.studies.bench.control_score import RIVAL, scores
 from scenes.studies.bench.control_trials import drawn
 
-DULL, SHARP, LOSE = ("Rests", "Slow", "Constant"), ("Lies", "Stops", "Weaves"), ("RaisesLate", "Nothing", "Forces")
+DULL, SHARP, LOSE = ("Rests", "Constant"), ("Slow", "Lies", "Stops", "Weaves"), ("RaisesLate", "Nothing", "Forces")
 LINE_TRIAL, CURVE = (
-    each._replace(overrides=(*each.overrides, "run.duration_s=12")) for each in (drawn(1, 7), drawn(1, 11))
+    each._replace(overrides=(*each.overrides, "run.duration_s=11")) for each in (drawn(1, 7), drawn(1, 11))
 )
 """A line and an S-curve, with worms, grounds and sensors as they come."""
 
