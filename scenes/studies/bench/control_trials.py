@@ -154,13 +154,13 @@ def _s_curve(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _eight(random: Generator, speed: float) -> Iterator[str]:
-    """Yield an eight, from its crossing on."""
-    # x = a sin u, y = (a/2) sin 2u, turned by 45 degrees to begin along +x.
-    u, a = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(0.7, 1.1)
-    x, y = a * np.sin(u), a / 2.0 * np.sin(2.0 * u)
+    """Yield an eight, from the end of a loop on."""
+    # x = a sin u, y = 0.31 a sin 2u, with radii of 0.4 a at least, turned to begin along +x where u = pi/2: at the
+    # crossing the worm would begin on two branches at once.
+    u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.0, 1.5)
     yield from _at(speed, "spline")
     yield "reference.closed=true"
-    yield _points(random, np.column_stack([x + y, y - x]) / math.sqrt(2.0))
+    yield _points(random, a * np.column_stack([-0.31 * np.sin(2.0 * u), np.sin(u) - 1.0]))
 
 
 def _spiral(random: Generator, speed: float) -> Iterator[str]:
@@ -172,9 +172,9 @@ def _spiral(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _square(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a square with round corners, from the middle of a side on."""
+    """Yield a square with round corners, begun in the middle of a side: three corners."""
     half = random.uniform(0.7, 1.1)
-    corners = np.array([[0, 0], [1, 0], [1, 2], [-1, 2], [-1, 0], [1, 0]])
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [-1.0, 2.0], [-1.0, 0.3]])
     yield from _at(speed, "way_points")
     yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
     yield _points(random, half * corners)
