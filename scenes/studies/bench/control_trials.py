@@ -155,9 +155,9 @@ def _s_curve(random: Generator, speed: float) -> Iterator[str]:
 
 def _eight(random: Generator, speed: float) -> Iterator[str]:
     """Yield an eight, from the end of a loop on."""
-    # x = a sin u, y = 0.31 a sin 2u, with radii of 0.4 a at least, turned to begin along +x where u = pi/2: at the
+    # x = a sin u, y = 0.31 a sin 2u, with radii of a/4 at least, turned to begin along +x where u = pi/2: at the
     # crossing the worm would begin on two branches at once.
-    u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.0, 1.5)
+    u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.2, 1.6)
     yield from _at(speed, "spline")
     yield "reference.closed=true"
     yield _points(random, a * np.column_stack([-0.31 * np.sin(2.0 * u), np.sin(u) - 1.0]))
