@@ -46,13 +46,13 @@ much.
 
 ## Error
 
-What a run has is one number: how far the worm is from where it ought to be, over the way that it is asked to go.
+The error of a run is one number: the distance of the worm from the place where it ought to be, over the wanted way.
 
 * The way along the path is averaged over windows of {window:g} s: two waves at 0.8 Hz, whose rocking then averages out.
   The window is the same for all, and what a controller says of its waves counts nowhere.
-* *Ahead* is by how much the way gained from one window to the next is more or less than that asked for (D). The worm
-  misses its place by the root of the squares of that and of its offset from the path; where the task is a heading, by
-  the distance between the way that it made along its own heading and the way asked for along the heading asked for.
+* *Ahead* is the way gained from one window to the next, less the way D that is wanted in that time. The worm
+  misses its place by the root of the squares of that and of its offset from the path. Where the task is a heading, the
+  miss is the distance between two ways: the worm's, along its own heading, and the wanted way along the wanted heading.
 * error = rms of this miss over rms of D, at most 1. It counts from {shortest:g} s on, so that no window reaches
   into the first {start:g} s.
 

@@ -1,7 +1,7 @@
 """The runs of `worm3d bench control`: each trial of the family by the MPC, by the baselines and by others.
 
-A case is one run. What it came to is kept in a file of its own, with the scene and a digest of all else that it depends
-on: the programs, and what the controller knows of the worm. A study that was stopped goes on where it was.
+A case is one run. Its result is kept in a file of its own, with the scene, and a digest of the programs and of the maps
+that the controller may know. A study that was stopped goes on where it was.
 """
 
 from __future__ import annotations
@@ -61,13 +61,13 @@ class Case:
         return scene
 
     def file(self, folder: Path) -> Path:
-        """Return where what it came to is kept."""
+        """Return the file of its result."""
         return folder / "cases" / f"{self.trial.name}-{self.controller.replace(':', '.')}.json"
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a case came to."""
+    """Result of a case."""
 
     trial: str
     kind: str
@@ -83,7 +83,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Study:
-    """What all cases came to."""
+    """Results of all cases."""
 
     found: tuple[Found, ...]
     kept: int
@@ -118,9 +118,9 @@ def study(
 
 
 def _found(case: Case, folder: Path) -> tuple[Found, bool]:
-    """Return what a case came to, and whether it was in the folder."""
+    """Return the result of a case, and whether it was in the folder."""
     scene = case.load()
-    # What a user's own controller depends on cannot be told: it runs again.
+    # A user's own controller may depend on anything: it runs again.
     earlier = None if is_own(case.controller) else _kept(case, scene, folder)
     if earlier is not None:
         return earlier, True

@@ -1,20 +1,20 @@
 """How far a worm is from where it ought to be, as one number of a run.
 
 Means are taken over a moving window of one length, `WINDOW`, whatever the controller and whatever it says of its waves.
-With the way s along the path (the projection of the centre of mass, (L2)), the way asked for, S(t) = int V_ref dt, and
-the offset e of the centre of mass from the path, the worm misses the place where it would be, had it gone along the
-path at the speed asked for since one window ago, by d:
+Let s be the way along the path (the projection of the centre of mass, (L2)), e the offset of the centre of mass from
+the path, and S(t) = int V_ref dt the way wanted. At each instant the worm is compared with a point that left the path
+beside it one window ago, and has followed the path at the wanted speed since. The worm is off this point by d:
 
     m = mean of s - S,   ahead = m(t) - m(t - WINDOW),   d^2 = ahead^2 + e^2                                   (B4)
 
-The way asked for in that time is D = M(t) - M(t - WINDOW), with the mean M of S. Where the task is a heading psi, and w
-is the way along the heading h of the worm, d^2 = w^2 + D^2 - 2 w D cos(h - psi). A run has
+The way wanted in that time is D = M(t) - M(t - WINDOW), with the mean M of S. If the task is a heading psi, and the
+worm makes the way w along its own heading h, d^2 = w^2 + D^2 - 2 w D cos(h - psi). The error of a run is
 
     error = min(1, rms d / rms D)                                                                             (B5)
 
-A worm that stands on its path has 1, one that goes at half the speed 0.5, and so has one that goes beside its path at a
-distance of D/2 (0.1 m at 0.08 m/s). The offset is not averaged before it is squared, so that weaving does not hide it.
-Whatever is worse than to stand has 1.
+A worm at rest on its path has an error of 1. A worm at half the speed has 0.5, and so does a worm at the full speed
+that stays beside its path at a distance of D/2 (0.1 m at 0.08 m/s). The offset is not averaged before it is squared, so
+that weaving does not hide it. No error is greater than that of a worm at rest.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
     record
         A run that is longer than `SHORTEST`.
     reference
-        What the worm was asked to do.
+        Task of the worm.
     length
         Length of the body [m].
     """
