@@ -37,12 +37,12 @@ page is made from the tables of the program by `python tests/benchmarks/control_
    set of gains for all trials.
 4. A trial is lost, and its error is 1, where the run does not come to its end; where a controller that is not built on
    `control.loop.WaveController` raises an exception, or returns what is no command; where it commands forces of the
-   chambers, or brings a sensor of its own; and where its median control step takes longer than the control period. A
-   99th percentile above the control period is told and loses nothing, since it depends on what else a machine does.
+   chambers, or brings a sensor of its own; and where its median control step takes longer than the control period (on
+   a machine that does nothing else: such a trial is run again if the command is started again on the same --out). A 99th
+   percentile above the control period is reported, and loses nothing.
 5. State what a controller was tuned or trained on, with how many runs, and how long that took.
 
-The command ends with {failed} if a trial was lost, else with 0. `--quick` runs {quick} of {short}, too short to say
-much.
+The command ends with {failed} if a trial was lost, else with 0. `--quick` runs {quick}, for {short} each, which says little.
 
 ## Error
 
@@ -97,7 +97,7 @@ def page() -> str:
     return PAGE.format(
         trials=Options().trials,
         failed=FAILED,
-        quick=" and ".join(f"one trial of `{name}`" for name in QUICK),
+        quick=" and ".join(f"a {name}" for name in QUICK),
         short=SHORT[0].partition("=")[2] + " s",
         window=WINDOW,
         start=START,

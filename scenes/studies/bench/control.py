@@ -39,6 +39,7 @@ CONTROLLERS = ("mpc", "pi_los", "open_loop")
 DONE = "done"
 """Status of a run that is not lost."""
 TOO_SLOW = "its median control step takes longer than the control period"
+"""Status of a run that may have suffered from what else the machine did: it runs again."""
 
 Value = float | None
 
@@ -175,8 +176,8 @@ def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
         content = json.loads(case.file(folder).read_text("utf-8"))
         if content.pop("digest") != _digest(content):
             return None
-        if content.pop("scene") == scene.to_toml() and content.pop("basis") == basis(scene):
-            return Found(**content)
+        same = content.pop("scene") == scene.to_toml() and content.pop("basis") == basis(scene)
+        return Found(**content) if same and content["status"] != TOO_SLOW else None
     return None
 
 
