@@ -38,11 +38,12 @@ page is made from the tables of the program by `python tests/benchmarks/control_
 4. A trial is lost, and its error is 1, where the run does not come to its end; where a controller that is not built on
    `control.loop.WaveController` raises an exception, or returns what is no command; where it commands forces of the
    chambers, or brings a sensor of its own; and where its median control step takes longer than the control period (on
-   a machine that does nothing else: such a trial is run again if the command is started again on the same --out). A 99th
-   percentile above the control period is reported, and loses nothing.
+   a machine that does nothing else: such a trial is run again if the command is started again on the same --out). A
+   99th percentile above the control period is reported, and loses nothing.
 5. State what a controller was tuned or trained on, with how many runs, and how long that took.
 
-The command ends with {failed} if a trial was lost, else with 0. `--quick` runs {quick}, for {short} each, which says little.
+The command ends with {failed} if a trial was lost, else with 0. `--quick` runs {quick}, for {short} each, which
+says little.
 
 ## Error
 

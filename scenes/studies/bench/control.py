@@ -22,7 +22,7 @@ from control.guest import RAISED
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.language.schema import keys_in
 from scenes.models.control.build import maps_of, sensors_of
-from scenes.models.control.reference import reference_of
+from scenes.models.control.reference import reference_of, speeds_of
 from scenes.models.control.schema import ControlScene, Sensor
 from scenes.models.loading import Scene, load_scene
 from scenes.records.folder import write_bytes
@@ -31,7 +31,7 @@ from scenes.records.text import json_bytes
 from scenes.running.packages import sources, versions
 from scenes.running.runner import simulate
 from scenes.running.terminal import timing
-from scenes.studies.bench.control_error import SHORTEST, error_of
+from scenes.studies.bench.control_error import COARSEST, SHORTEST, error_of
 from scenes.studies.bench.control_trials import Trial
 from worm3d.values.named import is_own
 
@@ -52,12 +52,20 @@ class Case:
     controller: str
 
     def load(self) -> Scene:
-        """Return its scene; SceneError if it is too short to be measured."""
+        """Return its scene; SceneError if it cannot be measured."""
         scene = load_scene(self.trial.scene, (*self.trial.overrides, f"controller.kind={self.controller}"))
-        duration = scene.settings.run.duration_s
-        if duration <= SHORTEST:
+        run = scene.settings.run
+        if run.duration_s <= SHORTEST:
             raise SceneError(
-                f"run.duration_s: got {duration:g} s, must be above {SHORTEST:g} s: before, nothing counts"
+                f"run.duration_s: got {run.duration_s:g} s, must be above {SHORTEST:g} s, when errors count"
+            )
+        if run.record_every * run.dt_s > COARSEST:
+            raise SceneError(
+                f"run.record_every: got {run.record_every}, must store a state every {COARSEST:g} s or sooner"
+            )
+        if not speeds_of(scene.settings).any():
+            raise SceneError(
+                "reference.speed_m_s: got 0 at all times, must be a way to go: errors are shares of that way"
             )
         return scene
 

@@ -36,6 +36,8 @@ START = 2.5
 """Time in which a worm at rest comes up to speed, two waves; no window reaches into it [s]."""
 SHORTEST = START + 2.0 * WINDOW
 """Time from which on errors count, so that a run has to be longer [s]."""
+COARSEST = WINDOW / 25.0
+"""Longest time between two states of a record that is measured [s]: a window is off by half of it at most."""
 
 
 def error_of(record: Record, reference: Reference, length: float) -> dict[str, float | None]:

@@ -248,7 +248,12 @@ def test_the_figure_shows_every_run() -> None:
     [
         (("--seeds", 0), "--seeds: got 0, must be at least 1"),
         (("--seed", -1), "--seed: got -1, must be at least 0"),
-        (("-o", "run.duration_s=7"), "run.duration_s: got 7 s, must be above 7.5 s: before, nothing counts"),
+        (("-o", "run.duration_s=7"), "run.duration_s: got 7 s, must be above 7.5 s, when errors count"),
+        (("-o", "run.record_every=20"), "run.record_every: got 20, must store a state every 0.1 s or sooner"),
+        (
+            ("-o", "reference.speed_m_s=0"),
+            "reference.speed_m_s: got 0 at all times, must be a way to go: errors are shares of that way",
+        ),
     ],
 )
 def test_wrong_options(worm3d, option: tuple[str, object], complaint: str) -> None:
