@@ -23,9 +23,12 @@ from scenes.studies.bench.control_trials import drawn
 
 DULL, SHARP, LOSE = ("Rests", "Constant"), ("Slow", "Lies", "Stops", "Weaves"), ("RaisesLate", "Nothing", "Forces")
 LINE_TRIAL, CURVE = (
-    each._replace(overrides=(*each.overrides, "run.duration_s=11")) for each in (drawn(1, 7), drawn(1, 11))
+    each._replace(overrides=(*each.overrides, "run.duration_s=11")) for each in (drawn(7, 7), drawn(7, 11))
 )
-"""A line and an S-curve, with worms, grounds and sensors as they come."""
+"""A line and an S-curve, with grounds and sensors as they come. Seed 7 is the first from 2 on with six segments in
+both: the strains of other worms would take seconds to find."""
+CLEAR = 1.4
+"""Score that rest, slowness, a constant wave and lies exceed; the others of the list only have to exceed 1."""
 
 
 def test_nothing_but_the_task_pays(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -37,10 +40,9 @@ def test_nothing_but_the_task_pays(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     found = control.study(cases, tmp_path).found
     score = {each.controller.removeprefix("cheats:"): each for each in scores(found)}
     run = {each.controller.removeprefix("cheats:"): each for each in found if each.trial == CURVE.name}
-    assert (score[RIVAL].score, score[RIVAL].worst < 0.3) == (1.0, True)
-    assert {name: score[name].score > 1.3 for name in (*DULL, *SHARP, *LOSE)} == dict.fromkeys(
-        (*DULL, *SHARP, *LOSE), True
-    )
+    assert (score[RIVAL].score, score[RIVAL].worst < 0.5) == (1.0, True)
+    assert [name for name in (*DULL, *SHARP, *LOSE) if score[name].score <= 1.0] == []
+    assert [name for name in ("Rests", "Slow", "Constant", "Lies") if score[name].score <= CLEAR] == []
     assert {name: score[name].lost for name in (*DULL, *SHARP)} == dict.fromkeys((*DULL, *SHARP), 0)
     assert run["Rests"].error > 0.99, "nothing is worse"
     assert_allclose(run["Slow"].error, 0.6, atol=0.1, err_msg="60 % of the way are missing")
