@@ -307,29 +307,35 @@ def identify(
 @bench.command(name="control")
 def bench_control(
     out: Out = None,
-    seeds: Annotated[int, typer.Option("--seeds", help="Runs of each scene and controller.")] = 5,
-    quick: Annotated[bool, typer.Option("--quick", help="Two short scenes only.")] = False,
+    seed: Annotated[int, typer.Option("--seed", help="Seed from which trials are drawn.")] = 0,
+    seeds: Annotated[int, typer.Option("--seeds", help="Number of such seeds, from --seed on.")] = 1,
+    count: Annotated[int, typer.Option("--trials", help="Number of trials that are drawn from each seed.")] = 30,
+    trials: Annotated[
+        list[str] | None,
+        typer.Option("--trial", help="Only this trial, by its number or name, or this class of trials; several."),
+    ] = None,
     controllers: Annotated[
         list[str] | None,
         typer.Option("--controller", help="A controller of yours beside those that ship, module:Class; several."),
     ] = None,
-    trials: Annotated[list[str] | None, typer.Option("--trial", help="Only this trial; several.")] = None,
+    o: Overrides = None,
+    workers: Annotated[int, typer.Option("--workers", help="Processes that share the runs.")] = 1,
+    quick: Annotated[bool, typer.Option("--quick", help="Two short trials only.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Print the trials, as commands that run them, and end.")] = False,
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
     """Measure the controllers.
 
-    All scenes with a controller, and harder variants, by model predictive control, by the baselines and by controllers
-    of yours: how well speed, heading and path are kept to, how long the control steps take, and a score, one line for
-    each controller (rules: scenes/studies/bench/CONTROL.md). Takes an hour; started again on the same --out it goes on
-    with what the same programs, scenes and map of the worm have not run yet. Ends with 5 if runs failed, or else with
-    6 if a bar of the MPC is not kept (there are none with --quick, --controller or --trial).
+    Tasks, worms, grounds and sensors are drawn from a seed. Model predictive control, the baselines and controllers of
+    yours all run the same trials, and get a score by how far the worm is from where it ought to be, with one line for
+    each (rules: scenes/studies/bench/CONTROL.md). Started again on the same --out it goes on with what the same
+    programs, scenes and map of the worm have not run yet. Ends with 5 if a trial was lost.
     """
-    from scenes.studies.bench import control_report
+    from scenes.studies.bench import control_report as report
 
-    raise typer.Exit(
-        control_report.run(out, seeds=seeds, quick=quick, quiet=quiet, guests=controllers or (), trials=trials or ())
-    )
+    options = report.Options(seed, seeds, count, trials or (), controllers or (), o or (), quick, workers)
+    raise typer.Exit(report.show(options) if show else report.run(out, options, quiet=quiet))
 
 
 @app.command()

@@ -5,116 +5,125 @@ python tests/benchmarks/control_page.py > scenes/studies/bench/CONTROL.md
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterator
 
-from control.sensing.sensors import QUANTITIES, Channel
-from scenes.models.loading import load_scene
 from scenes.records.text import markdown_table
-from scenes.studies.bench.control import BLIND, METRICS
-from scenes.studies.bench.control_bars import BARS, RIVALS, SHARE
-from scenes.studies.bench.control_report import BAR_BROKEN, FAILED
-from scenes.studies.bench.control_score import FLOORS, LOST, OFF_SPEED
-from scenes.studies.bench.control_trials import FULL, RETUNED, Trial
+from scenes.studies.bench.control_error import SHORTEST, START, WINDOW
+from scenes.studies.bench.control_report import FAILED, Options
+from scenes.studies.bench.control_score import FLOOR
+from scenes.studies.bench.control_trials import CLASSES, GROUPS, QUICK, SHORT, SPEEDS
 
-SEEDS = 5
-INTRO = """# A benchmark of controllers for worm robots
+PAGE = """# A benchmark of controllers for worm robots
 
-A worm of six segments on a full 3D plant (contacts that stick and slip, actuators with a lag) is to keep to speeds,
-headings and paths. This page has the rules; `worm3d bench control` runs them and writes the results, of which
-[control](../../../control/README.md) has a table. Made from the tables of the program by
-`python tests/benchmarks/control_page.py`.
+A controller is to make worms that it does not know keep to speeds, headings and paths, by noisy and late sensors.
+`worm3d bench control` draws the trials from a seed, runs them on the full 3D plant (contacts that stick and slip,
+actuators with a lag), and gives each controller a score. Results stand in [control](../../../control/README.md). This
+page is made from the tables of the program by `python tests/benchmarks/control_page.py`.
+
+    worm3d bench control --workers 2                                  # {trials} trials of seed 0
+    worm3d bench control --controller my_module:MyController --seed 7 # one of yours beside those that ship
+    worm3d bench control --trial pipe --trial 3 -o run.duration_s=90  # some trials, and something changed in all
+    worm3d bench control --show                                       # the trials, as commands that run them
 
 ## Rules
 
-1. A controller gets a `control.task.ControlTask`: the worm, the reference, the identified map of its waves, what
-   steers, the control period, and the quality of the sensors. It never sees the simulator's state, nor the name of the
-   trial.
-2. At each step of 10 ms it takes a measurement and returns contractions and hinges. One set of gains for all trials.
-3. A run lasts as long as its scene says, on the plant as it ships. A controller loses a trial that it does not finish
-   with every seed, or in which it raises an exception. It loses a trial that is about an offset or a heading if the
-   worm does not go at about the speed asked for ({off}).
-4. Tune on seeds from 10 on; seeds 0 to {last} are run here, and 40 to 44 in `tests/benchmarks/closed_loop_bars.py`.
+1. Trial k of seed S is the same for all controllers and on all machines. Tune on any seeds, and say which; a judge
+   takes a seed that nobody has used, best a number of many digits. `--seeds N` takes the seeds S to S + N - 1.
+2. A controller gets a `control.task.ControlTask`: the worm, the reference, what steers, the control period, the quality
+   of the sensors, and the map of the *default* worm's waves, whatever the worm is (`-o controller.map=own` gives all of
+   them another map). Nobody is told of unequal chambers, friction and slope.
+3. At each step of 10 ms it takes a measurement and returns contractions and hinges. It begins each trial anew, with one
+   set of gains for all trials.
+4. A trial is lost, and its error is 1, where the run does not come to its end; where a controller that is not built on
+   `control.loop.WaveController` raises an exception, or returns what is no command; where it commands forces of the
+   chambers, or brings a sensor of its own; and where its median control step takes longer than the control period (on
+   a machine that does nothing else: such a trial is run again if the command is started again on the same --out). A
+   99th percentile above the control period is reported, and loses nothing.
 5. State what a controller was tuned or trained on, with how many runs, and how long that took.
 
-A controller of your own enters by its name, beside those that ship, with a line for each:
+The command ends with {failed} if a trial was lost, else with 0. `--quick` runs {quick}, for {short} each, which
+says little.
 
-    worm3d bench control --controller my_module:MyController
-    worm3d bench control --controller my_module:MyController --trial path_circle --trial corner --seeds 1
+## Error
 
-`mpc` and `pi_los` are run with {seeds} seeds, `{blind}`, which looks at nothing, with one.
+The error of a run is one number: the distance of the worm from the place where it ought to be, over the wanted way.
 
-The command ends with {failed} if a run did not come to its end or a controller of yours raised an exception, or else
-with {broken} if a bar of the MPC (below) is not kept, or else with 0. Bars are for runs without `--controller`,
-`--trial` and `--quick`.
-"""
-SCORE = """## Score
+* The way along the path is averaged over windows of {window:g} s: two waves at 0.8 Hz, whose rocking then averages out.
+  The window is the same for all, and what a controller says of its waves counts nowhere.
+* *Ahead* is the way gained from one window to the next, less the way D that is wanted in that time. The worm
+  misses its place by the root of the squares of that and of its offset from the path. Where the task is a heading, the
+  miss is the distance between two ways: the worm's, along its own heading, and the wanted way along the wanted heading.
+* error = rms of this miss over rms of D, at most 1. It counts from {shortest:g} s on, so that no window reaches
+  into the first {start:g} s.
 
-With E the error that a trial is about, of the worst seed, and no less than what can be told apart ({floors}),
+| a worm that | has the error |
+|---|---|
+| stands | 1 |
+| goes at the share a of the speed asked for, along its path | 1 - a |
+| goes at the speed asked for, at the distance e beside its path | e/D; 0.5 for 0.1 m at 0.08 m/s |
+| goes at the speed asked for, turned from its heading by b | 2 sin(b/2) |
+| does well for three quarters of the time, then stands | 0.5 |
+| runs away, goes to and fro, or in circles | 1 |
 
-    score = geometric mean over all trials of E / (E of pi_los)
+## Score
 
-so that line-of-sight has 1; a trial that was lost counts {lost:g}, and none counts more. Errors are means over a moving
-window of one commanded wave; the first three waves are left out (`control/tracking/metrics.py`). A control step is all
-that a controller computes in a control period, 99th percentile, on one core.
+    score = geometric mean over all trials of E / (E of pi_los),   E = max(error, {floor:g})
+
+so that line-of-sight with its default gains has 1, and less is better. Beside it stand the median and the worst error,
+the trials lost, the *real-time factor* (seconds simulated in a second, by simulator and controller together) and the
+*control step*: all that a controller computes in a control period, measured around it. What a controller computes
+before the first step counts nowhere.
+
+That a worm at rest, a slow one, a constant wave, and controllers that lie, stop, raise, weave or pull with forces have
+worse scores than line-of-sight is a test (`tests/scenes/studies/bench/test_bench_honest.py`). A controller is Python in
+the process of the simulator: one that reads or changes the simulator's objects, tries the family's seeds for the trial
+that it is in, or computes in other threads, is not kept from it. Read the code of a controller before you believe its
+score.
+
+## Trials
+
+{count} classes of tasks take turns. All last 60 s; speeds are {least:g} to {most:g} m/s.
+
+{classes}
+
+The rest is drawn for every trial:
+
+{drawn}
 """
 
 
 def page() -> str:
     """Return the page."""
-    floors = ", ".join(f"{METRICS[name].text(value)}" for name, value in FLOORS.items())
-    off = " or ".join(f"{METRICS[name].says} from {most:.0%} on" for name, most in OFF_SPEED.items())
-    lines = (
-        INTRO.format(seeds=SEEDS, last=SEEDS - 1, blind=BLIND, off=off, failed=FAILED, broken=BAR_BROKEN),
-        "## Trials\n",
-        *markdown_table(("trial", "scene", "changed", "lasts", "about"), map(_trial, FULL)),
-        "\n## Sensors\n",
-        *markdown_table(("channel", "noise", "samples a second"), _sensors()),
-        "\nUnless a trial says otherwise. Errors are normal; each channel has its own generator, seeded by the seed.\n",
-        SCORE.format(floors=floors, lost=LOST),
-        "## What the MPC is held to\n",
-        *markdown_table(("trial", "what", "at most"), _bars()),
-        f"\nA control step may take {SHARE:.0%} of the control period. Line-of-sight has its default gains here;\n"
-        "retuned for a trial, by 12 runs with seed 10 (reach and gain of the heading), it has\n",
-        *markdown_table(("trial", "gains"), ((name, f"`{' '.join(keys)}`") for name, keys in RETUNED.items())),
+    return PAGE.format(
+        trials=Options().trials,
+        failed=FAILED,
+        quick=" and ".join(f"a {name}" for name in QUICK),
+        short=SHORT[0].partition("=")[2] + " s",
+        window=WINDOW,
+        start=START,
+        shortest=SHORTEST,
+        floor=FLOOR,
+        count=len(CLASSES),
+        least=SPEEDS[0],
+        most=SPEEDS[1],
+        classes="\n".join(markdown_table(("class", "task"), _classes())),
+        drawn="\n".join(markdown_table(("what", "share of the trials", "key", "from", "to"), _drawn())),
     )
-    return "\n".join(lines) + "\n"
 
 
-def _trial(trial: Trial) -> tuple[str, ...]:
-    settings = load_scene(trial.scene, trial.overrides).settings
-    changed = ", ".join(f"`{each}`" for each in trial.overrides) or "-"
-    link = f"[{trial.scene}](../../{trial.scene}.toml)"
-    return trial.name, link, changed, f"{settings.run.duration_s:g} s", METRICS[trial.metric].says
+def _classes() -> Iterator[tuple[str, str]]:
+    for name, maker in CLASSES.items():
+        yield name, str(maker.__doc__).removeprefix("Yield ").removesuffix(".")
 
 
-def _sensors() -> Iterator[tuple[str, ...]]:
-    for name, quantity in QUANTITIES.items():
-        if quantity.standard or name == "heading":
-            when = "" if quantity.standard else " (only where a trial has it)"
-            yield f"{quantity.meaning}{when}", _noise(quantity.default, quantity.unit), _rate(quantity.default)
-
-
-def _noise(channel: Channel, unit: str) -> str:
-    if unit == "rad":
-        return f"{math.degrees(channel.noise):.3g} deg"
-    return f"{1000.0 * channel.noise:g} mm" if unit == "m" else f"{channel.noise:g}"
-
-
-def _rate(channel: Channel) -> str:
-    return "every step" if math.isinf(channel.rate) else f"{channel.rate:g}"
-
-
-def _bars() -> Iterator[tuple[str, ...]]:
-    for bar in BARS:
-        yield bar.trial, bar.says, METRICS[bar.metric].text(bar.most)
-    for trial, share in RIVALS.items():
-        yield (
-            trial,
-            "rms offset from the path",
-            "line-of-sight's" if share == 1.0 else f"{share:.2g} of line-of-sight's",
-        )
+def _drawn() -> Iterator[tuple[str, ...]]:
+    for group in GROUPS:
+        share = "all" if group.share == 1.0 else f"{group.share:.0%}"
+        for switch in group.switch:
+            yield group.says, share, f"`{switch}`", "", ""
+        for each in group.ranges:
+            yield group.says, share, f"`{each.key}`", f"{each.least:g}", f"{each.most:g}"
 
 
 if __name__ == "__main__":

@@ -37,7 +37,6 @@ from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running import terminal
 from scenes.running.runner import simulate
-from scenes.studies.bench.control_trials import SCENES
 from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 
@@ -45,6 +44,10 @@ TIMED = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
 REQUIRED = (
     *("speed_bias_relative", "speed_error_rms_relative", "heading_error_rms_deg", "cross_track_rms_bl"),
     *("cross_track_max_bl", "settling_periods", "mpc_failures"),
+)
+SCENES = (
+    *("velocity_step", "velocity_sine", "velocity_pipe", "stop_and_go", "heading_hold", "path_line", "path_circle"),
+    *("path_s_curve", "path_s_curve_slope", "path_waypoints", "there_and_back", "disturbance_push", "obstacles"),
 )
 BRIEF = ("run.duration_s=8", "run.record_every=2")
 
@@ -67,7 +70,7 @@ def circle() -> Record:
     return simulate(load_scene("path_circle", BRIEF))
 
 
-@pytest.mark.parametrize("name", [trial.scene for trial in SCENES])
+@pytest.mark.parametrize("name", SCENES)
 def test_every_shipped_scene_has_a_controller_and_says_what_to_see(name: str) -> None:
     loaded = load_scene(name)
     assert loaded.model is MODEL

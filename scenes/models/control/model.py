@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
@@ -40,12 +41,14 @@ START, NO_NIS = 3.0, "this controller estimates nothing from innovations, or non
 
 
 class Phased:
-    """A controller of which the commanded phase is kept, step by step."""
+    """A controller of which the commanded phase is kept, step by step, and how long each step took."""
 
     def __init__(self, controller: Driver) -> None:
         self.controller = controller
         self.waves: list[float] = []
         """Commanded phase at the begin of each step [waves]."""
+        self.seconds: list[float] = []
+        """Wall time of each step [s]: measured here, since a controller of a user's own may measure otherwise."""
 
     @property
     def period(self) -> float:
@@ -55,11 +58,13 @@ class Phased:
     def reset(self) -> None:
         """Begin anew."""
         self.controller.reset()
-        self.waves = []
+        self.waves, self.seconds = [], []
 
     def step(self, t: float, measurement: Measurement) -> worm3d.Command:
         """Return the command from time t [s] on."""
+        began = perf_counter()
         command = self.controller.step(t, measurement)
+        self.seconds.append(perf_counter() - began)
         self.waves.append(self.controller.waves)
         return command
 
@@ -108,7 +113,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
         summary=merits,
         reasons={**plain.reasons, **reasons, "mpc_failures": NO_MPC, **unfounded},
         checkpoint=(),
-        timing=timing_of(decisions, controller.control_period) if decisions else (),
+        timing=timing_of(decisions, driver.seconds, scene.run.dt_s, scene.controller.period_s),
     )
 
 

@@ -90,12 +90,20 @@ def _chambers(decisions: Sequence[Decision]) -> Iterator[Variable]:
             yield Variable(name, ("decision", "segment", "chamber"), np.array(known), unit, meaning)
 
 
-def timing_of(decisions: Sequence[Decision], control_period: float) -> tuple[Variable, ...]:
-    """Return how long the decisions took, the first one apart: it compiles."""
-    seconds = np.array([d.seconds for d in decisions])
+def timing_of(
+    decisions: Sequence[Decision], steps: Sequence[float], dt: float, control_period: float
+) -> tuple[Variable, ...]:
+    """Return how long the decisions took, and all `steps` of the controller, `dt` apart, in each control period [s].
+
+    The first control period is left out: it compiles.
+    """
+    if not steps:
+        return ()
+    seconds = np.bincount((np.arange(len(steps)) * dt / control_period + 1e-6).astype(int), steps)
     later = 1e3 * (seconds[1:] if len(seconds) > 1 else seconds)
+    own = [d.seconds for d in decisions]
     return (
-        Variable("control_step_s", ("decision",), seconds, "s", "wall time of a control step, estimates included"),
+        Variable("control_step_s", ("decision",), own, "s", "wall time of a control step, estimates included"),
         Variable("control_step_ms_p50", (), np.percentile(later, 50.0), "ms", "median of the control steps"),
         Variable("control_step_ms_p99", (), np.percentile(later, 99.0), "ms", "99th percentile of the control steps"),
         Variable("overruns", (), int(np.sum(seconds > control_period)), "1", "control steps longer than their period"),

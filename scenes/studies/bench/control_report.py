@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from statistics import median
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
 import typer
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from control import controllers
 from scenes.language.errors import SceneError
@@ -22,86 +20,91 @@ from scenes.running.drawing import save_figure
 from scenes.running.packages import machine
 from scenes.running.terminal import counted, progress
 from scenes.studies.bench import control
-from scenes.studies.bench.control import BLIND, CONTROLLERS, METRICS, PERIOD, Found, Plan, Row, Study
-from scenes.studies.bench.control_bars import BROKEN, MPC, RIVAL, Verdict, verdicts
+from scenes.studies.bench.control import CONTROLLERS, DONE, Case, Found, Study
 from scenes.studies.bench.control_score import HEADER, cells, names
-from scenes.studies.bench.control_trials import METRIC, QUICK, chosen
+from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
 PICTURE = "control.png"
-FAILED, BAR_BROKEN = 5, 6
-"""Exit codes: runs that failed (`control.Row.failed`), or else bars of a complete run that are not kept."""
-
+FAILED = 5
+"""Exit code where a trial is lost by a failure, `control.Found.status`."""
 SAYS = (
-    "The worst of all seeds, on the full 3D plant, without a sensor of the heading unless the scene has one. All is "
-    "averaged over a moving window of one commanded period; the first three periods are left out, and from the settled "
-    "bias and rms of the speed also three after each of its steps. BL: body lengths. A control step is all that a "
-    "controller computes in a control period, its estimates included. open_loop looks at nothing: one seed is enough."
+    "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the trial is lost. "
+    "Score: geometric mean over the trials of the error over that of pi_los. Real time: seconds simulated in a second, "
+    "by simulator and controller together, in the slowest trial. Step: what a controller computes in a control period, "
+    "as a share of the period, median and 99th percentile, each in the trial where it is largest; above 100 % is late."
 )
-NAMES = tuple(METRICS)
-TABLES = {
-    "Speed [%], and its settling [periods]": NAMES[:5],
-    "Heading [deg], and offset from the path [BL]": NAMES[5:10],
-    "Offset of the head [BL], joining the path [periods], bias of the speed [mm/s]": NAMES[10:14],
-    "Control steps [ms], and how many failed or took too long": NAMES[14:],
-}
-"""Title and metrics of each table."""
-KEYS = ("scene", "controller", "seeds")
-"""Columns of every table before its metrics."""
-TOLD = {MPC: "MPC", RIVAL: "line-of-sight", BLIND: "open loop"}
-SCORED = (
-    "score: geometric mean over the trials of the error (rms of offset, heading or speed, whichever a trial is about, "
-    "worst seed) over that of line-of-sight; a lost trial counts 10, none more."
-)
-VERDICTS = ("scene", "what", "found", "at most", "")
-NO_VERDICTS = "These are not the complete runs of what ships that are held to bars."
-
-PANELS = {
-    "speed_error_rms_relative": ("speed error, rms [%]", 0.1),
-    "cross_track_rms_bl": ("offset from the path, rms [BL]", 1e-3),
-    "heading_error_rms_deg": ("heading error, rms [deg]", 0.1),
-    "control_step_ms_p99": ("control step, 99th percentile [ms]", 0.1),
-}
-"""Label of each panel of the figure, and where its logarithmic scale begins; below it is linear down to zero."""
-COLOURS = dict(zip(CONTROLLERS, ("#1f5a94", "#d9793a", "#a0a0a0"), strict=True))
-GUESTS = ("#4f9d5d", "#8a5fa8", "#b8433f", "#4fa6a6")
-"""Colours of further controllers, in turn."""
+METRICS = ("way", "offset_bl", "heading_deg", "real_time_factor", "step_share_p50", "step_share_p99")
+"""Columns of `control.csv` after the error."""
+COLOURS = ("#1f5a94", "#d9793a", "#a0a0a0", "#4f9d5d", "#8a5fa8", "#b8433f", "#4fa6a6")
+"""Colours of the controllers, in turn."""
 
 
-def run(
-    out: Path | None, *, seeds: int, quick: bool, quiet: bool, guests: Sequence[str] = (), trials: Sequence[str] = ()
-) -> int:
-    """Run what is not in the folder yet, write what was found and return the exit code; options as of the command.
+class Options(NamedTuple):
+    """Options of the command."""
 
-    It is 5 if runs failed, else 6 if a bar is not kept, else 0. Bars are for complete runs of what ships: not for short
-    runs, chosen trials, or runs with controllers of others.
+    seed: int = 0
+    seeds: int = 1
+    trials: int = 30
+    only: Sequence[str] = ()
+    guests: Sequence[str] = ()
+    overrides: Sequence[str] = ()
+    quick: bool = False
+    workers: int = 1
+
+    @property
+    def cases(self) -> list[Case]:
+        """Return all runs; SceneError for a mistake."""
+        for name, least in (("seed", 0), ("seeds", 1), ("trials", 1), ("workers", 1)):
+            if getattr(self, name) < least:
+                raise SceneError(f"--{name}: got {getattr(self, name)}, must be at least {least}")
+        only, count = (QUICK, len(CLASSES)) if self.quick and not self.only else (self.only, self.trials)
+        trials = chosen(only, range(self.seed, self.seed + self.seeds), count)
+        changed = (*(SHORT if self.quick else ()), *self.overrides)
+        _require_controllers(self.guests)
+        by = dict.fromkeys((*CONTROLLERS, *self.guests))
+        found = [Case(each._replace(overrides=(*each.overrides, *changed)), name) for each in trials for name in by]
+        for case in found:
+            case.load()
+        return found
+
+    @property
+    def says(self) -> str:
+        """Return what was run."""
+        seeds = f"seed {self.seed}" if self.seeds == 1 else f"the seeds {self.seed} to {self.seed + self.seeds - 1}"
+        changed = f", with {' '.join(self.overrides)}" if self.overrides else ""
+        only = f", only {', '.join(self.only)}" if self.only else ""
+        return f"Trials of {seeds}{only}{', short ones' if self.quick else ''}{changed}"
+
+
+def show(options: Options) -> int:
+    """Print the trials as commands, and return the exit code."""
+    for trial in dict.fromkeys(case.trial for case in options.cases):
+        typer.echo(f"# {trial.name}\n{trial.command}")
+    return 0
+
+
+def run(out: Path | None, options: Options, *, quiet: bool) -> int:
+    """Run what is not in the folder yet, write what was found and return the exit code; it is 5 if a trial was lost.
 
     Raises
     ------
     SceneError
-        The folder cannot be used, or the disc refused a file.
+        An option is wrong, the folder cannot be used, or the disc refused a file.
     """
-    if seeds < 1:
-        raise SceneError(f"--seeds: got {seeds}, must be at least 1")
-    judged = not (quick or guests or trials)
-    asked = QUICK if quick and not trials else chosen(trials)
-    _require_controllers(guests)
-    plan = Plan(asked, 1 if quick else seeds, tuple(dict.fromkeys((*CONTROLLERS, *guests))))
+    cases = options.cases
     with folders.prepared(out, "bench-control", force=True) as folder:
         folders.made(folder / "cases")
-        with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
-            study = control.study(plan, folder, show)
-        rows = list(control.rows(study.found))
+        with progress("control", len(cases), quiet=quiet, what="run") as show:
+            study = control.study(cases, folder, options.workers, show)
         write_bytes(folder / "control.csv", as_csv(study.found))
-        write_bytes(folder / "control.md", markdown(rows, machine(), PICTURE, judged=judged).encode())
+        write_bytes(folder / "control.md", markdown(study.found, machine(), options.says).encode())
         save_figure(draw(study.found), folder / PICTURE)
         if not quiet:
-            for line in terminal_lines(rows, judged=judged):
+            for line in terminal_lines(study.found, options.says):
                 typer.echo(line)
             typer.echo(_of_the_folder(study))
             typer.echo(f"Written to {folder}: control.md, control.csv, {PICTURE}, cases/")
-    if any(each.status != "done" for each in study.found):
-        return FAILED
-    return BAR_BROKEN if judged and any(verdict.word == BROKEN for verdict in verdicts(rows)) else 0
+    return FAILED if any(each.status != DONE for each in study.found) else 0
 
 
 def _require_controllers(names: Sequence[str]) -> None:
@@ -124,99 +127,71 @@ def _of_the_folder(study: Study) -> str:
 
 def as_csv(found: Sequence[Found]) -> bytes:
     """Return one line for each run."""
-    names = (*NAMES, PERIOD)
-    runs = ((each.trial, each.controller, each.seed, each.status, *map(each.metrics.get, names)) for each in found)
-    return csv_bytes([("scene", "controller", "seed", "status", *names), *runs])
+    runs = ((x.trial, x.kind, x.controller, x.status, x.error, *map(x.metrics.get, METRICS)) for x in found)
+    return csv_bytes([("trial", "class", "controller", "status", "error", *METRICS), *runs])
 
 
-def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judged: bool = True) -> str:
-    """Return the report; `picture` is the file beside it, which it shows; bars are left out unless `judged`."""
-    bars = markdown_table(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
+def markdown(found: Sequence[Found], machine: dict[str, Any], says: str) -> str:
+    """Return the report, which shows `PICTURE` beside it; `says` tells what was run."""
+    tables = (*markdown_table(HEADER, cells(found)), "", *markdown_table(*by_class(found)))
     lines = (
-        *("# How well worms keep to their references", "", SAYS, "", f"![the worst of the seeds]({picture})", ""),
-        *(line for title in TABLES for line in (f"## {title}", "", *markdown_table(*_table(title, rows)), "")),
-        *("## In one line each", "", SCORED, "", *markdown_table(HEADER, cells(rows)), ""),
-        *("## In short", "", *markdown_table(("scene", "what", *(_told(name) for name in names(rows))), _short(rows))),
-        *("", "## What the MPC is held to", "", *bars),
-        *("", f"{machine['cpu']}, {machine['system']}, {machine['date']}, one core."),
+        *("# How well worms keep to their tasks", "", f"{says}. {SAYS}", "", *tables, "", f"![errors]({PICTURE})"),
+        *("", *(f"* {line}" for line in lost(found)), "", f"{machine['cpu']}, {machine['system']}, {machine['date']}."),
     )
     return "\n".join(lines) + "\n"
 
 
-def terminal_lines(rows: Sequence[Row], *, judged: bool = True) -> Iterator[str]:
-    """Yield the lines to print; bars are left out unless `judged`."""
-    for title in TABLES:
-        yield from (title, *aligned(*_table(title, rows)), "")
-    yield from aligned(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
-    yield from ("", *aligned(HEADER, cells(rows)), *wrap(SCORED, 100))
+def terminal_lines(found: Sequence[Found], says: str) -> Iterator[str]:
+    """Yield the lines to print."""
+    yield from (
+        says,
+        "",
+        *aligned(*by_class(found)),
+        "",
+        *aligned(HEADER, cells(found)),
+        *wrap(SAYS, 100),
+        *lost(found),
+    )
 
 
-def _table(title: str, rows: Sequence[Row]) -> tuple[Cells, Iterator[Cells]]:
-    """Return the header and the rows of a table."""
-    names = TABLES[title]
-    return (*KEYS, *(METRICS[name].column for name in names)), (_cells(row, names) for row in rows)
+def by_class(found: Sequence[Found]) -> tuple[Cells, Iterator[Cells]]:
+    """Return a table of the median and the worst error of each class of trials, by each controller."""
+    of: dict[tuple[str, str], list[float]] = {}
+    for each in found:
+        of.setdefault((each.kind, each.controller), []).append(each.error)
+    kinds = dict.fromkeys(each.kind for each in found)
+    lines = (
+        (
+            kind,
+            str(len(of[kind, names(found)[0]])),
+            *(f"{median(e):.3f}, {max(e):.3f}" for e in (of[kind, by] for by in names(found))),
+        )
+        for kind in kinds
+    )
+    return ("median, worst", "trials", *names(found)), lines
 
 
-def _cells(row: Row, names: Sequence[str]) -> Cells:
-    seeds = f"{row.seeds} ({row.failed} failed)" if row.failed else f"{row.seeds}"
-    return (row.trial, row.controller, seeds, *(METRICS[name].number(row.metrics[name]) for name in names))
-
-
-def _short(rows: Sequence[Row]) -> Iterator[Cells]:
-    """Yield what each trial is about, of every controller."""
-    of = {(row.trial, row.controller): row.metrics for row in rows}
-    for trial in dict.fromkeys(row.trial for row in rows):
-        name = METRIC[trial]
-        values = (of.get((trial, controller), {}).get(name) for controller in names(rows))
-        yield trial, METRICS[name].says, *map(METRICS[name].text, values)
-
-
-def _told(controller: str) -> str:
-    return TOLD.get(controller, controller)
-
-
-def _verdict_cells(verdict: Verdict) -> Cells:
-    text = METRICS[verdict.bar.metric].text
-    return verdict.bar.trial, verdict.bar.says, text(verdict.found), text(verdict.bar.most), verdict.word
+def lost(found: Sequence[Found]) -> Iterator[str]:
+    """Yield why trials were lost."""
+    yield from (f"{x.controller} lost {x.trial}: {x.status}" for x in found if x.status != DONE)
 
 
 def draw(found: Sequence[Found]) -> Figure:
-    """Return the figure: how well each controller did in each trial, every seed a point.
-
-    The scales are logarithmic and go down to a true zero: a point on the left edge is a zero, no point is no value.
-    """
+    """Return the figure: the error of each controller in each trial, a point each."""
     trials = list(dict.fromkeys(each.trial for each in found))
-    figure = Figure(figsize=(11.0, 2.4 + 0.42 * len(trials)), layout="constrained", dpi=120)
-    for axes, name in zip(figure.subplots(1, len(PANELS), sharey=True), PANELS, strict=True):
-        _draw_panel(axes, found, trials, name)
-    figure.axes[0].set_yticks(range(len(trials)), trials)
-    figure.axes[0].set_ylim(len(trials) - 0.4, -0.6)
-    handles = [Patch(color=colour, alpha=0.6, label=name) for name, colour in _colours(found).items()]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=9)
+    figure = Figure(figsize=(8.0, 1.6 + 0.22 * len(trials)), layout="constrained", dpi=120)
+    axes = figure.subplots()
+    for k, name in enumerate(names(found)):
+        errors = {each.trial: each.error for each in found if each.controller == name}
+        axes.plot(
+            list(errors.values()),
+            [trials.index(each) for each in errors],
+            "o",
+            color=COLOURS[k % len(COLOURS)],
+            label=name,
+        )
+    axes.set(xscale="log", xlabel="error (1: as if it stood)", ylim=(len(trials) - 0.5, -0.5))
+    axes.set_yticks(range(len(trials)), trials)
+    axes.grid(True, alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=4, fontsize=9)
     return figure
-
-
-def _colours(found: Sequence[Found]) -> dict[str, str]:
-    """Return the colour of each controller that was run."""
-    there = dict.fromkeys(each.controller for each in found)
-    others = (name for name in there if name not in COLOURS)
-    more = {name: GUESTS[k % len(GUESTS)] for k, name in enumerate(others)}
-    return {name: (COLOURS | more)[name] for name in (*COLOURS, *more) if name in there}
-
-
-def _draw_panel(axes: Axes, found: Sequence[Found], trials: list[str], name: str) -> None:
-    label, linear = PANELS[name]
-    colours = _colours(found)
-    height = 0.8 / len(colours)
-    for k, (controller, colour) in enumerate(colours.items()):
-        aside = (k - 0.5 * (len(colours) - 1)) * height
-        for place, trial in enumerate(trials):
-            of = (each.metrics[name] for each in found if (each.trial, each.controller) == (trial, controller))
-            seen = METRICS[name].scale * np.abs([value for value in of if value is not None])
-            if len(seen):
-                axes.barh(place + aside, seen.max(), height, color=colour, alpha=0.6)
-                axes.plot(seen, np.full(len(seen), place + aside), ".", color="black", ms=2.5, clip_on=False)
-    axes.set_xscale("symlog", linthresh=linear, linscale=0.4)
-    axes.set_xlim(left=0.0)
-    axes.set_xlabel(label, fontsize=9)
-    axes.grid(True, axis="x", alpha=0.3)

@@ -1,77 +1,292 @@
-"""The trials of `worm3d bench control`: scenes with controllers, with changes as after -o, and what each is about."""
+"""The trials of `worm3d bench control`: tasks, worms, grounds and sensors, drawn at random from a seed.
+
+Trial k of seed S is the same on every machine: all its numbers come from one generator, seeded by S and k, and are
+rounded as they are printed. Classes of tasks take turns, so that any twelve trials in a row have each of them once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import shlex
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.random import Generator
+
 from scenes.language.errors import SceneError
+from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import did_you_mean
 
-OFFSET, HEADING, SPEED = "cross_track_rms_bl", "heading_error_rms_deg", "speed_error_rms_relative"
+START = (0.5, 0.0)
+"""Place of the middle of the worm as it starts, along +x [m]; paths begin there."""
+SCENES = {"pipe": "velocity_pipe"}
+"""Scene that is changed, where it is not `path_line`."""
+SPEEDS = (0.04, 0.09)
+"""Least and greatest speed asked for [m/s]; a worm that is weak, on rough ground and uphill makes some 0.1 m/s."""
+QUICK, SHORT = ("circle", "line"), ("run.duration_s=12",)
+"""Classes of the trials of `--quick`, and what shortens them: too short to say much."""
 
 
 class Trial(NamedTuple):
-    """A scene, with changes as after -o."""
+    """A scene that ships, with changes as after -o."""
 
     name: str
+    kind: str
+    """Its class, a name of `CLASSES`."""
     scene: str
     overrides: tuple[str, ...] = ()
-    metric: str = OFFSET
-    """What it is about: the metric that counts in the score."""
+
+    @property
+    def command(self) -> str:
+        """Command that runs it."""
+        return " ".join(["worm3d run", self.scene, *(f"-o {shlex.quote(each)}" for each in self.overrides)])
 
 
-SCENES = (
-    *(Trial(name, name, metric=SPEED) for name in ("velocity_step", "velocity_sine", "stop_and_go")),
-    Trial("heading_hold", "heading_hold", metric=HEADING),
-    *(Trial(name, name) for name in ("path_line", "path_circle", "path_s_curve", "path_waypoints", "there_and_back")),
-    Trial("velocity_pipe", "velocity_pipe", metric=SPEED),
-    *(Trial(name, name) for name in ("path_s_curve_slope", "disturbance_push")),
+class Range(NamedTuple):
+    """A key of the scene, and between which values it is drawn."""
+
+    key: str
+    least: float
+    most: float
+    form: str = ".3g"
+    """How it is written; "d": a whole number."""
+    log: bool = False
+    """Whether its logarithm is equally likely everywhere, not the value itself."""
+
+    def drawn(self, random: Generator) -> str:
+        """Return the override."""
+        if self.form == "d":
+            return f"{self.key}={random.integers(int(self.least), int(self.most) + 1)}"
+        draw = _log_uniform if self.log else Generator.uniform
+        return f"{self.key}={draw(random, self.least, self.most):{self.form}}"
+
+
+class Group(NamedTuple):
+    """What a share of the trials has."""
+
+    share: float
+    says: str
+    ranges: tuple[Range, ...] = ()
+    switch: tuple[str, ...] = ()
+    """Overrides that come with it."""
+
+
+SLOPE = Group(
+    0.5,
+    "a slope, of whatever direction (not in pipes)",
+    (Range("world.slope_deg", 0.0, 2.5, ".2f"), Range("world.heading_deg", -180, 180, ".0f")),
 )
-"""The scenes that ship, as they are."""
-UNSCORED = ("obstacles",)
-"""Scenes that ask for something that no metric of the score tells, such as to leave the path for an obstacle."""
-SIDE = ("world.slope_deg=2", "world.heading_deg=90")
-CORNER = "reference.points=[{x_m=0.5, y_m=0.0}, {x_m=2.0, y_m=0.0}, {x_m=2.0, y_m=3.0}]"
-# The line passes 0.2 m to the right of the worm's middle at (0.5, 0), 0.5 rad to the right of where the worm looks.
-APART = ("reference.start_m=[0.40411, -0.17552]", "reference.azimuth_deg=-28.648")
-USUAL_MAP = "controller.map=default"
-HARD = (
-    Trial("path_line_uphill", "path_line", ("world.slope_deg=3.0",)),
-    Trial("side_slope", "path_line", SIDE),
-    Trial("side_slope_compass", "path_line", (*SIDE, "sensor.heading=true")),
-    Trial("from_apart", "path_line", APART),
-    Trial("circle_0.6", "path_circle", ("reference.radius_m=0.6",)),
-    Trial("circle_0.4", "path_circle", ("reference.radius_m=0.4",)),
-    Trial("corner", "path_waypoints", (CORNER, "reference.radius_m=0.02", "run.duration_s=45")),
-    Trial("s_curve_slow", "path_s_curve", ("reference.speed_m_s=0.02",)),
-    Trial("s_curve_fast", "path_s_curve", ("reference.speed_m_s=0.14",)),
-    Trial("s_curve_noise", "path_s_curve", ("sensor.com_noise_m=0.02",)),
-    Trial("eight_segments", "path_s_curve", ("worm.segments=8", USUAL_MAP)),
-    Trial("soft_springs", "path_s_curve", ("worm.spring_N=6.5", USUAL_MAP)),
+GROUPS = (
+    Group(
+        1.0,
+        "body and actuators",
+        (
+            Range("worm.segments", 5, 9, "d"),
+            Range("worm.spring_N", 9, 18, log=True),
+            Range("worm.actuator_lag_s", 0.05, 0.2, log=True),
+        ),
+    ),
+    Group(
+        0.5,
+        "chambers that follow their commands by a factor of their own, up to 1.1",
+        (Range("fault.unequal_least", 0.7, 1.0), Range("fault.unequal_seed", 0, 999, "d")),
+        ("fault.unequal=true",),
+    ),
+    Group(
+        1.0,
+        "friction",
+        (
+            Range("friction.forward", 0.02, 0.05, log=True),
+            Range("friction.backward", 0.15, 0.26, log=True),
+            Range("friction.lateral", 0.15, 0.26, log=True),
+        ),
+    ),
+    Group(
+        1.0,
+        "sensors",
+        (
+            Range("sensor.com_noise_m", 0.002, 0.02, ".2g", log=True),
+            Range("sensor.com_rate_Hz", 5, 20, ".2g", log=True),
+            Range("sensor.com_delay_s", 0.0, 0.2, ".2f"),
+            Range("sensor.strain_noise", 0.005, 0.03, ".2g", log=True),
+        ),
+    ),
+    Group(1.0 / 3.0, "a sensor of the heading", switch=("sensor.heading=true",)),
+    SLOPE,
 )
-"""What the scenes are not: steep, turned away, sharp, slow, fast, noisy, or by another worm than the map is of."""
-FULL = (*SCENES, *HARD)
-RETUNED = {
-    "circle_0.4": ("controller.gain_reach=0.1", "controller.gain_heading_per_s=1.2"),
-    "corner": ("controller.gain_reach=0.15", "controller.gain_heading_per_s=1.2"),
-    "s_curve_fast": ("controller.gain_reach=0.5", "controller.gain_heading_per_s=2.0"),
+"""What differs from the default worm, ground and sensors, whose values lie within these ranges."""
+
+
+def drawn(seed: int, number: int) -> Trial:
+    """Return trial `number` of a seed."""
+    random = np.random.default_rng([seed, number])
+    kind = tuple(CLASSES)[number % len(CLASSES)]
+    changed = list(CLASSES[kind](random, float(_log_uniform(random, *SPEEDS))))
+    for group in GROUPS:
+        values = [each.drawn(random) for each in group.ranges]
+        if random.uniform() < group.share and not (kind == "pipe" and group is SLOPE):
+            changed += (*group.switch, *values)
+    common = ("run.duration_s=60", "controller.map=default", f"seed={random.integers(2**31)}")
+    return Trial(f"{seed}-{number:02}-{kind}", kind, SCENES.get(kind, "path_line"), (*changed, *common))
+
+
+def _line(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a line that begins beside the worm, and leads to one side."""
+    yield from _at(speed, "line")
+    yield f"reference.start_m=[{START[0]}, {random.uniform(-0.1, 0.1):.3f}]"
+    yield f"reference.azimuth_deg={random.uniform(-20.0, 20.0):.1f}"
+
+
+def _circle(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a circle, to either side."""
+    yield from _at(speed, "circle")
+    yield f"reference.radius_m={_log_uniform(random, 0.6, 2.0):.3g}"
+    yield f"reference.towards={_side(random)}"
+
+
+def _s_curve(random: Generator, speed: float) -> Iterator[str]:
+    """Yield an S-curve, to either side first."""
+    yield from _at(speed, "s_curve")
+    yield f"reference.amplitude_m={random.uniform(0.2, 0.4):.3g}"
+    yield f"reference.wavelength_m={random.uniform(3.0, 5.0):.3g}"
+    yield f"reference.towards={_side(random)}"
+
+
+def _eight(random: Generator, speed: float) -> Iterator[str]:
+    """Yield an eight, from the end of a loop on."""
+    # x = a sin u, y = 0.31 a sin 2u, with radii of a/4 at least, turned to begin along +x where u = pi/2: at the
+    # crossing the worm would begin on two branches at once.
+    u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.2, 1.6)
+    yield from _at(speed, "spline")
+    yield "reference.closed=true"
+    yield _points(random, a * np.column_stack([-0.31 * np.sin(2.0 * u), np.sin(u) - 1.0]))
+
+
+def _spiral(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a turn and a quarter of a spiral whose radius falls to a half."""
+    u, radius = np.linspace(0.0, 2.5 * np.pi, 16), random.uniform(1.0, 1.6)
+    r = radius * (1.0 - u / (5.0 * np.pi))
+    yield from _at(speed, "spline")
+    yield _points(random, np.column_stack([r * np.sin(u), radius - r * np.cos(u)]))
+
+
+def _square(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a square with round corners, begun in the middle of a side: three corners."""
+    half = random.uniform(0.7, 1.1)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [-1.0, 2.0], [-1.0, 0.3]])
+    yield from _at(speed, "way_points")
+    yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
+    yield _points(random, half * corners)
+
+
+def _waypoints(random: Generator, speed: float) -> Iterator[str]:
+    """Yield way points with round corners between them."""
+    turns, ways = np.radians(random.uniform(-60.0, 60.0, 5)), random.uniform(1.0, 1.8, 6)
+    azimuths = np.cumsum([0.0, *turns])
+    yield from _at(speed, "way_points")
+    yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
+    steps = ways[:, None] * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
+    yield _points(random, np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]))
+
+
+def _heading(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a heading with two steps."""
+    first, second = random.uniform(-40.0, 40.0, 2)
+    yield from _at(speed, "heading")
+    yield (
+        f"reference.heading_steps=[{{at_s={random.uniform(10.0, 20.0):.1f}, heading_deg={first:.1f}}}, "
+        f"{{at_s={random.uniform(30.0, 45.0):.1f}, heading_deg={second:.1f}}}]"
+    )
+
+
+def _stop_and_go(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a line on which the worm stops twice."""
+    stop, rest, again, last = random.uniform((12.0, 4.0, 10.0, 4.0), (20.0, 8.0, 16.0, 8.0)).cumsum()
+    yield from _at(speed, "line")
+    yield _steps((stop, 0.0), (rest, float(_log_uniform(random, *SPEEDS))), (again, 0.0), (last, speed))
+
+
+def _speed_steps(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a circle with two steps of the speed."""
+    yield from _circle(random, speed)
+    times = random.uniform((15.0, 35.0), (25.0, 45.0))
+    yield _steps(*zip(times, _log_uniform(random, *SPEEDS, 2), strict=True))
+
+
+def _speed_sine(random: Generator, speed: float) -> Iterator[str]:
+    """Yield an S-curve with a sine of the speed."""
+    yield from _s_curve(random, speed)
+    yield f"reference.speed_sine_m_s={speed * random.uniform(0.15, 0.4):.2g}"
+    yield f"reference.speed_sine_period_s={random.uniform(15.0, 30.0):.3g}"
+
+
+def _pipe(random: Generator, speed: float) -> Iterator[str]:
+    """Yield a pipe with a bend, on the bottom of which the worm goes."""
+    bend = f"{{bend_deg={random.uniform(20.0, 60.0):.0f}, bend_radius_m=2.0, towards='{_side(random)}'}}"
+    yield from _at(speed, "pipe")
+    yield f"world.radius_m={random.uniform(0.12, 0.16):.3g}"
+    yield f"world.pieces=[{{straight_m={random.uniform(1.0, 2.0):.2f}}}, {bend}, {{straight_m=3.0}}]"
+
+
+CLASSES: dict[str, Callable[[Generator, float], Iterator[str]]] = {
+    "circle": _circle,
+    "heading": _heading,
+    "stop_and_go": _stop_and_go,
+    "waypoints": _waypoints,
+    "speed_sine": _speed_sine,
+    "pipe": _pipe,
+    "eight": _eight,
+    "line": _line,
+    "square": _square,
+    "speed_steps": _speed_steps,
+    "spiral": _spiral,
+    "s_curve": _s_curve,
 }
-"""Line-of-sight as retuned for a trial: the best of 12 runs with seed 10, with reaches of 0.1 to 0.5 body lengths (on
-the fast S-curve 0.15 to 0.5) and K_h of 0.8, 1.2 and 2 rad/s. At the corner the default gains are the best."""
-SHORT = ("run.duration_s=12", "run.record_every=2")
-QUICK = tuple(Trial(name, name, SHORT) for name in ("path_line", "path_circle"))
-"""Trials to try it out: too short to say much."""
-METRIC = {trial.name: trial.metric for trial in FULL}
-"""What each trial is about."""
+"""Maker of the task of each class of trials, in the order in which they take turns."""
 
 
-def chosen(names: Sequence[str]) -> tuple[Trial, ...]:
-    """Return trials by their names, all if there are none; SceneError for a name that no trial has."""
-    known = {trial.name: trial for trial in FULL}
+def _at(speed: float, kind: str) -> Iterator[str]:
+    yield f"reference.kind={kind}"
+    yield f"reference.speed_m_s={speed:.3f}"
+
+
+def _points(random: Generator, points: FloatArray) -> str:
+    """Return points from the start on, or their mirror image."""
+    x, y = (points * [1.0, random.choice([-1.0, 1.0])] + START).T
+    return f"reference.points=[{', '.join(f'{{x_m={a:.3f}, y_m={b:.3f}}}' for a, b in zip(x, y, strict=True))}]"
+
+
+def _steps(*steps: tuple[float, float]) -> str:
+    return f"reference.speed_steps=[{', '.join(f'{{at_s={t:.1f}, speed_m_s={v:.3f}}}' for t, v in steps)}]"
+
+
+def _side(random: Generator) -> str:
+    return str(random.choice(["left", "right"]))
+
+
+def _log_uniform(random: Generator, least: float, most: float, size: int | None = None) -> FloatArray:
+    return np.exp(random.uniform(math.log(least), math.log(most), size))
+
+
+def chosen(names: Sequence[str], seeds: Sequence[int], count: int) -> tuple[Trial, ...]:
+    """Return the first `count` trials of each seed, of these only those with a name, number or class if any are given.
+
+    Raises
+    ------
+    SceneError
+        There is no such trial among them.
+    """
+    trials = {
+        trial: {trial.name, str(k), trial.kind} for seed in seeds for k in range(count) for trial in [drawn(seed, k)]
+    }
+    known = set().union(*trials.values())
     for name in names:
         if name not in known:
             meant = did_you_mean(name, [(each, each) for each in known])
-            hint = f"; did you mean '{meant}'?" if meant else f"; known are {', '.join(known)}"
-            raise SceneError(f"--trial: got '{name}', which no trial is called{hint}")
-    return tuple(known[name] for name in dict.fromkeys(names)) if names else FULL
+            hint = f"; did you mean '{meant}'?" if meant else ""
+            raise SceneError(
+                f"--trial: got '{name}', must be a class ({', '.join(CLASSES)}), a number from 0 to {count - 1} (more "
+                f"with --trials), or a name that --show prints{hint}"
+            )
+    return tuple(trial for trial, called in trials.items() if not names or called & set(names))

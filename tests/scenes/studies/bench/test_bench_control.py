@@ -1,9 +1,11 @@
-"""`worm3d bench control`: which cases, how they are resumed, and what the report says of them."""
+"""`worm3d bench control`: which trials and runs, how they are resumed, and what the report says of them."""
 
 from __future__ import annotations
 
 import csv
 import json
+import shlex
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,74 +13,102 @@ import control_page
 import pytest
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import shipped_scenes
 from scenes.models.control import build
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
 from scenes.running import packages
-from scenes.studies.bench import control, control_bars, control_report, control_score, control_trials
-from scenes.studies.bench.control import Found, Plan, Row
-from scenes.studies.bench.control_trials import FULL, QUICK, SCENES, Trial
+from scenes.studies.bench import control, control_report, control_score
+from scenes.studies.bench.control import DONE, Case, Found
+from scenes.studies.bench.control_report import Options
+from scenes.studies.bench.control_trials import CLASSES, Trial, chosen, drawn
 
-STANDS_OR_RAISES = """
-import numpy as np
-import worm3d
-from control.parts import part
-
-
-@part("controller")
-class Still:
-    @classmethod
-    def of(cls, *given):
-        return cls()
-
-    def reset(self):
-        pass
-
-    def step(self, t, measurement):
-        return worm3d.Command(np.zeros((6, 2)))
+TINY = Trial("tiny", "line", "path_line", ("run.duration_s=8",))
+TIMES = {"real_time_factor": 4.0, "step_share_p50": 0.1, "step_share_p99": 0.2}
 
 
-@part("controller")
-class Raises(Still):
-    def step(self, t, measurement):
-        raise RuntimeError("valve stuck")
-"""
-TINY = Plan((Trial("tiny", "path_line", ("run.duration_s=6",)),), seeds=2, controllers=("pi_los", "open_loop"))
+def cases(*controllers: str, trial: Trial = TINY) -> list[Case]:
+    return [Case(trial, name) for name in controllers]
 
 
-def found(trial: str, controller: str, seed: int, **figures: float | None) -> Found:
-    metrics = {**dict.fromkeys(control.METRICS), control.PERIOD: 200.0, **figures}
-    return Found(trial, controller, seed, "done", metrics)
+def found(trial: str, controller: str, error: float, status: str = DONE) -> Found:
+    return Found(trial, trial.partition("-")[0], controller, status, error, {"way": 0.5 * error, **TIMES})
 
 
-def test_every_scene_with_a_controller_is_in_it() -> None:
-    loaded = {name: load_scene(name) for name in shipped_scenes()}
-    shipped = [name for name, scene in loaded.items() if scene.model is MODEL]
-    usual = [name for name in shipped if loaded[name].settings.controller.kind in control.CONTROLLERS]
-    assert sorted((*(trial.scene for trial in SCENES), *control_trials.UNSCORED)) == sorted(usual)
+def test_a_trial_follows_from_its_seed_and_number_alone() -> None:
+    assert drawn(3, 5) == drawn(3, 5)
+    assert len({drawn(seed, 5).overrides for seed in (0, 1, 2, 10**40)}) == 4
+    assert len({drawn(0, k).overrides for k in range(60)}) == 60
 
 
-def test_the_cases_are_all_seeds_but_of_the_blind_controller() -> None:
-    cases = Plan(FULL, 5).cases()
-    assert len(cases) == len(FULL) * (5 + 5 + 1)
-    assert len({case.file(Path()) for case in cases}) == len(cases)
-    assert [case.load().settings.seed for case in cases[:5]] == [0, 1, 2, 3, 4]
-    assert len(Plan(QUICK, 1).cases()) == 6
+def test_all_classes_take_turns() -> None:
+    assert Counter(drawn(4, k).kind for k in range(24)) == dict.fromkeys(CLASSES, 2)
+
+
+@pytest.mark.parametrize("number", range(36))
+def test_every_trial_is_a_scene_that_all_see_by_the_default_map(number: int) -> None:
+    scene = Case(drawn(number % 5, number), "mpc").load()
+    assert scene.model is MODEL
+    assert scene.settings.controller.map == "default"
+    assert scene.settings.run.duration_s == 60.0
+
+
+def test_worms_grounds_and_sensors_differ() -> None:
+    drawn_scenes = [Case(drawn(0, k), "pi_los").load().settings for k in range(24)]
+    assert {each.worm.segments for each in drawn_scenes} == {5, 6, 7, 8, 9}
+    for seen in (
+        [each.fault.unequal for each in drawn_scenes],
+        [each.sensor.heading for each in drawn_scenes],
+        [each.world.slope_deg > 0.0 for each in drawn_scenes],
+    ):
+        assert 3 < sum(seen) < 20
+
+
+def test_trials_are_chosen_by_number_name_or_class() -> None:
+    def called(*names: str) -> list[str]:
+        return [trial.name for trial in chosen(names, (0,), 30)]
+
+    assert called("line", "3") == ["0-03-waypoints", "0-07-line", "0-19-line"]
+    assert called("0-07-line") == ["0-07-line"]
+    assert len(called()) == 30
+    with pytest.raises(SceneError, match="did you mean 'heading'"):
+        called("headin")
+    with pytest.raises(SceneError, match="a number from 0 to 29"):
+        called("30")
+
+
+def test_the_runs_are_all_trials_by_all_controllers() -> None:
+    asked = Options(seed=2, seeds=2, trials=3, overrides=("run.duration_s=50",))
+    runs = asked.cases
+    assert len(runs) == len({case.file(Path()) for case in runs}) == 2 * 3 * 3
+    assert {case.load().settings.run.duration_s for case in runs} == {50.0}
+    assert [case.controller for case in runs[:3]] == ["mpc", "pi_los", "open_loop"]
+    quick = Options(quick=True).cases
+    assert (len(quick), quick[0].load().settings.run.duration_s) == (6, 12.0)
+    assert "seeds 2 to 3, with run.duration_s=50" in asked.says
+
+
+def test_a_printed_trial_is_a_command_that_runs_it(worm3d) -> None:
+    ended = worm3d("bench", "control", "--show", "--trial", "2", "--seed", "7")
+    name, command = ended.out.splitlines()
+    assert (name, ended.code) == ("# 7-02-stop_and_go", 0)
+    program, run, scene, *overrides = shlex.split(command)
+    assert (program, run) == ("worm3d", "run")
+    assert load_scene(scene, overrides[1::2]).to_toml() == Case(drawn(7, 2), "mpc").load().to_toml()
 
 
 def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs again what is broken, of another scene, or by other programs; the rest it keeps."""
     (tmp_path / "cases").mkdir()
     seen: list[int] = []
-    first = control.study(TINY, tmp_path, seen.append)
+    plan = [*cases("pi_los", "open_loop"), *cases("open_loop", trial=TINY._replace(name="other"))]
+    first = control.study(plan, tmp_path, watch=seen.append)
     assert seen == [1, 2, 3]
     assert (first.kept, first.outdated) == (0, 0)
-    assert [each.status for each in first.found] == ["done"] * 3
-    (tmp_path / "cases" / "tiny-pi_los-1.json").write_text("cut sh")
-    changed = json.loads((tmp_path / "cases" / "tiny-open_loop-0.json").read_text())
+    assert [each.status for each in first.found] == [DONE] * 3
+    (tmp_path / "cases" / "tiny-pi_los.json").write_text("cut sh")
+    changed = json.loads((tmp_path / "cases" / "tiny-open_loop.json").read_text())
     changed["scene"] += "# an older one"
-    (tmp_path / "cases" / "tiny-open_loop-0.json").write_text(json.dumps(changed))
+    (tmp_path / "cases" / "tiny-open_loop.json").write_text(json.dumps(changed))
     ran: list[str] = []
     real = control.simulate
 
@@ -87,26 +117,31 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
         return real(scene)
 
     monkeypatch.setattr(control, "simulate", counted)
-    again = control.study(TINY, tmp_path)
+    again = control.study(plan, tmp_path)
     assert ran == ["pi_los", "open_loop"]
     assert (again.kept, again.outdated) == (1, 2)
     for one, other in zip(first.found, again.found, strict=True):
-        same = control.METRICS.keys() - control.WALL_CLOCK
-        assert {name: one.metrics[name] for name in same} == {name: other.metrics[name] for name in same}
-    case = TINY.cases()[0]
-    file = case.file(tmp_path)
-    assert control._kept(case, case.load(), tmp_path) is not None
-    file.write_text(file.read_text().replace('"seed": 0', '"seed": 4'))
-    assert control._kept(case, case.load(), tmp_path) is None, "a digit that flipped is noticed"
+        assert (one.error, one.metrics["offset_bl"]) == (other.error, other.metrics["offset_bl"])
+    file = plan[0].file(tmp_path)
+    assert control._kept(plan[0], plan[0].load(), tmp_path) is not None
+    file.write_text(file.read_text().replace('"kind": "line"', '"kind": "lime"'))
+    assert control._kept(plan[0], plan[0].load(), tmp_path) is None, "a letter that flipped is noticed"
+
+
+def test_two_workers_find_what_one_finds(tmp_path: Path) -> None:
+    (tmp_path / "cases").mkdir()
+    two = control.study(cases("open_loop", "pi_los"), tmp_path, workers=2)
+    assert (two.kept, [each.controller for each in two.found]) == (0, ["open_loop", "pi_los"])
+    (case,) = cases("open_loop")
+    assert control._measured(case, case.load()).error == two.found[0].error
 
 
 def test_what_other_programs_found_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cases").mkdir()
-    plan = replace(TINY, controllers=("open_loop",))
-    control.study(plan, tmp_path)
-    assert (control.study(plan, tmp_path).kept, control.study(plan, tmp_path).outdated) == (1, 0)
+    control.study(cases("open_loop"), tmp_path)
+    assert control.study(cases("open_loop"), tmp_path).kept == 1
     monkeypatch.setattr(control, "versions", lambda: {"numpy": "0.1"})
-    assert (control.study(plan, tmp_path).kept, control.study(plan, tmp_path).kept) == (0, 1)
+    assert control.study(cases("open_loop"), tmp_path).kept == 0
 
 
 def test_sources_and_the_identified_map_are_what_a_case_depends_on(
@@ -129,103 +164,19 @@ def test_sources_and_the_identified_map_are_what_a_case_depends_on(
     assert digests[0] == digests[2] != digests[1]
 
 
-def test_the_worst_seed_counts_by_its_magnitude() -> None:
-    values = (0.01, -0.03, 0.02)
-    (row,) = control.rows([found("path_line", "mpc", k, speed_bias_relative=v) for k, v in enumerate(values)])
-    assert (row.seeds, row.failed, row.metrics["speed_bias_relative"]) == (3, 0, -0.03)
-    unknown = [found("a", "mpc", 0, cross_track_rms_bl=0.1), found("a", "mpc", 1)]
-    (row,) = control.rows(unknown)
-    assert row.metrics["cross_track_rms_bl"] is None
-
-
-def verdict(rows: list[Row], trial: str, says: str) -> control_bars.Verdict:
-    (one,) = [v for v in control_bars.verdicts(rows) if v.bar.trial == trial and says in v.bar.says]
-    return one
-
-
-def test_bars_are_kept_or_not() -> None:
-    rows = list(
-        control.rows(
-            [
-                found(
-                    "path_line",
-                    "mpc",
-                    0,
-                    cross_track_rms_bl=0.0011,
-                    speed_bias_relative=-0.03,
-                    control_step_ms_p99=65.0,
-                ),
-                found("path_line", "pi_los", 0, cross_track_rms_bl=0.0007),
-            ]
-        )
-    )
-    assert verdict(rows, "path_line", "rms offset from the path").word == "kept"
-    assert verdict(rows, "path_line", "below line-of-sight").word == "NOT KEPT"
-    assert verdict(rows, "path_line", "bias of the speed").word == "NOT KEPT"
-    assert verdict(rows, "path_line", "control steps").bar.most == pytest.approx(60.0)
-    assert verdict(rows, "path_line", "control steps").word == "NOT KEPT"
-    assert verdict(rows, "path_circle", "rms offset from the path").word == "not run"
-
-
-def test_what_never_settles_and_what_does_not_reach_its_end_keeps_no_bar() -> None:
-    """Neither counts as "not run"; good figures of a run that stopped early flatter."""
-    unsettled = found("velocity_step", "mpc", 0, settling_periods=None)
-    stopped = replace(found("path_line", "mpc", 0, cross_track_rms_bl=0.001), status="diverged")
-    rows = list(control.rows([unsettled, stopped]))
-    assert verdict(rows, "velocity_step", "settled").word == "NOT KEPT"
-    assert verdict(rows, "path_line", "rms offset from the path").word == "NOT KEPT"
-
-
-def test_trials_without_a_bar_say_so_with_their_figures() -> None:
-    runs = [found("heading_hold", "mpc", 0, heading_error_rms_deg=2.345, speed_bias_relative=0.01)]
-    lines = [" ".join(line.split()) for line in control_report.terminal_lines(list(control.rows(runs)))]
-    assert "heading_hold rms error of the heading 2.35 deg - no bar" in lines
-    assert "heading_hold bias of the speed 1.00 % - no bar" in lines
-    assert not any("heading_hold" in line and "offset" in line for line in lines)
-
-
 def test_a_score_is_the_geometric_mean_of_the_errors_over_line_of_sights() -> None:
-    errors = {"mpc": (0.002, 1.0), "pi_los": (0.004, 8.0), "mine:C": (0.0001, None), "open_loop": (0.4, 80.0)}
-    runs = [
-        each
-        for name, (offset, heading) in errors.items()
-        for each in (
-            found("path_circle", name, 0, cross_track_rms_bl=offset, control_step_ms_p99=7.0),
-            found("heading_hold", name, 0, heading_error_rms_deg=heading),
-        )
-    ]
-    found_scores = control_score.scores(list(control.rows(runs)))
-    assert [each.controller for each in found_scores] == ["mpc", "pi_los", "mine:C", "open_loop"]
-    best, line_of_sight, own, blind = found_scores
-    assert best.score == pytest.approx((0.5 * 0.125) ** 0.5)
+    errors = {"mpc": (0.05, 0.08), "pi_los": (0.1, 0.8), "mine:C": (0.0001, 1.0), "open_loop": (0.4, 1.0)}
+    runs = [found(f"{k}-0", name, e) for name, pair in errors.items() for k, e in enumerate(pair)]
+    runs[5] = replace(runs[5], status="diverged")
+    best, own, line_of_sight, blind = control_score.scores(runs)
+    assert [each.controller for each in (best, own, line_of_sight, blind)] == ["mpc", "mine:C", "pi_los", "open_loop"]
+    assert best.score == pytest.approx((0.5 * 0.1) ** 0.5)
     assert line_of_sight.score == pytest.approx(1.0)
-    assert own.score == pytest.approx((0.25 * control_score.LOST) ** 0.5), (
-        "no less than can be told apart, and one lost"
-    )
-    assert (own.lost, own.trials, own.errors["heading_error_rms_deg"]) == (1, 2, None)
-    assert blind.score == pytest.approx(10.0), "100 times the error is no worse than a lost trial"
-    assert next(control_score.cells(list(control.rows(runs)))) == (
-        *("mpc", "0.250", "0 of 2", "0.0020", "1.00", "-", "7.00"),
-    )
-    stopped = [replace(each, status="diverged") if each.controller == "mpc" else each for each in runs]
-    assert {each.controller: each.lost for each in control_score.scores(list(control.rows(stopped)))}["mpc"] == 2
-
-
-def test_a_worm_that_does_not_go_loses_what_is_about_offset_or_heading() -> None:
-    """It has next to no offset; to the score of speeds it says itself that it stands."""
-
-    def lost(trial: str, **figures: float | None) -> int:
-        metric = control_trials.METRIC[trial]
-        runs = [found(trial, "mine:C", 0, **{metric: 0.5, **figures}), found(trial, "pi_los", 0, **{metric: 0.5})]
-        return next(each.lost for each in control_score.scores(list(control.rows(runs))) if each.controller == "mine:C")
-
-    assert lost("path_circle", speed_bias_relative=-0.9999, speed_error_rms_relative=0.9999) == 1
-    assert lost("path_circle", speed_bias_relative=-0.7, speed_error_rms_relative=0.7) == 1
-    assert lost("heading_hold", speed_bias_relative=-0.9999, speed_error_rms_relative=0.9999) == 1
-    assert lost("there_and_back", speed_bias_relative=0.0001, speed_error_rms_relative=0.9999) == 1
-    assert lost("velocity_step", speed_bias_relative=-0.9999, speed_error_rms_relative=0.9999) == 0
-    assert lost("corner", speed_bias_relative=-0.578, speed_error_rms_relative=0.7257) == 0, "as of open_loop"
-    assert lost("path_circle", speed_bias_relative=None) == 0
+    assert own.score == pytest.approx((control_score.FLOOR / 0.1 * 1.0 / 0.8) ** 0.5), "no less than can be told apart"
+    assert (own.lost, own.median, own.worst) == (1, pytest.approx(0.50005), 1.0)
+    assert blind.score == pytest.approx((4.0 * 1.25) ** 0.5)
+    assert next(control_score.cells(runs)) == ("mpc", "0.224", "0.065", "0.080", "0", "4", "10", "20")
+    assert control_score.scores([found("line-0", "mpc", 0.5)])[0].score is None, "line-of-sight was not run"
 
 
 def test_outside_controllers_run_beside_those_that_ship(
@@ -235,55 +186,22 @@ def test_outside_controllers_run_beside_those_that_ship(
     (tmp_path / "outside.py").write_text(
         "from control.baselines import OpenLoop\n\n\nclass Mine(OpenLoop):\n    pass\n"
     )
-    monkeypatch.chdir(tmp_path)
-    tiny = Trial("path_line", "path_line", ("run.duration_s=6",))
-    monkeypatch.setattr(control_report, "chosen", lambda names: (tiny,))
-    options = (
-        "bench",
-        "control",
-        "--trial",
-        "path_line",
-        "--seeds",
-        "1",
-        "--controller",
-        "outside:Mine",
-        "--out",
-        "it",
-    )
+    options = ("bench", "control", "--trial", "line", "--quick", "-o", "run.duration_s=8", "--trials", "8")
+    options = (*options, "--controller", "outside:Mine", "--out", "it")
     for new, kept in ((4, 0), (0, 3)):
         ended = worm3d(*options)
         assert f"Of 4 runs {kept} kept from before" in ended.out, ended.out
         assert f"{new} new" in ended.out
-        lines = {line.split()[0]: line.split()[1] for line in ended.out.splitlines() if " of 1 " in line}
-        assert set(lines) == {"mpc", "pi_los", "open_loop", "outside:Mine"}
+        lines = {line.split()[0]: line.split()[1:5] for line in ended.out.splitlines() if line.count(".") > 2}
+        assert {"mpc", "pi_los", "open_loop", "outside:Mine"} <= set(lines)
         assert lines["outside:Mine"] == lines["open_loop"]
-    assert (tmp_path / "it" / "cases" / "path_line-outside.Mine-0.json").is_file()
+    assert (tmp_path / "it" / "cases" / "0-07-line-outside.Mine.json").is_file()
     wrong = worm3d("bench", "control", "--controller", "outside:Mien")
     assert (wrong.code, wrong.complaints) == (
         2,
         ["--controller: the module 'outside' has no 'Mien'; did you mean 'Mine'?"],
     )
     assert not (tmp_path / "runs").exists()
-
-
-def test_outside_controllers_that_stand_or_raise_lose_and_the_mpc_is_held_to_no_bar(
-    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "outside_wrong.py").write_text(STANDS_OR_RAISES)
-    monkeypatch.chdir(tmp_path)
-    tiny = Trial("path_line", "path_line", ("run.duration_s=6",))
-    monkeypatch.setattr(control_report, "chosen", lambda names: (tiny,))
-    monkeypatch.setattr(control_report, "CONTROLLERS", ("pi_los",))
-    options = ("bench", "control", "--trial", "path_line", "--seeds", "1", "--controller")
-    for name, code, seeds in (("Still", 0, "1"), ("Raises", 5, "1 (1 failed)")):
-        ended = worm3d(*options, f"outside_wrong:{name}", "--out", name)
-        lines = [line.split() for line in ended.out.splitlines() if " of 1 " in line]
-        assert [(line[0], line[2]) for line in lines] == [("pi_los", "0"), (f"outside_wrong:{name}", "1")]
-        assert lines[1][1] == "10.000"
-        assert f"outside_wrong:{name}  {seeds}" in ended.out
-        assert "not run" not in ended.out
-        assert "held to bars" in ended.out
-        assert ended.code == code
 
 
 def test_the_page_of_rules_is_that_of_the_tables() -> None:
@@ -293,92 +211,61 @@ def test_the_page_of_rules_is_that_of_the_tables() -> None:
     )
 
 
-def test_trials_are_chosen_by_name() -> None:
-    assert [trial.name for trial in control_trials.chosen(["corner", "path_line", "corner"])] == ["corner", "path_line"]
-    assert control_trials.chosen([]) == FULL
-    with pytest.raises(SceneError, match="did you mean 'corner'"):
-        control_trials.chosen(["cornr"])
+RUNS = [
+    *(found("line-0", name, error) for name, error in (("mpc", 0.02), ("pi_los", 0.04))),
+    *(found("line-1", name, error) for name, error in (("mpc", 0.06), ("pi_los", 0.08))),
+    found("pipe-0", "mpc", 1.0, "valve stuck"),
+    found("pipe-0", "pi_los", 0.5),
+]
 
 
-def test_every_trial_is_a_scene() -> None:
-    assert len({trial.name for trial in FULL}) == len(FULL)
-    for trial in control_trials.HARD:
-        assert load_scene(trial.scene, trial.overrides).model is MODEL
-
-
-def test_the_report_has_every_row_and_every_run() -> None:
-    runs = [
-        found("path_line", name, seed, speed_bias_relative=0.0123, speed_bias_settled_relative=0.0456)
-        for name in ("mpc", "pi_los")
-        for seed in (0, 1)
-    ]
-    rows = list(control.rows(runs))
+def test_the_report_has_every_class_and_every_lost_trial_and_every_run() -> None:
     machine = {"cpu": "a processor", "system": "Linux", "date": "today"}
-    text = control_report.markdown(rows, machine, "control.png")
-    assert "| path_line | mpc | 2 | 1.23 | - | 4.56 |" in text
-    assert "![the worst of the seeds](control.png)" in text
-    assert "| path_line | bias of the speed | 1.23 % | 2.00 % | kept |" in text
-    assert "kept" not in control_report.markdown(rows, machine, "control.png", judged=False).replace("kept to", "")
-    table = list(csv.DictReader(control_report.as_csv(runs).decode().splitlines()))
-    assert len(table) == 4
-    assert float(table[0]["speed_bias_relative"]) == 0.0123
-    assert table[0]["settling_periods"] == ""
+    text = control_report.markdown(RUNS, machine, "Trials of seed 3")
+    assert "| line | 2 | 0.040, 0.060 | 0.060, 0.080 |" in text
+    assert "* mpc lost pipe-0: valve stuck" in text
+    assert "Trials of seed 3." in text
+    assert "![errors](control.png)" in text
+    table = list(csv.DictReader(control_report.as_csv(RUNS).decode().splitlines()))
+    assert len(table) == len(RUNS)
+    assert (float(table[0]["error"]), table[0]["way"], table[0]["heading_deg"]) == (0.02, "0.01", "")
 
 
-def test_the_tables_fit_a_terminal_and_have_every_figure() -> None:
-    figures = dict.fromkeys(control.METRICS, 123.456)
-    runs = [found(trial.name, name, 0, **figures) for trial in FULL for name in control.CONTROLLERS]
-    lines = list(control_report.terminal_lines(list(control.rows(runs)), judged=False))
-    assert max(map(len, lines)) <= 100
-    assert [name for names in control_report.TABLES.values() for name in names] == list(figures)
+def test_the_tables_fit_a_terminal() -> None:
+    controllers = (*control.CONTROLLERS, "my_module:Mine")
+    runs = [found(f"{kind}-0", name, 0.1234) for kind in CLASSES for name in controllers]
+    assert max(map(len, control_report.terminal_lines(runs, "Trials of seed 0"))) <= 100
 
 
-def test_in_short_each_trial_has_its_own_figure() -> None:
-    runs = [
-        found("path_line", "mpc", 0, cross_track_rms_bl=0.004, heading_error_rms_deg=1.0),
-        found("path_line", "pi_los", 0, cross_track_rms_bl=0.01234),
-        found("heading_hold", "mpc", 0, heading_error_rms_deg=2.0, speed_error_rms_relative=0.01),
-        found("heading_hold", "open_loop", 0, heading_error_rms_deg=20.0),
-        found("velocity_sine", "mpc", 0, speed_error_rms_relative=0.05, cross_track_rms_bl=0.001),
-    ]
-    text = control_report.markdown(list(control.rows(runs)), {"cpu": "", "system": "", "date": ""}, "control.png")
-    assert "| path_line | rms offset from the path | 0.0040 BL | 0.0123 BL | - |" in text
-    assert "| heading_hold | rms error of the heading | 2.00 deg | - | 20.00 deg |" in text
-    assert "| velocity_sine | rms error of the speed | 5.00 % | - | - |" in text
+def test_the_figure_shows_every_run() -> None:
+    figure = control_report.draw(RUNS)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["mpc", "pi_los"]
+    assert [line.get_xdata().tolist() for line in figure.axes[0].lines] == [[0.02, 0.06, 1.0], [0.04, 0.08, 0.5]]
 
 
-def test_the_figure_shows_every_controller() -> None:
-    runs = [found("path_line", name, 0, speed_error_rms_relative=0.01) for name in control.CONTROLLERS]
-    figure = control_report.draw(runs)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(control.CONTROLLERS)
+@pytest.mark.parametrize(
+    ("option", "complaint"),
+    [
+        (("--seeds", 0), "--seeds: got 0, must be at least 1"),
+        (("--seed", -1), "--seed: got -1, must be at least 0"),
+        (("-o", "run.duration_s=7"), "run.duration_s: got 7 s, must be above 7.5 s, when errors count"),
+        (("-o", "run.record_every=20"), "run.record_every: got 20, must store a state every 0.1 s or sooner"),
+        (
+            ("-o", "reference.speed_m_s=0"),
+            "reference.speed_m_s: got 0 at all times, must be a way to go: errors are shares of that way",
+        ),
+    ],
+)
+def test_wrong_options(worm3d, option: tuple[str, object], complaint: str) -> None:
+    ended = worm3d("bench", "control", "--trials", 1, *option)
+    assert (ended.code, ended.complaints) == (2, [complaint])
 
 
-def test_the_figure_shows_zeros_as_zeros_and_nothing_where_there_is_no_value() -> None:
-    runs = [
-        found("path_line", "mpc", 0, cross_track_rms_bl=0.0),
-        found("path_line", "pi_los", 0, cross_track_rms_bl=5e-5),
-        found("path_line", "open_loop", 0),
-    ]
-    axes = control_report.draw(runs).axes[1]
-    assert sorted(bar.get_width() for bar in axes.patches) == [0.0, 5e-5]
-    assert [line.get_xdata().tolist() for line in axes.lines] == [[0.0], [5e-5]]
-    assert axes.get_xlim()[0] == 0.0
-    left, zero, small = axes.transData.transform([(axes.get_xlim()[0], 0.0), (0.0, 0.0), (5e-5, 0.0)])[:, 0]
-    assert zero == left < small - 1.0  # pixels
-    assert not axes.lines[0].get_clip_on()
-
-
-def test_the_command_line(worm3d, tmp_path: Path) -> None:
-    ended = worm3d("bench", "control", "--seeds", "0")
-    assert (ended.code, ended.complaints) == (2, ["--seeds: got 0, must be at least 1"])
-
-
-@pytest.mark.parametrize(("bias", "status", "code"), [(0.01, "done", 0), (0.03, "done", 6), (0.03, "diverged", 5)])
+@pytest.mark.parametrize(("status", "code"), [(DONE, 0), ("diverged", 5)])
 def test_it_ends_with_a_code_after_everything_is_written(
-    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bias: float, status: str, code: int
+    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: str, code: int
 ) -> None:
-    run = found("path_line_uphill", "mpc", 0, speed_bias_relative=2.0 * bias, control_step_ms_p99=1.0)
-    study = control.Study((replace(run, status=status),), kept=1, outdated=0)
+    study = control.Study((found("line-0", "mpc", 0.1, status),), kept=1, outdated=0)
     monkeypatch.setattr(control, "study", lambda *args: study)
     ended = worm3d("bench", "control", "--out", "bench")
     assert ended.code == code
@@ -389,12 +276,3 @@ def test_it_ends_with_a_code_after_everything_is_written(
         "control.md",
         "control.png",
     }
-    assert ("NOT KEPT" in ended.out) == (code != 0)
-    quick = worm3d("bench", "control", "--out", "bench", "--quick")
-    assert quick.code == (code if code == 5 else 0)
-    assert "not the complete runs of what ships that are held to bars" in quick.out, (
-        "nor are chosen trials, since lately"
-    )
-    one = worm3d("bench", "control", "--out", "bench", "--trial", "path_line_uphill")
-    assert one.code == quick.code, "whoever tries a trial need not keep the bars of the MPC"
-    assert "NOT KEPT" not in one.out

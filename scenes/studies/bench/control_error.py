@@ -1,0 +1,95 @@
+"""How far a worm is from where it ought to be, as one number of a run.
+
+Means are taken over a moving window of one length, `WINDOW`, whatever the controller and whatever it says of its waves.
+Let s be the way along the path (the projection of the centre of mass, (L2)), e the offset of the centre of mass from
+the path, and S(t) = int V_ref dt the way wanted. At each instant the worm is compared with a point that left the path
+beside it one window ago, and has followed the path at the wanted speed since. The worm is off this point by d:
+
+    m = mean of s - S,   ahead = m(t) - m(t - WINDOW),   d^2 = ahead^2 + e^2                                   (B4)
+
+The way wanted in that time is D = M(t) - M(t - WINDOW), with the mean M of S. If the task is a heading psi, and the
+worm makes the way w along its own heading h, d^2 = w^2 + D^2 - 2 w D cos(h - psi). The error of a run is
+
+    error = min(1, rms d / rms D)                                                                             (B5)
+
+A worm at rest on its path has an error of 1. A worm at half the speed has 0.5, and so does a worm at the full speed
+that stays beside its path at a distance of D/2 (0.1 m at 0.08 m/s). The offset is not averaged before it is squared, so
+that weaving does not hide it. No error is greater than that of a worm at rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy
+
+from control.tracking.paths import offset, track
+from control.tracking.references import Reference
+from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
+
+WINDOW = 2.5
+"""Length of the window [s]: two waves at 0.8 Hz, the frequency that the default map prefers. At 2 s the rocking of such
+a wave alone gives the speed of a perfect worm an error of 5 %; at 5 s its answer to a step would be averaged away."""
+START = 2.5
+"""Time in which a worm at rest comes up to speed, two waves; no window reaches into it [s]."""
+SHORTEST = START + 2.0 * WINDOW
+"""Time from which on errors count, so that a run has to be longer [s]."""
+COARSEST = WINDOW / 25.0
+"""Longest time between two states of a record that is measured [s]: a window is off by half of it at most."""
+
+
+def error_of(record: Record, reference: Reference, length: float) -> dict[str, float | None]:
+    """Return (B5) and its parts: rms of `ahead` [rms D], of e [body lengths] and of h - psi [deg], None without one.
+
+    Parameters
+    ----------
+    record
+        A run that is longer than `SHORTEST`.
+    reference
+        Task of the worm.
+    length
+        Length of the body [m].
+    """
+    time, com = record["time"], record["com"][:, :2]
+    rows = round(WINDOW / float(time[1] - time[0]))
+    counted = time[2 * rows :] > SHORTEST - 1e-9
+
+    def mean(values: FloatArray) -> FloatArray:
+        total = np.cumsum(values, axis=0)
+        found: FloatArray = (total[rows:] - total[:-rows]) / rows
+        return found
+
+    def gained(values: FloatArray) -> FloatArray:
+        return (mean(values)[rows:] - mean(values)[:-rows])[counted]
+
+    def between(values: FloatArray) -> FloatArray:
+        return (mean(values)[rows:] + mean(values)[:-rows])[counted] / 2.0
+
+    wanted = scipy.integrate.cumulative_trapezoid(np.asarray(reference.speed(time), dtype=float), time, initial=0.0)
+    asked = gained(wanted)
+    if reference.path is not None:
+        s = track(reference.path, com)
+        ahead, aside = gained(s - wanted), offset(reference.path, com, s)[2 * rows :][counted]
+        return _parts(np.hypot(ahead, aside), asked, ahead, aside / length, None)
+    h = between(record["heading"])
+    psi = h if reference.heading is None else between(np.asarray(reference.heading(time), dtype=float))
+    way = np.sum(gained(com) * np.column_stack([np.cos(h), np.sin(h)]), axis=1)
+    missed = np.abs(way * np.exp(1j * h) - asked * np.exp(1j * psi))
+    return _parts(missed, asked, way - asked, None, np.remainder(h - psi + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def _parts(
+    missed: FloatArray, asked: FloatArray, ahead: FloatArray, aside: FloatArray | None, turned: FloatArray | None
+) -> dict[str, float | None]:
+    return {
+        "error": min(1.0, _rms(missed) / _rms(asked)),
+        "way": _rms(ahead) / _rms(asked),
+        "offset_bl": None if aside is None else _rms(aside),
+        "heading_deg": None if turned is None else math.degrees(_rms(turned)),
+    }
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
