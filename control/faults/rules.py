@@ -60,7 +60,7 @@ MOVED = 0.016
 """Change of the velocity, which the wave does not make, of a worm that is pushed [body lengths/s]."""
 NEARLY = 0.003
 """Standard error of the mean place of a wave beyond which such a change is not known [body lengths]."""
-CRABS = 0.15
+CRABS = 0.22
 """Angle between the way and the measured heading that no slope explains, from which the heading is off [rad]."""
 TRESPASS = 0.03
 """Distance inside an obstacle or outside a corridor beyond which a worm was not able to keep out [body lengths]."""
@@ -297,7 +297,7 @@ def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
-    lately = waves[-3:]
+    lately = waves[1:][-3:]  # the first wave swells
     if any(wave.pushed for wave in lately) and not any(wave.jumped for wave in lately) and _unexplained(lately) > MOVED:
         what = "the centre of mass moves otherwise than the wave makes it: the worm is pushed, or the sensor drifts"
         advice = "look at what touches the worm, at the ground, and at the sensor of the centre of mass"

@@ -329,7 +329,7 @@ def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() ->
     def waves(*ways: tuple[float, float], **last: object) -> list[Wave]:
         places = np.cumsum([(0.0, 0.0), *ways], axis=0)
         seen = [replace(steady, end=k + 0.5, place=place, place_time=float(k)) for k, place in enumerate(places)]
-        return [*seen[:-1], replace(seen[-1], **last)]
+        return [replace(steady, end=-1.0), *seen[:-1], replace(seen[-1], **last)]
 
     def kinds(seen: list[Wave]) -> list[str]:
         return [each.kind for each in faults(seen)]
@@ -344,5 +344,5 @@ def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() ->
     assert kinds(turning) == []
     assert "heading off" in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
     assert "push or drift" not in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
-    assert kinds([replace(steady, crab=0.2)] * 2) == ["heading off"]
-    assert kinds([steady, replace(steady, crab=0.2)]) == []
+    assert kinds([replace(steady, crab=0.25)] * 2) == ["heading off"]
+    assert kinds([steady, replace(steady, crab=0.25)]) == []
