@@ -7,8 +7,8 @@ With the difference d = s_left - s_right of the strains of a segment, measured a
 
 for n samples dt apart, of which the lesser sum leaves the variance v = sum/n. Sums are over all segments but the one
 with the most, which may have a chamber that does not obey. Of 14 healthy worms on lines, circles and curves the left
-side was at most 0.6 standard errors, and of 8 that turn with swapped strains 2.3 to 4.7, within three waves. Where both sides do the
-same, as in a straight worm of equal chambers, nothing shows, and hardly anything is harmed.
+side was at most 0.6 standard errors, and of 8 that turn with swapped strains 2.3 to 4.7, within three waves. Where both
+sides do the same, as in a straight worm of equal chambers, nothing shows, and hardly anything is harmed.
 """
 
 from __future__ import annotations
