@@ -28,7 +28,18 @@ from control.estimation.estimator import Estimator
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel
 from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.surrogate import Ranges
-from control.loop import LOST, MOST_KEPT, Choice, Estimates, KnownHeading, WaveController, complaint_of, observed, rest, still
+from control.loop import (
+    LOST,
+    MOST_KEPT,
+    Choice,
+    Estimates,
+    KnownHeading,
+    WaveController,
+    complaint_of,
+    observed,
+    rest,
+    still,
+)
 from control.planning.constraints import Constraint
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus

@@ -57,7 +57,7 @@ ROOM = 0.2
 LACK = 0.01
 """What the body lacks of its margin that weighs as much as an offset of 1 BL in the smooth way [body lengths]."""
 SPOTS = 21
-"""Number of spots along the chord at which the distance of the body is taken: circles around them miss 0.003 BL of it."""
+"""Number of spots along the chord at which the distance of the body is taken: circles around them miss 0.003 of it."""
 FOLDED = 0.3
 """Share of its own length to which a path may shrink at an offset to the inside of its bends."""
 FIELD = 0.02
@@ -98,7 +98,7 @@ class Body(NamedTuple):
         """Return the distances of bodies at places (..., 2) [m] from obstacles, (...) [m]; below 0 inside."""
         along = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
         spots = places[..., None, :] + self.length * np.linspace(-0.5, 0.5, SPOTS)[:, None] * along[..., None, :]
-        return nearest(obstacles, spots).min(axis=-1) - self.half_width
+        return np.asarray(nearest(obstacles, spots).min(axis=-1) - self.half_width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class Detour(SplinePath):
     @cached_property
     def lengths(self) -> FloatArray:
         """Arc lengths of the points along the way [m], shape (P,)."""
-        return self._nodes[1][::PARTS][: len(self.points)]
+        return np.asarray(self._nodes[1][::PARTS][: len(self.points)])
 
 
 class NoWayError(ValueError):
@@ -206,10 +206,9 @@ def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float
     steepest = STEEPEST * CELL / STEP
     turned = math.remainder(azimuth - float(way.asked.heading(s)), math.tau)
     slope = min(max(math.tan(min(max(turned, -1.0), 1.0)), -steepest), steepest)
-    aside = float(offset(way.asked, place, s)) + slope * float(way.along[here - 1] - s)
-    return _led(
-        reference, way.asked, reference.obstacles, way.unknown, body, _Begin(np.full(here, aside), slope * spacing)
-    )
+    behind = np.maximum(way.along[:here] - s, -body.length)
+    begin = _Begin(float(offset(way.asked, place, s)) + slope * behind, slope * spacing)
+    return _led(reference, way.asked, reference.obstacles, way.unknown, body, begin)
 
 
 def _led(
@@ -283,7 +282,7 @@ class _Search:
     @cached_property
     def _room(self) -> list[FloatArray]:
         """Distance of the chords of bodies from obstacles, by offset and slope, each of shape (E, M)."""
-        found, slopes = [], SLOPES * CELL / self.step
+        found, slopes = [], np.asarray(SLOPES * CELL / self.step)
         for k in range(self.first, len(self.along)):
             aside = np.repeat(self.cells[:, None], len(slopes), axis=1)
             places, azimuth = self._bodies(k, aside, slopes)
@@ -313,7 +312,7 @@ class _Search:
         return int(np.argmin(np.abs(self.cells - aside)))
 
     def _stepped(self, value: FloatArray, curvature: float) -> tuple[FloatArray, IntArray]:
-        """Return the least costs (P3) after a step, by offset and slope, and by which of `TURNS` the slope came there."""
+        """Return the least costs (P3) after a step, by offset and slope, and which of `TURNS` led there."""
         bend, stretch = TURNS * CELL / self.step**2, np.maximum(1.0 - curvature * self.cells, FOLDED)[:, None]
         sharp = np.abs(curvature / stretch + bend / stretch**2) > SHARPEST
         cost = np.where(sharp, np.inf, self.step * BENDS**4 * bend**2)
@@ -428,7 +427,8 @@ class _Field:
     def __init__(self, obstacles: Sequence[Obstacle], points: FloatArray, around: float, unit: float) -> None:
         self.low, self.unit, self.spacing = points.min(axis=0) - around, unit, FIELD * unit
         axes = [low + self.spacing * np.arange(size / self.spacing + 2.0) for low, size in self._sides(points, around)]
-        self.values = nearest(obstacles, np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)) / unit
+        places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self.values = np.minimum(nearest(obstacles, places) / unit, FARTHEST)
 
     def _sides(self, points: FloatArray, around: float) -> list[tuple[float, float]]:
         return list(zip(self.low.tolist(), (np.ptp(points, axis=0) + 2.0 * around).tolist(), strict=True))

@@ -192,7 +192,7 @@ def clearances(outline: FloatArray, reference: Reference) -> FloatArray:
     shares = np.arange(EDGE_PARTS)[:, None] / EDGE_PARTS
     begin, end = outline[:, :, None], np.roll(outline, -1, axis=1)[:, :, None]
     places = (begin + shares * (end - begin)).reshape(len(outline), -1, 2)
-    return nearest(reference.obstacles, places).min(axis=1)
+    return np.asarray(nearest(reference.obstacles, places).min(axis=1))
 
 
 def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:

@@ -5,9 +5,9 @@ The speed at arc length s of the path and time t is the least of
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
 V_reach being the greatest speed at which the worm can turn as the path does. The last one leads to the end as
-exp(-t/T). Around obstacles what is followed is a way of its own, `control.tracking.detour`. Bounds of the offset from it
-are those of the corridor, and for both ends of the body those of the obstacles on either side. They are given before a
-plan is sought, so that it is not stuck between two ways around.
+exp(-t/T). Around obstacles what is followed is a way of its own, `control.tracking.detour`. Bounds of the offset from
+it are those of the corridor, and for both ends of the body those of the obstacles on either side. They are given before
+a plan is sought, so that it is not stuck between two ways around.
 """
 
 from __future__ import annotations
@@ -156,14 +156,15 @@ def look_ahead(
             asked = _on_turn(asked, float(asked[0]), azimuth)
         speed = speed_at(reference, ends, asked, able)
         way = speed * step / able.length
-        return Preview(speed, np.zeros((steps, 2)), asked, False, heading is not None, 0.0, *[free] * 4, way)
+        return Preview(speed, np.zeros((steps, 2)), asked, False, heading is not None, 0.0, free, free, free, free, way)
     progress = float(path.project(place, near))
     along = _advance(reference, ends - step / 2.0, step, progress, able)
     point, turned = path.point(along), path.heading(along)
     turned = _on_turn(turned, float(path.heading(progress)), azimuth)
     speed, follows = speed_at(reference, ends, along, able), bool(abs(turned[0] - azimuth) < AWAY)
     way = speed * step / able.length
-    limits = bounds(reference, along)
+    left, right, room_left, room_right = bounds(reference, along)
+    limits = left, right, room_left, room_right
     return Preview(speed, point, turned, follows, True, progress, *limits, way, reference.walled)
 
 

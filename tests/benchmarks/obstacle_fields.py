@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from itertools import count
+from collections.abc import Iterator
 from multiprocessing import get_context
 from typing import Any, NamedTuple
 
@@ -92,7 +92,9 @@ def solvable(drawn: Field) -> bool:
         for _ in range(2):  # halves of an arc
             x, y = x + ARC / 2.0 * np.cos(h + turn / 2.0), y + ARC / 2.0 * np.sin(h + turn / 2.0)
             h = h + turn
-            body = np.stack([x, y], axis=-1)[:, None] + spots[:, None] * np.stack([np.cos(h), np.sin(h)], axis=-1)[:, None]
+            body = (
+                np.stack([x, y], axis=-1)[:, None] + spots[:, None] * np.stack([np.cos(h), np.sin(h)], axis=-1)[:, None]
+            )
             off = np.linalg.norm(body[:, 5, None] - line, axis=-1)
             s, off = off.argmin(axis=1), off.min(axis=1)
             keeps = nearest(drawn.obstacles, body).min(axis=1) > HALF_WIDTH + ROOM
@@ -124,36 +126,42 @@ def measured(task: tuple[Field, str]) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=300)
-    parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--controller", default="mpc")
-    parser.add_argument("--workers", type=int, default=2)
-    asked = parser.parse_args()
+def lines(seed: int, wanted: int, controller: str, workers: int) -> Iterator[str]:
+    """Yield a line for each draw, and one that sums them up."""
     fields, hard = list[Field](), set[int]()
-    for seed in count(asked.seed):
-        fields.append(field(seed))
-        hard |= set() if solvable(fields[-1]) else {seed}
-        if len(fields) - len(hard) == asked.count:
-            break
-    print(f"{len(fields)} draws, {len(hard)} of them without a way by the search")
-    entered = refused = stopped = 0
-    with get_context("spawn").Pool(asked.workers) as pool:
-        runs = pool.imap(measured, [(each, asked.controller) for each in fields])
-        for drawn, each in zip(fields, runs, strict=True):
+    while len(fields) - len(hard) < wanted:
+        fields.append(field(seed + len(fields)))
+        hard |= set() if solvable(fields[-1]) else {fields[-1].seed}
+    yield f"{len(fields)} draws, {len(hard)} of them without a way by the search"
+    entered = refused = stopped = kept = 0
+    with get_context("spawn").Pool(workers) as pool:
+        for drawn, each in zip(fields, pool.imap(measured, [(one, controller) for one in fields]), strict=True):
             what = f"{drawn.seed:4d} {drawn.scene:12s} {'no way' if drawn.seed in hard else 'solvable':8s}"
             if "refused" in each:
-                refused += drawn.seed not in hard
-                print(f"{what} refused: {each['refused']}", flush=True)
+                refused += drawn.seed in hard
+                kept += drawn.seed not in hard
+                yield f"{what} refused: {each['refused']}"
                 continue
             entered += each["clearance"] < 0.0
             stopped += "blocked" in each["faults"]
             figures = f"clearance {each['clearance']:7.4f}  offset {each['offset']:.3f}  way {each['way']:.2f} m"
-            print(f"{what} {figures}  {', '.join(each['faults'])}", flush=True)
-    print(f"clearance below 0: {entered}; solvable ones refused: {refused}; stopped before an unknown one: {stopped}")
-    return int(entered > 0)
+            yield f"{what} {figures}  {', '.join(each['faults'])}"
+    ends = f"stopped before an obstacle that came into sight: {stopped}"
+    yield f"clearance below 0: {entered}; refused: {refused} without a way, {kept} with one; {ends}"
+
+
+def main() -> None:
+    """Print the lines."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--seed", type=int, default=300)
+    parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--controller", default="mpc")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    for line in lines(given.seed, given.count, given.controller, given.workers):
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
