@@ -369,18 +369,22 @@ class _Search:
         to_slope, to_bend = (after - before) / (2.0 * h), (after + before - 2.0 * own) / h**2
         stretch = self._stretch(k, e[k])
         turn = self.curvature[k] / stretch + bend / stretch**2
+        sharper, bends = (
+            LACK * np.sign(turn),
+            self.curvature[k] * (self.curvature[k] + 2.0 * bend / stretch) / stretch**2,
+        )
         rows, derivatives = [e[k], BENDS**2 * bend], [own, BENDS**2 * to_bend]
         lacks = [
             (np.abs(e[k]) - self.corridor + CELL, _times(np.sign(e[k]), own)),
-            (LACK * (np.abs(turn) - SHARPEST), _times(LACK * np.sign(turn) / stretch**2, to_bend)),
+            (LACK * (np.abs(turn) - SHARPEST), _times(sharper / stretch**2, to_bend) + _times(sharper * bends, own)),
         ]
         places, azimuth = self._bodies(k, e[k], slope)
-        to_turn = stretch / (stretch**2 + slope**2)
+        to_turn, inwards = np.array([stretch, slope * self.curvature[k]]) / (stretch**2 + slope**2)
         for spot in CHORD:
             distance, gradient = self.field.linear(places + self.unit * spot * _ahead(azimuth))
-            aside = (gradient * self.left[k]).sum(axis=1)
-            turned = spot * (gradient * _across(azimuth)).sum(axis=1) * to_turn
-            lacks.append((need - distance, -_times(aside, own) - _times(turned, to_slope)))
+            turned = spot * (gradient * _across(azimuth)).sum(axis=1)
+            aside = (gradient * self.left[k]).sum(axis=1) + turned * inwards
+            lacks.append((need - distance, -_times(aside, own) - _times(turned * to_turn, to_slope)))
         for lack, to in lacks:
             near = lack > -NEAR
             rows.append(lack[near] / LACK)
