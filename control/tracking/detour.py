@@ -184,7 +184,7 @@ def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float)
     """
     way = reference.path
     assert isinstance(way, Detour)
-    lap = s % way.length if way.closed else s
+    lap = max(s, 0.0) % way.length if way.closed else s  # just before its begin nothing is settled
     here = int(np.clip(np.searchsorted(way.lengths, lap, side="right"), 2, len(way.aside) - 1))
     begin = _Begin(way.aside[:here], float(way.aside[here - 1] - way.aside[here - 2]))
     unknown = tuple(each for each in way.unknown if each not in seen)

@@ -46,8 +46,8 @@ class Guide:
             aside, turned = float(offset(way, place, s)), azimuth - float(way.heading(s))
             if abs(aside) > APART * self._body.length or abs(np.arctan2(np.sin(turned), np.cos(turned))) > TURNED:
                 self._lead_from(place, azimuth)
-        head = place + self._body.length / 2.0 * np.array([np.cos(azimuth), np.sin(azimuth)])
-        seen = [each for each in way.unknown if float(each.distances(head)) <= each.sight]
+        near = {each: float(self._body.clearance([each], place, np.array(azimuth))) for each in way.unknown}
+        seen = [each for each, clear in near.items() if clear + self._body.half_width <= each.sight]
         if seen:
             self.reference = led_on(self.reference, self._body, seen, self._near)
         return self.reference is not before

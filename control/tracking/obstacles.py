@@ -33,7 +33,7 @@ times as long as thick only; with half of it walls of half that length are touch
 
 def seen_from() -> Any:
     """Return the field of the distance from which an obstacle is seen."""
-    meaning = "distance of its edge from the worm's head within which the controller comes to know of it"
+    meaning = "distance of its edge from the middle line of the worm within which the controller comes to know of it"
     return parameter(math.inf, meaning=meaning, unit="m", gt=0, infinite=True, left_out="known from the start")
 
 
@@ -42,7 +42,7 @@ class Obstacle(Spelled, ABC):
 
     radius: float
     sight: float = math.inf
-    """Distance of its edge from the head within which the controller comes to know of it [m]."""
+    """Distance of its edge from the middle line of the worm within which the controller comes to know of it [m]."""
 
     @property
     @abstractmethod

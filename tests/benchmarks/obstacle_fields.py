@@ -144,7 +144,7 @@ def lines(seed: int, wanted: int, controller: str, workers: int) -> Iterator[str
                 continue
             entered += each["clearance"] < 0.0
             stopped += "blocked" in each["faults"]
-            figures = f"clearance {each['clearance']:7.4f}  offset {each['offset']:.3f}  way {each['way']:.2f} m"
+            figures = f"clearance {each['clearance']:7.4f}  offset {each['offset'] or 0.0:.3f}  way {each['way']:.2f} m"
             yield f"{what} {figures}  {', '.join(each['faults'])}"
     ends = f"stopped before an obstacle that came into sight: {stopped}"
     yield f"clearance below 0: {entered}; refused: {refused} without a way, {kept} with one; {ends}"

@@ -172,6 +172,13 @@ def test_what_lies_behind_stays_where_a_way_is_found_anew() -> None:
         led_on(before, BODY, [replace(hidden, x=3.2)], 2.75)
 
 
+@pytest.mark.parametrize("s", [-0.003, 0.003])
+def test_a_closed_way_is_found_anew_where_it_begins(s: float) -> None:
+    hidden = Disc(1.5, 1.4, 0.15, sight=1.0)
+    after = way_of(led_on(led(asked(hidden, path=CIRCLE), BODY), BODY, [hidden], s))
+    assert hidden.distances(outlines(after)).min() > 0.02
+
+
 @pytest.mark.parametrize("turned", [0.3, -0.3])
 def test_a_way_begins_where_the_worm_is(turned: float) -> None:
     reference = led(asked(Disc(2.5, 0.05, 0.1)), BODY)
