@@ -32,8 +32,9 @@ from control.planning.mpc import Plan
 from control.sensing.gate import SPAN, Gate
 from control.sensing.sensors import STRAIN, Measurement
 from control.task import ControlTask
-from control.tracking.detour import Body, NoWayError
+from control.tracking.detour import Body
 from control.tracking.guide import Guide
+from control.tracking.search import NoWayError
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS

@@ -9,7 +9,8 @@ from typing import Any
 from control.gaits.steering import Mechanism
 from control.identification.identified import Identified, SteeringMap
 from control.sensing.sensors import Channel
-from control.tracking.detour import Body, led
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values import arguments

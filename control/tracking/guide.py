@@ -1,17 +1,97 @@
-"""The guide of a worm among obstacles: it finds the way anew where an obstacle comes into sight."""
+"""The guide of a worm among obstacles: it leads a reference around them, and anew where one comes into sight."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from control.tracking.detour import Body, Detour, NoWayError, led_from, led_on
-from control.tracking.paths import offset
+from control.tracking.detour import Body, Detour
+from control.tracking.obstacles import Obstacle
+from control.tracking.paths import Path, offset
 from control.tracking.references import Reference
+from control.tracking.search import CELL, MARGINS, STEEPEST, STEP, Begin, NoWayError, Search
 from worm3d.values.arrays import FloatArray
 
 APART, TURNED = 0.03, 0.15
 """Distance from the way [body lengths] and angle to it [rad] from which on a worm that has just come to know where it
 is gets a way of its own: steered back to the other one it would be followed less exactly than usual."""
+
+
+def led(reference: Reference, body: Body) -> Reference:
+    """Return a reference whose path leads around those of its obstacles that are known from the start.
+
+    Raises
+    ------
+    ValueError
+        They leave no way.
+    """
+    path = reference.path
+    if path is None or not reference.obstacles or isinstance(path, Detour):
+        return reference
+    known = tuple(each for each in reference.obstacles if not math.isfinite(each.sight))
+    unknown = tuple(each for each in reference.obstacles if math.isfinite(each.sight))
+    try:
+        return _led(reference, path, known, unknown, body, Begin(np.zeros(1), 0.0))
+    except NoWayError as error:
+        room = f"within the corridor ({reference.corridor:g} m)" if math.isfinite(reference.corridor) else "beside it"
+        wide = 2.0 * (body.half_width + MARGINS[-1] * body.length)
+        raise ValueError(
+            f"obstacles[{reference.obstacles.index(error.obstacle)}]: got one past which no way leads, must leave one "
+            f"{room}, {wide:.3g} m wide for this body, and room where the path begins and ends: move it, make it "
+            "smaller, or widen the corridor"
+        ) from error
+
+
+def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float) -> Reference:
+    """Return a led reference that leads around obstacles that have come into sight, too, from arc length `s` [m] on.
+
+    Raises
+    ------
+    NoWayError
+        There is no way from there.
+    """
+    way = reference.path
+    assert isinstance(way, Detour)
+    lap = max(s, 0.0) % way.length if way.closed else s  # just before its begin nothing is settled
+    here = int(np.clip(np.searchsorted(way.lengths, lap, side="right"), 2, len(way.aside) - 1))
+    begin = Begin(way.aside[:here], float(way.aside[here - 1] - way.aside[here - 2]))
+    unknown = tuple(each for each in way.unknown if each not in seen)
+    return _led(reference, way.asked, (*reference.obstacles, *seen), unknown, body, begin)
+
+
+def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float) -> Reference:
+    """Return a led reference whose way begins where the worm is, at a place (2,) [m] with an azimuth [rad].
+
+    Raises
+    ------
+    NoWayError
+        There is no way from there.
+    """
+    way = reference.path
+    assert isinstance(way, Detour)
+    s, spacing = float(way.asked.project(place)), float(way.along[1])
+    here = int(np.clip(np.searchsorted(way.along, s, side="right"), 1, len(way.aside) - 1))
+    steepest = STEEPEST * CELL / STEP
+    turned = math.remainder(azimuth - float(way.asked.heading(s)), math.tau)
+    slope = min(max(math.tan(min(max(turned, -1.0), 1.0)), -steepest), steepest)
+    behind = np.maximum(way.along[:here] - s, -body.length)
+    begin = Begin(float(offset(way.asked, place, s)) + slope * behind, slope * spacing)
+    return _led(reference, way.asked, reference.obstacles, way.unknown, body, begin)
+
+
+def _led(
+    reference: Reference,
+    path: Path,
+    known: tuple[Obstacle, ...],
+    unknown: tuple[Obstacle, ...],
+    body: Body,
+    begin: Begin,
+) -> Reference:
+    way = Search(path, reference, known, body, begin).way()
+    return replace(reference, path=replace(way, unknown=unknown), obstacles=known)
 
 
 class Guide:

@@ -58,11 +58,12 @@ class Obstacle(Spelled, ABC):
         given = np.asarray(places, dtype=float)
         found, known = np.full(given.shape[:-1], np.nan), np.isfinite(given).all(axis=-1)
         if known.any():
-            found[known] = self._distance.map(int(known.sum()))(*given[known].T[:, None]).full().ravel()
+            found[known] = self.formula.map(int(known.sum()))(*given[known].T[:, None]).full().ravel()
         return found
 
     @cached_property
-    def _distance(self) -> ca.Function:
+    def formula(self) -> ca.Function:
+        """`distance` as a function of CasADi, (x, y) -> distance."""
         x, y = ca.SX.sym("x"), ca.SX.sym("y")
         return ca.Function("distance", [x, y], [self.distance(x, y)])
 

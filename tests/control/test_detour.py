@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.tracking import detour
-from control.tracking.detour import SHARE_KEPT, Body, Detour, NoWayError, led, led_from, led_on
-from control.tracking.guide import Guide
+from control.tracking import search as searching
+from control.tracking.detour import Body, Detour
+from control.tracking.guide import Guide, led, led_from, led_on
 from control.tracking.obstacles import Disc, Obstacle, Wall
 from control.tracking.paths import Circle, Line, Path, SCurve, offset
 from control.tracking.references import Constant, Reference
+from control.tracking.search import SHARE_KEPT, Begin, NoWayError, Search
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
@@ -91,40 +92,42 @@ def test_the_cheaper_side_is_chosen(side: float) -> None:
     assert max(side * narrow) > 0.2
 
 
-def test_slopes_of_the_misses_are_those_of_finite_differences() -> None:
-    search = detour._Search(CIRCLE, asked(path=CIRCLE), (Disc(1.5, 1.4, 0.15),), BODY, detour._Begin(np.zeros(1), 0.0))
-    e = 0.1 * np.sin(1.3 * np.arange(len(search.along))) + 0.0037  # no spot lies on a line of the grid
-    _, slopes, _ = search._misses(e, 0.14)
-    for k in range(2, len(e) - 1, 7):
-        up, down = (search._misses(e + change * np.eye(len(e))[k], 0.14)[0] for change in (1e-7, -1e-7))
-        assert_allclose(slopes[:, k].toarray().ravel(), (up - down) / 2e-7, atol=2e-4)
-
-
 def test_no_other_way_near_a_smooth_one_costs_less() -> None:
-    search = detour._Search(LINE, asked(), (Disc(2.0, 0.05, 0.15),), BODY, detour._Begin(np.zeros(1), 0.0))
+    """Changes of it either cost more or bring the body nearer than it is to be."""
+    disc = Disc(2.0, 0.05, 0.15)
+    search = Search(LINE, asked(), (disc,), BODY, Begin(np.zeros(1), 0.0))
     aside, _ = search._on_grid(0.04)
     assert aside is not None
     smooth = search._smoothed(aside, 0.04)
+    assert smooth is not None
 
     def cost(e: FloatArray) -> float:
-        misses, _, limits = search._misses(e, BODY.half_width + 0.04)
-        return detour._cost(misses, limits)
+        bend = np.diff(np.concatenate([[0.0], e, [0.0]]), 2) / search.step**2
+        return float(search.step * (e @ e + searching.BENDS**4 * bend @ bend))
 
+    def room(e: FloatArray) -> float:
+        slope = np.gradient(e, search.step)
+        places, azimuth = search._bodies(np.arange(len(e)), e, slope)
+        spots = places[:, None] + searching.CHORD[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], -1)[:, None]
+        return float(disc.distances(spots).min())
+
+    assert room(smooth) == pytest.approx(BODY.half_width + 0.04, abs=1e-4)
+    assert cost(0.999 * smooth) < cost(smooth)
+    assert room(0.999 * smooth) < room(smooth) - 1e-5
     random = np.random.default_rng(3)
-    assert cost(smooth) < cost(aside)
     for size in (1e-3, 1e-2):
-        for _ in range(20):
-            change = size * random.standard_normal(len(smooth))
+        for _ in range(40):
+            change = size * np.convolve(random.standard_normal(len(smooth) + 8), np.hanning(11)[1:-1], "valid")
             change[[0, -1]] = 0.0
-            assert cost(smooth + change) > cost(smooth)
+            assert cost(smooth + change) > cost(smooth) or room(smooth + change) < room(smooth) - 1e-5
 
 
 def test_the_search_on_the_grid_finds_what_trying_all_ways_finds() -> None:
     """Of all ways of four steps with changes of the slope by up to 2, none costs less than that of (P3)."""
-    search = detour._Search(LINE, asked(), (Disc(5.0, 0.0, 0.1),), BODY, detour._Begin(np.array([0.03]), 0.02))
-    rows, columns = len(search.cells), len(detour.SLOPES)
+    search = Search(LINE, asked(), (Disc(5.0, 0.0, 0.1),), BODY, Begin(np.array([0.03]), 0.02))
+    rows, columns = len(search.cells), len(searching.SLOPES)
     value = np.full((rows, columns), np.inf)
-    begin = search._row(0.03), detour._column(0.02)
+    begin = search._row(0.03), searching._column(0.02)
     value[begin] = 0.0
     for _ in range(3):
         value = search._stepped(value, 0.0)[0] + search.step * search.cells[:, None] ** 2
@@ -134,8 +137,8 @@ def test_the_search_on_the_grid_finds_what_trying_all_ways_finds() -> None:
         for turn in turns:
             slope += turn
             aside += 0.01 * slope
-            cost += 0.1 * (aside**2 + detour.BENDS**4 * turn**2)
-        at = search._row(aside), slope + detour.STEEPEST
+            cost += 0.1 * (aside**2 + searching.BENDS**4 * turn**2)
+        at = search._row(aside), slope + searching.STEEPEST
         best[at] = min(best.get(at, np.inf), cost)
     step = search.step
     assert step == pytest.approx(0.1, abs=1e-3)

@@ -27,7 +27,8 @@ from control.planning.terms import (
     Steering,
     default_terms,
 )
-from control.tracking.detour import Body, led
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.preview import look_ahead
 from control.tracking.references import Constant, Disc, Reference, Steps

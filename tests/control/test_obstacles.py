@@ -95,7 +95,7 @@ def wall_scene(*more: str, **wall: float | str) -> Scene:
 
 def test_a_worm_goes_around_a_wall_and_the_clearances_are_those_of_brute_force() -> None:
     shape: dict[str, float | str] = {"radius_m": 0.05, "length_m": 0.3, "azimuth_deg": 20.0}
-    scene = wall_scene("run.duration_s=13", kind="wall", x_m=1.5, y_m=0.03, **shape)
+    scene = wall_scene("run.duration_s=16", kind="wall", x_m=1.5, y_m=0.03, **shape)
     record = simulate(scene)
     wall, reference = Wall(1.5, 0.03, 0.05, 0.3, np.deg2rad(20.0)), reference_of(scene.settings)
     assert reference.obstacles == (wall,)

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.planning.terms import Arrival, Offset
-from control.tracking.detour import Body, led
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from control.tracking.obstacles import Disc
 from control.tracking.paths import Circle, Line, WayPoints
 from control.tracking.preview import APPROACH, Ability, Preview, bounds, look_ahead, speed_at

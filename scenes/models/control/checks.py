@@ -13,7 +13,8 @@ import numpy as np
 from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
-from control.tracking.detour import Body, led
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from scenes.language.checks import Check, Found, of_this_kind
 from scenes.language.schema import Section, keys_in
 from scenes.models.checks import building
