@@ -30,6 +30,7 @@ import scipy
 from control.tracking.detour import Body, Detour
 from control.tracking.obstacles import Obstacle, nearest
 from control.tracking.paths import Path
+from control.tracking.preview import TURNS_IN
 from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray, IntArray
 
@@ -103,7 +104,9 @@ class Search:
         steps = max(round(length / (STEP * self.unit)), len(begin.aside) + 2)
         self.along = np.linspace(0.0, length, steps + 1)
         self.step = length / steps / self.unit
-        self.curvature = np.asarray(path.curvature(self.along)) * self.unit
+        around = TURNS_IN / 2.0 * self.unit
+        self.curvature = np.asarray(path.heading(self.along + around) - path.heading(self.along - around)) / TURNS_IN
+        self.sharpest = np.maximum(SHARPEST, np.abs(self.curvature))  # a corner of the path itself is no reason to stop
         self.point, self.heading = path.point(self.along), path.heading(self.along)
         self.left = _across(self.heading)
         self.settled, self.change = begin.aside / self.unit, begin.change / self.unit
@@ -181,7 +184,7 @@ class Search:
             return None, self.first
         value[begin] = 0.0
         for k, room in enumerate(self._room[1:], self.first + 1):
-            value, turned = self._stepped(value, float(self.curvature[k - 1]))
+            value, turned = self._stepped(value, k - 1)
             value = np.where(room < need, np.inf, value + self.step * self.cells[:, None] ** 2)
             chosen.append(turned)
             if not np.isfinite(value).any():
@@ -192,10 +195,11 @@ class Search:
     def _row(self, aside: float) -> int:
         return int(np.argmin(np.abs(self.cells - aside)))
 
-    def _stepped(self, value: FloatArray, curvature: float) -> tuple[FloatArray, IntArray]:
-        """Return the least costs (P3) after a step, by offset and slope, and which of `TURNS` led there."""
+    def _stepped(self, value: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
+        """Return the least costs (P3) a step after point `k`, by offset and slope, and which of `TURNS` led there."""
+        curvature = float(self.curvature[k])
         bend, stretch = TURNS * CELL / self.step**2, np.maximum(1.0 - curvature * self.cells, FOLDED)[:, None]
-        sharp = np.abs(curvature / stretch + bend / stretch**2) > SHARPEST
+        sharp = np.abs(curvature / stretch + bend / stretch**2) > self.sharpest[k]
         cost = np.where(sharp, np.inf, self.step * BENDS**4 * bend**2)
         most, rows = len(TURNS) // 2, len(self.cells)
         padded = np.pad(value, ((0, 0), (most, most)), constant_values=np.inf)
@@ -236,8 +240,8 @@ class Search:
         cost = h * (ca.sumsqr(own) + BENDS**4 * ca.sumsqr(bend))
         programme = {"x": e, "f": cost, "g": ca.vertcat(turn, room[near.tolist()])}
         solver = ca.nlpsol("smooth", "ipopt", programme, QUIET)
-        least = np.append(np.full(len(k), -SHARPEST), np.full(len(near), self._need(margin)))
-        most = np.append(np.full(len(k), SHARPEST), np.full(len(near), np.inf))
+        least = np.append(-self.sharpest[k], np.full(len(near), self._need(margin)))
+        most = np.append(self.sharpest[k], np.full(len(near), np.inf))
         widest = max(self.corridor - CELL, 0.0)
         found = solver(x0=free, lbx=-widest, ubx=widest, lbg=least, ubg=most)
         if not solver.stats()["success"]:
@@ -282,11 +286,11 @@ class Search:
         clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s))
         aside = np.abs(way.aside[self.first :]).max()
         clear = clear[s > begin + STEP * self.unit]  # where it begins it may be nearer
-        sharp = np.abs(way.curvature(s)).max() * self.unit
+        sharp, asked = (float(np.abs(path.curvature(s)).max()) * self.unit for path in (way, self.path))
         return bool(
             clear.min(initial=np.inf) >= margin * self.unit
             and aside <= (self.corridor + CELL) * self.unit
-            and sharp <= ROUNDED * max(SHARPEST, float(np.abs(self.curvature).max()))
+            and sharp <= ROUNDED * max(SHARPEST, asked)
         )
 
 

@@ -11,7 +11,7 @@ from control.tracking import search as searching
 from control.tracking.detour import Body, Detour
 from control.tracking.guide import Guide, led, led_from, led_on
 from control.tracking.obstacles import Disc, Obstacle, Wall
-from control.tracking.paths import Circle, Line, Path, SCurve, offset
+from control.tracking.paths import Circle, Line, Path, SCurve, WayPoints, offset
 from control.tracking.references import Constant, Reference
 from control.tracking.search import SHARE_KEPT, Begin, NoWayError, Search
 from worm3d import Worm
@@ -65,6 +65,15 @@ def test_the_whole_body_keeps_off_and_ways_are_gently_bent(seed: int, path: Path
         assert abs(float(offset(path, point, near))) < corridor + 0.01
     assert way.closed == path.closed
     assert_allclose(way.point(0.0), path.point(0.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_sharp_corner_of_the_path_is_no_reason_to_refuse_it(side: float) -> None:
+    disc = Disc(2.05, 1.5 * side, 0.1)
+    path = WayPoints([(0.0, 0.0), (2.0, 0.0), (2.0, 3.0 * side)], 0.02)
+    way = way_of(led(asked(disc, path=path, ends=True), BODY))
+    assert disc.distances(outlines(way)).min() > SHARE_KEPT * 0.04 - 1e-3
+    assert_allclose(way.point(way.length), (2.0, 3.0 * side), atol=1e-6)
 
 
 def test_a_body_is_as_wide_as_its_segments_get() -> None:
@@ -130,7 +139,7 @@ def test_the_search_on_the_grid_finds_what_trying_all_ways_finds() -> None:
     begin = search._row(0.03), searching._column(0.02)
     value[begin] = 0.0
     for _ in range(3):
-        value = search._stepped(value, 0.0)[0] + search.step * search.cells[:, None] ** 2
+        value = search._stepped(value, 0)[0] + search.step * search.cells[:, None] ** 2
     best = {}
     for turns in np.stack(np.meshgrid(*[[-2, -1, 0, 1, 2]] * 3), -1).reshape(-1, 3).tolist():
         aside, slope, cost = 0.03, 2, 0.0
