@@ -12,12 +12,14 @@ from control.tracking.detour import Body, Detour
 from control.tracking.obstacles import Obstacle
 from control.tracking.paths import Path, offset
 from control.tracking.references import Reference
-from control.tracking.search import CELL, MARGINS, STEEPEST, STEP, Begin, NoWayError, Search
+from control.tracking.search import MARGINS, NoWayError, Search
 from worm3d.values.arrays import FloatArray
 
 APART, TURNED = 0.03, 0.15
-"""Distance from the way [body lengths] and angle to it [rad] from which on a worm that has just come to know where it
-is gets a way of its own: steered back to the other one it would be followed less exactly than usual."""
+"""Distance from the way [body lengths] and angle to it [rad] from which a worm gets a way of its own as its heading
+becomes known. Nearer ones come back to the way within a wave or two."""
+STEEPEST_TURN = 0.67
+"""Greatest angle to the path at which a way begins [rad]; a worm that is turned further turns first."""
 
 
 def led(reference: Reference, body: Body) -> Reference:
@@ -34,7 +36,7 @@ def led(reference: Reference, body: Body) -> Reference:
     known = tuple(each for each in reference.obstacles if not math.isfinite(each.sight))
     unknown = tuple(each for each in reference.obstacles if math.isfinite(each.sight))
     try:
-        return _led(reference, path, known, unknown, body, Begin(np.zeros(1), 0.0))
+        return _led(reference, path, known, unknown, body, np.zeros(2))
     except NoWayError as error:
         room = f"within the corridor ({reference.corridor:g} m)" if math.isfinite(reference.corridor) else "beside it"
         wide = 2.0 * (body.half_width + MARGINS[-1] * body.length)
@@ -57,9 +59,9 @@ def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float)
     assert isinstance(way, Detour)
     lap = max(s, 0.0) % way.length if way.closed else s  # just before its begin nothing is settled
     here = int(np.clip(np.searchsorted(way.lengths, lap, side="right"), 2, len(way.aside) - 1))
-    begin = Begin(way.aside[:here], float(way.aside[here - 1] - way.aside[here - 2]))
+    settled = np.append(2.0 * way.aside[0] - way.aside[1], way.aside[:here])
     unknown = tuple(each for each in way.unknown if each not in seen)
-    return _led(reference, way.asked, (*reference.obstacles, *seen), unknown, body, begin)
+    return _led(reference, way.asked, (*reference.obstacles, *seen), unknown, body, settled)
 
 
 def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float) -> Reference:
@@ -72,14 +74,12 @@ def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float
     """
     way = reference.path
     assert isinstance(way, Detour)
-    s, spacing = float(way.asked.project(place)), float(way.along[1])
-    here = int(np.clip(np.searchsorted(way.along, s, side="right"), 1, len(way.aside) - 1))
-    steepest = STEEPEST * CELL / STEP
+    s, along = float(way.asked.project(place)), np.append(-way.along[1], way.along)
+    here = int(np.clip(np.searchsorted(along, s, side="right"), 2, len(along) - 2))
     turned = math.remainder(azimuth - float(way.asked.heading(s)), math.tau)
-    slope = min(max(math.tan(min(max(turned, -1.0), 1.0)), -steepest), steepest)
-    behind = np.maximum(way.along[:here] - s, -body.length)
-    begin = Begin(float(offset(way.asked, place, s)) + slope * behind, slope * spacing)
-    return _led(reference, way.asked, reference.obstacles, way.unknown, body, begin)
+    slope = math.tan(min(max(turned, -STEEPEST_TURN), STEEPEST_TURN))
+    settled = float(offset(way.asked, place, s)) + slope * np.maximum(along[:here] - s, -body.length)
+    return _led(reference, way.asked, reference.obstacles, way.unknown, body, settled)
 
 
 def _led(
@@ -88,9 +88,9 @@ def _led(
     known: tuple[Obstacle, ...],
     unknown: tuple[Obstacle, ...],
     body: Body,
-    begin: Begin,
+    settled: FloatArray,
 ) -> Reference:
-    way = Search(path, reference, known, body, begin).way()
+    way = Search(path, reference, known, body, settled).way()
     return replace(reference, path=replace(way, unknown=unknown), obstacles=known)
 
 

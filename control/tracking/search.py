@@ -21,7 +21,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -79,20 +79,22 @@ class NoWayError(ValueError):
         self.obstacle = obstacle
 
 
-class Begin(NamedTuple):
-    """Where a way begins."""
-
-    aside: FloatArray
-    """Offsets of its first points, which are settled [m], shape (K,)."""
-    change: float
-    """Change of the offset from the last but one to the last of them [m]."""
-
-
 class Search:
-    """The search for a way; its offsets, steps and curvatures are in body lengths."""
+    """The search for a way; its offsets, steps and curvatures are in body lengths.
+
+    Parameters
+    ----------
+    path : Path
+    reference : Reference
+        Its corridor and end count.
+    obstacles : tuple of Obstacle
+    body : Body
+    settled : ndarray, shape (K,)
+        Offsets of the first K - 1 points of the way, which it is to have, after that of a point before its begin [m].
+    """
 
     def __init__(
-        self, path: Path, reference: Reference, obstacles: tuple[Obstacle, ...], body: Body, begin: Begin
+        self, path: Path, reference: Reference, obstacles: tuple[Obstacle, ...], body: Body, settled: FloatArray
     ) -> None:
         self.path, self.obstacles, self.body = path, obstacles, body
         self.corridor, self.unit = reference.corridor / body.length, body.length
@@ -101,7 +103,7 @@ class Search:
         if not (reference.ends or path.closed):
             last = max((float(np.max(path.project(each))) for each in outlines), default=0.0)
             length = max(last, length if math.isfinite(length) else 0.0) + BEYOND * self.unit
-        steps = max(round(length / (STEP * self.unit)), len(begin.aside) + 2)
+        steps = max(round(length / (STEP * self.unit)), len(settled) + 1)
         self.along = np.linspace(0.0, length, steps + 1)
         self.step = length / steps / self.unit
         around = TURNS_IN / 2.0 * self.unit
@@ -109,11 +111,10 @@ class Search:
         self.sharpest = np.maximum(SHARPEST, np.abs(self.curvature))  # a corner of the path itself is no reason to stop
         self.point, self.heading = path.point(self.along), path.heading(self.along)
         self.left = _across(self.heading)
-        self.settled, self.change = begin.aside / self.unit, begin.change / self.unit
-        self.first = len(self.settled) - 1
-        self.end, self.end_change = (float(self.settled[0]), self.change) if path.closed else (0.0, 0.0)
-        if path.closed and self.first > 0:
-            self.end_change = float(self.settled[1] - self.settled[0])
+        self.settled, self.first = settled / self.unit, len(settled) - 2
+        self.end, self.end_change = 0.0, 0.0
+        if path.closed:
+            self.end, self.end_change = float(self.settled[1]), float(self.settled[1] - self.settled[0])
         here, reach = float(self.settled[-1]), self._reach(outlines)
         self.cells = here + CELL * np.arange(math.ceil((-reach - here) / CELL), math.floor((reach - here) / CELL) + 1)
         self.low = self.point.min(axis=0) - self.unit * (reach + 0.5 + STEP)
@@ -179,7 +180,7 @@ class Search:
         """Return the offsets of the best way, (P3), if there is one, and up to which point of the path one leads."""
         need, chosen = self._need(margin), list[IntArray]()
         value = np.full(self._room[0].shape, np.inf)
-        begin = self._row(float(self.settled[-1])), _column(self.change)
+        begin = self._row(float(self.settled[-1])), _column(float(self.settled[-1] - self.settled[-2]))
         if self._room[0][begin] < self._need(0.0):
             return None, self.first
         value[begin] = 0.0
@@ -220,7 +221,7 @@ class Search:
             turn = int(TURNS[turned[row, column]])
             row, column = row - int(SLOPES[column]), column - turn
             rows.append(row)
-        return np.concatenate([self.settled[:-1], self.cells[rows[::-1]]])
+        return np.concatenate([self.settled[1:-1], self.cells[rows[::-1]]])
 
     def _smoothed(self, aside: FloatArray, margin: float) -> FloatArray | None:
         """Return offsets (P,) near those given, but for the settled ones and the last, with the least cost (P2).
@@ -229,7 +230,7 @@ class Search:
         """
         k, h, free = np.arange(self.first, len(aside)), self.step, aside[self.first + 1 : -1]
         e = ca.SX.sym("e", len(free))
-        padded = ca.vertcat(aside[self.first] - self.change, aside[self.first], e, self.end, self.end + self.end_change)
+        padded = ca.vertcat(self.settled[-2:], e, self.end, self.end + self.end_change)
         own, slope = padded[1:-1], (padded[2:] - padded[:-2]) / (2.0 * h)
         bend = (padded[2:] - 2.0 * own + padded[:-2]) / h**2
         stretch = ca.fmax(1.0 - self.curvature[k] * own, FOLDED)

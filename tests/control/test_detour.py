@@ -13,7 +13,7 @@ from control.tracking.guide import Guide, led, led_from, led_on
 from control.tracking.obstacles import Disc, Obstacle, Wall
 from control.tracking.paths import Circle, Line, Path, SCurve, WayPoints, offset
 from control.tracking.references import Constant, Reference
-from control.tracking.search import SHARE_KEPT, Begin, NoWayError, Search
+from control.tracking.search import SHARE_KEPT, NoWayError, Search
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
@@ -104,7 +104,7 @@ def test_the_cheaper_side_is_chosen(side: float) -> None:
 def test_no_other_way_near_a_smooth_one_costs_less() -> None:
     """Changes of it either cost more or bring the body nearer than it is to be."""
     disc = Disc(2.0, 0.05, 0.15)
-    search = Search(LINE, asked(), (disc,), BODY, Begin(np.zeros(1), 0.0))
+    search = Search(LINE, asked(), (disc,), BODY, np.zeros(2))
     aside, _ = search._on_grid(0.04)
     assert aside is not None
     smooth = search._smoothed(aside, 0.04)
@@ -133,7 +133,7 @@ def test_no_other_way_near_a_smooth_one_costs_less() -> None:
 
 def test_the_search_on_the_grid_finds_what_trying_all_ways_finds() -> None:
     """Of all ways of four steps with changes of the slope by up to 2, none costs less than that of (P3)."""
-    search = Search(LINE, asked(), (Disc(5.0, 0.0, 0.1),), BODY, Begin(np.array([0.03]), 0.02))
+    search = Search(LINE, asked(), (Disc(5.0, 0.0, 0.1),), BODY, np.array([0.01, 0.03]))
     rows, columns = len(search.cells), len(searching.SLOPES)
     value = np.full((rows, columns), np.inf)
     begin = search._row(0.03), searching._column(0.02)
