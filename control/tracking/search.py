@@ -178,15 +178,15 @@ class Search:
 
     def _on_grid(self, margin: float) -> tuple[FloatArray | None, int]:
         """Return the offsets of the best way, (P3), if there is one, and up to which point of the path one leads."""
-        need, chosen = self._need(margin), list[IntArray]()
+        needs, chosen = self._needs(margin, 2.0 * CELL), list[IntArray]()
         value = np.full(self._room[0].shape, np.inf)
-        begin = self._row(float(self.settled[-1])), _column(float(self.settled[-1] - self.settled[-2]))
-        if self._room[0][begin] < self._need(0.0):
+        if self._begin_room < self._need(0.0):
             return None, self.first
+        begin = self._row(float(self.settled[-1])), _column(float(self.settled[-1] - self.settled[-2]))
         value[begin] = 0.0
         for k, room in enumerate(self._room[1:], self.first + 1):
             value, turned = self._stepped(value, k - 1)
-            value = np.where(room < need, np.inf, value + self.step * self.cells[:, None] ** 2)
+            value = np.where(room < needs[k], np.inf, value + self.step * self.cells[:, None] ** 2)
             chosen.append(turned)
             if not np.isfinite(value).any():
                 return None, k
@@ -241,7 +241,8 @@ class Search:
         cost = h * (ca.sumsqr(own) + BENDS**4 * ca.sumsqr(bend))
         programme = {"x": e, "f": cost, "g": ca.vertcat(turn, room[near.tolist()])}
         solver = ca.nlpsol("smooth", "ipopt", programme, QUIET)
-        least = np.append(-self.sharpest[k], np.full(len(near), self._need(margin)))
+        needs = np.tile(self._needs(margin, CELL / 2.0)[k[1:-1]], len(CHORD) * len(self.obstacles))
+        least = np.append(-self.sharpest[k], needs[near])
         most = np.append(self.sharpest[k], np.full(len(near), np.inf))
         widest = max(self.corridor - CELL, 0.0)
         found = solver(x0=free, lbx=-widest, ubx=widest, lbg=least, ubg=most)
@@ -261,6 +262,25 @@ class Search:
     def _need(self, margin: float) -> float:
         """Return how far the chord has to be from obstacles for the body to keep a margin."""
         return self.body.half_width / self.unit + margin
+
+    def _needs(self, margin: float, slack: float) -> FloatArray:
+        """Return that at each point of the path, (P,): over a body length from the begin what there is there, at most.
+
+        A worm that finds its way anew beside an obstacle is as near to it as it is.
+        """
+        needs, near = (
+            np.full(len(self.along), self._need(margin)),
+            slice(self.first, self.first + round(1.0 / self.step)),
+        )
+        needs[near] = min(self._need(margin), max(self._begin_room, self._need(slack)) - slack)
+        return needs
+
+    @cached_property
+    def _begin_room(self) -> float:
+        """Distance of the chord from obstacles where the way begins."""
+        aside, slope = self.settled[-1:], np.diff(self.settled[-2:]) / self.step
+        places, azimuth = self._bodies(self.first, aside, slope)
+        return self._need(float(self.body.clearance(self.obstacles, places, azimuth)[0]) / self.unit)
 
     def _made(self, e: FloatArray) -> Detour:
         kept = slice(-1) if self.path.closed else slice(None)
@@ -282,14 +302,13 @@ class Search:
 
     def _is_kept_by(self, way: Detour, margin: float) -> bool:
         """Return whether the body keeps a margin along a way, which stays in the corridor and is not too sharp."""
-        begin = float(way.lengths[self.first])
-        s = np.arange(begin, way.length, self.unit * CELL)
-        clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s))
+        s = np.arange(float(way.lengths[self.first]), way.length, self.unit * CELL)
+        clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s)) / self.unit
+        needs = np.interp(s, way.lengths, self._needs(margin, CELL)[: len(way.lengths)]) - self._need(0.0)
         aside = np.abs(way.aside[self.first :]).max()
-        clear = clear[s > begin + STEP * self.unit]  # where it begins it may be nearer
         sharp, asked = (float(np.abs(path.curvature(s)).max()) * self.unit for path in (way, self.path))
         return bool(
-            clear.min(initial=np.inf) >= margin * self.unit
+            (clear >= needs).all()
             and aside <= (self.corridor + CELL) * self.unit
             and sharp <= ROUNDED * max(SHARPEST, asked)
         )

@@ -184,6 +184,17 @@ def test_what_lies_behind_stays_where_a_way_is_found_anew() -> None:
         led_on(before, BODY, [replace(hidden, x=3.2)], 2.75)
 
 
+def test_a_worm_beside_an_obstacle_finds_its_way_anew_as_often_as_it_has_to() -> None:
+    """What comes into sight, far away, neither blocks it nor brings it nearer to what it passes."""
+    passed = Disc(2.0, 0.05, 0.15)
+    far = [Disc(6.0 + k, 3.0, 0.1, sight=1.0) for k in range(5)]
+    reference = led(asked(passed, *far), BODY)
+    before = passed.distances(outlines(way_of(reference))).min()
+    for k, each in enumerate(far):
+        reference = led_on(reference, BODY, [each], 1.7 + 0.05 * k)
+    assert passed.distances(outlines(way_of(reference))).min() > before - 0.01
+
+
 @pytest.mark.parametrize("s", [-0.003, 0.003])
 def test_a_closed_way_is_found_anew_where_it_begins(s: float) -> None:
     hidden = Disc(1.5, 1.4, 0.15, sight=1.0)
