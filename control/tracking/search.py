@@ -268,10 +268,8 @@ class Search:
 
         A worm that finds its way anew beside an obstacle is as near to it as it is.
         """
-        needs, near = (
-            np.full(len(self.along), self._need(margin)),
-            slice(self.first, self.first + round(1.0 / self.step)),
-        )
+        needs = np.full(len(self.along), self._need(margin))
+        near = slice(self.first, self.first + round(1.0 / self.step))
         needs[near] = min(self._need(margin), max(self._begin_room, self._need(slack)) - slack)
         return needs
 
