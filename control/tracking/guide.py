@@ -16,8 +16,8 @@ from control.tracking.search import MARGINS, NoWayError, Search
 from worm3d.values.arrays import FloatArray
 
 APART, TURNED = 0.03, 0.15
-"""Distance from the way [body lengths] and angle to it [rad] from which a worm gets a way of its own as its heading
-becomes known. Nearer ones come back to the way within a wave or two."""
+"""Distance from the way [body lengths] and angle to it [rad] beyond which the way begins anew at the worm, as soon as
+its heading is known. A nearer worm comes back within a wave or two."""
 STEEPEST_TURN = 0.67
 """Greatest angle to the path at which a way begins [rad]; a worm that is turned further turns first."""
 

@@ -5,9 +5,9 @@ The speed at arc length s of the path and time t is the least of
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
 V_reach being the greatest speed at which the worm can turn as the path does. The last one leads to the end as
-exp(-t/T). Around obstacles what is followed is a way of its own, `control.tracking.detour`. Bounds of the offset from
-it are those of the corridor, and for both ends of the body those of the obstacles on either side. They are given before
-a plan is sought, so that it is not stuck between two ways around.
+exp(-t/T). Around obstacles the worm follows a detour, `control.tracking.detour`. The corridor bounds the offset of its
+middle from there, and the obstacles on either side bound the offset of both ends of its body. These bounds are given
+before a plan is sought, so that the search is not stuck between two ways around.
 """
 
 from __future__ import annotations

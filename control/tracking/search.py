@@ -1,18 +1,18 @@
-"""The way that a worm follows where obstacles are beside its path: which side of each it passes, and how far off.
+"""The search for a way around obstacles: on which side each is passed, and how far off.
 
-The body counts as all that lies within its greatest half width w of a chord as long as the body, which has its middle
-on the way and lies along it. A way is an offset e(s) to the left of the path at its arc lengths s. It keeps the middle
-within the corridor, the body at least a margin away from every obstacle, and its curvature below a bound. Of all such
-ways it is the one with the least cost
+The body counts as a capsule: all places within its greatest half width w of a chord. The chord is as long as the body,
+has its middle on the way and lies along the way. A way is an offset e(s) to the left of the path at its arc lengths s.
+It keeps the middle within the corridor, the body at least a margin away from every obstacle, and its curvature below a
+bound. The best way has the least cost
 
     int e^2 + B^4 e''^2 ds                                                                                     (P2)
 
-so that an offset that nothing asks for dies away over the length B. The side on which each obstacle is passed follows
-from that cost: on a grid of offsets e and slopes e', dynamic programming finds the best of all ways,
+so that offsets without a cause die away over the length B. The cost also decides on which side each obstacle is
+passed. Dynamic programming finds the best way on a grid of offsets e and slopes e',
 
     V_k(e, e') = least of V_{k-1}(e - e' ds, e' - c ds) + (e^2 + B^4 c^2) ds  over curvatures c                (P3)
 
-and from there an interior-point method (Ipopt, which comes with CasADi) finds the smooth one of least cost.
+From there Ipopt, an interior-point method that comes with CasADi, finds the smooth way of least cost.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ BENDS = 0.8
 """Length B of (P2) [body lengths]: a detour of 0.3 BL bends by 0.6 per body length. With half of it detours bend four
 times as much and are followed less exactly, with twice of it they are twice as long."""
 MARGINS = (0.04, 0.025, 0.012)
-"""Distances from obstacles beyond the half width of the body [body lengths], the first with which there is a way. The
-last is what a worm is beside a curved way, and what its place is unsure by."""
+"""Margins beside the half width of the body [body lengths]; the search takes the first one with a way. The last one covers
+the error along a bent way (0.005) and that of the estimated place."""
 SHARE_KEPT = 0.6
 """Share of a margin that a smooth way keeps everywhere: between the steps of the grid it may lack the rest."""
 FARTHEST = 3.0
@@ -90,7 +90,7 @@ class Search:
     obstacles : tuple of Obstacle
     body : Body
     settled : ndarray, shape (K,)
-        Offsets of the first K - 1 points of the way, which it is to have, after that of a point before its begin [m].
+        Offset of a point before the begin of the way, then those of its first points, which are given [m].
     """
 
     def __init__(
@@ -266,7 +266,7 @@ class Search:
     def _needs(self, margin: float, slack: float) -> FloatArray:
         """Return that at each point of the path, (P,): over a body length from the begin what there is there, at most.
 
-        A worm that finds its way anew beside an obstacle is as near to it as it is.
+        A worm beside an obstacle may stay as near to it.
         """
         needs = np.full(len(self.along), self._need(margin))
         near = slice(self.first, self.first + round(1.0 / self.step))
