@@ -44,7 +44,7 @@ BENDS = 0.8
 """Length B of (P2) [body lengths]: a detour of 0.3 BL bends by 0.6 per body length. With half of it detours bend four
 times as much and are followed less exactly, with twice of it they are twice as long."""
 MARGINS = (0.04, 0.025, 0.012)
-"""Margins beside the half width of the body [body lengths]; the search takes the first one with a way. The last one covers
+"""Margins beside the half width of the body [body lengths]; the search takes the first one with a way. The last covers
 the error along a bent way (0.005) and that of the estimated place."""
 SHARE_KEPT = 0.6
 """Share of a margin that a smooth way keeps everywhere: between the steps of the grid it may lack the rest."""
