@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nan
 from time import perf_counter
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
@@ -33,6 +33,9 @@ from control.planning.mpc import Plan
 from control.sensing.gate import SPAN, Gate
 from control.sensing.sensors import STRAIN, Measurement
 from control.task import ControlTask
+from control.tracking.detour import Body
+from control.tracking.guide import Guide
+from control.tracking.search import NoWayError
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
@@ -48,6 +51,9 @@ LONGEST_START = 3.0
 """Waves after which the worm is steered whatever is known of its heading."""
 LONGEST_COMPLAINT = 200
 """Number of characters of an exception's text that are kept."""
+STILL = 1e-6
+"""Frequency of a wave that stands still [Hz]."""
+BLOCKED = "no way is left past an obstacle that has come into sight: the worm stops before it"
 LOST = "nothing is known to go by"
 _LOG = logging.getLogger(__name__)
 
@@ -152,6 +158,7 @@ class Driver(ABC):
         self.estimator = estimator
         self.gate = Gate(task.worm, getattr(estimator, "span", SPAN))
         self.watch = Watch(task.worm, task.reference, feed_forward)
+        self.guide = Guide(task.reference, Body.of(task.worm))
         self._frequency = feed_forward.frequency
 
     def reset(self) -> None:
@@ -160,6 +167,8 @@ class Driver(ABC):
             self.estimator.reset()
         self.gate.reset()
         self.watch.reset()
+        self.guide.reset()
+        self.reference = self.watch.reference = self.guide.reference
         self.decisions: list[Decision] = []
         self.failures = 0
         self._time: float | None = None
@@ -251,7 +260,8 @@ class WaveController(Driver):
         self.chambers.reset()
         self.sides.reset()
         self.descent.reset()
-        self._kept_count = 0
+        self.descent.reference = self.reference
+        self._kept_count, self._blocked = 0, False
         self._target = GaitParameters(0.0, self._frequency)
 
     @property
@@ -323,8 +333,10 @@ class WaveController(Driver):
         self._spent = 0.0
 
     def _chosen(self, t: float, estimate: Estimate | None) -> Choice:
-        """Return the choice, or rest before a way down; after an exception the parameters in force, then rest."""
+        """Return the choice, or a stop where the way ends; after an exception the parameters in force, then rest."""
         try:
+            if self._is_blocked(t, estimate):
+                return Choice("stop", still(self._target), BLOCKED)
             steep = self.descent.fault(t, estimate)
             if steep is not None and estimate is not None:
                 self.watch.report([steep])
@@ -340,6 +352,19 @@ class WaveController(Driver):
                 return Choice("gait", self._target, complaint_of(error), failed=True)
             return Choice("stop", rest(self._target), f"{LOST}: {complaint_of(error)}", failed=True)
         return choice
+
+    def _is_blocked(self, t: float, estimate: Estimate | None) -> bool:
+        """Look for obstacles that come into sight, and return whether they leave no way."""
+        if self._blocked or estimate is None or not estimate.is_placed(self.worm.length):
+            return self._blocked
+        try:
+            if self.guide.look(estimate.position, estimate.heading, bool(estimate.deviations[HEADING] < KNOWN)):
+                self.reference = self.watch.reference = self.descent.reference = self.guide.reference
+        except NoWayError as error:
+            self._blocked = True
+            advice = "lead it along another path, widen the corridor, or let it know of the obstacle sooner"
+            self.watch.report([Fault(t, "blocked", f"{BLOCKED}; {error}", advice)])
+        return self._blocked
 
     @abstractmethod
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
@@ -374,3 +399,8 @@ def complaint_of(error: BaseException) -> str:
 def rest(in_force: GaitParameters) -> GaitParameters:
     """Return the parameters of a worm at rest."""
     return GaitParameters(0.0, in_force.frequency)
+
+
+def still(in_force: GaitParameters) -> GaitParameters:
+    """Return the wave in force, standing still: a worm that lets go of its wave shifts by a hundredth of its length."""
+    return replace(in_force, frequency=STILL) if in_force.amplitude != 0.0 else in_force

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import isfinite, nan
 from typing import Any, Literal, Protocol, Self, get_args
 
@@ -29,7 +28,18 @@ from control.estimation.estimator import Estimator
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel
 from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.surrogate import Ranges
-from control.loop import LOST, MOST_KEPT, Choice, Estimates, KnownHeading, WaveController, complaint_of, observed, rest
+from control.loop import (
+    LOST,
+    MOST_KEPT,
+    Choice,
+    Estimates,
+    KnownHeading,
+    WaveController,
+    complaint_of,
+    observed,
+    rest,
+    still,
+)
 from control.planning.constraints import Constraint
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
@@ -51,8 +61,6 @@ ROUNDING = 1e-6
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
 """Ways to the end of a path below which the worm rests, and beyond which it goes on again [body lengths]."""
-STILL = 1e-6
-"""Frequency of a wave that stands still [Hz]."""
 BACKWARDS = "the reference asks for a way backwards, and no wave of this worm goes backwards: it rests"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 ARRIVED = "the worm is at the end of its path"
@@ -151,9 +159,9 @@ class Supervisor(WaveController):
         if speed < 0.0 and not able.backward:
             return Choice("stop", rest(self._target), BACKWARDS)
         if abs(speed) < able.slowest:
-            return Choice("stop", _still(self._target), STANDS)
+            return Choice("stop", still(self._target), STANDS)
         if _tried(self._arrived, estimate, speed < 0.0)[0]:
-            return Choice("stop", _still(self._target), ARRIVED)
+            return Choice("stop", still(self._target), ARRIVED)
         if not self._heading_is_known(estimate, self.generator.waves):
             blind = self._blind(t, estimate)
             if blind is not None:
@@ -224,11 +232,6 @@ class Supervisor(WaveController):
         """Return the parameters of a wave; None without one, or if it is not finite."""
         known = wave is not None and all(isfinite(part) for part in wave)
         return _tried(self._model.parameters, wave)[0] if known else None
-
-
-def _still(in_force: GaitParameters) -> GaitParameters:
-    """Return the wave in force, standing still: a worm that lets go of its wave shifts by a hundredth of its length."""
-    return replace(in_force, frequency=STILL) if in_force.amplitude != 0.0 else in_force
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:

@@ -9,6 +9,8 @@ from typing import Any
 from control.gaits.steering import Mechanism
 from control.identification.identified import Identified, SteeringMap
 from control.sensing.sensors import Channel
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values import arguments
@@ -22,11 +24,13 @@ class ControlTask(Spelled):
     Raises
     ------
     ValueError
-        A field of another type, a mechanism that was not identified, or a period that is not above 0.
+        A field of another type, a mechanism that was not identified, a period that is not above 0, or obstacles that
+        leave no way.
     """
 
     worm: Worm
     reference: Reference
+    """What the worm is to do; its path leads around the obstacles that are known from the start."""
     map: Identified
     """Identified map of the waves of the worm."""
     mechanism: Mechanism = "hinge"
@@ -45,6 +49,7 @@ class ControlTask(Spelled):
         if self.mechanism not in self.map.maps:
             known = ", ".join(map(repr, self.map.maps))
             raise ValueError(f"mechanism: got {self.mechanism!r}, must be one of those identified: {known}")
+        object.__setattr__(self, "reference", led(self.reference, Body.of(self.worm)))
 
     @property
     def found(self) -> SteeringMap:

@@ -44,7 +44,7 @@ class Descent:
     """What a worm is told of ways down; `steepest` is the gradient that holds it, infinite where none matters."""
 
     def __init__(self, worm: Worm, reference: Reference, steepest: float = inf) -> None:
-        self._length, self._reference, self.steepest = worm.length, reference, steepest
+        self._length, self.reference, self.steepest = worm.length, reference, steepest
         self.reset()
 
     def reset(self) -> None:
@@ -69,7 +69,7 @@ class Descent:
         """Return what is wrong with the way ahead at time t [s]; None if nothing is known to be."""
         if estimate is None or self.steepest == inf or not estimate.is_placed(self._length):
             return None
-        azimuth = self._azimuth(estimate, back=float(self._reference.speed(t)) < 0.0)
+        azimuth = self._azimuth(estimate, back=float(self.reference.speed(t)) < 0.0)
         along = np.array([cos(azimuth), sin(azimuth)])
         descent = -float(estimate.slope @ along)
         deviation = sqrt(max(float(along @ estimate.slope_covariance @ along), 0.0))
@@ -83,7 +83,7 @@ class Descent:
 
     def _azimuth(self, estimate: Estimate, back: bool) -> float:
         """Return the direction of the way ahead, or of the way back [rad]."""
-        path, turned = self._reference.path, pi if back else 0.0
+        path, turned = self.reference.path, pi if back else 0.0
         if path is None:
             return float(estimate.heading) + turned
         self._near = float(path.project(estimate.position, self._near))

@@ -64,8 +64,11 @@ CRABS = 0.22
 """Angle between the way and the measured heading that no slope explains, from which the heading is off [rad]."""
 TRESPASS = 0.03
 """Distance inside an obstacle or outside a corridor beyond which a worm was not able to keep out [body lengths]."""
-LEFT_PATH = 0.3
-"""Distance that a worm leaves its path by, beyond the least one of the last waves [body lengths]."""
+ALONG = 0.3
+"""Angle to its path below which a worm that has turned round follows it again [rad]; before, it still leaves it."""
+LEFT_PATH = 0.15
+"""Distance that a worm leaves its path, or its way around obstacles, by beyond the least one of the last waves [body
+lengths]. Worms at corners of 90 degrees and on circles of 0.4 body lengths leave it by 0.06 at most."""
 ENDS_OF_THREE_WAVES = 4
 """Number of waves of which the first and the last are three waves apart."""
 SIDES = ("left", "right")
@@ -270,8 +273,9 @@ def _way(waves: Sequence[Wave]) -> tuple[float, float]:
 
 
 def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
-    turned = max((k for k, wave in enumerate(waves) if wave.away >= AWAY), default=-1) + 1
-    known = [wave.aside for wave in waves[turned:] if wave.aside is not None]
+    turned = max((k for k, wave in enumerate(waves) if wave.away >= AWAY), default=-1)
+    follows = next((k for k in range(turned + 1, len(waves)) if turned < 0 or waves[k].away < ALONG), len(waves))
+    known = [wave.aside for wave in waves[follows:] if wave.aside is not None]
     if len(known) > 1 and waves[-1].aside is not None and known[-1] > max(min(known) + LEFT_PATH, known[-2]):
         what = f"the worm is {known[-1]:.2g} body lengths beside its path, and goes farther from it"
         yield Fault(waves[-1].end, "off the path", what, "look at ground and slope, and whether it stands upright")

@@ -16,8 +16,9 @@ from control.faults.rules import Fault, Wave, faults
 from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
 from control.sensing.sensors import Measurement
+from control.tracking.detour import Body
 from control.tracking.paths import offset
-from control.tracking.preview import ANY, Ability, speed_at
+from control.tracking.preview import ANY, Ability, bounds, speed_at
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
@@ -57,15 +58,15 @@ class _Way(NamedTuple):
     azimuth: float | None = None
     """Azimuth of the path [rad]."""
     trespass: float = -inf
-    """Distance inside an obstacle or outside the corridor [body lengths]."""
+    """Distance by which the body is inside an obstacle, or its middle outside the corridor [body lengths]."""
 
 
 class Watch:
     """The watch over one worm; `faults` holds what it found so far."""
 
     def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
-        self._segments, self._length = worm.segments, worm.length
-        self._reference, self._feed_forward = reference, feed_forward
+        self._segments, self._body, self._length = worm.segments, Body.of(worm), worm.length
+        self.reference, self._feed_forward = reference, feed_forward
         self.reset()
 
     def reset(self) -> None:
@@ -135,13 +136,13 @@ class Watch:
         try:
             at = np.full(MOMENTS, self._near or 0.0)
             able, times = Ability(self._feed_forward.reach, self._length), np.linspace(begin, end, MOMENTS)
-            asked = np.zeros((2, MOMENTS)) + [speed_at(self._reference, times, at, each) for each in (ANY, able)]
+            asked = np.zeros((2, MOMENTS)) + [speed_at(self.reference, times, at, each) for each in (ANY, able)]
             back = self._feed_forward.backward and bool(asked.sum() < 0.0)
             if self._feed_forward.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters is not None and self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
-            way = self._way(place, max(float(asked[0, -1]), 0.0))
+            way = self._way(place, max(float(asked[0, -1]), 0.0), estimate)
         except EXCEPTIONS:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
@@ -237,16 +238,19 @@ class Watch:
         variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
         return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
 
-    def _way(self, place: FloatArray | None, speed: float) -> _Way:
-        path = self._reference.path
+    def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> _Way:
+        path = self.reference.path
         if path is None or place is None:
             return _Way()
         self._near = s = float(path.project(place, self._near))
-        turn = float(path.curvature(s)) * speed
-        aside = offset(path, place, s)
-        trespass = float(self._reference.trespass(place, aside)) / self._length
+        turn, azimuth = float(path.curvature(s)) * speed, float(path.heading(s))
+        aside = float(offset(path, place, s))
+        left, right, *_ = bounds(self.reference, np.array([s]))[:, 0]
+        looks = estimate.heading if estimate is not None and estimate.deviations[2] < KNOWN else azimuth
+        inside = -float(self._body.clearance(self.reference.obstacles, place, np.array(looks)))
+        trespass = max(aside - left, -aside - right, inside) / self._length
         sharpest = self._feed_forward.sharpest(speed)
-        return _Way(turn, sharpest, abs(float(aside)) / self._length, float(path.heading(s)), trespass)
+        return _Way(turn, sharpest, abs(aside) / self._length, azimuth, trespass)
 
 
 def _crab(estimate: Estimate) -> float:

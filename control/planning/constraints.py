@@ -40,7 +40,7 @@ class Constraint(Spelled, ABC):
 @documented
 @dataclass(frozen=True)
 class Corridor(Constraint):
-    """Offset within the corridor of the reference, and on one side of its obstacles."""
+    """Offset of the middle within the corridor of the reference."""
 
     tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
 
@@ -59,6 +59,30 @@ class Corridor(Constraint):
 
 @documented
 @dataclass(frozen=True)
+class Clearance(Constraint):
+    """Both ends of the body, and so all of it, on one side of each obstacle.
+
+    An end that is x ahead of the middle is at the offset e + x sin(h - psi), (O4).
+    """
+
+    tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def excesses(self, at: Moment) -> ca.SX:
+        """Return the excesses to the left and to the right of head and tail; see `Constraint`."""
+        turned = at.length / 2.0 * ca.sin(at.state.heading - at.wanted.heading)
+        ends = ca.vertcat(at.offset + turned, at.offset - turned)
+        return ca.vertcat(ends - at.wanted.room_left, -ends - at.wanted.room_right) / (self.tolerance * at.length)
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return whether there is an obstacle beside the body."""
+        return np.isfinite(ahead.room_left) | np.isfinite(ahead.room_right)
+
+
+@documented
+@dataclass(frozen=True)
 class Roll(Constraint):
     """Roll of the body within a wave, where the identified map knows it."""
 
@@ -73,7 +97,9 @@ class Roll(Constraint):
         return (at.roll - self.limit) / self.tolerance
 
 
-CONSTRAINTS: Mapping[str, type[Constraint]] = MappingProxyType({"corridor": Corridor, "roll": Roll})
+CONSTRAINTS: Mapping[str, type[Constraint]] = MappingProxyType(
+    {"corridor": Corridor, "clearance": Clearance, "roll": Roll}
+)
 """Constraints by name; a plan has all of them unless others are given."""
 
 

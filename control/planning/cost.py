@@ -68,7 +68,7 @@ class Cost(NamedTuple):
     rows: tuple[int, ...]
     """Number of misses of each term, then of excesses of each constraint."""
     function: ca.Function
-    """(state, input scaled (3,), that before (3,), wanted (8,)) -> misses of all terms, then excesses, (M,)."""
+    """(state, input scaled (3,), that before (3,), wanted (10,)) -> misses of all terms, then excesses, (M,)."""
 
     @classmethod
     def of(
@@ -281,5 +281,5 @@ class Problem:
     def _wanted(self) -> FloatArray:
         ahead = self.preview
         crab = ahead.follows * ahead.ways / np.maximum(np.abs(ahead.speed), self.slowest)
-        bounds = np.minimum([ahead.left, ahead.right], FAR)
+        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], FAR)
         return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab, self.frequency, *bounds])

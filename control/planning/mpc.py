@@ -27,7 +27,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.estimation.estimate import Estimate
+from control.estimation.estimate import HEADING, Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified
@@ -37,7 +37,7 @@ from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
 from control.planning.terms import CostTerm, default_terms
 from control.tracking.paths import offset
-from control.tracking.preview import Ability, Preview, detour, look_ahead, speed_at, turn_rate
+from control.tracking.preview import Ability, Preview, look_ahead, speed_at, turn_rate
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
@@ -54,6 +54,9 @@ MOST_MISSED, MOST_TRIM = 0.25, 0.2
 away while more is missed."""
 LEAST_WAY = 1e-3
 """Way in a step below which the curvature of a path is not known [body lengths]."""
+SURE, MOST_UNSURE = 2.5, 0.02
+"""Standard deviations of the place by which a body keeps off obstacles, and the greatest one that counts
+[body lengths]: with more of them the worm would leave its way, which has as much room as there is on both sides."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
@@ -226,6 +229,7 @@ class GaitMPC:
         self._near = preview.progress
         passed, self._latest = min(max(t - self._latest, 0.0), 1.0) if isfinite(self._latest) else 0.0, t
         preview = self._paced(passed, estimate, preview)
+        preview = self._kept_off(estimate, preview)
         follows = preview.follows and not preview.walled
         return self._beside(passed, estimate, reference, preview) if follows else preview
 
@@ -240,16 +244,26 @@ class GaitMPC:
     def _beside(self, passed: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
         """Return a preview that is moved to the other side of an offset that lasts, (P4)."""
         assert reference.path is not None
-        most, along = MOST_LASTING * self._length, np.array([preview.progress])
+        most = MOST_LASTING * self._length
         aside = float(offset(reference.path, estimate.position, preview.progress))
-        aside -= float(detour(reference, along, self._length)[0][0])
         turned = abs(estimate.state.yaw_bias) > TURNED * estimate.deviations[YAW_BIAS]
         if turned and abs(aside) < most and preview.speed[0] != 0.0:
             self._lasting = min(max(self._lasting + aside * passed / LASTING, -most), most)
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
         point = preview.point - self._lasting * left
-        bounds = preview.left + self._lasting, preview.right - self._lasting
-        return replace(preview, point=point, left=bounds[0], right=bounds[1])
+        moved = {side: getattr(preview, side) + self._lasting for side in ("left", "room_left")}
+        moved |= {side: getattr(preview, side) - self._lasting for side in ("right", "room_right")}
+        return replace(preview, point=point, **moved)
+
+    def _kept_off(self, estimate: Estimate, preview: Preview) -> Preview:
+        """Return a preview with less room beside the body, by what its place and heading are unsure by."""
+        if not np.isfinite([preview.room_left, preview.room_right]).any():
+            return preview
+        left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
+        place = np.einsum("ki,ij,kj->k", left, estimate.covariance[:2, :2], left)
+        turned = (self._length / 2.0 * estimate.deviations[HEADING]) ** 2
+        unsure = SURE * np.minimum(np.sqrt(place + turned), MOST_UNSURE * self._length)
+        return replace(preview, room_left=preview.room_left - unsure, room_right=preview.room_right - unsure)
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
         """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""

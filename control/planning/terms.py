@@ -75,6 +75,10 @@ class Wanted(NamedTuple):
     """Greatest offset to the left of the path that is allowed [m]."""
     right: ca.SX
     """Greatest offset to the right, as a positive number [m]."""
+    room_left: ca.SX
+    """Greatest offset to the left that is allowed to both ends of the body [m]."""
+    room_right: ca.SX
+    """Greatest offset of both ends to the right, as a positive number [m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,9 @@ too; the step itself is measured by the periods until the speed has come within 
 
 The head is the worm's foremost point; its offset is taken like that of the centre of mass, (L2), by a projection of its
 own: a straight body of length L that is tangent to a circle of radius R has its head sqrt(R^2 + L^2/4) - R outside.
+
+The clearance of the body is the least distance of its outline, seen from above, from the edge of any obstacle, at any
+instant of the run and without any mean; below 0 the outline is inside by as much.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from control.tracking.obstacles import nearest
 from control.tracking.paths import lengthening, offset, track
 from control.tracking.references import Reference, Steps
 from control.tracking.response import response_time
@@ -45,12 +49,16 @@ PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl", "cross_track_mean_bl
 HEAD_METRICS = ("head_offset_rms_bl", "head_offset_max_bl")
 WITHIN = 0.02
 """Offset from the path within which a worm has joined it [body lengths]."""
+BODY_CLEARANCE = "body_clearance_min_bl"
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
 METRICS = (
     *(*SPEED_METRICS, "speed_bias_m_s", *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, *HEAD_METRICS),
-    *("joining_periods", "clearance_min_bl", "end_error_bl", "settling_periods", *RESPONSE_METRICS),
+    *("joining_periods", "clearance_min_bl", BODY_CLEARANCE, "end_error_bl", "settling_periods", *RESPONSE_METRICS),
 )
 """Names of the metrics that `summary` returns."""
+EDGE_PARTS = 8
+"""Number of parts of each line of an outline: a part is 0.02 body lengths, so that an obstacle that is 0.05 body
+lengths in radius is at most 0.001 nearer than told."""
 STAYED = 4.0
 """Time at the end of a run in which a worm has to stay at the end of its path, three periods at 0.8 Hz [s]."""
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
@@ -60,6 +68,7 @@ REASONS = {
     **dict.fromkeys(HEADING_METRICS, "there is no heading and no path to keep to"),
     **dict.fromkeys((*PATH_METRICS, *HEAD_METRICS, "joining_periods"), "there is no path to follow"),
     "clearance_min_bl": "there is neither a corridor nor an obstacle",
+    BODY_CLEARANCE: "there is no obstacle",
 }
 """Why a metric of a run that is long enough may have no value."""
 
@@ -78,6 +87,8 @@ class Motion:
     """Commanded phase, not falling [waves], shape (T,)."""
     head: FloatArray | None = None
     """True place of the head [m], shape (T, 2); None: nothing is said of its offset."""
+    outline: FloatArray | None = None
+    """Corners of the true outline of the body, in turn [m], shape (T, C, 2); None: nothing is said of its clearance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +176,23 @@ def _offset(places: FloatArray | None, reference: Reference, window: _Window) ->
 def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return the metrics of a run of any length, and why some have no value; see `summary`."""
     if motion.waves[-1] - motion.waves[0] < 1.0:
-        return dict.fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
-    return summary(tracking(motion, reference), reference, length)
+        found, reasons = dict[str, float | None].fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
+    else:
+        found, reasons = summary(tracking(motion, reference), reference, length)
+    if reference.obstacles and motion.outline is not None:
+        found[BODY_CLEARANCE] = float(clearances(motion.outline, reference).min()) / length
+    return found, {**reasons, BODY_CLEARANCE: REASONS[BODY_CLEARANCE]}
+
+
+def clearances(outline: FloatArray, reference: Reference) -> FloatArray:
+    """Return the distances of outlines (T, C, 2) from the nearest obstacle [m], shape (T,); below 0 inside.
+
+    They are taken at corners and at places of the lines between them.
+    """
+    shares = np.arange(EDGE_PARTS)[:, None] / EDGE_PARTS
+    begin, end = outline[:, :, None], np.roll(outline, -1, axis=1)[:, :, None]
+    places = (begin + shares * (end - begin)).reshape(len(outline), -1, 2)
+    return np.asarray(nearest(reference.obstacles, places).min(axis=1))
 
 
 def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
@@ -186,7 +212,8 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
     if np.isfinite(aside).all():
         metrics |= zip(PATH_METRICS, (_rms(aside), float(np.abs(aside).max()), float(aside.mean())), strict=True)
         metrics["joining_periods"] = joining_periods(tracked, length)
-        clearance = -float(reference.trespass(tracked.place[taken], tracked.cross_track[taken]).max()) / length
+        beyond = np.abs(tracked.cross_track[taken]) - reference.corridor
+        clearance = -float(reference.trespass(tracked.place[taken], beyond).max()) / length
         metrics["clearance_min_bl"] = clearance if np.isfinite(clearance) else None
         apart = {"joining_periods": f"the worm does not come within {WITHIN:g} body lengths of its path for good"}
     if np.isfinite(head).all():

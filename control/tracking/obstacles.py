@@ -1,22 +1,19 @@
-"""Obstacles on the ground that the centre of mass goes around, found by name, and how they are passed.
+"""Obstacles on the ground that the worm goes around, found by name.
 
-An obstacle is all that lies within a radius of its spine, the convex hull of a row of points; the radius includes room
-for the body. Its signed distance, below 0 inside, is one formula in symbols of CasADi, from which numbers are computed
-too. An obstacle of another shape is a class here, with its row in `OBSTACLES`.
-
-Beside a path, spine points lie at the arc lengths s_i and at the offsets e_i to the side on which the obstacle is
-passed. Its edge towards that side, from which a worm has to keep away, is the highest of
-
-    e_i + sqrt(R^2 - (s - s_i)^2),   |s - s_i| < R,   and of lines between these arcs                          (P2)
+An obstacle is all that lies within a radius of its spine, the convex hull of a row of points. Its signed distance,
+below 0 inside, is one formula in symbols of CasADi, from which numbers are computed too. An obstacle of another shape
+is a class here, with its row in `OBSTACLES`. What a worm needs beside it is added by `control.tracking.detour`.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -34,18 +31,23 @@ SPINE_PARTS = 500
 times as long as thick only; with half of it walls of half that length are touched by others less exactly."""
 
 
+def seen_from() -> Any:
+    """Return the field of the distance from which an obstacle is seen."""
+    meaning = "distance of its edge from the middle line of the worm within which the controller comes to know of it"
+    return parameter(math.inf, meaning=meaning, unit="m", gt=0, infinite=True, left_out="known from the start")
+
+
 class Obstacle(Spelled, ABC):
     """A convex obstacle, a frozen dataclass."""
 
     radius: float
+    sight: float = math.inf
+    """Distance of its edge from the middle line of the worm within which the controller comes to know of it [m]."""
 
     @property
     @abstractmethod
     def spine(self) -> FloatArray:
-        """Points [m], shape (M, 2), in turn along a line or around an area.
-
-        Where they are farther apart than the radius, bends of a path and what crosses between them are not seen.
-        """
+        """Points [m], shape (M, 2), in turn along a line or around an area."""
 
     @abstractmethod
     def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
@@ -56,11 +58,12 @@ class Obstacle(Spelled, ABC):
         given = np.asarray(places, dtype=float)
         found, known = np.full(given.shape[:-1], np.nan), np.isfinite(given).all(axis=-1)
         if known.any():
-            found[known] = self._distance.map(int(known.sum()))(*given[known].T[:, None]).full().ravel()
+            found[known] = self.formula.map(int(known.sum()))(*given[known].T[:, None]).full().ravel()
         return found
 
     @cached_property
-    def _distance(self) -> ca.Function:
+    def formula(self) -> ca.Function:
+        """`distance` as a function of CasADi, (x, y) -> distance."""
         x, y = ca.SX.sym("x"), ca.SX.sym("y")
         return ca.Function("distance", [x, y], [self.distance(x, y)])
 
@@ -78,7 +81,8 @@ class Disc(Obstacle):
 
     x: float = parameter(meaning="x of its middle", unit="m")
     y: float = parameter(meaning="y of its middle", unit="m")
-    radius: float = parameter(meaning="distance of its edge from its middle, with room for the body", unit="m", gt=0)
+    radius: float = parameter(meaning="distance of its edge from its middle", unit="m", gt=0)
+    sight: float = seen_from()
 
     def __post_init__(self) -> None:
         check(self)
@@ -100,11 +104,10 @@ class Wall(Obstacle):
 
     x: float = parameter(meaning="x of its middle", unit="m")
     y: float = parameter(meaning="y of its middle", unit="m")
-    radius: float = parameter(
-        meaning="distance of its edge from its middle line, with room for the body", unit="m", gt=0
-    )
+    radius: float = parameter(meaning="distance of its edge from its middle line", unit="m", gt=0)
     length: float = parameter(1.0, meaning="length of its middle line", unit="m", gt=0)
     azimuth: float = parameter(0.0, meaning="direction of its middle line", unit="rad")
+    sight: float = seen_from()
 
     def __post_init__(self) -> None:
         check(self)
@@ -128,39 +131,7 @@ OBSTACLES: Mapping[str, type[Obstacle]] = MappingProxyType({"disc": Disc, "wall"
 """Obstacles by the name that scenes use."""
 
 
-@dataclass(frozen=True, eq=False)
-class Passing:
-    """Where an obstacle is beside a path, and how it is passed."""
-
-    beside: float
-    """Arc length of its first spine point [m]."""
-    along: FloatArray
-    """Arc lengths of its spine points beyond that [m], shape (M,)."""
-    aside: FloatArray
-    """Distances of its spine points to the left of the path [m], shape (M,)."""
-    radius: float
-    on_left: bool
-    """Whether it is passed on its left."""
-
-    @property
-    def side(self) -> float:
-        """1 if it is passed on its left, else -1."""
-        return 1.0 if self.on_left else -1.0
-
-    @property
-    def reach(self) -> float:
-        """How far it reaches to the side on which it is passed [m]; below 0 where the path is free."""
-        return float((self.side * self.aside).max()) + self.radius
-
-    def edge(self, s: FloatArray) -> FloatArray:
-        """Return (P2) at arc lengths (K,) beyond `beside` [m], shape (K,) [m]; -inf where it is not beside the path."""
-        begin, height = self.along, self.side * self.aside
-        way, rise = np.roll(begin, -1) - begin, np.roll(height, -1) - height
-        goes = way != 0.0
-        begin_of, way, rise = begin[goes], way[goes], rise[goes]
-        out = np.sign(way) * self.radius / np.hypot(way, rise)
-        share = (s[:, None] - begin_of + out * rise) / way
-        lines = np.where((share >= 0.0) & (share <= 1.0), height[goes] + out * way + share * rise, -np.inf)
-        half = np.sqrt(np.maximum(self.radius**2 - (s[:, None] - begin) ** 2, 0.0))
-        arcs = np.where(half > 0.0, height + half, -np.inf)
-        return np.asarray(np.hstack([arcs, lines]).max(axis=1))
+def nearest(obstacles: Sequence[Obstacle], places: FloatArray) -> FloatArray:
+    """Return the distances of places (..., 2) from the nearest obstacle, (...) [m]; infinite where there is none."""
+    found = [each.distances(places) for each in obstacles]
+    return np.min(found, axis=0) if found else np.full(places.shape[:-1], np.inf)

@@ -5,14 +5,9 @@ The speed at arc length s of the path and time t is the least of
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
 V_reach being the greatest speed at which the worm can turn as the path does. The last one leads to the end as
-exp(-t/T). Bounds of the offset e from the path are those of the corridor, and on the side on which an obstacle is
-passed, away from its middle, its edge (P2) of `control.tracking.obstacles`. These bounds are given before a plan is
-sought, so that it is not stuck between two ways around. What is followed leads around an obstacle that reaches c to
-that side, beside the path from s_a to s_b,
-
-    e(s) = c cos^2(pi u/(2 W)),   u = s - s_b or s_a - s beyond it, else 0,   u < W = pi sqrt(c rho/2)         (P3)
-
-whose curvature is at most 1/rho, rho the greater one of R, for it to stay outside, and of a body length.
+exp(-t/T). Around obstacles the worm follows a detour, `control.tracking.detour`. The corridor bounds the offset of its
+middle from there, and the obstacles on either side bound the offset of both ends of its body. These bounds are given
+before a plan is sought, so that the search is not stuck between two ways around.
 """
 
 from __future__ import annotations
@@ -24,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from control.tracking.detour import Detour
 from control.tracking.paths import lengthening
 from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
@@ -63,6 +59,10 @@ class Preview:
     """Greatest offset to the left of the path that is allowed [m], shape (K,); infinite without a bound."""
     right: FloatArray
     """Greatest offset to the right, as a positive number [m], shape (K,)."""
+    room_left: FloatArray
+    """Greatest offset to the left that is allowed to both ends of the body, shape (K,) [m]."""
+    room_right: FloatArray
+    """Greatest offset of both ends to the right, as a positive number [m], shape (K,)."""
     way: FloatArray
     """Way forward in each step [body lengths], shape (K,)."""
     walled: bool = False
@@ -156,53 +156,23 @@ def look_ahead(
             asked = _on_turn(asked, float(asked[0]), azimuth)
         speed = speed_at(reference, ends, asked, able)
         way = speed * step / able.length
-        return Preview(speed, np.zeros((steps, 2)), asked, False, heading is not None, 0.0, free, free, way)
+        return Preview(speed, np.zeros((steps, 2)), asked, False, heading is not None, 0.0, free, free, free, free, way)
     progress = float(path.project(place, near))
     along = _advance(reference, ends - step / 2.0, step, progress, able)
-    point, turned, (left, right) = path.point(along), path.heading(along), bounds(reference, along)
-    if reference.obstacles:
-        aside, slope = detour(reference, along, able.length)
-        point = point + aside[:, None] * np.column_stack([-np.sin(turned), np.cos(turned)])
-        turned = turned + np.arctan2(slope, 1.0 - aside * path.curvature(along))
-        left, right = left - aside, right + aside
+    point, turned = path.point(along), path.heading(along)
     turned = _on_turn(turned, float(path.heading(progress)), azimuth)
     speed, follows = speed_at(reference, ends, along, able), bool(abs(turned[0] - azimuth) < AWAY)
     way = speed * step / able.length
-    return Preview(speed, point, turned, follows, True, progress, left, right, way, reference.walled)
+    left, right, room_left, room_right = bounds(reference, along)
+    limits = left, right, room_left, room_right
+    return Preview(speed, point, turned, follows, True, progress, *limits, way, reference.walled)
 
 
-def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how far a worm may be to the left and to the right at arc lengths (K,) of the path [m], (P2)."""
-    left, right = np.full(len(s), reference.corridor), np.full(len(s), reference.corridor)
-    for passing in reference.passings:
-        free = -passing.edge(_from(reference, passing.beside, s))
-        left, right = (left, np.minimum(right, free)) if passing.on_left else (np.minimum(left, free), right)
-    return left, right
-
-
-def detour(reference: Reference, s: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
-    """Return the offset [m] of the way around all obstacles, (P3), and its slope, at arc lengths (K,) [m]."""
-    aside, slope = np.zeros(len(s)), np.zeros(len(s))
-    for passing in reference.passings:
-        most = passing.side * max(passing.reach, 0.0)
-        if most == 0.0:
-            continue
-        half = np.pi * np.sqrt(abs(most) * max(passing.radius, length) / 2.0)
-        way = _from(reference, passing.beside, s)
-        way = way - np.clip(way, passing.along.min(), passing.along.max())
-        at = np.clip(way / half, -1.0, 1.0) * np.pi / 2.0
-        own = most * np.cos(at) ** 2
-        slope = np.where(np.abs(own) > np.abs(aside), -most * np.pi / (2.0 * half) * np.sin(2.0 * at), slope)
-        aside = np.where(np.abs(own) > np.abs(aside), own, aside)
-    return aside, slope
-
-
-def _from(reference: Reference, beside: float, s: FloatArray) -> FloatArray:
-    """Return how far arc lengths (K,) are beyond another one [m]; of a closed path, in the nearest lap."""
-    way, path = s - beside, reference.path
-    if path is None or not path.closed:
-        return way
-    return np.asarray(way - path.length * np.round(way / path.length))
+def bounds(reference: Reference, s: FloatArray) -> FloatArray:
+    """Return how far a worm may be to the left and right at arc lengths (K,) of the path, and its ends, (4, K) [m]."""
+    if isinstance(reference.path, Detour):
+        return reference.path.bounds_at(s)
+    return np.repeat([reference.corridor, reference.corridor, np.inf, np.inf], len(s)).reshape(4, -1)
 
 
 def turn_rate(reference: Reference, t: float, progress: float, able: Ability = ANY) -> float:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from control.tracking.obstacles import Disc as Disc
-from control.tracking.obstacles import Obstacle, Passing
-from control.tracking.paths import Path, offset
+from control.tracking.obstacles import Obstacle
+from control.tracking.paths import Path
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
@@ -90,8 +88,7 @@ class Reference(Spelled):
     Raises
     ------
     ValueError
-        Both heading and path; an end, a corridor or obstacles without a path that can have them; obstacles that leave
-        no way within the corridor.
+        Both heading and path; an end, a corridor or obstacles without a path that can have them.
     """
 
     speed: Profile
@@ -104,7 +101,7 @@ class Reference(Spelled):
     corridor: float = math.inf
     """Distance that it may go to either side of the path [m]."""
     obstacles: tuple[Obstacle, ...] = ()
-    """What it goes around, by the shorter way; those that leave no way between them, on one side of all of them."""
+    """What it goes around, beside the path from its begin on; `control.tracking.search` finds how."""
     walled: bool = False
     """Whether walls keep the worm to its path, so that steering against them only costs speed."""
 
@@ -135,44 +132,13 @@ class Reference(Spelled):
                 "ends: got true for a path without end; give it a length (reference.length_m of a line), "
                 "or one that is not closed"
             )
-        for k, passing in enumerate(self.passings):
-            if passing.reach > self.corridor:
-                raise ValueError(
-                    f"obstacles[{k}]: got one that leads {passing.reach:.3g} m off the path, must leave a way within "
-                    f"the corridor ({self.corridor:g} m): widen the corridor, or leave it out"
-                )
 
-    @cached_property
-    def passings(self) -> tuple[Passing, ...]:
-        """How each obstacle is passed."""
-        path = self.path
-        if path is None or not self.obstacles:
-            return ()
-        found = [_beside(path, each) for each in self.obstacles]
-        reach, back = (np.array([replace(each, on_left=left).reach for each in found]) for left in (True, False))
-        touching = [[(b.distances(a.spine) < a.radius).any() for b in self.obstacles] for a in self.obstacles]
-        count, group = scipy.sparse.csgraph.connected_components(np.array(touching))
-        to_left, to_right = np.full((2, count), -np.inf)
-        np.maximum.at(to_left, group, reach)
-        np.maximum.at(to_right, group, back)
-        on_left = (to_left < to_right)[group].tolist()
-        return tuple(replace(each, on_left=left) for each, left in zip(found, on_left, strict=True))
-
-    def trespass(self, places: FloatArray, aside: FloatArray) -> FloatArray:
-        """Return how far places (..., 2) that are `aside` (...) of the path are where they must not be, (...) [m].
+    def trespass(self, places: FloatArray, beyond: FloatArray) -> FloatArray:
+        """Return how far places (..., 2) that are `beyond` (...) the corridor are where they must not be, (...) [m].
 
         That is inside an obstacle or outside the corridor; below 0 it is the distance from there, infinite without any.
         """
-        beyond = [np.abs(aside) - self.corridor, *(-each.distances(places) for each in self.obstacles)]
-        return np.asarray(np.max(beyond, axis=0))
-
-
-def _beside(path: Path, obstacle: Obstacle) -> Passing:
-    """Return where an obstacle is beside a path, passed on its left."""
-    first, *others = obstacle.spine
-    beside = float(path.project(first))
-    along = np.array([beside, *np.ravel(path.project(np.reshape(others, (-1, 2)), beside))])
-    return Passing(beside, along - beside, offset(path, obstacle.spine, along), obstacle.radius, on_left=True)
+        return np.asarray(np.max([beyond, *(-each.distances(places) for each in self.obstacles)], axis=0))
 
 
 def _require_finite(profile: Constant | Sine) -> None:

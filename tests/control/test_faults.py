@@ -197,9 +197,9 @@ def test_a_worm_that_is_told_to_stand_misses_no_heading() -> None:
     assert run(Reference(Constant(0.0), path=LINE), 8.0)[2] == {}
 
 
-def test_an_obstacle_that_leaves_no_way_to_turn_in() -> None:
-    _, _, found = run(Reference(Constant(0.08), path=LINE, obstacles=(Disc(0.7, 0.05, 0.15),)), 8.0)
-    assert set(found) == {"out of bounds"}
+def test_an_obstacle_that_leaves_no_way_to_turn_in_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"obstacles\[0\]: got one past which no way leads"):
+        run(Reference(Constant(0.08), path=LINE, obstacles=(Disc(0.7, 0.05, 0.15),)), 8.0)
 
 
 def test_an_obstacle_with_room_before_it_is_no_fault() -> None:

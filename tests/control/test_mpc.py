@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.identification.identified import Identified, load
-from control.planning.constraints import Constraint, Corridor
+from control.planning.constraints import Clearance, Constraint
 from control.planning.cost import Problem
 from control.planning.mpc import LASTING, MOST_LASTING, TURNED, GaitMPC, Plan, PlanStatus
 from control.planning.terms import (
@@ -27,6 +27,8 @@ from control.planning.terms import (
     Steering,
     default_terms,
 )
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.preview import look_ahead
 from control.tracking.references import Constant, Disc, Reference, Steps
@@ -156,21 +158,24 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     assert residuals @ residuals == pytest.approx(sum(np.sum(np.square(term)) for term in terms))
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0], ids=["left", "right"])
-def test_a_bound_of_the_path_holds_on_its_own_side(side: float) -> None:
-    """A disc of 0.15 m is passed on one side: places within it exceed the bound by as much, those beyond keep it."""
-    disc = Disc(0.2, -0.05 * side, 0.15)
-    reference = Reference(Constant(0.08), path=Line(), obstacles=(disc,))
-    controller, excess = mpc(steps=2, constraints=[Corridor()]), {}
-    for aside in (0.02, 0.18):
-        begin = REST._replace(x=disc.x, y=aside * side)
-        problem = problem_of(controller, begin, reference)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_ends_of_the_body_keep_off_what_is_beside_them_by_what_they_are_unsure_by(side: float) -> None:
+    """A body moved towards a disc by d exceeds the room beside it by d, and by 2.5 deviations of its place."""
+    disc, body = Disc(1.5, -0.3 * side, 0.1), Body.of(WORM)
+    reference = led(Reference(Constant(0.08), path=Line(), obstacles=(disc,)), body)
+    controller, excess = mpc(steps=2, constraints=[Clearance()]), {}
+    for aside, deviation in ((0.0, 0.0), (0.1, 0.0), (0.1, 0.004)):
+        unsure = np.zeros((STATES, STATES))
+        unsure[:2, :2] = deviation**2 * np.eye(2)
+        start = exact(0.0, np.array(REST._replace(x=1.4, y=-side * aside)))
+        preview = controller._preview(0.0, replace(start, covariance=unsure), reference)
+        assert preview is not None
+        problem = controller._problem(0.0, start.state, preview, np.tile([0.3, 0.8, 0.0], (2, 1)))
         rows = problem.prediction.misses(problem.states(np.zeros(6)), np.zeros(6), problem.before, problem._wanted)
-        excess[aside] = rows[0, problem.cost.misses :].max() * Corridor().tolerance * WORM.length
-        place = problem.states(np.zeros(6))[1:2, :2]
-        assert excess[aside] == pytest.approx(float(reference.trespass(place, place[:, 1])[0]), abs=0.01)
-    assert excess[0.02] > 0.05
-    assert excess[0.18] < -0.05
+        excess[aside, deviation] = rows[0, problem.cost.misses :].max() * Clearance().tolerance * WORM.length
+    assert excess[0.1, 0.0] == pytest.approx(0.1 - (0.2 - body.half_width), abs=0.012)
+    assert excess[0.1, 0.0] - excess[0.0, 0.0] == pytest.approx(0.1, abs=1e-6)
+    assert excess[0.1, 0.004] - excess[0.1, 0.0] == pytest.approx(0.01, rel=1e-6)
 
 
 def test_what_is_followed_is_moved_to_the_other_side_of_a_lasting_offset_and_its_bounds_stay_where_they_are() -> None:

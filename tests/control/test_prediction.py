@@ -117,7 +117,9 @@ def test_a_worm_stands_across_its_path_as_far_as_the_speed_asked_for_says_and_no
 
     def misses(speed: float, follows: bool) -> np.ndarray:
         far = np.full(3, np.inf)
-        ahead = Preview(np.full(3, speed), np.zeros((3, 2)), none, follows, True, 0.0, far, far, np.full(3, 0.1))
+        ahead = Preview(
+            np.full(3, speed), np.zeros((3, 2)), none, follows, True, 0.0, far, far, far, far, np.full(3, 0.1)
+        )
         return Problem(prediction, cost, state, ahead, 0.02, BEFORE, none).residuals(z)
 
     plain = misses(0.08, follows=False)

@@ -10,11 +10,11 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified, load
-from control.loop import LONGEST_START, LOST, MOST_KEPT
+from control.loop import LONGEST_START, LOST, MOST_KEPT, STILL
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
-from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, STILL, UNKNOWN, Supervisor
+from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, UNKNOWN, Supervisor
 from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.preview import turn_rate

@@ -92,11 +92,11 @@ def test_terms_of_a_path_weigh_where_there_is_one_and_the_arrival_weighs_at_the_
     none, far = np.zeros(3), np.full(3, np.inf)
     for way in (0.04, 0.16, -0.16):
         ways = np.full(3, way)
-        ahead = Preview(none, np.zeros((3, 2)), none, follows, follows, 0.0, far, far, ways, walled)
+        ahead = Preview(none, np.zeros((3, 2)), none, follows, follows, 0.0, far, far, far, far, ways, walled)
         assert Offset().weight(ahead) == kept
         weights = np.asarray(Arrival(way=0.08).weight(ahead))
         assert_allclose(weights, [0.0, 0.0, kept * np.sqrt(0.08 / abs(way))])
         assert (Heading().weight(ahead), Steering().weight(ahead)) == (float(follows), float(not follows))
         assert (Speed().weight(ahead), Change().weight(ahead), Frequency().weight(ahead)) == (1.0, 1.0, 1.0)
-    standing = Preview(none, np.zeros((3, 2)), none, follows, follows, 0.0, far, far, none, walled)
+    standing = Preview(none, np.zeros((3, 2)), none, follows, follows, 0.0, far, far, far, far, none, walled)
     assert np.isfinite(np.asarray(Arrival().weight(standing))).all()

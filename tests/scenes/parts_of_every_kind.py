@@ -64,7 +64,7 @@ class Log(Obstacle):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Post(Obstacle):
-    """A post at the origin, which lacks keys that discs have."""
+    """A post at (2 m, 0), which lacks keys that discs have."""
 
     girth: float = parameter(meaning="circumference", unit="m", gt=0)
 
@@ -77,10 +77,10 @@ class Post(Obstacle):
 
     @property
     def spine(self):
-        return np.zeros((1, 2))
+        return np.array([[2.0, 0.0]])
 
     def distance(self, x, y):
-        return ca.hypot(x, y) - self.radius
+        return ca.hypot(x - 2.0, y) - self.radius
 
 
 @documented

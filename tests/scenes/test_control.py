@@ -403,9 +403,9 @@ def test_the_default_worm_is_identified() -> None:
 
 
 def test_references_have_ends_corridors_obstacles_and_go_backwards() -> None:
-    asked = ("length_m=2.0", "ends=true", "corridor_m=0.1", "obstacles=[{x_m=1.0, y_m=0.1, radius_m=0.2}]")
+    asked = ("length_m=2.0", "ends=true", "corridor_m=0.1", "obstacles=[{x_m=1.5, y_m=0.3, radius_m=0.1}]")
     found = reference_of(scene("path_line", *(f"reference.{each}" for each in asked), "reference.speed_m_s=-0.02"))
-    assert (found.ends, found.corridor, found.obstacles) == (True, 0.1, (Disc(1.0, 0.1, 0.2),))
+    assert (found.ends, found.corridor, found.obstacles) == (True, 0.1, (Disc(1.5, 0.3, 0.1),))
     assert (found.path.length, float(found.speed(0.0))) == (2.0, -0.02)
     usual = reference_of(scene("path_line"))
     assert (usual.ends, usual.corridor, usual.obstacles) == (False, math.inf, ())

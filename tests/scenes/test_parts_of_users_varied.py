@@ -369,7 +369,7 @@ LOG = 'kind = "zoo:Log", x_m = 2.0, y_m = 0.1, radius_m = 0.2'
 
 
 def test_an_obstacle_of_a_table_has_the_parameters_of_its_class() -> None:
-    disc = "{x_m = 3.0, y_m = -0.1, radius_m = 0.2}"
+    disc = "{x_m = 3.0, y_m = 0.2, radius_m = 0.1}"
     settings = asked("obstacles", f"reference.obstacles=[{{{LOG}, half_m = 0.3}}, {disc}]").settings
     log, other = reference_of(settings).obstacles
     assert (type(log).__name__, log.half, type(other)) == ("Log", 0.3, Disc)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
+from control.tracking.detour import Body
+from control.tracking.guide import led
 from scenes.language.checks import Check, Found, of_this_kind
 from scenes.language.schema import Section, keys_in
 from scenes.models.checks import building
@@ -29,13 +34,19 @@ def _there_is_such_a_path(*sections: Section) -> Found:
         reference = reference_of(scene)
     except ValueError as error:
         return str(error)
+    body = Body.of(worm_of(scene))
     for k, (asked, obstacle) in enumerate(zip(scene.reference.obstacles, reference.obstacles, strict=True)):
         for key, known in keys_in(type(asked)).items():
             strange = of_this_kind(getattr(asked, key), asked.kind, by="kind", known=known)
             if strange:
                 return f"obstacles[{k}].{key}: {strange}"
-        if obstacle.distances(middle_of(scene)) < 0.0:
+        azimuth = np.array(math.radians(scene.start.azimuth_deg))
+        if body.clearance([obstacle], np.array(middle_of(scene)), azimuth) < 0.0:
             return f"obstacles[{k}]: got one in which the worm begins: move it, or start.x_m"
+    try:
+        led(reference, body)
+    except ValueError as error:
+        return str(error)
     return None
 
 

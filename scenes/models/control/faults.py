@@ -6,13 +6,19 @@ from collections import Counter
 from itertools import groupby
 from operator import itemgetter
 
+import numpy as np
+
+import worm3d
 from control.guest import Guest
 from control.loop import Decision, Driver
 from control.planning.mpc import PlanStatus
 from control.sensing.gate import Gate
 from control.sensing.sensors import QUANTITIES
 from control.supervisor import MOST_SHIFTED
+from control.tracking.metrics import clearances
+from control.tracking.references import Reference
 from scenes.records.record import Cell, fault_row
+from worm3d.values.arrays import FloatArray
 
 Row = dict[str, Cell]
 
@@ -25,6 +31,18 @@ def of_controller(controller: Driver) -> list[Row]:
     found = [fault_row(fault.time, fault.kind, fault.what, fault.advice) for fault in controller.faults]
     plans = [] if isinstance(controller, Guest) else _of_plans(controller.decisions)  # a guest has no fallback
     return [*found, *plans, *_of_gate(controller.gate)]
+
+
+def entered(result: worm3d.Result, outline: FloatArray | None, reference: Reference) -> list[Row]:
+    """Return that the body was inside an obstacle, by its true outline (T, C, 2), if it was."""
+    if outline is None:
+        return []
+    clear = clearances(outline, reference) / result.worm.length
+    if clear.min() >= 0.0:
+        return []
+    what = f"the body is up to {-clear.min():.2g} body lengths inside an obstacle"
+    advice = "ask for less speed or a wider way, or let a controller lead it that looks at its place"
+    return [fault_row(float(result.time[np.argmax(clear < 0.0)]), "inside an obstacle", what, advice)]
 
 
 def in_turn(rows: list[Row]) -> list[Row]:

@@ -14,7 +14,7 @@ from control.estimation.reduced import ReducedState
 from control.loop import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
 from control.tracking.references import Reference
-from scenes.models.control.record import path_points, tracked
+from scenes.models.control.record import WAY, path_points, tracked
 from scenes.models.control.reference import speed_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.control.view import reference_seen
@@ -58,6 +58,8 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
         line = path_points(reference.path, com)
         axes.plot(*line.T, color="0.6", lw=3, alpha=0.6, label="path")
         _bounds(axes, reference, line)
+    if WAY in record:
+        axes.plot(*record[WAY].T, color="C2", lw=1.2, ls="--", label="way around obstacles")
     axes.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
     for row, colour in ((0, "0.75"), (-1, "0.35")):
         axes.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
@@ -74,7 +76,7 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
     """Draw the obstacles, and the corridor on both sides of points of the path (P, 2)."""
     for k, obstacle in enumerate(reference.obstacles):
-        label = None if k else "obstacle, for the centre of mass"
+        label = None if k else "obstacle"
         axes.fill(*obstacle.outline().T, color="C1", alpha=0.3, lw=0, label=label)
     if np.isfinite(reference.corridor):
         along = np.gradient(line, axis=0)

@@ -17,8 +17,8 @@ from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, sensors_of, wave_of
 from scenes.models.control.checks import CONTROL_CHECKS
-from scenes.models.control.faults import in_turn, of_controller, refused
-from scenes.models.control.record import motion_of, path_variable, timing_of, variables_of
+from scenes.models.control.faults import entered, in_turn, of_controller, refused
+from scenes.models.control.record import motion_of, outline_of, path_variable, timing_of, variables_of, way_variables
 from scenes.models.control.reference import reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
@@ -95,7 +95,8 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     plain, controller, decisions = worm.outcome(result, scene), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
     reference = reference_of(scene)
-    figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
+    outline = outline_of(result) if reference.obstacles else None
+    figures, reasons = measured(motion_of(result, waves, outline), reference, result.worm.length)
     path = [path_variable(reference.path, result.com[:, :2])] if reference.path and is_own(scene.reference.kind) else ()
     merits: dict[str, Metric] = {
         **plain.summary,
@@ -105,11 +106,11 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
         **found,
         "wave": wave_of(scene),
         "map": map_name(scene),
-        "faults": in_turn([*worm.faults_of(result), *of_controller(controller)]),
+        "faults": in_turn([*worm.faults_of(result), *of_controller(controller), *entered(result, outline, reference)]),
     }
     return replace(
         plain,
-        variables=(*plain.variables, *variables_of(decisions, waves), *path),
+        variables=(*plain.variables, *variables_of(decisions, waves), *path, *way_variables(controller.reference.path)),
         summary=merits,
         reasons={**plain.reasons, **reasons, "mpc_failures": NO_MPC, **unfounded},
         checkpoint=(),

@@ -11,6 +11,7 @@ import numpy as np
 import worm3d
 from control.estimation.reduced import STATES, ReducedState
 from control.loop import SOURCES, Decision
+from control.tracking.detour import Detour
 from control.tracking.metrics import Motion, Tracking, tracking
 from control.tracking.paths import Path, SplinePath
 from control.tracking.references import Reference
@@ -20,8 +21,12 @@ from worm3d.values.variable import Variable
 
 PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading", "joints")
+OUTWARD = 2, 5
+"""Apexes at which a segment is widest, left and right."""
 PATH = "path"
 """Variable with the points of a path of a user's own."""
+WAY = "way"
+"""Variable with the points of the way around obstacles."""
 SPACING = 0.02
 """Spacing of the points of a path that is drawn or kept [m]."""
 STATE = ", ".join(ReducedState._fields)
@@ -118,6 +123,13 @@ def path_points(path: Path, com: FloatArray) -> FloatArray:
     return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / SPACING) + 1)))
 
 
+def way_variables(path: Path | None) -> tuple[Variable, ...]:
+    """Return the way around obstacles that a worm followed, as it was at the end of a run, if it followed one."""
+    if not isinstance(path, Detour):
+        return ()
+    return (Variable(WAY, ("station", "plane"), path.points, "m", "points of the way around the obstacles"),)
+
+
 def path_variable(path: Path, com: FloatArray) -> Variable:
     """Return the path of a user's own as points, so that its code is not needed to look at the run."""
     return Variable(PATH, ("place", "plane"), path_points(path, com), "m", "points of the path, a module's own")
@@ -132,10 +144,25 @@ def stored_path(record: Record) -> Path | None:
     return SplinePath(points[:-1] if closed else points, closed)
 
 
-def motion_of(result: worm3d.Result | Record, waves: FloatArray) -> Motion:
+def motion_of(result: worm3d.Result | Record, waves: FloatArray, outline: FloatArray | None = None) -> Motion:
     """Return what the worm did, for the metrics; `waves` is the commanded phase at its instants, shape (T,)."""
     time, com, heading, joints = (result[n] if isinstance(result, Record) else getattr(result, n) for n in SERIES)
-    return Motion(time, com[:, :2], heading, waves, joints[:, -1, :2])
+    return Motion(time, com[:, :2], heading, waves, joints[:, -1, :2], outline)
+
+
+def outline_of(result: worm3d.Result) -> FloatArray:
+    """Return the corners of the body as seen from above, in turn, shape (T, 2 N + 4, 2) [m].
+
+    They are the outward apexes of both sides, where a segment is widest, and the edges of the end faces. The lines
+    between them lie outside the links and the skin, which are narrower at the joints.
+    """
+    half = np.broadcast_to(result.worm.half_height, result.worm.segments)
+    ends, across = result.joints[:, [0, -1], :2], result.directors[:, [0, -1], :2] * half[[0, -1], None]
+    left, right = (result.apexes[:, :, apex, :2] for apex in OUTWARD)
+    (tail_left, head_left), (tail_right, head_right) = (
+        np.split(ends + side * across, 2, axis=1) for side in (1.0, -1.0)
+    )
+    return np.concatenate([tail_left, left, head_left, head_right, right[:, ::-1], tail_right], axis=1)
 
 
 def tracked(record: Record, reference: Reference) -> Tracking | None:

@@ -45,7 +45,7 @@ class HeadingStep(Section):
 
 
 class Obstacle(PartSection, holds={"kind": OBSTACLE}, keys=partial(chosen, meaning="what it is")):
-    """Obstacle on the ground that the centre of mass goes around."""
+    """Obstacle on the ground that the worm goes around."""
 
 
 class Point(Section):

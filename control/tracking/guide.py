@@ -1,0 +1,142 @@
+"""The guide of a worm among obstacles: it leads a reference around them, and anew where one comes into sight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from control.tracking.detour import Body, Detour
+from control.tracking.obstacles import Obstacle
+from control.tracking.paths import Path, offset
+from control.tracking.references import Reference
+from control.tracking.search import MARGINS, NoWayError, Search
+from worm3d.values.arrays import FloatArray
+
+APART, TURNED = 0.03, 0.15
+"""Distance from the way [body lengths] and angle to it [rad] beyond which the way begins anew at the worm, as soon as
+its heading is known. A nearer worm comes back within a wave or two."""
+STEEPEST_TURN = 0.67
+"""Greatest angle to the path at which a way begins [rad]; a worm that is turned further turns first."""
+
+
+def led(reference: Reference, body: Body) -> Reference:
+    """Return a reference whose path leads around those of its obstacles that are known from the start.
+
+    Raises
+    ------
+    ValueError
+        They leave no way.
+    """
+    path = reference.path
+    if path is None or not reference.obstacles or isinstance(path, Detour):
+        return reference
+    known = tuple(each for each in reference.obstacles if not math.isfinite(each.sight))
+    unknown = tuple(each for each in reference.obstacles if math.isfinite(each.sight))
+    try:
+        return _led(reference, path, known, unknown, body, np.zeros(2))
+    except NoWayError as error:
+        room = f"within the corridor ({reference.corridor:g} m)" if math.isfinite(reference.corridor) else "beside it"
+        wide = 2.0 * (body.half_width + MARGINS[-1] * body.length)
+        raise ValueError(
+            f"obstacles[{reference.obstacles.index(error.obstacle)}]: got one past which no way leads, must leave one "
+            f"{room}, {wide:.3g} m wide for this body, and room where the path begins and ends: move it, make it "
+            "smaller, or widen the corridor"
+        ) from error
+
+
+def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float) -> Reference:
+    """Return a led reference that leads around obstacles that have come into sight, too, from arc length `s` [m] on.
+
+    Raises
+    ------
+    NoWayError
+        There is no way from there.
+    """
+    way = reference.path
+    assert isinstance(way, Detour)
+    lap = max(s, 0.0) % way.length if way.closed else s  # just before its begin nothing is settled
+    here = int(np.clip(np.searchsorted(way.lengths, lap, side="right"), 2, len(way.aside) - 1))
+    settled = np.append(2.0 * way.aside[0] - way.aside[1], way.aside[:here])
+    unknown = tuple(each for each in way.unknown if each not in seen)
+    return _led(reference, way.asked, (*reference.obstacles, *seen), unknown, body, settled)
+
+
+def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float) -> Reference:
+    """Return a led reference whose way begins where the worm is, at a place (2,) [m] with an azimuth [rad].
+
+    Raises
+    ------
+    NoWayError
+        There is no way from there.
+    """
+    way = reference.path
+    assert isinstance(way, Detour)
+    s, along = float(way.asked.project(place)), np.append(-way.along[1], way.along)
+    here = int(np.clip(np.searchsorted(along, s, side="right"), 2, len(along) - 2))
+    turned = math.remainder(azimuth - float(way.asked.heading(s)), math.tau)
+    slope = math.tan(min(max(turned, -STEEPEST_TURN), STEEPEST_TURN))
+    settled = float(offset(way.asked, place, s)) + slope * np.maximum(along[:here] - s, -body.length)
+    return _led(reference, way.asked, reference.obstacles, way.unknown, body, settled)
+
+
+def _led(
+    reference: Reference,
+    path: Path,
+    known: tuple[Obstacle, ...],
+    unknown: tuple[Obstacle, ...],
+    body: Body,
+    settled: FloatArray,
+) -> Reference:
+    way = Search(path, reference, known, body, settled).way()
+    return replace(reference, path=replace(way, unknown=unknown), obstacles=known)
+
+
+class Guide:
+    """The reference of one worm, `reference`, led around the obstacles that are known so far."""
+
+    def __init__(self, reference: Reference, body: Body) -> None:
+        self._begin, self._body = reference, body
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.reference = self._begin
+        self._near: float | None = None
+        self._placed = False
+
+    def look(self, place: FloatArray, azimuth: float, sure: bool) -> bool:
+        """Look around from a place (2,) [m] and an azimuth [rad], and return whether the way has changed.
+
+        `sure` says whether the azimuth is known well enough to lead the worm by it.
+
+        Raises
+        ------
+        NoWayError
+            There is no way past what has come into sight.
+        """
+        before, way = self.reference, self.reference.path
+        if not isinstance(way, Detour):
+            return False
+        self._near = s = float(way.project(place, self._near))
+        if sure and not self._placed:
+            self._placed = True
+            aside, turned = float(offset(way, place, s)), azimuth - float(way.heading(s))
+            if abs(aside) > APART * self._body.length or abs(np.arctan2(np.sin(turned), np.cos(turned))) > TURNED:
+                self._lead_from(place, azimuth)
+        near = {each: float(self._body.clearance([each], place, np.array(azimuth))) for each in way.unknown}
+        seen = [each for each, clear in near.items() if clear + self._body.half_width <= each.sight]
+        if seen:
+            self.reference = led_on(self.reference, self._body, seen, self._near)
+        return self.reference is not before
+
+    def _lead_from(self, place: FloatArray, azimuth: float) -> None:
+        """Lead on from where the worm is; where no way begins there, it is steered back to the one that there is."""
+        try:
+            self.reference = led_from(self.reference, self._body, place, azimuth)
+        except NoWayError:
+            return
+        assert self.reference.path is not None
+        self._near = float(self.reference.path.project(place))

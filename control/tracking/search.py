@@ -1,0 +1,325 @@
+"""The search for a way around obstacles: on which side each is passed, and how far off.
+
+The body counts as a capsule: all places within its greatest half width w of a chord. The chord is as long as the body,
+has its middle on the way and lies along the way. A way is an offset e(s) to the left of the path at its arc lengths s.
+It keeps the middle within the corridor, the body at least a margin away from every obstacle, and its curvature below a
+bound. The best way has the least cost
+
+    int e^2 + B^4 e''^2 ds                                                                                     (P2)
+
+so that offsets without a cause die away over the length B. The cost also decides on which side each obstacle is
+passed. Dynamic programming finds the best way on a grid of offsets e and slopes e',
+
+    V_k(e, e') = least of V_{k-1}(e - e' ds, e' - c ds) + (e^2 + B^4 c^2) ds  over curvatures c                (P3)
+
+From there Ipopt, an interior-point method that comes with CasADi, finds the smooth way of least cost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy
+
+from control.tracking.detour import Body, Detour
+from control.tracking.obstacles import Obstacle, nearest
+from control.tracking.paths import Path
+from control.tracking.preview import TURNS_IN
+from control.tracking.references import Reference
+from worm3d.values.arrays import FloatArray, IntArray
+
+STEP, CELL = 0.1, 0.01
+"""Spacing of the grid along the path and beside it [body lengths]: slopes differ by 0.1, curvatures by 1 per length."""
+STEEPEST = 8
+"""Greatest slope of a way against its path, in cells for each step: 0.8. Steeper ones are not needed within 1 BL."""
+SHARPEST = 2.2
+"""Greatest curvature of a way [1/body length]: on circles of 0.45 BL the offset is 0.003 BL, corners have 0.012."""
+BENDS = 0.8
+"""Length B of (P2) [body lengths]: a detour of 0.3 BL bends by 0.6 per body length. With half of it detours bend four
+times as much and are followed less exactly, with twice of it they are twice as long."""
+MARGINS = (0.04, 0.025, 0.012)
+"""Margins beside the half width of the body [body lengths]; the search takes the first one with a way. The last covers
+the error along a bent way (0.005) and that of the estimated place."""
+SHARE_KEPT = 0.6
+"""Share of a margin that a smooth way keeps everywhere: between the steps of the grid it may lack the rest."""
+FARTHEST = 3.0
+"""Greatest offset that is tried where the corridor is wider [body lengths]."""
+BEYOND = 3.0
+"""Way beyond the last obstacle at the end of which a path without end is followed itself again [body lengths]."""
+ROOM = 0.2
+"""Greatest room beside the body that is looked for [body lengths]; more of it counts as no bound."""
+FOLDED = 0.3
+"""Share of its own length to which a path may shrink at an offset to the inside of its bends."""
+FIELD = 0.02
+"""Spacing of the grid on which the distance from obstacles is taken [body lengths]; the way that is found is checked
+against the distances themselves."""
+ROUNDED = 1.2
+"""Share of the greatest curvature that a smooth way may have between the steps of the grid."""
+NEAR = 0.3
+"""Room beyond the half width of the body up to which an obstacle counts as a way is made smooth [body lengths]."""
+QUIET: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
+"""Options of Ipopt; it takes some 20 iterations."""
+SLOPES, TURNS = np.arange(-STEEPEST, STEEPEST + 1), np.arange(-4, 5)
+"""Slopes of the grid [cells per step], and how much a slope may change from step to step."""
+CHORD = np.linspace(-0.5, 0.5, 11)
+"""Spots along the chord that the search looks at [body lengths]."""
+
+
+class NoWayError(ValueError):
+    """There is no way past an obstacle."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(f"no way leads past {obstacle!r}")
+        self.obstacle = obstacle
+
+
+class Search:
+    """The search for a way; its offsets, steps and curvatures are in body lengths.
+
+    Parameters
+    ----------
+    path : Path
+    reference : Reference
+        Its corridor and end count.
+    obstacles : tuple of Obstacle
+    body : Body
+    settled : ndarray, shape (K,)
+        Offset of a point before the begin of the way, then those of its first points, which are given [m].
+    """
+
+    def __init__(
+        self, path: Path, reference: Reference, obstacles: tuple[Obstacle, ...], body: Body, settled: FloatArray
+    ) -> None:
+        self.path, self.obstacles, self.body = path, obstacles, body
+        self.corridor, self.unit = reference.corridor / body.length, body.length
+        outlines = [each.outline() for each in obstacles]
+        length = path.length
+        if not (reference.ends or path.closed):
+            last = max((float(np.max(path.project(each))) for each in outlines), default=0.0)
+            length = max(last, length if math.isfinite(length) else 0.0) + BEYOND * self.unit
+        steps = max(round(length / (STEP * self.unit)), len(settled) + 1)
+        self.along = np.linspace(0.0, length, steps + 1)
+        self.step = length / steps / self.unit
+        around = TURNS_IN / 2.0 * self.unit
+        self.curvature = np.asarray(path.heading(self.along + around) - path.heading(self.along - around)) / TURNS_IN
+        self.sharpest = np.maximum(SHARPEST, np.abs(self.curvature))  # a corner of the path itself is no reason to stop
+        self.point, self.heading = path.point(self.along), path.heading(self.along)
+        self.left = _across(self.heading)
+        self.settled, self.first = settled / self.unit, len(settled) - 2
+        self.end, self.end_change = 0.0, 0.0
+        if path.closed:
+            self.end, self.end_change = float(self.settled[1]), float(self.settled[1] - self.settled[0])
+        here, reach = float(self.settled[-1]), self._reach(outlines)
+        self.cells = here + CELL * np.arange(math.ceil((-reach - here) / CELL), math.floor((reach - here) / CELL) + 1)
+        self.low = self.point.min(axis=0) - self.unit * (reach + 0.5 + STEP)
+
+    def _reach(self, outlines: Sequence[FloatArray]) -> float:
+        """Return the greatest offset that a way may need."""
+        off = [np.linalg.norm(each[:, None] - self.point, axis=-1).min(axis=1) / self.unit for each in outlines]
+        most = max((float(each.max()) for each in off if each.min() < FARTHEST), default=0.0)
+        most = min(most + self.body.half_width / self.unit + MARGINS[0] + STEP, FARTHEST, self.corridor)
+        return max(most, abs(float(self.settled[-1])) + CELL)
+
+    def way(self) -> Detour:
+        """Return the way; NoWayError if there is none."""
+        lost = self.first
+        for margin in MARGINS:
+            aside, reached = self._on_grid(margin)
+            lost = max(lost, reached)
+            smooth = None if aside is None else self._smoothed(aside, margin)
+            if smooth is not None:
+                way = self._made(smooth)
+                if self._is_kept_by(way, SHARE_KEPT * margin):
+                    return way
+        raise NoWayError(min(self.obstacles, key=lambda each: float(each.distances(self.point[lost]))))
+
+    def _bodies(self, k: IntArray | int, aside: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return places (..., 2) [m] and azimuths (...) of bodies on ways at offsets and slopes beside points `k`."""
+        azimuth = self.heading[k] + np.arctan(slope / self._stretch(k, aside))
+        return self.point[k] + self.unit * aside[..., None] * self.left[k], azimuth
+
+    def _stretch(self, k: IntArray | int, aside: FloatArray) -> FloatArray:
+        """Return the length of a way at offsets (...) over that of the path beside it."""
+        return np.maximum(1.0 - self.curvature[k] * aside, FOLDED)
+
+    @cached_property
+    def _room(self) -> list[FloatArray]:
+        """Distance of the chords of bodies from obstacles, by offset and slope, each of shape (E, M)."""
+        found, slopes = [], np.asarray(SLOPES * CELL / self.step)
+        free = self._field(self.point) > np.abs(self.cells).max() + 0.5 + self._need(MARGINS[0])
+        for k in range(self.first, len(self.along)):
+            aside = np.repeat(self.cells[:, None], len(slopes), axis=1)
+            room = np.full(aside.shape, FARTHEST)
+            if not free[k]:
+                places, azimuth = self._bodies(k, aside, slopes)
+                spots = places[..., None, :] + self.unit * CHORD[:, None] * _ahead(azimuth)[..., None, :]
+                room = self._field(spots).min(axis=-1)
+            found.append(np.where(1.0 - self.curvature[k] * aside > FOLDED, room, -np.inf))
+        return found
+
+    @cached_property
+    def _distance(self) -> FloatArray:
+        """Distance from obstacles on a grid of places around the path."""
+        spacing, high = FIELD * self.unit, self.point.max(axis=0) + self.point.min(axis=0) - self.low
+        axes = [np.arange(begin, end + spacing, spacing) for begin, end in zip(self.low, high, strict=True)]
+        places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        return np.minimum(nearest(self.obstacles, places) / self.unit, FARTHEST)
+
+    def _field(self, places: FloatArray) -> FloatArray:
+        """Return the distances of places (..., 2) [m] from obstacles, linear between those of the grid, (...)."""
+        at = np.moveaxis((places - self.low) / (FIELD * self.unit), -1, 0)
+        return np.asarray(scipy.ndimage.map_coordinates(self._distance, at, order=1, mode="nearest"))
+
+    def _on_grid(self, margin: float) -> tuple[FloatArray | None, int]:
+        """Return the offsets of the best way, (P3), if there is one, and up to which point of the path one leads."""
+        needs, chosen = self._needs(margin, 2.0 * CELL), list[IntArray]()
+        value = np.full(self._room[0].shape, np.inf)
+        if self._begin_room < self._need(0.0):
+            return None, self.first
+        begin = self._row(float(self.settled[-1])), _column(float(self.settled[-1] - self.settled[-2]))
+        value[begin] = 0.0
+        for k, room in enumerate(self._room[1:], self.first + 1):
+            value, turned = self._stepped(value, k - 1)
+            value = np.where(room < needs[k], np.inf, value + self.step * self.cells[:, None] ** 2)
+            chosen.append(turned)
+            if not np.isfinite(value).any():
+                return None, k
+        goal = self._row(self.end), _column(self.end_change)
+        return (self._traced(chosen, *goal) if np.isfinite(value[goal]) else None), len(self.along) - 1
+
+    def _row(self, aside: float) -> int:
+        return int(np.argmin(np.abs(self.cells - aside)))
+
+    def _stepped(self, value: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
+        """Return the least costs (P3) a step after point `k`, by offset and slope, and which of `TURNS` led there."""
+        curvature = float(self.curvature[k])
+        bend, stretch = TURNS * CELL / self.step**2, np.maximum(1.0 - curvature * self.cells, FOLDED)[:, None]
+        sharp = np.abs(curvature / stretch + bend / stretch**2) > self.sharpest[k]
+        cost = np.where(sharp, np.inf, self.step * BENDS**4 * bend**2)
+        most, rows = len(TURNS) // 2, len(self.cells)
+        padded = np.pad(value, ((0, 0), (most, most)), constant_values=np.inf)
+        before = np.lib.stride_tricks.sliding_window_view(padded, len(TURNS), axis=1)[:, :, ::-1]
+        total = before + cost[:, None]
+        turned = np.argmin(total, axis=2)
+        least = np.take_along_axis(total, turned[:, :, None], axis=2)[:, :, 0]
+        moved, how = np.full_like(value, np.inf), np.zeros_like(turned)
+        for column, slope in enumerate(SLOPES.tolist()):
+            to, of = slice(max(slope, 0), rows + min(slope, 0)), slice(max(-slope, 0), rows - max(slope, 0))
+            moved[to, column], how[to, column] = least[of, column], turned[of, column]
+        return moved, how
+
+    def _traced(self, chosen: Sequence[IntArray], row: int, column: int) -> FloatArray:
+        """Return the offsets of all points of the way that ends in a row and a column, shape (P,)."""
+        rows = [row]
+        for turned in reversed(chosen):
+            turn = int(TURNS[turned[row, column]])
+            row, column = row - int(SLOPES[column]), column - turn
+            rows.append(row)
+        return np.concatenate([self.settled[1:-1], self.cells[rows[::-1]]])
+
+    def _smoothed(self, aside: FloatArray, margin: float) -> FloatArray | None:
+        """Return offsets (P,) near those given, but for the settled ones and the last, with the least cost (P2).
+
+        None where no way near those given keeps the body off.
+        """
+        k, h, free = np.arange(self.first, len(aside)), self.step, aside[self.first + 1 : -1]
+        e = ca.SX.sym("e", len(free))
+        padded = ca.vertcat(self.settled[-2:], e, self.end, self.end + self.end_change)
+        own, slope = padded[1:-1], (padded[2:] - padded[:-2]) / (2.0 * h)
+        bend = (padded[2:] - 2.0 * own + padded[:-2]) / h**2
+        stretch = ca.fmax(1.0 - self.curvature[k] * own, FOLDED)
+        turn = self.curvature[k] / stretch + bend / stretch**2
+        azimuth = ca.SX(self.heading[k] + ca.atan(slope / stretch))
+        room = self._rooms(k[1:-1], e, azimuth[1:-1])
+        near = np.flatnonzero(np.asarray(ca.Function("near", [e], [room])(free)).ravel() < self._need(NEAR))
+        cost = h * (ca.sumsqr(own) + BENDS**4 * ca.sumsqr(bend))
+        programme = {"x": e, "f": cost, "g": ca.vertcat(turn, room[near.tolist()])}
+        solver = ca.nlpsol("smooth", "ipopt", programme, QUIET)
+        needs = np.tile(self._needs(margin, CELL / 2.0)[k[1:-1]], len(CHORD) * len(self.obstacles))
+        least = np.append(-self.sharpest[k], needs[near])
+        most = np.append(self.sharpest[k], np.full(len(near), np.inf))
+        widest = max(self.corridor - CELL, 0.0)
+        found = solver(x0=free, lbx=-widest, ubx=widest, lbg=least, ubg=most)
+        if not solver.stats()["success"]:
+            return None
+        return np.concatenate([aside[: self.first + 1], np.asarray(found["x"]).ravel(), [self.end]])
+
+    def _rooms(self, k: IntArray, aside: ca.SX, azimuth: ca.SX) -> ca.SX:
+        """Return the distance of each spot of bodies beside points `k` from each obstacle, in symbols."""
+        (x, y), (left_x, left_y), found = self.point[k].T, self.left[k].T, []
+        for spot in CHORD:
+            at_x = x + self.unit * (aside * left_x + spot * ca.cos(azimuth))
+            at_y = y + self.unit * (aside * left_y + spot * ca.sin(azimuth))
+            found += [each.formula(at_x.T, at_y.T).T / self.unit for each in self.obstacles]
+        return ca.SX(ca.vertcat(*found))
+
+    def _need(self, margin: float) -> float:
+        """Return how far the chord has to be from obstacles for the body to keep a margin."""
+        return self.body.half_width / self.unit + margin
+
+    def _needs(self, margin: float, slack: float) -> FloatArray:
+        """Return that at each point of the path, (P,): over a body length from the begin what there is there, at most.
+
+        A worm beside an obstacle may stay as near to it.
+        """
+        needs = np.full(len(self.along), self._need(margin))
+        near = slice(self.first, self.first + round(1.0 / self.step))
+        needs[near] = min(self._need(margin), max(self._begin_room, self._need(slack)) - slack)
+        return needs
+
+    @cached_property
+    def _begin_room(self) -> float:
+        """Distance of the chord from obstacles where the way begins."""
+        aside, slope = self.settled[-1:], np.diff(self.settled[-2:]) / self.step
+        places, azimuth = self._bodies(self.first, aside, slope)
+        return self._need(float(self.body.clearance(self.obstacles, places, azimuth)[0]) / self.unit)
+
+    def _made(self, e: FloatArray) -> Detour:
+        kept = slice(-1) if self.path.closed else slice(None)
+        aside, along = self.unit * e[kept], self.along[kept]
+        points = self.point[kept] + aside[:, None] * self.left[kept]
+        corridor = self.unit * self.corridor
+        unbound = np.full((4, len(aside)), np.inf)
+        way = Detour(points, self.path.closed, asked=self.path, along=along, aside=aside, bounds=unbound)
+        room = [self._beside(way, side) for side in (1.0, -1.0)]
+        return replace(way, bounds=np.array([corridor - aside, corridor + aside, *room]))
+
+    def _beside(self, way: Detour, side: float) -> FloatArray:
+        """Return how far bodies on a way can be moved to a side before they touch something [m], shape (P,)."""
+        azimuth = way.heading(way.lengths)
+        moved = self.unit * CELL * np.arange(round(ROOM / CELL) + 1)
+        places = way.points[:, None] + side * moved[:, None] * _across(azimuth)[:, None]
+        touches = self.body.clearance(self.obstacles, places, np.repeat(azimuth[:, None], len(moved), axis=1)) < 0.0
+        return np.where(touches.any(axis=1), moved[np.maximum(np.argmax(touches, axis=1) - 1, 0)], np.inf)
+
+    def _is_kept_by(self, way: Detour, margin: float) -> bool:
+        """Return whether the body keeps a margin along a way, which stays in the corridor and is not too sharp."""
+        s = np.arange(float(way.lengths[self.first]), way.length, self.unit * CELL)
+        clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s)) / self.unit
+        needs = np.interp(s, way.lengths, self._needs(margin, CELL)[: len(way.lengths)]) - self._need(0.0)
+        aside = np.abs(way.aside[self.first :]).max()
+        sharp, asked = (float(np.abs(path.curvature(s)).max()) * self.unit for path in (way, self.path))
+        return bool(
+            (clear >= needs).all()
+            and aside <= (self.corridor + CELL) * self.unit
+            and sharp <= ROUNDED * max(SHARPEST, asked)
+        )
+
+
+def _ahead(azimuth: FloatArray) -> FloatArray:
+    return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+
+
+def _across(azimuth: FloatArray) -> FloatArray:
+    return np.stack([-np.sin(azimuth), np.cos(azimuth)], axis=-1)
+
+
+def _column(change: float) -> int:
+    """Return the column of the slope nearest to a change of the offset in a step [body lengths]."""
+    return int(np.argmin(np.abs(SLOPES * CELL - change)))
