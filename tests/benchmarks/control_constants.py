@@ -144,7 +144,7 @@ def lines(names: Sequence[str], task: Task, workers: int) -> Iterator[str]:
     """Yield the lines of the table."""
     asked = [each for each in constants() if not names or any(name in f"{each.module}.{each.name}" for name in names)]
     tasks = [task] + [task._replace(module=c.module, name=c.name, factor=f) for c in asked for f in FACTORS]
-    yield "| constant | value | errors at half | at double | faults named, half | double | others, half | double | meaning |"
+    yield "| constant | value | errors at half | at double | named at half | double | others at half | double | meaning |"
     yield "|---|---|---|---|---|---|---|---|---|"
     with get_context("spawn").Pool(workers, maxtasksperchild=1) as pool:
         found = pool.imap(measured, tasks, chunksize=1)
