@@ -144,8 +144,10 @@ def lines(names: Sequence[str], task: Task, workers: int) -> Iterator[str]:
     """Yield the lines of the table."""
     asked = [each for each in constants() if not names or any(name in f"{each.module}.{each.name}" for name in names)]
     tasks = [task] + [task._replace(module=c.module, name=c.name, factor=f) for c in asked for f in FACTORS]
-    yield "| constant | value | errors at half | at double | named at half | double | others at half | double | meaning |"
-    yield "|---|---|---|---|---|---|---|---|---|"
+    twice = (f"{what} at {how}" for what in ("errors", "named", "others") for how in ("half", "double"))
+    heads = ("constant", "value", *twice, "meaning")
+    yield f"| {' | '.join(heads)} |"
+    yield "|---" * len(heads) + "|"
     with get_context("spawn").Pool(workers, maxtasksperchild=1) as pool:
         found = pool.imap(measured, tasks, chunksize=1)
         usual = next(found)
