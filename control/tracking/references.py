@@ -101,7 +101,7 @@ class Reference(Spelled):
     corridor: float = math.inf
     """Distance that it may go to either side of the path [m]."""
     obstacles: tuple[Obstacle, ...] = ()
-    """What it goes around, beside the path from its begin on; `control.tracking.search` finds how."""
+    """Obstacles beside the path, from its begin on; `control.tracking.search` finds how."""
     walled: bool = False
     """Whether walls keep the worm to its path, so that steering against them only costs speed."""
 
