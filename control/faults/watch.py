@@ -148,7 +148,7 @@ class Watch:
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
         at_limit, made, expected = self._ability()
         pushes, jumps, crab = (0, 0, 0.0) if estimate is None else (estimate.pushed, estimate.jumped, _crab(estimate))
-        explained = self._numb or not self._felt or any(fault.kind.startswith("chamber") for fault in self.faults)
+        explained = not self._felt or any(fault.kind.startswith("chamber") for fault in self.faults)
         pushed, jumped = pushes > self._pushes and not explained, jumps > self._jumps
         self._pushes, self._jumps, self._felt = pushes, jumps, False
         ahead, away = way.azimuth, 0.0

@@ -6,8 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from control.estimation.estimate import Estimate
+from control.estimation.kalman import Uncertainty
+from control.estimation.reduced import STATES, ReducedState
 from control.faults.injected import Faulty, FaultySensor
 from control.faults.rules import Fault, Wave, faults
+from control.faults.watch import _crab
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
@@ -346,3 +350,17 @@ def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() ->
     assert "push or drift" not in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
     assert kinds([replace(steady, crab=0.25)] * 2) == ["heading off"]
     assert kinds([steady, replace(steady, crab=0.25)]) == []
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+@pytest.mark.parametrize("left", [0.06, -0.06])
+def test_a_worm_crabs_downhill_and_no_more_than_that_is_put_down_to_the_slope(heading: float, left: float) -> None:
+    """Where the ground rises to the left by `left` the worm crabs to the right, (KF2)."""
+    state = ReducedState(0.0, 0.0, heading, 0.08, 0.0, crab=-Uncertainty().slope_yield * left)
+    slope = left * np.array([-np.sin(heading), np.cos(heading)])
+    known = Estimate(0.0, state, np.zeros((STATES, STATES)), None, slope=slope)
+    assert _crab(known) == pytest.approx(0.0, abs=1e-12)
+    assert _crab(replace(known, slope=-slope)) == pytest.approx(2.0 * 3.6 * 0.06)
+    assert _crab(replace(known, slope=np.zeros(2))) == pytest.approx(3.6 * 0.06)
+    unsure = replace(known, slope=-slope, slope_covariance=0.02**2 * np.eye(2))
+    assert _crab(unsure) == pytest.approx(3.6 * (0.12 - 0.02))
