@@ -1,11 +1,17 @@
 """The constants of the controller at half and at double: what each of them is worth, as a table.
 
-    python tests/benchmarks/control_constants.py [NAME ...] [--trials 8] [--faults 10] [--duration 25] [--workers 2]
+    python tests/benchmarks/control_constants.py [NAME ...] [--trials 4] [--duration 18] [--workers 2]
 
-Each constant of the modules of `MODULES` is scaled, alone, in a process of its own. Printed are its value, the errors
-of `mpc` on trials of `worm3d bench control` over those with the constant as it is (geometric mean), and how many faults
-of `closed_loop.py faults` are named within three waves, and how many are told of that nobody put in. NAME chooses
-constants by a part of "module.NAME".
+Each constant of the modules of `MODULES` is halved and doubled, alone, in a process of its own, in which its module is
+imported with the other value. NAME chooses constants by a part of "module.NAME". Compared with the constants as they
+are, a cell says
+
+* in `control/faults`: how many of ten faults of `closed_loop.py faults` are named within three waves, two of each kind,
+  and how many other faults are told of there and in two clean runs;
+* in `control/tracking/{search,guide}.py`: the error of `mpc` in fields of obstacles, as a ratio, and the least
+  clearance of the body [body lengths];
+* elsewhere: the errors of `mpc` in trials of `worm3d bench control`, the last of them replaced by a short error of the
+  centre of mass, as a ratio of geometric means.
 """
 
 from __future__ import annotations
@@ -13,23 +19,17 @@ from __future__ import annotations
 import argparse
 import ast
 import importlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
 import inspect
 import math
 import sys
 from collections.abc import Iterator, Sequence
 from itertools import count, islice
 from multiprocessing import get_context
+from types import ModuleType
 from typing import Any, NamedTuple
-
-import closed_loop
-import numpy as np
-
-from scenes.models.control.reference import reference_of
-from scenes.models.loading import load_scene
-from scenes.running.runner import simulate
-from scenes.studies.bench.control_error import error_of
-from scenes.studies.bench.control_score import FLOOR
-from scenes.studies.bench.control_trials import drawn
 
 MODULES = tuple(
     f"control.{name}"
@@ -41,11 +41,13 @@ MODULES = tuple(
         *("faults.chambers", "faults.descent", "faults.rules", "faults.sides", "faults.watch"),
     )
 )
-EXACT = ("SIZE", "ROCKING", "CRAB", "HEADING", "UNKNOWNS", "HARMONICS", "YIELDS", "YAW_BIAS", "ANY_WAY", "SIDE")
-"""Names of what is counted or computed, and not chosen."""
-SEED, FACTORS = 900, (0.5, 2.0)
+SEED = 900
 LONG = ("heading", "stop_and_go", "speed_steps")
 """Classes of trials with steps that come late: they are too long."""
+FIELDS = (300, 301, 303, 305)
+"""Seeds of fields of obstacles."""
+NOTHING = 0.02
+"""Error below which errors count as this one [shares of the speed asked for]."""
 
 
 class Constant(NamedTuple):
@@ -58,38 +60,50 @@ class Constant(NamedTuple):
 
 
 class Task(NamedTuple):
-    """A constant, if any, by a factor."""
+    """A value of a constant, if any, and the measurement."""
 
+    kind: str
     module: str
     name: str
-    factor: float
+    value: Any
     trials: int
-    faults: int
     duration: float
 
 
 class Found(NamedTuple):
-    """Errors of the trials, faults that were named in time, and those that nobody put in."""
+    """Errors of runs, least clearance, faults that were named in time, and those that nobody put in."""
 
     errors: tuple[float, ...]
-    named: int
-    false: int
+    clearance: float = math.inf
+    named: int = 0
+    false: int = 0
+
+
+def kind_of(module: str) -> str:
+    """Return the measurement that suits the constants of a module."""
+    if module in ("control.tracking.search", "control.tracking.guide"):
+        return "fields"
+    return "faults" if module.startswith("control.faults") else "trials"
 
 
 def constants() -> Iterator[Constant]:
-    """Yield the constants of all modules, with the first sentence of what is said of each."""
+    """Yield the constants of all modules that are chosen numbers, with the first sentence of what is said of each."""
     for name in MODULES:
         module = importlib.import_module(name)
         body = ast.parse(inspect.getsource(module)).body
         for node, after in zip(body, [*body[1:], None], strict=True):
-            if not isinstance(node, ast.Assign):
-                continue
             said = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
-            targets = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
-            for target in targets:
-                value = getattr(module, target.id, None) if isinstance(target, ast.Name) else None
-                if _is_chosen(value) and target.id not in EXACT:  # type: ignore[attr-defined]
-                    yield Constant(name, target.id, value, " ".join(str(said).split()).split(". ")[0].rstrip("."))  # type: ignore[attr-defined]
+            for target in _names(node):
+                if said and _is_chosen(getattr(module, target)):
+                    meaning = " ".join(str(said).split()).split(". ")[0].rstrip(".")
+                    yield Constant(name, target, getattr(module, target), meaning)
+
+
+def _names(node: ast.AST) -> list[str]:
+    if not isinstance(node, ast.Assign):
+        return []
+    targets = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
+    return [target.id for target in targets if isinstance(target, ast.Name)]
 
 
 def _is_chosen(value: Any) -> bool:
@@ -97,7 +111,7 @@ def _is_chosen(value: Any) -> bool:
         return all(map(_is_chosen, value.values()))
     if isinstance(value, tuple):
         return bool(value) and all(map(_is_chosen, value))
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and value > 0
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and 1e-5 < value < math.inf
 
 
 def scaled(value: Any, factor: float) -> Any:
@@ -109,72 +123,127 @@ def scaled(value: Any, factor: float) -> Any:
     return max(round(factor * value), 1) if isinstance(value, int) else factor * value
 
 
+class _WithValue(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Imports a module with another value of a constant."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+
+    def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> Any:
+        if fullname != self.task.module:
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        assert spec is not None
+        assert spec.origin is not None
+        return importlib.util.spec_from_file_location(fullname, spec.origin, loader=self)
+
+    def exec_module(self, module: ModuleType) -> None:
+        with open(str(module.__file__)) as file:
+            tree = ast.parse(file.read())
+        at = next(k for k, node in enumerate(tree.body) if self.task.name in _names(node))
+        tree.body[at + 1 : at + 1] = ast.parse(f"{self.task.name} = {self.task.value!r}").body
+        exec(compile(ast.fix_missing_locations(tree), str(module.__file__), "exec"), module.__dict__)
+
+
 def measured(task: Task) -> Found | str:
-    """Return what comes of a task; the process is used for nothing else."""
+    """Return the measurement of a task, in a process that is used for nothing else."""
     if task.module:
-        known = getattr(sys.modules[task.module], task.name)
-        for module in list(sys.modules.values()):
-            if (
-                getattr(module, "__name__", "").startswith(("control.", "scenes."))
-                and vars(module).get(task.name) is known
-            ):
-                setattr(module, task.name, scaled(known, task.factor))
+        sys.meta_path.insert(0, _WithValue(task))
     try:
-        short = (k for k in count() if drawn(SEED, k).kind not in LONG)
-        errors = tuple(_error(k, task.duration) for k in islice(short, task.trials))
-        told = [_told(SEED + k) for k in range(task.faults)]
+        return {"fields": _fields, "faults": _faults, "trials": _trials}[task.kind](task)
     except Exception as error:  # a constant without which nothing goes
         return f"{type(error).__name__}: {error}"[:60]
-    return Found(errors, sum(named for named, _ in told), sum(false for _, false in told))
 
 
-def _error(number: int, duration: float) -> float:
-    trial = drawn(SEED, number)
-    scene = load_scene(trial.scene, [*trial.overrides[:-3], f"run.duration_s={duration}", *trial.overrides[-2:]])
+def _trials(task: Task) -> Found:
+    from scenes.studies.bench.control_trials import drawn
+
+    short = list(islice((k for k in count() if drawn(SEED, k).kind not in LONG), task.trials))
+    return Found(tuple(_error(k, task.duration, jumps=place == task.trials - 1) for place, k in enumerate(short)))
+
+
+def _error(number: int, duration: float, jumps: bool) -> float:
+    import closed_loop
+    import numpy as np
+
+    from scenes.models.control.reference import reference_of
+    from scenes.models.loading import load_scene
+    from scenes.running.runner import simulate
+    from scenes.studies.bench.control_error import error_of
+    from scenes.studies.bench.control_trials import drawn
+
+    if jumps:
+        case = closed_loop.errors(SEED, np.random.default_rng([33, SEED]))
+        scene = load_scene(case.scene, [*case.overrides, f"seed={SEED}", "controller.map=default"])
+    else:
+        trial = drawn(SEED, number)
+        scene = load_scene(trial.scene, [*trial.overrides[:-3], f"run.duration_s={duration}", *trial.overrides[-2:]])
     settings: Any = scene.settings
     error = error_of(simulate(scene), reference_of(settings), settings.worm.length_m)["error"]
-    return 1.0 if error is None else max(error, FLOOR)
+    return 1.0 if error is None else max(error, NOTHING)
 
 
-def _told(seed: int) -> tuple[int, int]:
-    case = closed_loop.faults(seed, np.random.default_rng([33, seed]))
-    run = simulate(load_scene(case.scene, [*case.overrides, f"seed={seed}", "controller.map=default"]))
-    figures = closed_loop.named(case, None, run)
-    others = [row for row in run.summary.faults if row["kind"] != case.kind]
-    return sum(int(value) for name, value in figures.items() if name.endswith(" named")), len(others)
+def _fields(task: Task) -> Found:
+    import obstacle_fields
+
+    from scenes.models.loading import load_scene
+    from scenes.running.runner import simulate
+    from scenes.studies.bench.control_error import error_of
+
+    errors, least = [], math.inf
+    for drawn in map(obstacle_fields.field, FIELDS):
+        run = simulate(load_scene(drawn.scene, [*drawn.overrides, "run.record_every=1"]))
+        errors.append(error_of(run, drawn.bare, obstacle_fields.LENGTH)["error"] or 1.0)
+        least = min(least, float(run.summary["body_clearance_min_bl"]))
+    return Found(tuple(errors), clearance=least)
+
+
+def _faults(task: Task) -> Found:
+    import closed_loop
+    import numpy as np
+
+    from scenes.models.loading import load_scene
+    from scenes.running.runner import simulate
+
+    named = false = 0
+    for seed in range(SEED, SEED + 12):
+        draw = closed_loop.faults if seed < SEED + 10 else closed_loop.clean
+        case = draw(seed, np.random.default_rng([33, seed]))
+        run = simulate(load_scene(case.scene, [*case.overrides, f"seed={seed}", "controller.map=default"]))
+        figures = closed_loop.named(case, None, run)
+        named += case.kind != "" and sum(int(value) for name, value in figures.items() if name.endswith(" named"))
+        false += sum(row["kind"] != case.kind for row in run.summary.faults)
+    return Found((), named=named, false=false)
 
 
 def lines(names: Sequence[str], task: Task, workers: int) -> Iterator[str]:
     """Yield the lines of the table."""
     asked = [each for each in constants() if not names or any(name in f"{each.module}.{each.name}" for name in names)]
-    tasks = [task] + [task._replace(module=c.module, name=c.name, factor=f) for c in asked for f in FACTORS]
-    twice = (f"{what} at {how}" for what in ("errors", "named", "others") for how in ("half", "double"))
-    heads = ("constant", "value", *twice, "meaning")
-    yield f"| {' | '.join(heads)} |"
-    yield "|---" * len(heads) + "|"
+    kinds = list(dict.fromkeys(kind_of(each.module) for each in asked))
+    tasks = [task._replace(kind=kind) for kind in kinds]
+    for each in asked:
+        of = task._replace(kind=kind_of(each.module), module=each.module, name=each.name)
+        tasks += [of._replace(value=scaled(each.value, factor)) for factor in (0.5, 2.0)]
+    yield "| constant | value | at half | at double | meaning |"
+    yield "|---|---|---|---|---|"
     with get_context("spawn").Pool(workers, maxtasksperchild=1) as pool:
         found = pool.imap(measured, tasks, chunksize=1)
-        usual = next(found)
-        if isinstance(usual, str):
-            raise SystemExit(usual)
-        yield f"| (as they are) | | 1 | 1 | {usual.named} | {usual.named} | {usual.false} | {usual.false} | |"
+        usual = {kind: next(found) for kind in kinds}
+        for kind, one in usual.items():
+            yield f"| (as they are, {kind}) | | {_cell(kind, one, one)} | | |"
         for each in asked:
-            both = [next(found) for _ in FACTORS]
-            ratios = [_ratio(one, usual) for one in both]
-            named, false = ([_count(one, name) for one in both] for name in ("named", "false"))
-            cells = (f"`{each.module[8:]}.{each.name}`", _short(each.value), *ratios, *named, *false, each.meaning)
-            yield f"| {' | '.join(cells)} |"
+            kind = kind_of(each.module)
+            cells = [_cell(kind, next(found), usual[kind]) for _ in range(2)]
+            yield f"| {' | '.join((f'`{each.module[8:]}.{each.name}`', _short(each.value), *cells, each.meaning))} |"
 
 
-def _ratio(found: Found | str, usual: Found) -> str:
-    if isinstance(found, str):
-        return found
-    logs = np.log(found.errors) - np.log(usual.errors)
-    return f"{math.exp(float(logs.mean())):.2f}"
-
-
-def _count(found: Found | str, name: str) -> str:
-    return "-" if isinstance(found, str) else str(getattr(found, name))
+def _cell(kind: str, found: Found | str, usual: Found | str) -> str:
+    if isinstance(found, str) or isinstance(usual, str):
+        return str(found)
+    if kind == "faults":
+        return f"{found.named} named, {found.false} others"
+    ratio = math.exp(sum(math.log(a / b) for a, b in zip(found.errors, usual.errors, strict=True)) / len(found.errors))
+    return f"{ratio:.3f}" + (f", {found.clearance:.3f}" if kind == "fields" else "")
 
 
 def _short(value: Any) -> str:
@@ -187,12 +256,11 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("names", nargs="*")
-    parser.add_argument("--trials", type=int, default=8)
-    parser.add_argument("--faults", type=int, default=10)
-    parser.add_argument("--duration", type=float, default=25.0)
+    parser.add_argument("--trials", type=int, default=4)
+    parser.add_argument("--duration", type=float, default=18.0)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    task = Task("", "", 1.0, given.trials, given.faults, given.duration)
+    task = Task("", "", "", None, given.trials, given.duration)
     for line in lines(given.names, task, given.workers):
         sys.stdout.write(line + "\n")
         sys.stdout.flush()

@@ -104,6 +104,12 @@ def test_the_roll_is_that_of_the_wave_however_slow_it_is_and_whichever_way_it_go
         assert abs(roll) > 1e-3
 
 
+def seen_ahead(speed: float, follows: bool) -> Preview:
+    """Return three steps at a speed, at the origin, without bounds."""
+    far, none = np.full(3, np.inf), np.zeros(3)
+    return Preview(np.full(3, speed), np.zeros((3, 2)), none, follows, True, 0.0, far, far, far, far, np.full(3, 0.1))
+
+
 def test_a_worm_stands_across_its_path_as_far_as_the_speed_asked_for_says_and_no_slow_one_farther() -> None:
     """Carried aside by 0.002 m/s it turns by 0.002 m/s over the speed, below 0.02 m/s as at 0.02 m/s, the way it goes.
 
@@ -116,14 +122,31 @@ def test_a_worm_stands_across_its_path_as_far_as_the_speed_asked_for_says_and_no
     z, none = SCALE.scaled(np.tile([0.3, 0.8, 0.0], (3, 1))), np.zeros(3)
 
     def misses(speed: float, follows: bool) -> np.ndarray:
-        far = np.full(3, np.inf)
-        ahead = Preview(
-            np.full(3, speed), np.zeros((3, 2)), none, follows, True, 0.0, far, far, far, far, np.full(3, 0.1)
-        )
-        return Problem(prediction, cost, state, ahead, 0.02, BEFORE, none).residuals(z)
+        return Problem(prediction, cost, state, seen_ahead(speed, follows), 0.02, BEFORE, none).residuals(z)
 
     plain = misses(0.08, follows=False)
     crabs = {speed: misses(speed, follows=True) - plain for speed in (0.08, 0.04, 0.02, 0.01, 0.0, -0.04, -0.01)}
     assert (crabs[0.08] > 0.0).all()
     for speed, crab in crabs.items():
         assert_allclose(crab, np.copysign(0.08 / max(abs(speed), 0.02), speed) * crabs[0.08], rtol=1e-9)
+
+
+def test_the_last_residuals_of_a_problem_are_the_excesses_that_count_only_where_they_are_positive() -> None:
+    """Rolls far below their limit are excesses far below 0; a speed is missed by less than 1."""
+    cost = Cost.of(ReducedModel.of(Worm(), known(), "both"), known().maps["both"], 1.0, [Speed(1.0)], [Roll(5.0, 0.1)])
+    problem = Problem(
+        Prediction(model(), cost.function, 0.4, 3, SCALE),
+        cost,
+        STATE,
+        seen_ahead(0.1, False),
+        0.02,
+        BEFORE,
+        np.zeros(3),
+    )
+    z = SCALE.scaled(np.tile([0.3, 0.8, 0.0], (3, 1)))
+    values, slopes = problem.linearised(z)
+    assert problem.limits == 3
+    assert len(values) == len(slopes) > 3
+    assert (values[-3:] < -40.0).all()
+    assert (values[:-3] > -1.0).all()
+    assert_allclose(problem.residuals(z), values, atol=0.0)

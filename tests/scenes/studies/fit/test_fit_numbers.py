@@ -486,6 +486,16 @@ def test_of_two_valleys_beside_a_minimum_the_lower_one_is_taken(search: str, sid
     assert found == pytest.approx(1.0 - 0.1 * side, abs=1e-3)
 
 
+def test_the_floor_of_a_valley_is_the_sum_of_squares_without_a_space() -> None:
+    """Residuals are (a - 1) t and 0.3 sin 9 t: without t only the part of the sine that is no multiple of t is left."""
+    sine, line = 0.3 * np.sin(9.0 * TIME), TIME / np.linalg.norm(TIME)
+    problem = _Problem(Analytic(lambda a: np.array([a * TIME + sine]), TIME[None], varied("a", 1.0)))
+    left = float(sine @ sine - (line @ sine) ** 2)
+    for a in (0.8, 1.0, 1.3):
+        floor = problem._floor(np.array([a]), np.ones(len(TIME)), line[:, None])
+        assert floor == pytest.approx(left, rel=1e-10)
+
+
 def test_searches_from_further_places_begin_within_the_bounds_and_none_is_left_out() -> None:
     """At a minimum in a corner half of the places of each key lie out of bounds: they are moved to the bound."""
     model = lambda a, b: np.array([a * TIME + b * TIME**2 + np.sin(9.0 * TIME)])  # noqa: E731
