@@ -44,7 +44,7 @@ Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 MOST_KEPT = 5
-"""Largest number of times in a row that parameters are kept for want of anything better."""
+"""Largest number of times in a row that a plan, or parameters, are kept for want of anything better."""
 KNOWN = 0.08
 """Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
 LONGEST_START = 3.0

@@ -10,7 +10,7 @@ The wave that it asks for is the first of these that is available:
 4. the parameters in force ("gait"), at most five times in a row;
 5. rest ("stop"), as also where the reference asks for (almost) no speed, and at the end of a path that ends.
 
-After three failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
+After five failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
 raises it and of whatever type, is a failure of what was asked for, and the next best follows.
 """
 
@@ -52,10 +52,6 @@ from worm3d.values.named import EXCEPTIONS
 
 Deadline = Literal["iterations", "wall"]
 
-MOST_SHIFTED = 5
-"""Largest number of times in a row that a plan is used without a new one."""
-FORGET = 3
-"""Number of failures in a row after which the search begins anew."""
 ROUNDING = 1e-6
 """Distance by which a plan may be outside the identified ranges, as a share of them."""
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
@@ -214,9 +210,9 @@ class Supervisor(WaveController):
     def _without(self, t: float, estimate: Estimate, complaint: str, plan: Plan | None) -> Choice:
         """Return the next best where no plan was accepted."""
         self._failures += 1
-        if self._failures % FORGET == 0:
+        if self._failures % MOST_KEPT == 0:
             _tried(self.planner.forget)
-        if self._accepted is not None and self._failures <= MOST_SHIFTED:
+        if self._accepted is not None and self._failures <= MOST_KEPT:
             shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
             return Choice("shifted plan", shifted, complaint, plan, failed=True)
         slip = float(estimate.state.slip)

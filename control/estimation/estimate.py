@@ -38,6 +38,8 @@ FAR = 3.0
 """Standard deviation of a place from which it says nothing of where on its path a worm is [body lengths]."""
 NIS = ("nis_mean", "nis_low", "nis_high")
 """Names of mean and interval of (KF7) in the summary of a run."""
+SURE = 2.5
+"""Standard deviations by which what is estimated must be beyond a limit to count as beyond it."""
 PROBABILITY = 0.95
 """Probability of the interval in (KF7)."""
 

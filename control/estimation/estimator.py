@@ -27,7 +27,7 @@ from math import inf, nan
 import numpy as np
 
 from control.estimation.estimate import Belief, Estimate, merged, pruned
-from control.estimation.ground import Ground, GroundTrust, Standing
+from control.estimation.ground import ANYWHERE, Ground, GroundTrust, Standing
 from control.estimation.kalman import (
     GAIN,
     GAINS,
@@ -61,8 +61,6 @@ LATE_STRAIN = 0.1
 """Time after strains from which they no longer tell how high a worm stands [s]."""
 SIDES = 24
 """Number of headings from which a filter starts where none is told."""
-ANYWHERE = 10.0
-"""Standard deviation of the position before the first sample [m]."""
 ROCKED = 0.016
 """Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
 NOISIEST = 0.2

@@ -30,8 +30,8 @@ from worm3d.values.parameters import check, documented, parameter
 
 SHARPNESS = 0.1
 """Ratio of delta to the mean rest half-height."""
-UNKNOWN = 10.0
-"""Standard deviation of the height before the first sample [m]."""
+ANYWHERE = 10.0
+"""Standard deviation of a coordinate before the first sample [m]."""
 MOST = 200
 """Largest number of samples that are gathered, since a worm at rest has no stride."""
 BY_CHANCE = 4.0
@@ -74,7 +74,7 @@ class Ground:
     @classmethod
     def unknown(cls, trust: GroundTrust) -> Ground:
         """Return the belief before the first sample."""
-        return cls(None, np.zeros(3), np.diag([UNKNOWN, trust.slope, trust.slope]) ** 2, np.zeros((0, 3)))
+        return cls(None, np.zeros(3), np.diag([ANYWHERE, trust.slope, trust.slope]) ** 2, np.zeros((0, 3)))
 
     @property
     def slope(self) -> FloatArray:

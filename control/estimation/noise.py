@@ -23,10 +23,9 @@ NOISE_WINDOW, NOISE_LATEST = 400, 50
 show that it has changed. From 400 it is known to 4 %, from 50 to 11 %."""
 NOISE_LEAST = 8
 """Number of samples below which their noise is not estimated."""
-NOISE_CHANCE = 5.0
-"""Number of standard errors of the variance that are put down to chance."""
-NOISE_ERROR = 1.6
-"""Standard error of the variance by (KF8), times the square root of the number of samples, over the variance."""
+NOISE_CHANCE = 8.0
+"""Error of the variance that is put down to chance, times the square root of the number of samples, over the variance:
+five standard errors of (KF8), each 1.6."""
 
 
 class Noise:
@@ -72,4 +71,4 @@ class Noise:
         """Return the variance by the latest samples, that of what they expected [m^2], and the share that is chance."""
         latest = islice(reversed(self._found), count)
         half, spread = (sorted(each)[count // 2] for each in zip(*latest, strict=True))
-        return half / (2.0 * log(2.0)) - spread, spread, NOISE_CHANCE * NOISE_ERROR / sqrt(count)
+        return half / (2.0 * log(2.0)) - spread, spread, NOISE_CHANCE / sqrt(count)

@@ -19,7 +19,7 @@ from math import atan, cos, degrees, inf, pi, sin, sqrt
 
 import numpy as np
 
-from control.estimation.estimate import Estimate
+from control.estimation.estimate import SURE, Estimate
 from control.faults.rules import Fault
 from control.tracking.references import Reference
 from worm3d import Worm
@@ -29,8 +29,6 @@ AHEAD = 0.3
 """How far ahead the path must not be too steep [body lengths]: what a worm goes in three waves."""
 MARGIN = 0.8
 """Share of the friction up to which a worm crawls downhill: its wave moves feet, which do not hold meanwhile."""
-SURE = 2.5
-"""Standard deviations of the gradient that it must be beyond this."""
 KNOWN = 0.5
 """Standard deviation of the gradient, as a share of the friction, from which on it is known well enough to stop for: a
 worm that stops learns no more of the ground."""

@@ -26,6 +26,7 @@ from math import inf, nan
 
 import numpy as np
 
+from control.estimation.estimate import SURE
 from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
 
@@ -35,8 +36,6 @@ DISOBEYS = 0.55
 this chambers that are stuck would be missed. Chambers of a worm of 0.4 kg that turns in small waves have 0.43."""
 WEAK = 0.4
 """Median gain, over what a wave of its amplitude leads to expect, below which no chamber obeys as it should."""
-SURE = 2.5
-"""Standard errors of a gain that it must be beyond a limit."""
 LEANS = 0.045
 """Difference of the gains of left and right over their sum from which the worm lies on one side. At half of this slopes
 and sharp turns would be reported, at twice half of the tipped worms would be missed."""

@@ -135,8 +135,9 @@ class Watch:
         place, instant, doubt = self._place()
         try:
             at = np.full(MOMENTS, self._near or 0.0)
-            able, times = Ability(self._feed_forward.reach, self._length), np.linspace(begin, end, MOMENTS)
-            asked = np.zeros((2, MOMENTS)) + [speed_at(self.reference, times, at, each) for each in (ANY, able)]
+            able, times = self._feed_forward, np.linspace(begin, end, MOMENTS)
+            both = (Ability(reach, self._length, able.wave) for reach in (ANY.reach, able.reach))
+            asked = np.zeros((2, MOMENTS)) + [speed_at(self.reference, times, at, each) for each in both]
             back = self._feed_forward.backward and bool(asked.sum() < 0.0)
             if self._feed_forward.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)

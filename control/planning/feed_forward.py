@@ -26,6 +26,8 @@ RISE = 1e-6
 """Turn rate that a unit of steering adds to the map's [rad/s], so that only no steering at all has none."""
 SPARE = 0.1
 """Share of the greatest turn rate that is left to corrections where a path is sharp."""
+EVERY = 24
+"""Of how many values of the steering one has speeds along the line."""
 REPEATS = 3
 """Number of times that steering and speed are found in turns, since each changes the other a little."""
 
@@ -37,8 +39,8 @@ class FeedForward:
     ----------
     found : SteeringMap
         The map.
-    frequency : float
-        The preferred one [Hz].
+    frequency, wave : float
+        The preferred frequency [Hz], and the period of such a wave [s].
     backward : bool
         Whether the worm can crawl backwards, with the same wave the other way round.
     slowest, fastest : float
@@ -50,6 +52,7 @@ class FeedForward:
     def __init__(self, found: SteeringMap, length: float, backward: bool = False) -> None:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
+        self.wave = 1.0 / self.frequency
         self.found, self.ranges, self.backward = found, found.ranges, backward
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
         amplitudes = [np.full(2 * POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
@@ -62,12 +65,14 @@ class FeedForward:
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
         self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
-        self._straight, self._turned = self._speeds(0.0), self._speeds(found.ranges.steering)
+        self._straight = self._speeds(0.0)
         self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
         self.least_divisor = 0.5 * float(self._straight[POINTS])
         along = zip(self._amplitudes, self._frequencies, strict=True)
-        sharpest = np.array([self._turn_rates(*place).max() for place in along])
-        sharpest = (1.0 - SPARE) * sharpest / self._straight
+        rates = np.array([self._turn_rates(*place) for place in along])
+        self._line = np.array([self._speeds(steering) for steering in self._steerings[::EVERY]])
+        self._rates = np.maximum.accumulate(rates, axis=1)[:, ::EVERY]
+        sharpest = (1.0 - SPARE) * rates.max(axis=1) / self._straight
         self._sharpest = np.maximum.accumulate(sharpest[::-1])[::-1]  # at a speed or at a greater one
         # From where the speed rises it costs curvature; slower waves turn no sharper.
         self._rises = max(int(np.argmax(self._sharpest < self._sharpest[0])) - 1, 0)
@@ -93,14 +98,15 @@ class FeedForward:
     def frequencies(self, speeds: FloatArray, curvatures: ArrayLike = 0.0) -> FloatArray:
         """Return the frequencies that suit speeds [m/s] on a path of curvatures [1/m], shape (K,) each [Hz].
 
-        A wave that turns goes farther than a straight one, so that slower ones will do; between the straight wave and
-        the wave that turns as sharply as it can the frequency is in proportion to the curvature.
+        A wave that turns goes farther than a straight one, so that slower ones will do.
         """
         size = np.abs(speeds)
-        sharpest = np.interp(size, self._straight, self._sharpest)
-        share = np.minimum(np.abs(curvatures) / sharpest, 1.0)
-        straight, turned = (np.interp(size, each, self._frequencies) for each in (self._straight, self._turned))
-        return np.asarray(straight + share * (turned - straight))
+        frequencies, rates = (
+            np.array([np.interp(size, speed, each) for speed, each in zip(self._line, column, strict=True)])
+            for column in ([self._frequencies] * len(self._line), self._rates.T)
+        )
+        columns = zip(np.abs(curvatures) * size, rates.T, frequencies.T, strict=True)
+        return np.array([np.interp(rate, turns, suits) for rate, turns, suits in columns])
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
         """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map.

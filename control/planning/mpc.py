@@ -27,7 +27,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.estimation.estimate import HEADING, Estimate
+from control.estimation.estimate import HEADING, SURE, Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified
@@ -45,18 +45,18 @@ from worm3d.values.arrays import FloatArray
 TURNED = 2.0
 """Standard deviations of the yaw bias from which something turns the worm that its map does not know of."""
 YAW_BIAS = ReducedState._fields.index("yaw_bias")
-LASTING = 8.0
-"""Time constant with which an offset that lasts is taken off [s]: four times that in which others die away."""
+LASTING = 6.4
+"""Time constant T of (P4) and (P5) [waves]: four times that in which other offsets die away."""
 MOST_LASTING = 0.01
 """Greatest offset that is taken for one that lasts [body lengths]; a worm that is farther off is on its way back."""
-MOST_MISSED, MOST_TRIM = 0.25, 0.2
+MOST_MISSED = 0.25
 """Greatest share of a speed that is taken for one that is missed lastingly, and the greatest trim of (P5), which dies
 away while more is missed."""
 LEAST_WAY = 1e-3
 """Way in a step below which the curvature of a path is not known [body lengths]."""
-SURE, MOST_UNSURE = 2.5, 0.02
-"""Standard deviations of the place by which a body keeps off obstacles, and the greatest one that counts
-[body lengths]: with more of them the worm would leave its way, which has as much room as there is on both sides."""
+MOST_UNSURE = 0.02
+"""Greatest standard deviation of the place by which a body keeps off obstacles [body lengths]: with a greater one the
+worm would leave its way, which has as much room as there is on both sides."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
@@ -166,7 +166,7 @@ class GaitMPC:
             model,
             Scale(found.ranges),
         )
-        self._length = worm.length
+        self._length, self._lasts = worm.length, LASTING * self.feed_forward.wave
         terms = default_terms() if terms is None else terms
         self.cost = Cost.of(
             model, found, worm.length, terms, default_constraints() if constraints is None else constraints
@@ -215,7 +215,11 @@ class GaitMPC:
     def _able(self, slip: float, turn_gain: float = 1.0) -> Ability:
         """Return what a worm can do that slips and turns otherwise than its map."""
         kept = max(1.0 - slip, LEAST_SHARE)
-        return Ability(lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature), self._length)
+        return Ability(
+            lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature),
+            self._length,
+            self.feed_forward.wave,
+        )
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
         """Return what the reference asks for; None if that, or the estimate, is not finite."""
@@ -238,7 +242,7 @@ class GaitMPC:
         asked = float(preview.speed[0])
         miss = 1.0 - estimate.speed / asked if asked != 0.0 else inf
         change = miss if abs(miss) < MOST_MISSED else -self._trim
-        self._trim = min(max(self._trim + change * passed / LASTING, -MOST_TRIM), MOST_TRIM)
+        self._trim = min(max(self._trim + change * passed / self._lasts, -MOST_MISSED), MOST_MISSED)
         return replace(preview, speed=preview.speed * (1.0 + self._trim))
 
     def _beside(self, passed: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
@@ -248,7 +252,7 @@ class GaitMPC:
         aside = float(offset(reference.path, estimate.position, preview.progress))
         turned = abs(estimate.state.yaw_bias) > TURNED * estimate.deviations[YAW_BIAS]
         if turned and abs(aside) < most and preview.speed[0] != 0.0:
-            self._lasting = min(max(self._lasting + aside * passed / LASTING, -most), most)
+            self._lasting = min(max(self._lasting + aside * passed / self._lasts, -most), most)
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
         point = preview.point - self._lasting * left
         moved = {side: getattr(preview, side) + self._lasting for side in ("left", "room_left")}

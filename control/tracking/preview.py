@@ -26,8 +26,8 @@ from worm3d.values.arrays import FloatArray
 
 MOMENT = 0.05
 """Time over which the rate of a heading is taken [s]."""
-APPROACH = 2.5
-"""Time T in which the way to the end of a path falls to 37 % [s]: two waves, since the speed lags behind by one."""
+APPROACH = 2.0
+"""Time T in which the way to the end of a path falls to 37 % [waves]: the speed lags behind by one wave."""
 TURNS_IN = 0.3
 """Way over which the curvature of a path is averaged [body lengths]: a worm turns by a right angle in it at best."""
 AWAY = 1.3
@@ -81,6 +81,8 @@ class Ability(NamedTuple):
     reach: Reach
     length: float
     """Length of its body [m]."""
+    wave: float = 1.25
+    """Period of its usual wave [s]; that of the default worm, if left out."""
 
 
 ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0)
@@ -93,7 +95,7 @@ def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = A
     In a pipe that rises they are along it, and less as seen from above.
     """
     along, turning = np.asarray(s, dtype=float), _turning(reference, s, able)
-    begin, end = _ending(reference, along)
+    begin, end = _ending(reference, along, able.wave)
     asked = np.asarray(reference.speed(t), dtype=float)
     speed = np.asarray(np.clip(asked, -np.minimum(turning, begin), np.minimum(turning, end)))
     return speed if reference.path is None else speed / lengthening(reference.path, along)
@@ -107,11 +109,12 @@ def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
     return able.reach((path.heading(s + way / 2.0) - path.heading(s - way / 2.0)) / way)
 
 
-def _ending(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _ending(reference: Reference, s: FloatArray, wave: float) -> tuple[FloatArray, FloatArray]:
     """Return the greatest speeds back and on at which a path ends in rest at its ends, at arc lengths (...) [m/s]."""
     if reference.path is None or not reference.ends:
         return np.full(s.shape, np.inf), np.full(s.shape, np.inf)
-    return np.maximum(s, 0.0) / APPROACH, np.maximum(reference.path.length - s, 0.0) / APPROACH
+    T = APPROACH * wave
+    return np.maximum(s, 0.0) / T, np.maximum(reference.path.length - s, 0.0) / T
 
 
 def _advance(reference: Reference, times: FloatArray, step: float, progress: float, able: Ability) -> FloatArray:
@@ -124,7 +127,7 @@ def _advance(reference: Reference, times: FloatArray, step: float, progress: flo
     turning, longer = _turning(reference, places, able), np.ones(PLACES) if path is None else lengthening(path, places)
     s, along = progress, []
     for speed in asked.tolist():
-        limit, ending = float(np.interp(s, places, turning)), _ending(reference, np.array(s))
+        limit, ending = float(np.interp(s, places, turning)), _ending(reference, np.array(s), able.wave)
         begin, end = (min(limit, float(each)) for each in ending)
         s += step * min(max(speed, -begin), end) / float(np.interp(s, places, longer))
         along.append(s)

@@ -49,20 +49,15 @@ the error along a bent way (0.005) and that of the estimated place."""
 SHARE_KEPT = 0.6
 """Share of a margin that a smooth way keeps everywhere: between the steps of the grid it may lack the rest."""
 FARTHEST = 3.0
-"""Greatest offset that is tried where the corridor is wider [body lengths]."""
-BEYOND = 3.0
-"""Way beyond the last obstacle at the end of which a path without end is followed itself again [body lengths]."""
-ROOM = 0.2
-"""Greatest room beside the body that is looked for [body lengths]; more of it counts as no bound."""
+"""Greatest offset that is tried where the corridor is wider [body lengths]. As far beyond the last obstacle a path
+without end is followed itself again."""
 FOLDED = 0.3
 """Share of its own length to which a path may shrink at an offset to the inside of its bends."""
-FIELD = 0.02
-"""Spacing of the grid on which the distance from obstacles is taken [body lengths]; the way that is found is checked
-against the distances themselves."""
 ROUNDED = 1.2
 """Share of the greatest curvature that a smooth way may have between the steps of the grid."""
 NEAR = 0.3
-"""Room beyond the half width of the body up to which an obstacle counts as a way is made smooth [body lengths]."""
+"""Room beside the body beyond which an obstacle is no bound, and does not count as a way is made smooth
+[body lengths]."""
 QUIET: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
 """Options of Ipopt; it takes some 20 iterations."""
 SLOPES, TURNS = np.arange(-STEEPEST, STEEPEST + 1), np.arange(-4, 5)
@@ -102,7 +97,7 @@ class Search:
         length = path.length
         if not (reference.ends or path.closed):
             last = max((float(np.max(path.project(each))) for each in outlines), default=0.0)
-            length = max(last, length if math.isfinite(length) else 0.0) + BEYOND * self.unit
+            length = max(last, length if math.isfinite(length) else 0.0) + FARTHEST * self.unit
         steps = max(round(length / (STEP * self.unit)), len(settled) + 1)
         self.along = np.linspace(0.0, length, steps + 1)
         self.step = length / steps / self.unit
@@ -165,15 +160,15 @@ class Search:
 
     @cached_property
     def _distance(self) -> FloatArray:
-        """Distance from obstacles on a grid of places around the path."""
-        spacing, high = FIELD * self.unit, self.point.max(axis=0) + self.point.min(axis=0) - self.low
+        """Distance from obstacles on a grid of places around the path, every second cell."""
+        spacing, high = 2.0 * CELL * self.unit, self.point.max(axis=0) + self.point.min(axis=0) - self.low
         axes = [np.arange(begin, end + spacing, spacing) for begin, end in zip(self.low, high, strict=True)]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         return np.minimum(nearest(self.obstacles, places) / self.unit, FARTHEST)
 
     def _field(self, places: FloatArray) -> FloatArray:
         """Return the distances of places (..., 2) [m] from obstacles, linear between those of the grid, (...)."""
-        at = np.moveaxis((places - self.low) / (FIELD * self.unit), -1, 0)
+        at = np.moveaxis((places - self.low) / (2.0 * CELL * self.unit), -1, 0)
         return np.asarray(scipy.ndimage.map_coordinates(self._distance, at, order=1, mode="nearest"))
 
     def _on_grid(self, margin: float) -> tuple[FloatArray | None, int]:
@@ -293,7 +288,7 @@ class Search:
     def _beside(self, way: Detour, side: float) -> FloatArray:
         """Return how far bodies on a way can be moved to a side before they touch something [m], shape (P,)."""
         azimuth = way.heading(way.lengths)
-        moved = self.unit * CELL * np.arange(round(ROOM / CELL) + 1)
+        moved = self.unit * CELL * np.arange(round(NEAR / CELL) + 1)
         places = way.points[:, None] + side * moved[:, None] * _across(azimuth)[:, None]
         touches = self.body.clearance(self.obstacles, places, np.repeat(azimuth[:, None], len(moved), axis=1)) < 0.0
         return np.where(touches.any(axis=1), moved[np.maximum(np.argmax(touches, axis=1) - 1, 0)], np.inf)

@@ -6,9 +6,9 @@ from math import atan, inf, radians, tan
 import numpy as np
 import pytest
 
-from control.estimation.estimate import Estimate
+from control.estimation.estimate import SURE, Estimate
 from control.estimation.reduced import STATES, ReducedState
-from control.faults.descent import AHEAD, KNOWN, MARGIN, SURE, Descent
+from control.faults.descent import AHEAD, KNOWN, MARGIN, Descent
 from control.identification.identified import load
 from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor

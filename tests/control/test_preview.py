@@ -11,7 +11,7 @@ from control.tracking.detour import Body
 from control.tracking.guide import led
 from control.tracking.obstacles import Disc
 from control.tracking.paths import Circle, Line, WayPoints
-from control.tracking.preview import APPROACH, Ability, Preview, bounds, look_ahead, speed_at
+from control.tracking.preview import ANY, APPROACH, Ability, Preview, bounds, look_ahead, speed_at
 from control.tracking.references import Constant, Reference
 
 SLOW_IN_CURVES = Ability(lambda curvature: 0.1 / (1.0 + np.abs(curvature)), 1.0)
@@ -43,7 +43,9 @@ def test_a_corner_is_averaged_over_the_way_that_a_worm_turns_in() -> None:
 def test_a_path_ends_in_rest() -> None:
     reference = Reference(Constant(0.08), path=LINE, ends=True)
     along = np.array([0.0, 2.9, 2.99, 3.0, 3.5])
-    assert_allclose(speed_at(reference, np.zeros(5), along), [0.08, 0.1 / APPROACH, 0.01 / APPROACH, 0.0, 0.0])
+    for wave in (1.25, 4.0):
+        able, T = ANY._replace(wave=wave), APPROACH * wave
+        assert_allclose(speed_at(reference, np.zeros(5), along, able), [0.08, 0.1 / T, 0.01 / T, 0.0, 0.0])
     seen = ahead(reference, Ability(lambda k: np.full(k.shape, np.inf), 1.0), (2.95, 0.0), 40)
     assert (np.diff(seen.point[:, 0]) >= 0.0).all()
     assert 2.99 < seen.point[-1, 0] <= 3.0

@@ -14,7 +14,7 @@ from control.loop import LONGEST_START, LOST, MOST_KEPT, STILL
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
-from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, UNKNOWN, Supervisor
+from control.supervisor import LATE, STANDS, UNKNOWN, Supervisor
 from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.preview import turn_rate
@@ -139,7 +139,7 @@ def test_thirty_percent_of_failures_cost_two_percent_of_the_speed_at_most() -> N
 def test_the_fallback_step_by_step() -> None:
     """One plan, then none: it goes on five times, then the plain wave follows for good."""
     supervisor = run(Unreliable(lambda call: call > 1), 4.0)
-    assert sources(supervisor) == ["mpc"] + ["shifted plan"] * MOST_SHIFTED + ["gait"] * (19 - MOST_SHIFTED)
+    assert sources(supervisor) == ["mpc"] + ["shifted plan"] * MOST_KEPT + ["gait"] * (19 - MOST_KEPT)
     first, plain = supervisor.decisions[0], supervisor.decisions[-1]
     assert plain.status == PlanStatus.NOT_SOLVED.value
     found = known().maps["hinge"]
@@ -245,12 +245,12 @@ def test_with_nothing_but_exceptions_parameters_are_kept_and_then_it_rests() -> 
     assert supervisor.decisions[0].status == "OddError: what is this"
 
 
-def test_three_failures_in_a_row_clear_the_memory() -> None:
-    planner = Unreliable(lambda call: call in (2, 3, 5, 6, 7, 9))
-    run(planner, 2.0)
+def test_five_failures_in_a_row_clear_the_memory() -> None:
+    planner = Unreliable(lambda call: call in (2, 3, 4, 5, 7, 8, 9, 10, 11, 13))
+    run(planner, 2.8)
     assert planner.forgotten == 1
     planner = Unreliable(lambda call: call > 1)
-    run(planner, 0.2 * (1 + 2 * FORGET))
+    run(planner, 0.2 * (1 + 2 * MOST_KEPT))
     assert planner.forgotten == 2
 
 

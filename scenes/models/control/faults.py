@@ -10,11 +10,10 @@ import numpy as np
 
 import worm3d
 from control.guest import Guest
-from control.loop import Decision, Driver
+from control.loop import MOST_KEPT, Decision, Driver
 from control.planning.mpc import PlanStatus
 from control.sensing.gate import Gate
 from control.sensing.sensors import QUANTITIES
-from control.supervisor import MOST_SHIFTED
 from control.tracking.metrics import clearances
 from control.tracking.references import Reference
 from scenes.records.record import Cell, fault_row
@@ -59,7 +58,7 @@ def refused(controller: Driver) -> int:
 def _of_plans(decisions: list[Decision]) -> list[Row]:
     failed: Counter[str] = Counter(decision.status for decision in decisions if decision.failed)
     runs = [list(run) for bad, run in groupby(decisions, key=lambda each: each.failed) if bad]
-    lasting = {run[0].status for run in runs if len(run) > MOST_SHIFTED}
+    lasting = {run[0].status for run in runs if len(run) > MOST_KEPT}
     first = {decision.status: decision.time for decision in reversed(decisions) if decision.failed}
     return [
         fault_row(

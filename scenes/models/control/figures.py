@@ -42,6 +42,7 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
         for axes, least in ((aside, 10.0), (turned, 2.0)):
             _at_least(axes, least)
             _shade(axes, seen)
+    figure.legend(*way.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=7)
     for axes, label in ((aside, "left of the path [mm]"), (turned, "heading error [deg]")):
         axes.axhline(0.0, color="0.6", lw=0.8)
         axes.set(ylabel=label, xlim=_span(record))
@@ -70,7 +71,6 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
         axes.plot(*seen.place.T, color="C0", lw=1.6, label="its mean over a period")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"{record.title}: seen from above")
     _square(axes)
-    axes.legend(fontsize=7)
 
 
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
