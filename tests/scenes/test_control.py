@@ -402,6 +402,18 @@ def test_the_default_worm_is_identified() -> None:
     assert kept.load(replace(plant.Worm(), mass=0.11)) is None
 
 
+@pytest.mark.parametrize("slope", [0.0, 2.0])
+def test_obstacles_are_drawn_where_they_stand_on_the_ground_and_as_high_as_the_worm(slope: float) -> None:
+    record = simulate(load_scene("obstacles", ["run.duration_s=0.1", f"world.slope_deg={slope}"]))
+    drawn = [mesh for mesh in worm_view.frames_of(record).world if mesh.name.startswith("obstacle")]
+    for mesh, (x, y) in zip(drawn, [(1.7, 0.03), (3.1, -0.05)], strict=True):
+        off = np.linalg.norm(mesh.vertices[:, :2] - [x, y], axis=1)
+        assert_allclose(off[off > 0.01], 0.1)  # the others are the middles of both ends
+        above = mesh.vertices[:, 2] - math.tan(math.radians(slope)) * mesh.vertices[:, 0]
+        assert_allclose(np.ptp(above), np.ptp(record["points"][0, ..., 2]))
+        assert 0.0 < above.min() < 0.01
+
+
 def test_references_have_ends_corridors_obstacles_and_go_backwards() -> None:
     asked = ("length_m=2.0", "ends=true", "corridor_m=0.1", "obstacles=[{x_m=1.5, y_m=0.3, radius_m=0.1}]")
     found = reference_of(scene("path_line", *(f"reference.{each}" for each in asked), "reference.speed_m_s=-0.02"))

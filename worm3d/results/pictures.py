@@ -6,7 +6,7 @@ worm3d.show(result)                 # at the end of a notebook cell
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 from worm3d.viewer import Frames
 from worm3d.viewer.frames import instants
+from worm3d.viewer.world import WorldMesh
 from worm3d.worlds import World
 from worm3d.worlds.scenery import Window, on_ground, scenery
 
@@ -194,6 +195,7 @@ def arrays(
     reference: ArrayLike | None = None,
     horizon: ArrayLike | None = None,
     reference_speed: ArrayLike | None = None,
+    obstacles: Sequence[WorldMesh] = (),
 ) -> Frames:
     """Return arrays of a run, stored or not, as plain arrays for pictures; other parameters are those of `draw`.
 
@@ -205,6 +207,8 @@ def arrays(
         Time over which the speed shown is averaged [s].
     reference_speed : array_like, shape (T,), optional
         Speed that a controller was to keep to, at the instants of the run [m/s].
+    obstacles : sequence of WorldMesh
+        What a controller was to keep off, drawn with the world.
     """
     rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}
@@ -233,7 +237,7 @@ def arrays(
         path=None if reference is None else lowered(reference),
         centreline=around.centreline,
         horizon=None if horizon is None else lowered(np.asarray(horizon, dtype=float)[rows]),
-        world=around.meshes,
+        world=(*around.meshes, *obstacles),
     )
 
 

@@ -13,6 +13,8 @@ from scenes.models.control.schema import ControlScene
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
+from worm3d.viewer.shapes import rings_mesh
+from worm3d.viewer.world import WorldMesh
 
 if TYPE_CHECKING:
     from control.loop import Decision
@@ -23,10 +25,12 @@ if TYPE_CHECKING:
 
 ABOVE = 0.004
 """Height of lines over the ground, so that they are seen [m]."""
+OBSTACLE = (1.0, 0.5, 0.05)
+"""Colour of obstacles."""
 
 
 def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
-    """Return the period, the path and, at the stored instants, the predicted way and the speed asked for.
+    """Return the period, the path, obstacles and, at the stored instants, the predicted way and the speed asked for.
 
     What there is of them is there, as arguments of `worm3d.results.pictures.arrays`.
     """
@@ -40,6 +44,7 @@ def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
     path = path_seen(record, scene)
     if path is not None:
         lines["reference"] = _raised(path_points(path, record["com"][:, :2]), record, scene)
+        lines["obstacles"] = _obstacles(reference_seen(record, scene), record, scene)
     if "horizon" in record:
         lines["horizon"] = _raised(_horizons(record)[rows], record, scene)
     return lines
@@ -62,6 +67,16 @@ def reference_seen(record: Record, scene: ControlScene) -> Reference:
     if path is None and is_own(scene.reference.kind):
         return Reference(speed_of(scene.reference))  # an earlier version stored no path, whose bounds mean nothing
     return reference_along(scene, path)
+
+
+def _obstacles(reference: Reference, record: Record, scene: ControlScene) -> list[WorldMesh]:
+    """Return the obstacles of a reference as prisms that are as high as the worm."""
+    height, found = np.array([0.0, 0.0, np.ptp(record["points"][0, ..., 2])]), []
+    for k, obstacle in enumerate(reference.obstacles):
+        foot = _raised(obstacle.outline(), record, scene)
+        mesh = rings_mesh(np.array([foot, foot + height]))
+        found.append(WorldMesh(f"obstacle {k}", mesh.vertices, mesh.faces, OBSTACLE, 0.5))
+    return found
 
 
 def period(record: Record) -> float | None:
