@@ -1,6 +1,6 @@
 """The paper's results, number for number: what its author's program computes.
 
-A regression target, not physics: the program differs from the paper's text (`worm3d paper` lists how, and
+A regression target, not physics: the program differs from the paper's text (`worm3d study paper` lists how, and
 measures the effect). Written from a description of what the program computes.
 
 The worm of n segments has 3 n + 1 nodes, stored segment by segment: main 0, top 0, bottom 0, main 1, ...,

@@ -32,7 +32,7 @@ PAGES = [
     ),
 ]
 BIN = Path(sys.executable).parent
-SHORTER = {"study": ("run.integrator=implicit_euler", "run.dt_s=0.04"), "technologies": ("run.dt_s=0.02",)}
+SHORTER = {"anisotropy": ("run.integrator=implicit_euler", "run.dt_s=0.04"), "technologies": ("run.dt_s=0.02",)}
 """Overrides of commands that make a hundred runs: larger steps, whose errors nobody asks for here."""
 
 
@@ -46,9 +46,14 @@ def commands() -> list[list[str]]:
     return [shlex.split(line.split("&&")[-1], comments=True) for line in lines]
 
 
+def subject(arguments: list[str]) -> str:
+    """Return the command, or the study that it runs."""
+    return arguments[2] if arguments[1:2] == ["study"] else (arguments[1:] or [""])[0]
+
+
 def run(arguments: list[str], folder: Path) -> str:
     program = str(BIN / Path(arguments[0]).name)
-    options = [part for override in SHORTER.get(arguments[1], ()) for part in ("-o", override)]
+    options = [part for override in SHORTER.get(subject(arguments), ()) for part in ("-o", override)]
     no_browser = {**os.environ, "BROWSER": "true"}  # the program `true` opens nothing
     done = subprocess.run(
         [program, *arguments[1:], *options], cwd=folder, capture_output=True, text=True, check=False, env=no_browser
@@ -61,7 +66,7 @@ def test_the_paper_is_reproduced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In this process, with all runs of the published program; those of the corrected worm take a second."""
-    (command,) = (arguments for arguments in commands() if "paper" in arguments[1:2])
+    (command,) = (arguments for arguments in commands() if subject(arguments) == "paper")
     for module in (cases.linkage, corrected_claims):
         monkeypatch.setattr(module, "simulate", functools.partial(linkage.simulate, duration=1.0))
     monkeypatch.chdir(tmp_path)
@@ -100,13 +105,13 @@ def test_what_the_first_command_installs_has_one_version_each_and_runs_sweeps_on
     assert needed <= locked
 
 
-ALONE = ("sweep", "study", "technologies", "validate")
-"""Commands that need no result of another one."""
+ALONE = ("sweep", "anisotropy", "technologies", "validate")
+"""Commands and studies that need no result of another one."""
 
 
 @pytest.mark.parametrize("name", ALONE)
 def test_the_commands_that_need_no_result(name: str, tmp_path: Path) -> None:
-    asked = [arguments for arguments in commands() if arguments[1:2] == [name]]
+    asked = [arguments for arguments in commands() if subject(arguments) == name]
     assert asked
     for arguments in asked:
         run(arguments, tmp_path)
@@ -114,7 +119,7 @@ def test_the_commands_that_need_no_result(name: str, tmp_path: Path) -> None:
 
 def test_the_commands(tmp_path: Path) -> None:
     for arguments in commands():
-        if arguments[1:2] not in ([], ["paper"], *([name] for name in ALONE)):
+        if subject(arguments) not in ("", "paper", *ALONE):
             run(arguments, tmp_path)
     for folder in ("flat", "further", "turn", "circle"):
         assert (tmp_path / folder / "result.nc").is_file()

@@ -325,7 +325,7 @@ def _table(mechanism: Mechanism, samples: Sequence[Sample]) -> tuple[FloatArray,
 def load(
     worm: Worm, ground: Friction | None = None, schedule: Schedule | None = None, design: Design | None = None
 ) -> Identified | None:
-    """Return what is known of a worm on a ground; None if it has not been identified (`worm3d identify`)."""
+    """Return what is known of a worm on a ground; None if it has not been identified (`worm3d study identify`)."""
     name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
     shipped = SHIPPED / f"{name}.json"
     content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from scenes.commands import studies
 from scenes.commands.arguments import (
     Force,
     NoCode,
@@ -19,11 +21,34 @@ from scenes.commands.arguments import (
     file_option,
     path_of,
 )
-from scenes.commands.study_app import gait, studies
+from scenes.commands.batch import batch
 from scenes.language.errors import SceneError
+
+if TYPE_CHECKING:
+    from scenes.records.record import Record
+
+Fps = Annotated[int, typer.Option(min=1, max=50, help="Frames per second of a film.")]
+
+SECTIONS = {
+    "Scenes": ("run", "check", "list", "init"),
+    "Results": ("plot", "view", "export", "compare"),
+    "Many runs": ("sweep", "study", "fit", "learn"),
+}
+"""Commands as the help groups them."""
+
+
+class _Grouped(TyperGroup):
+    """Lists its commands by sections."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for title, names in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(62)) for name in names])
+
 
 app = typer.Typer(
     name="worm3d",
+    cls=_Grouped,
     help="Simulate and control worm-inspired robots: start with 'worm3d run flat'.",
     no_args_is_help=True,
     add_completion=False,
@@ -31,11 +56,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-bench = typer.Typer(help="Measure how good controllers are.", no_args_is_help=True, rich_markup_mode=None)
-app.add_typer(bench, name="bench")
-app.add_typer(gait, name="gait")
-app.add_typer(studies)
+app.add_typer(batch)
+app.add_typer(studies.study, name="study")
 
 
 def _print_version(wanted: bool) -> None:
@@ -55,23 +77,42 @@ def _common(
 
 @app.command()
 def run(
-    scene: SceneArgument,
+    context: typer.Context,
+    scene: Annotated[
+        str | None, typer.Argument(metavar="SCENE", help="A name of 'worm3d list', or a TOML file.")
+    ] = None,
     o: Overrides = None,
     accuracy: Annotated[
         float | None, typer.Option(help="Relative error of the distance that is allowed, as the key run.accuracy.")
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="RESULT", parser=path_of, help="Go on with a run, instead of a SCENE."),
+    ] = None,
+    duration: Annotated[
+        str | None,
+        typer.Option(
+            "--duration", metavar="SECONDS_MORE", help="With --resume: time to add; left out: to its planned end."
+        ),
     ] = None,
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
     no_code: NoCode = False,
-    duration: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
-    """Run a scene.
+    """Run a scene, or go on with a run.
 
     Writes result.nc, summary.json, overview.png, and viewer.html, a page that plays the run in any browser; for planar
     worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed. A scene with a section [sweep] is
-    run as 'worm3d sweep' does.
+    run as 'worm3d sweep' does. With --resume the whole run, its first part included, is written into a new folder, as
+    if it had never been stopped.
     """
+    if resume is not None:
+        if scene is not None or o or accuracy is not None:
+            raise SceneError("run: --resume goes on with a run as it was; leave out SCENE, -o and --accuracy")
+        go_on(resume, _seconds(duration), out, force, quiet)
+    if scene is None:
+        context.fail("Nothing to run: name a SCENE of 'worm3d list' or a TOML file, or give --resume RESULT.")
     if duration is not None:
         raise SceneError(f"run: --duration is a key of the scene, run.duration_s: -o run.duration_s={duration}")
     from scenes.models.loading import load_scene
@@ -86,22 +127,23 @@ def run(
     raise typer.Exit(run_scene(loaded, out, force=force, quiet=quiet))
 
 
-@app.command()
-def resume(
+def _seconds(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise SceneError(f"run: --duration: got {text!r}, must be a number of seconds") from None
+
+
+@app.command(name="resume", hidden=True)
+def go_on(
     result: ResultArgument,
-    duration: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS_MORE", help="Simulated time to add; left out: to the planned end of the run."),
-    ] = None,
+    duration: Annotated[float | None, typer.Option(metavar="SECONDS_MORE")] = None,
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Go on with a run.
-
-    Writes the whole run, its first part included, as if it had never been stopped, into a new folder.
-    """
+    """Go on with a run, as 'worm3d run --resume RESULT' does."""
     from scenes.records.store import load
     from scenes.running.runner import lengthened, run_scene
 
@@ -225,45 +267,29 @@ def view(
 
 
 @app.command()
-def animate(
-    result: ResultArgument,
-    out: Annotated[Path | None, file_option("--out", help="File ending in .gif or .mp4 (needs ffmpeg).")] = None,
-    fps: Annotated[int, typer.Option(min=1, max=50, help="Frames per second.")] = 20,
-    force: Force = False,
-) -> None:
-    """Draw the animation of a result, in real time; a longer run than 30 s up to there."""
-    from scenes.records.folder import ANIMATION, made, require_free
-    from scenes.records.store import load
-    from scenes.running import drawing
-
-    path = out or _home(result) / ANIMATION
-    require_free([path], result, force=force)
-    record = load(result)
-    made(path.parent)
-    typer.echo(str(drawing.animate(record, drawing.pictures_of(record), path, fps=fps)))
-    if line := drawing.cut_short(record):
-        typer.echo(line)
-
-
-@app.command()
 def export(
     result: ResultArgument,
     csv: Annotated[Path | None, file_option("--csv", help="What is known at each instant, a row each.")] = None,
     npz: Annotated[Path | None, file_option("--npz", help="All variables, for numpy.load.")] = None,
     glb: Annotated[Path | None, file_option("--glb", help="A mesh of worm and world, for 3D programs.")] = None,
     at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh; left out: the end.")] = None,
+    film: Annotated[
+        Path | None, file_option("--film", help="A film in real time, .gif or .mp4 (needs ffmpeg), of 30 s at most.")
+    ] = None,
+    fps: Fps = 20,
     force: Force = False,
 ) -> None:
-    """Write a result for other programs."""
+    """Write a result for other programs, or as a film."""
     from scenes.records.folder import require_free
     from scenes.records.store import export_csv, export_npz, load
     from scenes.running import drawing
 
-    if csv is None and npz is None and glb is None:
-        raise SceneError("export: nothing to write; give --csv FILE, --npz FILE or --glb FILE")
+    asked = [path for path in (csv, npz, glb, film) if path is not None]
+    if not asked:
+        raise SceneError("export: nothing to write; give --csv FILE, --npz FILE, --glb FILE or --film FILE")
     if at is not None and glb is None:
         raise SceneError("export: --at is the instant of a mesh; give --glb FILE too")
-    require_free([path for path in (csv, npz, glb) if path is not None], result, force=force)
+    require_free(asked, result, force=force)
     record = load(result)
     for path, write in ((csv, export_csv), (npz, export_npz)):
         if path is not None:
@@ -271,74 +297,37 @@ def export(
             typer.echo(str(path))
     if glb is not None:
         typer.echo(str(drawing.mesh(record, drawing.pictures_of(record), at, glb)))
+    if film is not None:
+        _film(record, film, fps)
 
 
-@app.command()
-def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Reproduce the paper's tables and figures.
-
-    With the verdict on each of its claims, and the differences between its text and its program.
-    """
-    from scenes.studies.paper import report
-
-    raise typer.Exit(report.run(out, force, quiet))
-
-
-@app.command()
-def identify(
-    scene: SceneArgument,
-    o: Overrides = None,
-    out: Out = None,
+@app.command(hidden=True)
+def animate(
+    result: ResultArgument,
+    out: Annotated[Path | None, file_option("--out", help="File ending in .gif or .mp4 (needs ffmpeg).")] = None,
+    fps: Fps = 20,
     force: Force = False,
-    quiet: Quiet = False,
-    no_code: NoCode = False,
 ) -> None:
-    """Find out how the worm of a scene crawls and turns.
+    """Write a film of a result, as 'worm3d export RESULT --film FILE' does."""
+    from scenes.records.folder import ANIMATION, made, require_free
+    from scenes.records.store import load
 
-    Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
-    controllers need, kept for them, with its error and a figure. Takes a minute or two.
-    """
-    from scenes.models.loading import load_scene
-    from scenes.studies.identify import command
-
-    raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
-
-
-@bench.command(name="control")
-def bench_control(
-    out: Out = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed from which trials are drawn.")] = 0,
-    seeds: Annotated[int, typer.Option("--seeds", help="Number of such seeds, from --seed on.")] = 1,
-    count: Annotated[int, typer.Option("--trials", help="Number of trials that are drawn from each seed.")] = 30,
-    trials: Annotated[
-        list[str] | None,
-        typer.Option("--trial", help="Only this trial, by its number or name, or this class of trials; several."),
-    ] = None,
-    controllers: Annotated[
-        list[str] | None,
-        typer.Option("--controller", help="A controller of yours beside those that ship, module:Class; several."),
-    ] = None,
-    o: Overrides = None,
-    workers: Annotated[int, typer.Option("--workers", help="Processes that share the runs.")] = 1,
-    quick: Annotated[bool, typer.Option("--quick", help="Two short trials only.")] = False,
-    show: Annotated[bool, typer.Option("--show", help="Print the trials, as commands that run them, and end.")] = False,
-    quiet: Quiet = False,
-    no_code: NoCode = False,
-) -> None:
-    """Measure the controllers.
-
-    Tasks, worms, grounds and sensors are drawn from a seed. Model predictive control, the baselines and controllers of
-    yours all run the same trials, and get a score by how far the worm is from where it ought to be, with one line for
-    each (rules: scenes/studies/bench/CONTROL.md). Started again on the same --out it goes on with what the same
-    programs, scenes and map of the worm have not run yet. Ends with 5 if a trial was lost.
-    """
-    from scenes.studies.bench import control_report as report
-
-    options = report.Options(seed, seeds, count, trials or (), controllers or (), o or (), quick, workers)
-    raise typer.Exit(report.show(options) if show else report.run(out, options, quiet=quiet))
+    path = out or _home(result) / ANIMATION
+    require_free([path], result, force=force)
+    record = load(result)
+    made(path.parent)
+    _film(record, path, fps)
 
 
-@app.command()
+def _film(record: Record, path: Path, fps: int) -> None:
+    from scenes.running import drawing
+
+    typer.echo(str(drawing.animate(record, drawing.pictures_of(record), path, fps=fps)))
+    if line := drawing.cut_short(record):
+        typer.echo(line)
+
+
+@app.command(hidden=True)
 def info() -> None:
     """Print versions, the platform and where the packages come from."""
     from scenes.running.packages import info_lines
@@ -351,3 +340,23 @@ def _home(result: Path) -> Path:
     """Return the folder for what is drawn of a result: its own, or one by its name if it is a case among others."""
     case = result.suffix == ".nc" and result.parent.name == "cases"
     return result if result.is_dir() else result.with_suffix("") if case else result.parent
+
+
+def _former_names() -> None:
+    """Keep the names that studies had before they were studies, without listing them."""
+    bench, gait = typer.Typer(), typer.Typer()
+    for group, name, command in (
+        (app, "paper", studies.paper),
+        (app, "validate", studies.validate),
+        (app, "technologies", studies.technologies),
+        (app, "identify", studies.identify),
+        (bench, "control", studies.control),
+        (gait, "fit", studies.gait),
+    ):
+        group.command(name, hidden=True)(command)
+    for name, group in (("bench", bench), ("gait", gait)):
+        group.callback()(lambda: None)
+        app.add_typer(group, name=name, hidden=True)
+
+
+_former_names()

@@ -40,3 +40,14 @@ NoCode = Annotated[
 ]
 """Holds while the command runs; the command itself needs not look at it."""
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Run cases again that failed before.")]
+Workers = Annotated[int | None, typer.Option("--workers", metavar="N", help="Run on N processes of this machine.")]
+CaseLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--case-limit-s",
+        metavar="SECONDS",
+        help="Longest time of a case, which fails if it takes longer (left out: 3600, or as [sweep] says).",
+    ),
+]
+ForceAll = Annotated[bool, typer.Option("--force", help="Run all cases anew, and write to a folder with other files.")]

@@ -25,7 +25,7 @@ RESULT = "result.nc"
 SUMMARY = "summary.json"
 OVERVIEW = "overview.png"
 ANIMATION = "animation.gif"
-"""Animation of a planar worm; 3D worms have one by `worm3d animate`."""
+"""Animation of a planar worm; 3D worms have one by `worm3d export --film`."""
 VIEWER = "viewer.html"
 """Page of a 3D worm, which plays in any browser without a network."""
 

@@ -112,7 +112,7 @@ def view(record: Record, model: Pictures, path: Path, *, skin: bool = True) -> P
         The file cannot be written.
     """
     if model.view is None:
-        instead = "'worm3d plot' draws its figures" if model.animate is None else "'worm3d animate' makes its animation"
+        instead = "'worm3d plot' draws its figures" if model.animate is None else "'worm3d export' makes a film"
         raise SceneError(f"{record.name}: the model '{model.name}' has no page; {instead}")
     _require_steps(record)
     with written_whole(path) as part:

@@ -183,7 +183,7 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
     if not is_drawable(record):
         return
     draw_overview(record, scene.model, folder)
-    if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
+    if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d export --film` draws it
         if scene.model.view is not None:
             view(record, scene.model, folder / folders.VIEWER)
         elif scene.model.animate is not None:

@@ -1,4 +1,4 @@
-"""The page of rules of `worm3d bench control`, made from the tables that it runs: `scenes/studies/bench/CONTROL.md`.
+"""The page of rules of `worm3d study control`, made from the tables that it runs: `scenes/studies/bench/CONTROL.md`.
 
 python tests/benchmarks/control_page.py > scenes/studies/bench/CONTROL.md
 """
@@ -17,14 +17,14 @@ from scenes.studies.bench.control_trials import CLASSES, GROUPS, QUICK, SHORT, S
 PAGE = """# A benchmark of controllers for worm robots
 
 A controller is to make worms that it does not know keep to speeds, headings and paths, by noisy and late sensors.
-`worm3d bench control` draws the trials from a seed, runs them on the full 3D plant (contacts that stick and slip,
+`worm3d study control` draws the trials from a seed, runs them on the full 3D plant (contacts that stick and slip,
 actuators with a lag), and gives each controller a score. Results stand in [control](../../../control/README.md). This
 page is made from the tables of the program by `python tests/benchmarks/control_page.py`.
 
-    worm3d bench control --workers 2                                  # {trials} trials of seed 0
-    worm3d bench control --controller my_module:MyController --seed 7 # one of yours beside those that ship
-    worm3d bench control --trial pipe --trial 3 -o run.duration_s=90  # some trials, and something changed in all
-    worm3d bench control --show                                       # the trials, as commands that run them
+    worm3d study control --workers 2                                  # {trials} trials of seed 0
+    worm3d study control --controller my_module:MyController --seed 7 # one of yours beside those that ship
+    worm3d study control --trial pipe --trial 3 -o run.duration_s=90  # some trials, and something changed in all
+    worm3d study control --show                                       # the trials, as commands that run them
 
 ## Rules
 

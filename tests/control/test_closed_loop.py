@@ -1,7 +1,7 @@
 """The whole loop on the full plant, with noisy sensors: bars of one seed, injected failures, mirror images.
 
 Offsets may be half as much again as the worst of five seeds on the circle, 0.0041, and twice that uphill, 0.0032.
-All seeds and scenes, and the baselines beside them: `worm3d bench control`.
+All seeds and scenes, and the baselines beside them: `worm3d study control`.
 """
 
 from dataclasses import replace

@@ -96,7 +96,7 @@ def test_a_map_finds_what_samples_follow() -> None:
 def test_files_are_read_as_they_were_written(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     default, other = load(Worm()), Worm(mass=0.11)
-    assert default is not None, "the default worm's file has to be shipped under its key: worm3d identify flat"
+    assert default is not None, "the default worm's file has to be shipped under its key: worm3d study identify flat"
     assert load(other) is None
     assert store(default, other, Friction(), DESIGN)
     again = load(other)

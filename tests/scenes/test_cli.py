@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from typer.main import get_command
 
 from control.parts import KINDS
 from scenes import models
@@ -198,6 +199,34 @@ def test_animate(worm3d, result: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert worm3d("animate", result, "--force").code == 0
 
 
+def test_a_film_is_an_export(worm3d, result: Path) -> None:
+    assert worm3d("export", result, "--film", "run.gif", "--fps", 10).out == "run.gif\n"
+    assert worm3d("animate", result, "--out", "same.gif", "--fps", 10).code == 0
+    assert (result / "run.gif").read_bytes() == (result / "same.gif").read_bytes()
+    ended = worm3d("export", result, "--film", "run.gif")
+    assert ended.complaints == ["run.gif exists: choose another name, or replace it with --force"]
+
+
+def test_the_help_names_all_commands_once_on_a_screen_and_former_names_still_work(worm3d) -> None:
+    lines = worm3d("--help").out.splitlines()
+    named = [line.split()[0] for line in lines if line.startswith("  ") and line[2] not in "- S"]
+    listed = {name: command for name, command in get_command(app_module.app).commands.items() if not command.hidden}
+    assert sorted(named) == sorted(listed)
+    assert len(lines) <= 30
+    for former in (("bench", "control"), ("gait", "fit"), ("paper",), ("validate",), ("technologies",), ("identify",)):
+        study = {"bench": "control", "gait": "gait"}.get(former[0], former[0])
+        told, now = (worm3d(*words, "--help").out.partition("\n")[2] for words in (former, ("study", study)))
+        assert told == now != ""
+
+
+@pytest.mark.parametrize("more", [("flat",), ("-o", "run.dt_s=0.1"), ("--accuracy", "0.1")])
+def test_a_run_that_goes_on_takes_no_scene_and_no_changes(worm3d, result: Path, more: tuple[str, ...]) -> None:
+    ended = worm3d("run", "--resume", result, *more)
+    assert ended.complaints == ["run: --resume goes on with a run as it was; leave out SCENE, -o and --accuracy"]
+    ended = worm3d("run", "--resume", result, "--duration", "long")
+    assert ended.complaints == ["run: --duration: got 'long', must be a number of seconds"]
+
+
 def test_frames_per_second_and_capital_endings(worm3d, result: Path) -> None:
     frames = {}
     for fps in (5, 20):
@@ -256,7 +285,7 @@ def test_export(worm3d, result: Path, record) -> None:
     ended = worm3d("export", result)
     assert (ended.code, ended.complaints) == (
         2,
-        ["export: nothing to write; give --csv FILE, --npz FILE or --glb FILE"],
+        ["export: nothing to write; give --csv FILE, --npz FILE, --glb FILE or --film FILE"],
     )
     assert worm3d("export", result, "--csv", "none/x.csv").code == 1
 

@@ -138,7 +138,7 @@ def test_resume_by_the_command_line(worm3d, tmp_path: Path, done: Record, monkey
     (tmp_path / "half").mkdir()
     save(done, tmp_path / "half" / "result.nc")
     before = (tmp_path / "half" / "result.nc").read_bytes()
-    ended = worm3d("resume", "half", "--duration", "0.1", "--out", "rest")
+    ended = worm3d("run", "--resume", "half", "--duration", "0.1", "--out", "rest")
     assert ended.code == 0
     assert ended.err == "flat: 10 steps\n"
     assert ended.out.startswith("flat: the run reached its end (0.3 s simulated, ")

@@ -40,10 +40,10 @@ from scenes.models.control import identify as runs
 DESIGN = Design(runs=48)
 """The runs: those of all combinations of a design that tell the most."""
 MOST = MappingProxyType({"distance": 8.0, "turn": 20.0})
-"""Greatest rms miss at fresh runs [% of the rms of the quantity]. Those of the worms above with which closed loops were
+"""Greatest rms miss at fresh runs [% of the rms of the quantity]. Worms above with which closed loops were
 run miss the distance by up to 2.7 and the turn by up to 12; a choice with room, not a measured edge."""
-FAR = "identify it once by 'worm3d identify SCENE' with the same options -o (a minute or two), or take the default \
-worm's map by -o controller.map=default"
+FAR = "identify it once by 'worm3d study identify SCENE' with the same options -o (a minute or two), or take the \
+default worm's map by -o controller.map=default"
 
 
 def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wave: Schedule) -> Identified:

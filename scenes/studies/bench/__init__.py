@@ -1,1 +1,1 @@
-"""The benchmark of controllers, `worm3d bench control`."""
+"""The benchmark of controllers, `worm3d study control`."""

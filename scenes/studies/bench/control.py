@@ -1,4 +1,4 @@
-"""The runs of `worm3d bench control`: each trial of the family by the MPC, by the baselines and by others.
+"""The runs of `worm3d study control`: each trial of the family by the MPC, by the baselines and by others.
 
 A case is one run. Its result is kept in a file of its own, with the scene, and a digest of the programs and of the maps
 that the controller may know. A study that was stopped goes on where it was.

@@ -1,4 +1,4 @@
-"""`worm3d bench control`: run, print, and write `control.csv`, `control.md` and `control.png`."""
+"""`worm3d study control`: run, print, and write `control.csv`, `control.md` and `control.png`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The score of a controller over the trials of `worm3d bench control`, one comparable line for each.
+"""The score of a controller over the trials of `worm3d study control`, one comparable line for each.
 
 With the error of (B5), which is 1 of a run that is lost,
 

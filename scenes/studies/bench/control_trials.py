@@ -1,4 +1,4 @@
-"""The trials of `worm3d bench control`: tasks, worms, grounds and sensors, drawn at random from a seed.
+"""The trials of `worm3d study control`: tasks, worms, grounds and sensors, drawn at random from a seed.
 
 Trial k of seed S is the same on every machine: all its numbers come from one generator, seeded by S and k, and are
 rounded as they are printed. Classes of tasks take turns, so that any twelve trials in a row have each of them once.

@@ -1,1 +1,1 @@
-"""`worm3d gait fit`: a chain of neurons whose waves are timed as those of recorded animals."""
+"""`worm3d study gait`: a chain of neurons whose waves are timed as those of recorded animals."""

@@ -1,4 +1,4 @@
-"""`worm3d gait fit`: writes `gait.toml`, a scene of the fitted chain, `gait.csv`, `gait.json` and `gait.png`."""
+"""`worm3d study gait`: writes `gait.toml`, a scene of the fitted chain, `gait.csv`, `gait.json` and `gait.png`."""
 
 from __future__ import annotations
 

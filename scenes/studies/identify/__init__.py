@@ -1,1 +1,1 @@
-"""`worm3d identify`: run the plant to find out how a worm crawls and turns."""
+"""`worm3d study identify`: run the plant to find out how a worm crawls and turns."""

@@ -1,4 +1,4 @@
-"""`worm3d identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
+"""`worm3d study identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of `worm3d identify`: turn, speed and slip against the steering, and turn against the phase."""
+"""The figure of `worm3d study identify`: turn, speed and slip against the steering, and turn against the phase."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `worm3d identify` says: how fast the worm can go, how it steers, and how good the map is."""
+"""What `worm3d study identify` says: how fast the worm can go, how it steers, and how good the map is."""
 
 from __future__ import annotations
 

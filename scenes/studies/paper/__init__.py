@@ -1,1 +1,1 @@
-"""`worm3d paper`: the paper's tables, figures and claims from our own runs."""
+"""`worm3d study paper`: the paper's tables, figures and claims from our own runs."""

@@ -1,4 +1,4 @@
-"""`worm3d technologies`: runs the worm of a scene on each technology, and writes a table, a text and a figure."""
+"""`worm3d study technologies`: runs the worm of a scene on each technology, and writes a table, a text and a figure."""
 
 from __future__ import annotations
 

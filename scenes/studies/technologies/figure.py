@@ -1,4 +1,4 @@
-"""The figure of `worm3d technologies`: speed and what limits it, speed over the period, and what the way costs."""
+"""The figure of `worm3d study technologies`: speed and what limits it, speed over the period, and cost of transport."""
 
 from __future__ import annotations
 

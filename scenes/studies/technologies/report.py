@@ -1,4 +1,4 @@
-"""What `worm3d technologies` writes: a table as CSV, and a text with the table, the sentences and the sources."""
+"""What `worm3d study technologies` writes: a table as CSV, and a text with the table, the sentences and the sources."""
 
 from __future__ import annotations
 

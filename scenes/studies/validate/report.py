@@ -1,4 +1,4 @@
-"""`worm3d validate`: run all comparisons and write `validate.json`, `validate.md` and `validate.png`."""
+"""`worm3d study validate`: run all comparisons and write `validate.json`, `validate.md` and `validate.png`."""
 
 from __future__ import annotations
 

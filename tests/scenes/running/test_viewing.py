@@ -74,7 +74,7 @@ def test_without_a_screen_the_page_is_only_named(
 def test_what_has_no_page_is_told(worm3d, result: Path, record: Record, tmp_path: Path) -> None:
     (tmp_path / "y").mkdir()
     save(record, tmp_path / "y" / "result.nc")
-    sentence = "planar_published: the model 'planar_published' has no page; 'worm3d animate' makes its animation"
+    sentence = "planar_published: the model 'planar_published' has no page; 'worm3d export' makes a film"
     assert worm3d("view", "y").complaints == [sentence]
     assert worm3d("view", "y").code == 2
     assert worm3d("view", "nowhere").code == 2

@@ -1,4 +1,4 @@
-"""`worm3d bench control`: which trials and runs, how they are resumed, and what the report says of them."""
+"""`worm3d study control`: which trials and runs, how they are resumed, and what the report says of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does not pay in `worm3d bench control`: to rest, to be slow, to look at nothing, or to go by its rules."""
+"""What does not pay in `worm3d study control`: to rest, to be slow, to look at nothing, or to go by its rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`worm3d identify`: its runs, what it does with worms that tip, and what it writes."""
+"""`worm3d study identify`: its runs, what it does with worms that tip, and what it writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`worm3d technologies`: what it finds follows from its runs, and what cannot be compared is refused in words."""
+"""`worm3d study technologies`: what it finds follows from its runs, and what cannot be compared is refused in words."""
 
 import csv
 from dataclasses import replace

@@ -1,0 +1,216 @@
+"""The commands of `worm3d study`: studies that are sweeps, and those that are programs of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from scenes.commands.arguments import (
+    CaseLimit,
+    Force,
+    ForceAll,
+    NoCode,
+    Out,
+    Overrides,
+    Quiet,
+    RetryFailed,
+    SceneArgument,
+    Workers,
+    file_option,
+)
+from scenes.language.errors import SceneError
+
+SWEPT = "swept"
+"""Command of the studies that are sweeps, which are scenes and no commands."""
+
+
+class _Studies(TyperGroup):
+    """Hands to `SWEPT` what names no command."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        named = args and args[0] in {*self.commands, *self.get_help_option_names(ctx)}
+        parsed: list[str] = super().parse_args(ctx, args if named else [SWEPT, *args])
+        return parsed
+
+
+study = typer.Typer(cls=_Studies, rich_markup_mode=None)
+
+
+@study.callback(epilog="Options of the studies that are sweeps: 'worm3d study friction --help'.")
+def _studies() -> None:
+    """Run a study; without a name they are listed.
+
+    A study is a sweep with its table, its figure and what a designer learns from it in sentences, or one of the
+    programs below.
+    """
+
+
+@study.command(SWEPT, hidden=True)
+def swept(
+    context: typer.Context,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="A study, or a scene with a section [sweep]; without: a list."),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Run all studies, and write one report of what they tell.")
+    ] = False,
+    o: Overrides = None,
+    workers: Workers = None,
+    case_limit_s: CaseLimit = None,
+    retry_failed: RetryFailed = False,
+    out: Out = None,
+    force: ForceAll = False,
+    quiet: Quiet = False,
+    no_code: NoCode = False,
+) -> None:
+    """Run a study: a sweep, its table and figure, and what a designer learns from it in sentences.
+
+    Without a name the studies are listed. A scene with a section [sweep] is run too; [study] says what it is to tell.
+    Beside what 'worm3d sweep' writes there are study.md, study.csv and study.png. Each number has an error: a case runs
+    with run.accuracy=0.01 unless the scene or -o says otherwise.
+    """
+    from scenes.studies.study import command
+    from scenes.sweep.command import Options
+
+    options = Options(workers=workers, case_limit_s=case_limit_s, retry_failed=retry_failed, force=force, quiet=quiet)
+    if every:
+        if name is not None or o:
+            raise SceneError("study: --all runs the studies as they are; leave out the name and -o")
+        raise typer.Exit(command.run_all(out, options))
+    if name is not None:
+        raise typer.Exit(command.run(name, o or (), out, options))
+    command.list_studies()
+    for other, program in context.parent.command.commands.items():  # type: ignore[union-attr]
+        if not program.hidden:
+            typer.echo(f"{other}  {program.get_short_help_str(150)}")
+
+
+@study.command()
+def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Reproduce the paper's tables and figures.
+
+    With the verdict on each of its claims, and the differences between its text and its program.
+    """
+    from scenes.studies.paper import report
+
+    raise typer.Exit(report.run(out, force, quiet))
+
+
+@study.command()
+def validate(
+    out: Out = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Leave out the spreads over what is not published.")] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare the models with published numbers.
+
+    Closed forms, and what was measured on robots and animals, a scene each: what the model gives, what was published,
+    the ratio, and whether trends have the right sign. What the model misses is said, and is no failure of the command.
+    """
+    from scenes.studies.validate import report
+
+    raise typer.Exit(report.run(out, quick=quick, force=force, quiet=quiet))
+
+
+@study.command()
+def technologies(
+    scene: SceneArgument,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="One of the technologies; repeatable.")
+    ] = None,
+    o: Overrides = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    no_code: NoCode = False,
+) -> None:
+    """Run the worm of a scene, with its gait, on each actuator technology.
+
+    Speed, cost of transport, energy drawn, the best period, and what limits each (speed, force, stroke, heat), found by
+    taking one limit after the other away. Writes technologies.csv, technologies.md, also with the sources of the
+    numbers, and technologies.png. Takes half a minute. Keys of the section [actuator] hold for all of them.
+    """
+    from scenes.studies.technologies import command
+
+    raise typer.Exit(command.run(scene, o or (), only or (), out, force=force, quiet=quiet))
+
+
+@study.command()
+def identify(
+    scene: SceneArgument,
+    o: Overrides = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    no_code: NoCode = False,
+) -> None:
+    """Find out how the worm of a scene crawls and turns.
+
+    Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
+    controllers need, kept for them, with its error and a figure. Takes a minute or two.
+    """
+    from scenes.models.loading import load_scene
+    from scenes.studies.identify import command
+
+    raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
+
+
+@study.command()
+def control(
+    out: Out = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed from which trials are drawn.")] = 0,
+    seeds: Annotated[int, typer.Option("--seeds", help="Number of such seeds, from --seed on.")] = 1,
+    count: Annotated[int, typer.Option("--trials", help="Number of trials that are drawn from each seed.")] = 30,
+    trials: Annotated[
+        list[str] | None,
+        typer.Option("--trial", help="Only this trial, by its number or name, or this class of trials; several."),
+    ] = None,
+    controllers: Annotated[
+        list[str] | None,
+        typer.Option("--controller", help="A controller of yours beside those that ship, module:Class; several."),
+    ] = None,
+    o: Overrides = None,
+    workers: Annotated[int, typer.Option("--workers", help="Processes that share the runs.")] = 1,
+    quick: Annotated[bool, typer.Option("--quick", help="Two short trials only.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Print the trials, as commands that run them, and end.")] = False,
+    quiet: Quiet = False,
+    no_code: NoCode = False,
+) -> None:
+    """Measure the controllers.
+
+    Tasks, worms, grounds and sensors are drawn from a seed. Model predictive control, the baselines and controllers of
+    yours all run the same trials, and get a score by how far the worm is from where it ought to be, with one line for
+    each (rules: scenes/studies/bench/CONTROL.md). Started again on the same --out it goes on with what the same
+    programs, scenes and map of the worm have not run yet. Ends with 5 if a trial was lost.
+    """
+    from scenes.studies.bench import control_report as report
+
+    options = report.Options(seed, seeds, count, trials or (), controllers or (), o or (), quick, workers)
+    raise typer.Exit(report.show(options) if show else report.run(out, options, quiet=quiet))
+
+
+@study.command()
+def gait(
+    to: Annotated[Path, file_option("--to", help="Recordings of waves: a CSV file, scenes/README.md.")],
+    use: Annotated[
+        list[str] | None,
+        typer.Option("--use", metavar="NAME", help="Recording to fit, repeatable; the others are predicted. Else all."),
+    ] = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fit a chain of neurons to the waves of recorded animals.
+
+    Finds the waves in a recording and their delays from band to band, and a chain, gait 'ei_chain', with these delays
+    that noise in its constants disturbs little. Writes gait.toml, a scene of it, gait.csv and gait.json, its delays
+    beside those of the recordings and of a uniform wave, and gait.png. Takes a minute or two.
+    """
+    from scenes.studies.gait_fit import command
+
+    raise typer.Exit(command.run(to, use or (), out, force=force, quiet=quiet))
