@@ -8,7 +8,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 DISTRIBUTION = "worm3d"
-"""Tells this package from python-control's, which has the same import name."""
+"""Distinguishes this package from the package of python-control, which has the same import name."""
 _MOVED = {
     "control.estimator": "control.estimation.estimator",
     "control.generator": "control.gaits.steering",
@@ -22,7 +22,7 @@ _MOVED = {
     "control.sensors": "control.sensing.sensors",
     "control.steering": "control.gaits.steering",
 }
-"""Former name of each module that users imported by it; it still leads to the module."""
+"""Former name of each module that users imported; the former name still works."""
 
 
 class _FormerNames(MetaPathFinder, Loader):
@@ -37,7 +37,7 @@ class _FormerNames(MetaPathFinder, Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Give the module, which has been executed under its own name, its own specification back."""
+        """Restore the specification of the module, which has been executed under the new name."""
         assert module.__spec__ is not None
         module.__spec__ = module.__spec__.loader_state
 

@@ -1,16 +1,15 @@
-"""Baselines for the MPC to be compared with, in the same interface and with the same identified map.
+"""Baselines for a comparison with the MPC, with the same interface and the same identified map.
 
-`OpenLoop` feeds forward only: the wave whose mean speed and turn rate are, by the map, those of the reference.
-`PiLineOfSight` adds feedback from the same estimator as the MPC's. With speed V and heading h of the estimate, the
-path's heading psi, its curvature kappa and the offset e to the left of it (L2),
+`OpenLoop` is feed-forward only: the wave has the reference's mean speed and turn rate according to the map.
+`PiLineOfSight` adds feedback from the same estimator as in the MPC. With the estimated speed V and heading h, the
+heading psi and curvature kappa of the path, and the offset e to the left of the path (L2),
 
     V_cmd = V_ref + K_p (V_ref - V) + K_i int (V_ref - V) dt                                                   (B1)
     h_ref = psi - arctan(e / reach),  + backwards              line of sight                                   (B2)
     w_cmd = kappa V_ref + K_h (h_ref - h)                      (h_ref' instead of kappa V_ref without a path)  (B3)
 
-and amplitude, frequency and steering are again those of the map. The integral stands still while V_cmd cannot be
-reached, and is bounded. (B2) is Fossen's guidance law (Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd
-edition, 12.4).
+and the map again gives amplitude, frequency and steering. The integral is frozen while V_cmd cannot be reached, and is
+bounded. (B2) is Fossen's guidance law (Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd edition, 12.4).
 """
 
 from __future__ import annotations
@@ -32,13 +31,13 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 REACHED = 0.01
-"""Largest share of a speed by which the map's wave may miss it for the speed to count as reachable."""
+"""Largest relative error of the map's wave at a speed that counts as reachable."""
 MAX_TRIM = 0.5
 """Bound of the integral in (B1), as a share of the reference speed."""
 
 
 class _Baseline(WaveController):
-    """A controller that goes by the identified map alone; parameters are those of `control.loop.WaveController`."""
+    """A controller that uses only the identified map; parameters as for `control.loop.WaveController`."""
 
     source: Source
 
@@ -47,7 +46,7 @@ class _Baseline(WaveController):
         super().__init__(task, estimator=estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
-        """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
+        """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest speed the worm stands."""
         amplitude, frequency, steering = map(float, self.feed_forward(speed, turn_rate))
         if not self.feed_forward.goes(speed):
             amplitude, steering = 0.0, 0.0
@@ -61,12 +60,12 @@ class _Baseline(WaveController):
 
 
 class OpenLoop(_Baseline):
-    """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected."""
+    """Feed-forward without feedback, so that effects outside the map are not corrected."""
 
     source: Source = "open_loop"
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         super().reset()
         self._progress = 0.0
 
@@ -82,10 +81,10 @@ class OpenLoop(_Baseline):
 class Gains(Spelled):
     """Gains of (B1) to (B3).
 
-    Tuned on the default worm at 0.08 m/s with the sensors' default noise, by runs of a minute: seven pairs of reach
-    (0.1 to 0.2) and K_h (0.8 to 1.8) on line, circle and S-curve with the seeds 10 and 11, with mean rms offsets of
-    0.0023 (chosen) to 0.0029 body lengths; then four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3) for the least error of
-    the speed in steps, in a sine and in a pipe.
+    The gains were tuned on the default worm at 0.08 m/s with the sensors' default noise, in runs of a minute. First,
+    seven pairs of reach (0.1 to 0.2) and K_h (0.8 to 1.8) on line, circle and S-curve with the seeds 10 and 11 gave
+    mean rms offsets of 0.0023 (chosen) to 0.0029 body lengths. Then, four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3)
+    were compared for the least error of the speed in steps, in a sine and in a pipe.
     """
 
     speed: float = parameter(0.6, ge=0, meaning="K_p, gain of the speed")
@@ -115,11 +114,11 @@ class PiLineOfSight(_Baseline):
         estimator: type[Estimator] = Estimator,
         gains: Gains | None = None,
     ) -> Self:
-        """Return the controller for a task; model, estimator and gains are those that ship unless others are given."""
+        """Return the controller for a task, by default with the supplied model, estimator and gains."""
         return cls(task, observed(task, model, estimator)[1], gains)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         super().reset()
         self._trim, self._heading_is_known = 0.0, KnownHeading()
         self._near: float | None = None
@@ -145,7 +144,7 @@ class PiLineOfSight(_Baseline):
         return abs(made - abs(speed)) <= REACHED * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
-        """Return w_cmd, (B2) and (B3); like the MPC it turns as the path does until the heading is known."""
+        """Return w_cmd, (B2) and (B3); as in the MPC, the turn rate of the path until the heading is known."""
         reference = self.reference
         if not self._heading_is_known(estimate, self.generator.waves):
             return turn_of_path(reference, t, estimate.position)
@@ -158,5 +157,5 @@ class PiLineOfSight(_Baseline):
             s, wanted = 0.0, float(reference.heading(t))
         else:
             return 0.0
-        # The remainder lies in [-pi, pi]; opposite angles have opposite ones.
+        # The remainder lies in [-pi, pi]; opposite angles have opposite remainders.
         return turn_rate(reference, t, s) + self.gains.heading * math.remainder(wanted - estimate.heading, math.tau)

@@ -1,9 +1,9 @@
-"""Controllers and their parts by name, as scenes choose them: those that ship, and a user's own as `module:Class`.
+"""Controllers and their parts by name, as used in scenes: supplied classes, and a user's classes as `module:Class`.
 
-A controller of your own is a class, marked as one (`control.parts`), with the class method `of(task)`, which takes a
-`control.task.ControlTask` and returns an object with the methods of `worm3d.Controller`: `reset()` and
+A user's controller is a class that is marked as a controller (`control.parts`), with the class method `of(task)`. The
+method takes a `control.task.ControlTask` and returns an object with the methods of `worm3d.Controller`: `reset()` and
 `step(t, measurement)`, which returns a `worm3d.Command`. An `of` without an argument `task` gets the fields of the
-task. If it is a `control.loop.WaveController`, runs also record its decisions and estimates. What ships has a row in
+task. Runs also record the decisions and estimates of a `control.loop.WaveController`. Each supplied class has a row in
 `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
 """
 
@@ -27,10 +27,10 @@ class Listed(NamedTuple):
     """A part that can be named."""
 
     title: str
-    """What it is, for help texts."""
+    """Description for help texts."""
     module: str
     name: str
-    """Name of its class in that module."""
+    """Name of the class in the module."""
 
 
 CONTROLLERS = {
@@ -52,12 +52,12 @@ MODELS = {"reduced": Listed("the worm averaged over a wave, (R1)", "control.esti
 
 
 def controller(name: str) -> Any:
-    """Return the class of a controller, which is imported only now: its solvers take a while.
+    """Return the class of a controller; the import happens in this call, since the solvers take a while.
 
     Raises
     ------
     ValueError
-        There is no such controller, or what has that name is none.
+        There is no such controller, or the object of this name is no controller.
     """
     return _found(CONTROLLERS, name, CONTROLLER)
 
@@ -73,7 +73,7 @@ def model(name: str) -> Any:
 
 
 def refused(name: str, parts: Mapping[str, Any]) -> str | None:
-    """Return which of some parts, arguments of its `of`, a controller does not take; None if it takes all.
+    """Return the first part that is no argument of the controller's `of`; None if all are arguments.
 
     Raises
     ------
@@ -92,16 +92,16 @@ def made(name: str, task: ControlTask, **parts: Any) -> Driver:
     Parameters
     ----------
     name
-        Of `CONTROLLERS`, or `module:Class`.
+        Key of `CONTROLLERS`, or `module:Class`.
     task
-        What it is made for.
+        Task of the controller.
     **parts
-        Further arguments of its `of`, such as `terms` of the cost.
+        Further arguments of `of`, such as `terms` of the cost.
 
     Raises
     ------
     ValueError
-        There is no such controller, it has no such part, or what it returns is no controller.
+        There is no such controller, the controller has no such part, or `of` returns no controller.
     """
     from control.guest import Guest  # imports the solvers
     from control.loop import WaveController

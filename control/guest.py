@@ -1,9 +1,10 @@
 """Controllers that are not built on `control.loop.WaveController`, in the same loop: their decisions are timed.
 
-A guest has the methods `reset()` and `step(t, measurement)`, which returns a `worm3d.Command`; it sees what the sensors
-give. Metrics average over a commanded wave: if the guest has an attribute `waves`, the phase that it commands, by that,
-else by the frequency that suits the identified map. Where it raises an exception the worm rests until it returns again;
-the first one is logged, and all are a fault.
+A guest has the methods `reset()` and `step(t, measurement)`, which returns a `worm3d.Command`; the guest gets the
+measurements of the sensors. Metrics average over a commanded wave. The wave follows from the attribute `waves` of the
+guest, the commanded phase, if there is one, and otherwise from the frequency that suits the identified map. If a step
+raises an exception, the worm rests until a step succeeds again. The first exception is logged, and all exceptions
+together are reported as a fault.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Guest(Driver):
-    """A controller of another kind as a `Driver`: a decision is recorded once a control period."""
+    """A controller of another kind as a `Driver`; a decision is recorded once per control period."""
 
     def __init__(self, guest: Controller, task: ControlTask) -> None:
         self.guest = guest
@@ -38,7 +39,7 @@ class Guest(Driver):
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         super().reset()
         self.guest.reset()
         self._waves, self._steps = 0.0, 0
@@ -54,7 +55,7 @@ class Guest(Driver):
 
     @property
     def faults(self) -> list[Fault]:
-        """Those of every controller, and that the guest raised exceptions."""
+        """Faults as for every controller, and exceptions that the guest raised."""
         if not self._raised:
             return super().faults
         times, complaints = zip(*self._raised, strict=True)
@@ -63,7 +64,7 @@ class Guest(Driver):
         return [*super().faults, Fault(times[0], RAISED, what, "see the first one's traceback, above or in the log")]
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the guest's command from time t [s] on, or rest where it raised an exception."""
+        """Return the guest's command from time t [s] on, or rest if the guest raised an exception."""
         elapsed = self._elapsed(t)
         self.watch.look(t, self.gate(t, measurement, moving=self._moves), self._estimate)
         complaint, began = "", perf_counter()

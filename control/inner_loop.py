@@ -1,15 +1,17 @@
-"""The inner loop: each chamber is told as much more, and as much earlier, as its strain shows that it does too little.
+"""The inner loop: each command is increased and advanced to compensate the measured weakness and delay of the chamber.
 
 With the gain g and phase d of a chamber, (CG1) of `control.estimation.chamber_gains`, and the standard deviation of
-both, the chamber is told the wave times 1/g and ahead by -d, as far as they are known to differ from 1 and 0:
+both, the command of the chamber is the wave times 1/g and ahead by -d. The correction is limited to the significant
+differences of g and d from 1 and 0:
 
     told = exp(-c r(log g)) wave(psi - c r(d)),   r(e) = e e^4/(e^4 + e_0^4),                                 (IL1)
     e_0^2 = dead_band^2 + (surely doubt)^2,       c = fits^8/(fits^8 + misfit^8)
 
-Where gain and phase do not explain the strains, as with stiff actuators, whose two chambers fight, little is corrected.
-The gains are identified from the commands that were given, and not from what is left of an error, so that neither delay
-nor noise of the strains makes the loop unstable. Commands end at the stroke of the worm. A planner that keeps to the
-amplitude that all chambers can follow was slower by 10 %: its waves were faster, in which slow chambers do still less.
+If gain and phase do not explain the strains, as with stiff actuators, whose two chambers fight, the correction is
+small. The gains are identified from the given commands instead of a remaining error, so that neither delay nor noise of
+the strains makes the loop unstable. Commands are limited to the stroke of the worm. A planner that was limited to the
+amplitude of the weakest chamber was slower by 10 %: such a planner uses faster waves, in which slow chambers contract
+even less.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from worm3d.values.spelling import Spelled
 @documented
 @dataclass(frozen=True, kw_only=True)
 class InnerLoop(Spelled):
-    """Law by which chambers are told more, or earlier, than the wave, (IL1)."""
+    """Law that increases and advances the commands of the chambers, (IL1)."""
 
     dead_band: float = parameter(
         0.03, gt=0, meaning="relative error of a gain, and phase in rad, that is half corrected"
@@ -52,5 +54,5 @@ class InnerLoop(Spelled):
 
 
 def _real(error: FloatArray, band: FloatArray) -> FloatArray:
-    """Return errors, the less of them the less they are beyond a band."""
+    """Return errors, attenuated inside and near a band."""
     return np.asarray(error * error**4 / (error**4 + band**4))

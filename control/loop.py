@@ -1,9 +1,10 @@
 """The loop that all controllers of this package share, from measurements to the commands of a wave.
 
-At every step the measurement passes the gate, the estimator (if there is one) takes what is left of it, and the wave
-generator gives the command, which the inner loop corrects chamber by chamber. Once a control period the wave's
-parameters are chosen and the decision is recorded; a choice that raises an exception leaves those in force, and after a
-while rest. Meanwhile the watch looks for faults, and a segment of which a chamber does not obey is held still.
+At every step the measurement passes the gate, the estimator (if there is one) takes the samples that pass, and the wave
+generator gives the command, which the inner loop corrects chamber by chamber. Once per control period the parameters of
+the wave are chosen and the decision is recorded. If the choice raises an exception, the parameters in force are kept,
+and after several exceptions the worm rests. The watch looks for faults, and a segment with a chamber that does not obey
+is held still.
 """
 
 from __future__ import annotations
@@ -44,13 +45,14 @@ Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 MOST_KEPT = 5
-"""Largest number of times in a row that a plan, or parameters, are kept for want of anything better."""
+"""Largest number of times in a row that a plan, or parameters, are kept for lack of a better choice."""
 KNOWN = 0.08
-"""Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
+"""Standard deviation below which the heading counts as known [rad]; with a larger deviation the worm leaves the
+path."""
 LONGEST_START = 3.0
-"""Waves after which the worm is steered whatever is known of its heading."""
+"""Number of waves after which the worm is steered even if the heading is unknown."""
 LONGEST_COMPLAINT = 200
-"""Number of characters of an exception's text that are kept."""
+"""Greatest length of an exception's text in characters."""
 STILL = 1e-6
 """Frequency of a wave that stands still [Hz]."""
 BLOCKED = "no way is left past an obstacle that has come into sight: the worm stops before it"
@@ -59,99 +61,99 @@ _LOG = logging.getLogger(__name__)
 
 
 class Choice(NamedTuple):
-    """Gait parameters that a controller chose, and why."""
+    """Gait parameters that a controller chose, and the reason."""
 
     source: Source
     parameters: GaitParameters
     status: str
-    """Sentence of the plan, or why there is none."""
+    """Sentence of the plan, or the reason why there is no plan."""
     plan: Plan | None = None
-    """Plan of this instant, whether it was accepted or not."""
+    """Plan of this instant, accepted or not."""
     failed: bool = False
     """Whether something better should have been available, such as an accepted plan."""
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Record of a choice of the gait parameters and of what the controller knew."""
+    """Record of a choice of the gait parameters and of the controller's knowledge."""
 
     time: float
-    """Time from which on the parameters are in force [s]."""
+    """Start time of the parameters [s]."""
     source: Source
-    """Where they come from: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the last
-    parameters ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), a user's own controller ("own"), or another
+    """Source of the parameters: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the
+    last parameters ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), a user's controller ("own"), or another
     gait in a pipe ("climb")."""
     parameters: GaitParameters
     estimate: Estimate | None
-    """Estimate of that time; None for a controller without estimator."""
+    """Estimate at this time; None for a controller without estimator."""
     status: str = ""
-    """Sentence of the solver, or why it was not asked or not followed; empty where nothing is solved."""
+    """Sentence of the solver, or the reason why the solver was not called or not followed; empty without a solver."""
     failed: bool = False
     """Whether something better should have been available."""
     iterations: int = 0
     cost: float = nan
-    """Cost of the plan; NaN where nothing is minimised."""
+    """Cost of the plan; NaN without a minimisation."""
     seconds: float = 0.0
     """Wall time of the decision, estimator included [s]."""
     horizon: FloatArray | None = None
-    """Predicted way of the centre of mass [m], shape (H + 1, 2)."""
+    """Predicted path of the centre of mass [m], shape (H + 1, 2)."""
     chamber_gain: FloatArray | None = None
-    """Gain of each chamber over a healthy one's, as it is known by now, shape (N, 2); None where nobody looks."""
+    """Present gain of each chamber relative to a healthy chamber, shape (N, 2); None without an estimator."""
     chamber_phase: FloatArray | None = None
-    """Phase by which each chamber is ahead of a healthy one [rad], shape (N, 2)."""
+    """Phase lead of each chamber over a healthy chamber [rad], shape (N, 2)."""
 
 
 class Estimates(Protocol):
     """A source of estimates, such as `control.estimation.estimator.Estimator`."""
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement at time t [s]; the parameters were asked for since the call before."""
+        """Take a measurement at time t [s]; the parameters have been commanded since the call before."""
 
     def estimate(self, t: float) -> Estimate | None:
-        """Return the estimate of time t [s], that of the last measurement, if there is one; it is seldom asked for."""
+        """Return the estimate at time t [s], the time of the last measurement; None if there is none. Called seldom."""
 
 
 @runtime_checkable
 class LearnsTurning(Protocol):
-    """A source of estimates that can be told how the worm turns now."""
+    """A source of estimates that accepts the present turning ability of the worm."""
 
     def turns(self, gain: float) -> None:
-        """Take in that the worm turns by about so much of what its map says from now on."""
+        """Set the ratio of the worm's turn rate to the turn rate of the map from now on."""
 
 
 @runtime_checkable
 class LearnsGround(Protocol):
-    """A source of estimates that learns the slope of the ground, and can be told to learn it anew."""
+    """A source of estimates that learns the slope of the ground, and can forget the slope."""
 
     def forget_ground(self) -> None:
         """Forget the ground."""
 
 
 class Driver(ABC):
-    """What drives a worm in a scene: its decisions are recorded, measurements pass a gate, a watch looks for faults.
+    """Driver of a worm in a scene: decisions are recorded, measurements pass a gate, and a watch looks for faults.
 
     Parameters
     ----------
     task : ControlTask
     feed_forward : FeedForward
-        What the worm can do, and the frequency that suits it.
+        Abilities of the worm, and the preferred frequency.
     estimator : Estimates, optional
 
     Attributes
     ----------
     decisions : list of Decision
-        `seconds` of each is the time of all steps since the decision before, estimates and commands included.
+        Decisions so far; `seconds` is the time of all steps since the decision before, with estimates and commands.
     failures : int
-        Decisions that should have come about in a better way: without an accepted plan, or by an exception.
+        Number of decisions without an accepted plan, or after an exception.
     """
 
     plans: ClassVar[bool] = False
-    """Whether it plans, so that plans can fail."""
+    """Whether the driver plans, so that plans can fail."""
     senses: ClassVar[tuple[str, ...]] = ()
-    """Names of the channels that it needs and not every robot has."""
+    """Names of the needed channels that not every robot has."""
 
     def __init__(self, task: ControlTask, feed_forward: FeedForward, estimator: Estimates | None = None) -> None:
         self.task, self.worm, self.reference, self.control_period = task, task.worm, task.reference, task.period
@@ -162,7 +164,7 @@ class Driver(ABC):
         self._frequency = feed_forward.frequency
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         if self.estimator is not None:
             self.estimator.reset()
         self.gate.reset()
@@ -186,20 +188,20 @@ class Driver(ABC):
 
     @property
     def faults(self) -> list[Fault]:
-        """What keeps the worm from doing what it is asked for, as far as that shows."""
+        """Detected faults that keep the worm from following the reference."""
         return self.watch.faults
 
     @property
     def overruns(self) -> int:
-        """Number of control periods of which the computation took longer than they last."""
+        """Number of control periods with a computation longer than the period."""
         return sum(decision.seconds > self.control_period for decision in self.decisions)
 
     @abstractmethod
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
+        """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
 
     def _elapsed(self, t: float) -> float:
-        """Return the time since the step before [s]; 0 at the first one."""
+        """Return the time since the step before [s]; 0 at the first step."""
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
         return elapsed
 
@@ -208,22 +210,22 @@ class Driver(ABC):
 
 
 class WaveController(Driver):
-    """A controller for `worm3d.simulate` that decides the parameters of a wave every so often.
+    """A controller for `worm3d.simulate` that chooses the parameters of a wave once per control period.
 
     Parameters
     ----------
     task : ControlTask
     feed_forward : FeedForward, optional
-        The inverse of the task's map if left out.
+        By default the inverse of the task's map.
     estimator : Estimates, optional
-        None: the controller looks at nothing.
+        None for a controller without feedback.
 
     Attributes
     ----------
     held_steering : tuple of HeldSteering or None
-        How the worm steers while a segment is held still, for each segment; empty if that is not known.
+        Steering of the worm while a segment is held still, for each segment; empty if unknown.
     chamber_gains : ChamberGains
-        How far, and how late, the chambers follow their commands.
+        Amplitude and delay of the chambers' response to their commands.
     inner_loop : InnerLoop or None
         Law that corrects the commands by these gains; None where the map has no strains of so many segments.
     """
@@ -248,11 +250,11 @@ class WaveController(Driver):
 
     @classmethod
     def of(cls, task: ControlTask) -> Self:
-        """Return the controller for a task, with the defaults of all its parts."""
+        """Return the controller for a task, with the defaults of all parts."""
         return cls(task)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         super().reset()
         self.generator.schedule = self.task.map.schedule
         self.generator.reset()
@@ -270,7 +272,7 @@ class WaveController(Driver):
         return self.generator.waves
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
+        """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
         began = perf_counter()
         elapsed = self._elapsed(t)
         seen = self.gate(t, measurement, moving=self._target.amplitude != 0.0)
@@ -297,7 +299,7 @@ class WaveController(Driver):
         return command
 
     def _steer_as_held(self) -> None:
-        """Steer as the worm can while one segment is held still, where that is known; otherwise as the whole worm."""
+        """Use the steering known for a segment that is held still; otherwise the steering of the whole worm."""
         self.generator.schedule, steered = self.task.map.schedule, self.feed_forward.found
         if len(self.chambers.held) > 1 or steered.mechanism == "bias":
             return
@@ -333,7 +335,7 @@ class WaveController(Driver):
         self._spent = 0.0
 
     def _chosen(self, t: float, estimate: Estimate | None) -> Choice:
-        """Return the choice, or a stop where the way ends; after an exception the parameters in force, then rest."""
+        """Return the choice, or a stop if the way is blocked; after an exception the parameters in force, then rest."""
         try:
             if self._is_blocked(t, estimate):
                 return Choice("stop", still(self._target), BLOCKED)
@@ -354,7 +356,7 @@ class WaveController(Driver):
         return choice
 
     def _is_blocked(self, t: float, estimate: Estimate | None) -> bool:
-        """Look for obstacles that come into sight, and return whether they leave no way."""
+        """Look for obstacles that come into sight, and return whether the obstacles leave no way."""
         if self._blocked or estimate is None or not estimate.is_placed(self.worm.length):
             return self._blocked
         try:
@@ -372,13 +374,13 @@ class WaveController(Driver):
 
 
 class KnownHeading:
-    """Whether a heading has been known, or sought for long enough, so that a controller steers by it from then on."""
+    """Whether a heading is known, or was sought for long enough, so that a controller uses the heading from then on."""
 
     def __init__(self) -> None:
         self._known = False
 
     def __call__(self, estimate: Estimate, waves: float) -> bool:
-        """Return it for an estimate after so many waves."""
+        """Return whether the heading can be used, for an estimate after a number of waves."""
         self._known = self._known or bool(estimate.deviations[HEADING] < KNOWN) or waves >= LONGEST_START
         return self._known
 
@@ -386,7 +388,7 @@ class KnownHeading:
 def observed(
     task: ControlTask, model: type[ReducedModel] = ReducedModel, estimator: type[Estimator] = Estimator
 ) -> tuple[ReducedModel, Estimator]:
-    """Return the reduced model of a task's worm, and the estimator that goes by it and by the task's sensors."""
+    """Return the reduced model of a task's worm, and the estimator for this model and the task's sensors."""
     reduced = model.of(task.worm, task.map, task.mechanism)
     return reduced, estimator.for_sensors(task.worm, reduced, task.map.schedule, task.sensors)
 
@@ -402,5 +404,5 @@ def rest(in_force: GaitParameters) -> GaitParameters:
 
 
 def still(in_force: GaitParameters) -> GaitParameters:
-    """Return the wave in force, standing still: a worm that lets go of its wave shifts by a hundredth of its length."""
+    """Return the wave in force, standing still: a worm that relaxes shifts by a hundredth of the body length."""
     return replace(in_force, frequency=STILL) if in_force.amplitude != 0.0 else in_force

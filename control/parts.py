@@ -1,15 +1,15 @@
-"""Kinds of parts that scenes take as `module:NAME`, and the decorator that marks a user's own as one of a kind.
+"""Kinds of parts that scenes take as `module:NAME`, and the decorator that marks a user's part as a kind.
 
-A class that is derived from the base class of its kind is marked by that. Anything else is marked by hand, such as a
-controller that shares nothing with those that ship:
+A class that is derived from the base class of a kind is marked by the derivation. Other classes are marked by hand,
+such as a controller that shares nothing with the supplied controllers:
 
     @part("controller")
     class Mine:
         @classmethod
         def of(cls, task): ...
 
-A scene calls nothing that is not marked for the key in which it stands. A section of a scene that `holds` a kind
-(`scenes.language.parts.PartSection`) takes parts of it by a key, by a list, or as sub-sections. The row in this
+A scene calls only parts that are marked for the key of the part. A section of a scene that `holds` a kind
+(`scenes.language.parts.PartSection`) takes parts of this kind by a key, by a list, or as sub-sections. The row in this
 file is enough: schema, `worm3d init` and `list`, errors, saving and loading use the row.
 """
 

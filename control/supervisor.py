@@ -1,17 +1,17 @@
-"""The supervisor: model predictive control with all that is needed for commands to follow, whatever becomes of plans.
+"""The supervisor: model predictive control with fallbacks, so that there is a command even if plans fail.
 
-The wave that it asks for is the first of these that is available:
+The supervisor commands the first available wave of this list:
 
 1. an accepted plan ("mpc"): finite, within the identified ranges, no worse than the plan before and the plain wave,
    and in time;
-2. the last accepted plan as it goes on ("shifted plan"), at most five times in a row;
-3. the plain wave, the feed-forward of the identified map ("gait"), and nothing else until the heading is known: it
-   turns as the path does, or goes straight;
+2. the continuation of the last accepted plan ("shifted plan"), at most five times in a row;
+3. the plain wave, the feed-forward of the identified map ("gait"); until the heading is known this is the only choice,
+   and the wave turns as the path does, or goes straight;
 4. the parameters in force ("gait"), at most five times in a row;
-5. rest ("stop"), as also where the reference asks for (almost) no speed, and at the end of a path that ends.
+5. rest ("stop"), also if the reference wants (almost) no speed, and at the end of a path that ends.
 
-After five failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
-raises it and of whatever type, is a failure of what was asked for, and the next best follows.
+After five failures in a row the search forgets the last plan. The reference's clock never stops. An exception of any
+type and from any source counts as a failure of this choice, and the next choice follows.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ from worm3d.values.named import EXCEPTIONS
 Deadline = Literal["iterations", "wall"]
 
 ROUNDING = 1e-6
-"""Distance by which a plan may be outside the identified ranges, as a share of them."""
+"""Tolerance of the identified ranges for a plan, as a share of the ranges."""
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
-"""Ways to the end of a path below which the worm rests, and beyond which it goes on again [body lengths]."""
+"""Distances to the end of a path below which the worm rests, and from which the worm goes on again [body lengths]."""
 BACKWARDS = "the reference asks for a way backwards, and no wave of this worm goes backwards: it rests"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 ARRIVED = "the worm is at the end of its path"
@@ -75,7 +75,7 @@ class Planner(Protocol):
         """The inverse of the identified map."""
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
 
     def forget(self) -> None:
         """Drop the last plan."""
@@ -97,7 +97,7 @@ class Supervisor(WaveController):
     estimator : Estimates
     mpc : Planner
     deadline : str
-        "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
+        "iterations": a plan may use all given iterations, and runs repeat bit for bit; "wall": a plan that took longer
         than the control period is not accepted.
 
     Raises
@@ -134,13 +134,13 @@ class Supervisor(WaveController):
     ) -> Self:
         """Return the supervisor for a task.
 
-        Model, estimator, terms of the cost and constraints are those that ship unless others are given.
+        The supplied model, estimator, terms of the cost and constraints are the defaults.
         """
         reduced, estimates = observed(task, model, estimator)
         return cls(task, reduced, estimates, GaitMPC(task.worm, task.map, reduced, terms, constraints), deadline)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         super().reset()
         self.planner.reset()
         self._accepted: Plan | None = None
@@ -170,14 +170,14 @@ class Supervisor(WaveController):
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
     def _arrived(self, estimate: Estimate, back: bool = False) -> bool:
-        """Return whether the worm is at the end of its path; from there on it may be pushed back a little.
+        """Return whether the worm is at the end of the path; a small push back from the end does not count.
 
-        The end of the way back is the begin of the path.
+        The end of the way back is the beginning of the path.
         """
         path = self.reference.path
         if path is None or not self.reference.ends:
             return False
-        if not estimate.is_placed(self.worm.length):  # a worm at rest stays at rest, though its place is forgotten
+        if not estimate.is_placed(self.worm.length):  # a worm at rest stays at rest without a position
             return self._is_there and back == self._was_back
         self._near = float(path.project(estimate.position, self._near))
         left = (self._near if back else path.length - self._near) / self.worm.length
@@ -191,12 +191,12 @@ class Supervisor(WaveController):
         return self._parameters(_tried(self.feed_forward, speed, 0.0 if turn is None else turn)[0])
 
     def _speed(self, t: float) -> float:
-        """Return the speed that is asked for [m/s]; NaN if there is none."""
+        """Return the wanted speed [m/s]; NaN if there is none."""
         speed, _ = _tried(lambda: float(self.reference.speed(t)))
         return nan if speed is None else speed
 
     def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
-        """Return a plan, if one is made, and why it is not accepted."""
+        """Return a plan, if one is made, and the reason if the plan is not accepted."""
         plan, complaint = _tried(self.planner.plan, t, estimate, self.reference)
         if not complaint:
             complaint = " ".join(filter(None, _tried(_fault, plan, self.feed_forward.ranges, self._model.mechanism)))
@@ -208,7 +208,7 @@ class Supervisor(WaveController):
         return plan, LATE if plan.seconds > self._longest else ""
 
     def _without(self, t: float, estimate: Estimate, complaint: str, plan: Plan | None) -> Choice:
-        """Return the next best where no plan was accepted."""
+        """Return the next best choice after a plan was not accepted."""
         self._failures += 1
         if self._failures % MOST_KEPT == 0:
             _tried(self.planner.forget)
@@ -225,13 +225,13 @@ class Supervisor(WaveController):
         return Choice("stop", rest(self._target), LOST, plan, failed=True)
 
     def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
-        """Return the parameters of a wave; None without one, or if it is not finite."""
+        """Return the parameters of a wave; None without a wave, or if the wave is not finite."""
         known = wave is not None and all(isfinite(part) for part in wave)
         return _tried(self._model.parameters, wave)[0] if known else None
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
-    """Return what a function returns and an empty text, or None and why it raised an exception."""
+    """Return the result of a function and an empty text, or None and the text of the exception."""
     try:
         return act(*given), ""
     except EXCEPTIONS as error:
@@ -239,7 +239,7 @@ def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
 
 
 def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
-    """Return what is wrong with what should be a plan; nothing if it is one that says itself that it cannot be used."""
+    """Return the defect of a plan; an empty text without a defect, or if the plan's own status is not ok."""
     if not isinstance(plan, Plan) or not isinstance(plan.status, PlanStatus):
         return NO_PLAN
     if np.array([plan.cost, plan.seconds, plan.iterations]).dtype.kind not in "fi":

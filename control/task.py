@@ -1,4 +1,4 @@
-"""Task of a controller: its worm, reference, identified map, mechanism, control period and sensors."""
+"""Task of a controller: worm, reference, identified map, mechanism, control period and sensors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from worm3d.values.spelling import Spelled
 
 @dataclass(frozen=True, eq=False)
 class ControlTask(Spelled):
-    """Everything that a controller is made for.
+    """Everything that a controller is built from.
 
     Raises
     ------
@@ -30,7 +30,7 @@ class ControlTask(Spelled):
 
     worm: Worm
     reference: Reference
-    """What the worm is to do; its path leads around the obstacles that are known from the start."""
+    """Reference of the worm; the path leads around the obstacles that are known from the start."""
     map: Identified
     """Identified map of the waves of the worm."""
     mechanism: Mechanism = "hinge"
@@ -38,7 +38,7 @@ class ControlTask(Spelled):
     period: float = 0.2
     """Time between two decisions [s]."""
     sensors: Mapping[str, Channel] = field(default_factory=dict)
-    """Quality of the sensors by name, as `control.sensing.sensors.Sensors.channels`; usual where nothing is said."""
+    """Quality of the sensors by name, as in `control.sensing.sensors.Sensors.channels`; default quality if left out."""
 
     def __post_init__(self) -> None:
         arguments.instance("worm", self.worm, Worm, "a worm: worm3d.Worm()")
@@ -57,5 +57,5 @@ class ControlTask(Spelled):
         return self.map.maps[self.mechanism]
 
     def fields(self) -> tuple[Any, ...]:
-        """Return the values of all fields in their order, for a controller that takes them one by one."""
+        """Return the values of all fields in order, for a controller that takes the fields as separate arguments."""
         return tuple(getattr(self, each.name) for each in fields(self))

@@ -1,5 +1,5 @@
-"""Planar models of the worm robot of the paper: `published`, its results number for number; `linkage`, put right.
+"""Planar models of the paper's worm robot: `published` reproduces the results, `linkage` has the corrected physics.
 
-Stands alone, so that it can judge the other packages: of these it imports only how arguments are checked
-(`worm3d.values`) and functions compiled (`worm3d.machine.compiled`), no formula.
+The package stands alone as a reference for the other packages: it imports only the checks of arguments
+(`worm3d.values`) and the compilation of functions (`worm3d.machine.compiled`), no formula.
 """

@@ -1,4 +1,4 @@
-"""The planar worm drawn frame by frame as linkages, to GIF or, where ffmpeg is found, to MP4."""
+"""The planar worm drawn frame by frame as linkages, to GIF or, if ffmpeg is found, to MP4."""
 
 from __future__ import annotations
 
@@ -75,9 +75,10 @@ class Movie:
         self._title = axes.set_title("", fontsize=9, loc="left")
 
     def _view(self, ground: float | None) -> tuple[FloatArray, FloatArray]:
-        """Return the lower left and upper right corner of what is shown at first.
+        """Return the lower left and upper right corner of the first view.
 
-        At most three body lengths wide, and then it follows the worm; at most 0.6 of that high, whatever flies off.
+        The view is at most three body lengths wide, and then follows the worm; the height is at most 0.6 of the width,
+        whatever flies off.
         """
         low, high = self.corners.min(axis=(0, 1, 2)), self.corners.max(axis=(0, 1, 2))
         if ground is not None:
@@ -92,7 +93,7 @@ class Movie:
         return low - margin, high + margin
 
     def _follow(self, corners: FloatArray) -> None:
-        """Move the view along the ground where the worm would leave it."""
+        """Move the view along the ground when the worm would leave the view."""
         left, right = self._axes.get_xlim()
         tail, head = float(corners[..., 0].min()), float(corners[..., 0].max())
         if tail < left or head > right:
@@ -122,7 +123,7 @@ class Movie:
             MP4 wanted, but no ffmpeg on this machine.
         """
         suffix = path.suffix.lower()
-        # A GIF counts its delays in hundredths of a second.
+        # A GIF counts delays in hundredths of a second.
         interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1 / fps
         writer = _writer(path, suffix, interval)
         with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path), dpi=DPI):
@@ -139,7 +140,7 @@ class Movie:
 
 def _writer(path: Path, suffix: str, interval: float) -> AbstractMovieWriter:
     if suffix == ".gif":
-        # It rounds the delay down to whole milliseconds.
+        # PillowWriter rounds the delay down to whole milliseconds.
         return PillowWriter(fps=cast(int, (1.0 - 1e-9) / interval))
     if suffix != ".mp4":
         raise ValueError(f"animation file: got {path.name!r}, the ending must be .gif or .mp4")

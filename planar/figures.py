@@ -22,7 +22,7 @@ def centre_of_mass(
     time : ndarray, shape (T,)
         [s].
     curves : mapping of label to ndarray, shape (T,)
-        Centre of mass along x [m]; each is drawn from its own start.
+        Centre of mass along x [m]; each curve is drawn relative to its start.
     axes : Axes, optional
         Where to draw; a new figure if left out.
     """
@@ -39,7 +39,7 @@ def cumulative_cost(
 ) -> tuple[Figure, Axes]:
     """Draw the cumulative cost of transport, shape (S,) [J/m], at the end of each step; see `centre_of_mass`.
 
-    The axis is `logarithmic` where the curves are decades apart.
+    The axis is `logarithmic` if the curves are decades apart.
     """
     figure, axes = _over_time(time, curves, title, "cumulative cost of transport [J/m]", axes)
     if logarithmic:
@@ -55,7 +55,7 @@ def activation(
     unit: str = "",
     axes: Axes | None = None,
 ) -> tuple[Figure, Axes]:
-    """Draw what each segment is told to do over time, the segments one above the other, the head on top.
+    """Draw the command to each segment over time, the segments one above the other, the head on top.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def activation(
     values : ndarray, shape (S, n)
         Activation or force of each segment; zero is drawn at the height of the segment's number.
     quantity, unit : str
-        What the values are.
+        Name and unit of the values.
     axes : Axes, optional
         Where to draw; a new figure if left out.
     """
@@ -87,7 +87,7 @@ def energy_ledger(
     lost: Mapping[str, FloatArray],
     title: str = "Energy",
 ) -> tuple[Figure, Axes]:
-    """Draw where the energy comes from and goes to over time: what comes in is what is stored and lost.
+    """Draw the energy balance over time: the supplied energy equals the stored energy plus the lost energy.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def energy_ledger(
 def space_time(
     panels: Mapping[str, tuple[FloatArray, FloatArray]], ylabel: str, title: str = "Space and time"
 ) -> tuple[Figure, Axes]:
-    """Draw quantities as colours over time and place, a panel for each; return the last axes.
+    """Draw quantities as colours over time and place, a panel for each quantity; return the last axes.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def space_time(
         Name of the quantity with its unit; ndarray, shape (T,) [s]; ndarray, shape (T, n). The colours end at the
         99.5th percentile, so that a short impact does not hide the rest.
     ylabel : str
-        What the places are.
+        Name of the places.
     """
     figure = Figure(figsize=(6.4, 2.6 * len(panels)), layout="constrained", dpi=120)
     rows = np.ravel(figure.subplots(len(panels), 1, sharex=True))
@@ -141,7 +141,7 @@ def space_time(
 
 
 def case_panel(axes: Axes, parameter: FloatArray, values: FloatArray, xlabel: str, ylabel: str) -> None:
-    """Draw a figure of merit over the parameter that was varied, both of shape (C,); gaps are named "none"."""
+    """Draw a figure of merit over the varied parameter, both of shape (C,); gaps are named "none"."""
     order = np.argsort(parameter)
     axes.plot(parameter[order], values[order], "o-")
     for x in parameter[~np.isfinite(values)]:

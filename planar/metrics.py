@@ -3,7 +3,7 @@
     W^(n) = F . (q^{n+1} - q^n)                (P11) with F_contract, (P13) with F_friction
     CoT^(n) = W^(n) / dx_COM^(n)               (P12), (P14)
 
-Source: the paper, section IV. Their siblings with the right units are dimensionless: W / (m g d).
+Source: the paper, section IV. The versions with correct units are dimensionless: W / (m g d).
 """
 
 from __future__ import annotations

@@ -1,20 +1,20 @@
-"""The paper's results, number for number: what its author's program computes.
+"""The paper's results, number for number: a reproduction of the author's program.
 
-A regression target, not physics: the program differs from the paper's text (`worm3d study paper` lists how, and
-measures the effect). Written from a description of what the program computes.
+The module is a regression target, not physics: the program differs from the paper's text (`worm3d study paper` lists
+the differences and measures the effect). The module was written from a description of the program's computations.
 
 The worm of n segments has 3 n + 1 nodes, stored segment by segment: main 0, top 0, bottom 0, main 1, ...,
 main n. Five springs a segment (main to main, and the four links of the rhombus), each with the energy
 
     E = k l0/2 (1 - l/l0)^2                                                         (P7)
 
-One step of implicit Euler solves, on the coordinates that are free,
+One step of implicit Euler solves, on the free coordinates,
 
     f = M/dt ((q - q_k)/dt - u_k) + s gradE - F_friction - F_contract = 0,          (P1), (P3), (P4)
     J = M/dt^2 + s HessE,   q <- q - J^-1 f,                                        (P1), (P2)
 
-with s = -1: the sign of the elastic force is inverted, as (P1) and (P3) print it; s = +1 is mechanics.
-Friction acts along x on the main nodes, from the velocity v at the start of the step, with N_i = m_i g:
+with s = -1: the sign of the elastic force is inverted, as printed in (P1) and (P3); s = +1 is mechanics. Friction acts
+along x on the main nodes, from the velocity v at the start of the step, with N_i = m_i g:
 
     F = -mu_forward N if v > eps,  +mu_backward N if v < -eps,  else 0.             (P10)
 """
@@ -81,7 +81,7 @@ def _p2_newton(
         J[BAND] += mass / dt**2
         norm = float(np.linalg.norm(f[~held]))
         if not np.isfinite(norm):
-            break  # before the solve spreads it over the worm
+            break  # before the solve spreads the value over the worm
         q -= _solve_free(J, f, held, free)
         if norm < p.tolerance:
             break
@@ -121,7 +121,7 @@ def travelling_wave(n: int, T_wave: float, parameters: Parameters) -> Activation
 
 
 class _Worm:
-    """State of the program between steps, and one step of it."""
+    """State of the program between steps, and one step of the program."""
 
     def __init__(self, n: int, activation: Activation, parameters: Parameters, dt: float) -> None:
         self.net = Net(n, parameters)
@@ -169,7 +169,7 @@ class _Worm:
         return _p2_newton(self.net, self.parameters, start, self.u, force, self.held(), self.dt)
 
     def step(self, t: float) -> _Step | None:
-        """Advance to time t by predictor and corrector; None where the gait returns something else."""
+        """Advance to time t by predictor and corrector; None if the gait returns an invalid activation."""
         activation = np.array(self.activation(t), dtype=float)
         if activation.shape != self.net.top.shape or not np.isfinite(activation).all():
             return None
@@ -237,7 +237,7 @@ def simulate(
     Returns
     -------
     Run
-        With what was computed, however the run ended: see `Run.stop`.
+        Run with all computed results, however the run ended: see `Run.stop`.
 
     Raises
     ------
@@ -267,7 +267,7 @@ def _advance(worm: _Worm, steps: int, observer: Observer | None) -> tuple[list[_
     residual = np.zeros(worm.q.size)
     for k in range(1, steps + 1):
         try:
-            with np.errstate(all="ignore"):  # what overflows here is caught by the test of finiteness
+            with np.errstate(all="ignore"):  # the test of finiteness catches an overflow
                 step = worm.step(k * worm.dt)
         except np.linalg.LinAlgError:
             return done, _stop(worm, Status.SINGULAR, k, residual)

@@ -1,4 +1,4 @@
-"""What a run of the published program holds, and the figures of merit that the paper derives from it."""
+"""Results of a run of the published program, and the paper's figures of merit."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ class Run(ReadOnly):
     time: FloatArray
     """Instants, shape (T,) [s]."""
     q: FloatArray
-    """Node positions x, y, shape (T, 3n+1, 2) [m]; main node i is node 3 i, then its segment's top and bottom."""
+    """Node positions x, y, shape (T, 3n+1, 2) [m]; main node i is node 3 i, followed by the segment's top and
+    bottom."""
     start: FloatArray
-    """Positions from which each step was solved: q before it, with touching nodes snapped to the ground, shape
-    (S, 3n+1, 2) [m]."""
+    """Start positions of each step: q before the step, with touching nodes snapped to the ground, shape (S, 3n+1, 2)
+    [m]."""
     contraction_force: FloatArray
     """Shape (S, 3n+1, 2) [N]."""
     friction_force: FloatArray
@@ -51,12 +52,12 @@ class Run(ReadOnly):
 
     @property
     def unconverged_steps(self) -> int:
-        """Number of steps that Newton left above its tolerance (the program goes on)."""
+        """Number of steps that Newton left above the tolerance (the program goes on)."""
         return int((self.residual >= self.parameters.tolerance).sum())
 
     @cached_property
     def reported_com(self) -> FloatArray:
-        """The program's "centre of mass" (T,) [m]: mean of the entries 3 i of (x0, y0, x1, ...), a slip."""
+        """The program's "centre of mass" (T,) [m]: by mistake the mean of the entries 3 i of (x0, y0, x1, ...)."""
         flat = self.q.reshape(len(self.q), -1)
         com: FloatArray = flat[:, 3 * np.arange(self.n + 1)].mean(axis=1)
         return com
@@ -74,16 +75,16 @@ class Run(ReadOnly):
 
     @property
     def inverted_steps(self) -> int:
-        """Number of steps after which some segment is inside out: its top below its bottom, or its head behind."""
+        """Number of steps after which some segment is inside out: the top below the bottom, or the head behind."""
         height = self.q[1:, self.net.top, 1] - self.q[1:, self.net.bottom, 1]
         length = np.diff(self.q[1:, self.net.main, 0], axis=1)
         return int(((height <= 0.0) | (length <= 0.0)).any(axis=1).sum())
 
     @cached_property
     def work_contract(self) -> FloatArray:
-        """Work of the contraction force over each step as the program takes it, with its sign, shape (S,) [J].
+        """Work of the contraction force over each step by the program's rule, with sign, shape (S,) [J].
 
-        (P11), but with dq counted from `start`, after touching nodes were snapped to the ground.
+        This is (P11), but with dq counted from `start`, after touching nodes were snapped to the ground.
         """
         return p11_work(self.contraction_force, self.q[1:] - self.start)
 
@@ -94,7 +95,7 @@ class Run(ReadOnly):
 
     @cached_property
     def work_friction(self) -> FloatArray:
-        """Work of the friction force over each step, (P13), shape (S,) [J]; negative where it dissipates."""
+        """Work of the friction force over each step, (P13), shape (S,) [J]; negative for dissipation."""
         return p11_work(self.friction_force, self.q[1:] - self.start)
 
     @property
@@ -109,12 +110,12 @@ class Run(ReadOnly):
 
     @property
     def work(self) -> float:
-        """Total work as the program counts it: the sum of |F . dq| over the steps [J]."""
+        """Total work by the program's rule: the sum of |F . dq| over the steps [J]."""
         return float(np.abs(self.work_contract).sum())
 
     @property
     def total_cot(self) -> float:
-        """Total cost of transport as the program counts it, work / reported distance [J/m]."""
+        """Total cost of transport by the program's rule, work / reported distance [J/m]."""
         return self.work / self.reported_distance if self.reported_distance != 0.0 else float("nan")
 
     @cached_property
@@ -127,10 +128,10 @@ class Run(ReadOnly):
     def energy_balance_error(self) -> float:
         """|Residual of the energy ledger| over the sum of its absolute terms.
 
-        With U = s E, the potential whose force the program really applies, and dq = q - start of each step:
+        With U = s E, the potential of the force in the program, and dq = q - start of each step:
         F_contract . dq + F_friction . dq + [U(start) - U(q_k)]
         = change of kinetic energy + change of U + numerical loss, where the numerical loss of implicit
-        Euler, m |du|^2/2 + U(start) - U(q) + gradU(q) . dq, is computed on its own.
+        Euler, m |du|^2/2 + U(start) - U(q) + gradU(q) . dq, is computed separately.
         """
         if len(self.time) < 2:
             return 0.0

@@ -1,4 +1,4 @@
-"""The worm of the published program: its constants, and a rhombus of five springs per segment.
+"""The worm of the published program: the constants, and a rhombus of five springs per segment.
 
 E = k l0/2 (1 - l/l0)^2                                                         (P7)
 """

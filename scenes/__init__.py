@@ -1,1 +1,1 @@
-"""Scene files, what runs and studies them, and the command line `worm3d`."""
+"""Scene files, programs that run and study them, and the command line `worm3d`."""

@@ -6,7 +6,7 @@ Start reading at `worm3d/running/simulate.py`, then `worm3d/solver/step.py`, and
 `worm3d/physics/elements.py` and `worm3d/physics/contact.py`; the letters are listed in NOTATION.md.
 
 The public names and their modules are listed once, in `__init__.pyi`, where editors and type checkers find them too
-(those of worlds in `worm3d.worlds`). Each is imported when it is first asked for: gaits and scene checks need no
+(the names of worlds in `worm3d.worlds`). Each name is imported on the first access: gaits and scene checks need no
 compiler.
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 
 _LINES = [line.partition("  #")[0].split() for line in Path(__file__).with_suffix(".pyi").read_text().splitlines()]
 _MODULES = {name: module for _, module, _, *_, name in _LINES if name != "*"}
-"""Module of each public name but those of worlds, which `worm3d.worlds` lists."""
+"""Module of each public name; `worm3d.worlds` lists the names of worlds."""
 _ELSEWHERE = (
     "control.gaits",
     "control.sensing",
@@ -25,7 +25,7 @@ _ELSEWHERE = (
     "planar.published",
     "planar.linkage",
 )
-"""Modules beside this package in which people seek here, for the error that says where a name is."""
+"""Modules outside this package whose names people look for here; the error message names the right module."""
 
 
 def __getattr__(name: str) -> Any:

@@ -1,1 +1,1 @@
-"""What chambers and hinges do beside the wave of a gait: bodies that bend along their path."""
+"""Commands of chambers and hinges beside the wave of a gait: bodies that bend along their path."""

@@ -1,10 +1,11 @@
-"""A controller whose worm also bends along its path, beside the wave that the supervisor decides.
+"""A controller that also bends the worm along its path, beside the wave of the supervisor.
 
-A stiff body has its centre of mass on a curved path, and its ends outside. `Bending` bends it as the path bends under
-it, at both ends (the middle bent as well rolls it over its inner feet); that needs no more time than the supervisor.
+A stiff body has its centre of mass on a curved path, and both ends outside. `Bending` bends both ends of the body like
+the path below (bending the middle as well rolls the worm over the inner feet), and needs no more time than the
+supervisor.
 
-The wave itself is the supervisor's; what planning chambers and hinges within it would gain is told in
-`control/README.md`.
+The supervisor decides the wave itself; `control/README.md` describes the possible gain from planning chambers and
+hinges within the wave.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 STEEPNESS = 1.5
-"""Share of the path's bend that a joint takes at either end of the body, before it is cut to 1; 0 in the middle."""
+"""Share of the path's bend in a joint at either end of the body, before clipping to 1; 0 in the middle."""
 
 
 def along_path(worm: Worm, path: Path, progress: float) -> FloatArray:
-    """Return the hinges that bend a worm as its path bends under it, less in the middle [rad], shape (N - 1,).
+    """Return the hinges that bend a worm like the path below, less in the middle [rad], shape (N - 1,).
 
-    Its centre of mass is at the arc length `progress` [m] of the path.
+    The centre of mass is at the arc length `progress` [m] of the path.
     """
     n = worm.segments
     middles = progress + (np.arange(n) + 0.5 - n / 2.0) * worm.l0
@@ -39,9 +40,9 @@ def along_path(worm: Worm, path: Path, progress: float) -> FloatArray:
 
 
 class Bending(Supervisor):
-    """The supervisor of a worm that also bends along its path; without a path it is the supervisor.
+    """A supervisor that also bends the worm along its path; without a path, the plain supervisor.
 
-    Parameters are those of `control.supervisor.Supervisor`.
+    The parameters are the same as for `control.supervisor.Supervisor`.
     """
 
     generator: BodyWave
@@ -51,7 +52,7 @@ class Bending(Supervisor):
         self.generator = BodyWave(self.generator, self.feed_forward.found, task.worm)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to the initial state."""
         super().reset()
         self._near: float | None = None
 
@@ -66,7 +67,7 @@ class Bending(Supervisor):
         return choice
 
     def _beyond(self, t: float, path: Path, estimate: Estimate, choice: Choice) -> FloatArray:
-        """Return what chambers and hinges do beside the wave from time t [s] on, shape (3 N - 1,)."""
+        """Return the commands of chambers and hinges beside the wave from time t [s] on, shape (3 N - 1,)."""
         if np.isfinite(estimate.position).all():
             self._near = float(path.project(estimate.position, self._near))
         posture = along_path(self.worm, path, self._near or 0.0)

@@ -1,20 +1,20 @@
-"""Wave beside which chambers and hinges do something of their own, and its share of a turn.
+"""Wave with additional commands to chambers and hinges, and the share of the body's bend in a turn.
 
-A body that is bent by the angle B from tail to head, and crawls by d body lengths a wave, is turned by
+A body that is bent by the angle B from tail to head, and crawls by d body lengths a wave, turns by
 
     omega_bend = GUIDED B d                                                                                   (CP1)
 
-a wave, since the feet that stand hold it on its arc. What is left of the turn that is asked for is made by steering the
-wave, by the identified map omega(A, f, s):
+a wave, since the standing feet hold the body on its arc. Steering the wave produces the rest of the wanted turn, by the
+identified map omega(A, f, s):
 
     omega(A, f, s_wave) = omega(A, f, s) - omega_bend,                                                        (CP2)
 
-so that whoever asks for the steering s, and estimates by it, need not know of the bend. It also goes aside, to the left
-of its chord by the angle
+so that a controller which commands the steering s, and estimates with s, need not know of the bend. A bent body also
+moves aside, to the left of the chord by the angle
 
     crab = ASIDE B + c(A, f, s_wave)/d - c(A, f, s)/d                                                         (CP3)
 
-beyond what the map says of the steering that is asked for.
+in addition to the drift of the map for the commanded steering s.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 GUIDED = 0.7
-"""Turn of a bent body over its bend times its way, (CP1): 0.65 to 0.73 on the default worm at amplitude 0.3 and 0.8 Hz,
-bent by 0.56 to 1.1 rad in an arc, at both ends, or at its head."""
+"""Turn of a bent body over bend times distance, (CP1): 0.65 to 0.73 on the default worm at amplitude 0.3 and 0.8 Hz,
+bent by 0.56 to 1.1 rad in an arc, at both ends, or at the head."""
 ASIDE = 0.05
-"""Angle at which a bent body goes to the left of its chord over its bend, (CP3): 0.046 to 0.049 on circles of 0.6 and
+"""Angle of a bent body's motion to the left of the chord, over the bend, (CP3): 0.046 to 0.049 on circles of 0.6 and
 1.5 body lengths with the bend of `control.chambers.controller` (seed 10), up to 0.07 for bends of 1.2 rad."""
 STEERINGS = 65
 """Number of values of the steering among which (CP2) is solved."""
 SMOOTHING = 0.5
-"""Waves in which what is done beside the wave covers 63 % of a change."""
+"""Number of waves after which the commands beside the wave have covered 63 % of a change."""
 
 
 class BodyWave(WaveGenerator):
-    """Wave at run time, beside which chambers and hinges do what `beyond` says.
+    """Wave at run time, with the commands of `beyond` added to chambers and hinges.
 
-    `beyond` holds contractions, left ones first, and hinges [rad], shape (3 N - 1,).
+    `beyond` holds contractions, left before right, and hinges [rad], shape (3 N - 1,).
 
     Parameters
     ----------
     wave : WaveGenerator
-        Whose schedule and blend it has.
+        Wave with the schedule and blend to use.
     found : SteeringMap
-        What the wave does to the worm.
+        Effect of the wave on the worm.
     worm : Worm
     smoothing : float
-        Waves in which it covers 63 % of a change of `beyond`.
+        Number of waves after which the commands have covered 63 % of a change of `beyond`.
     """
 
     def __init__(self, wave: WaveGenerator, found: SteeringMap, worm: Worm, smoothing: float = SMOOTHING) -> None:
@@ -61,7 +61,7 @@ class BodyWave(WaveGenerator):
         super().__init__(wave.schedule, worm, wave.blend)
 
     def reset(self) -> None:
-        """Begin anew, with nothing beside the wave."""
+        """Restart with no commands beside the wave."""
         super().reset()
         self.beyond: FloatArray = np.zeros(3 * self._worm.segments - 1)
         self.given: FloatArray = self.beyond
@@ -78,7 +78,7 @@ class BodyWave(WaveGenerator):
         return Command(np.clip(wave.contraction + contraction, *self._worm.stroke), wave.hinge + hinge)
 
     def allotted(self, target: GaitParameters) -> GaitParameters:
-        """Return the wave that turns the worm by what its bend leaves of a target, (CP2)."""
+        """Return the wave that produces the part of a target's turn that the bend leaves, (CP2)."""
         self.crab = 0.0
         if self.bend == 0.0:
             return target

@@ -1,1 +1,1 @@
-"""Climbing where walls close round the worm: what tells that they do, the gait, its pace, and the controller."""
+"""Climbing between walls that enclose the worm: detection of the walls, gait, pace, and controller."""

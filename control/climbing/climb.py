@@ -1,14 +1,16 @@
 """Climbing at run time: two anchors whose pace a controller may change, with reflexes that limit the load on the wall.
 
-The outward apexes of a segment stand out to the left and to the right. On open ground at most one of them bears a load,
-that of the side on which the worm leans; in a pipe that is as narrow as a contracted segment is wide both do. A segment
-on which both bear more than a share of its weight (`control.gaits.reflexes.TOUCH`) is enclosed.
+The outward apexes of a segment stand out to the left and to the right. On open ground at most one of the two apexes
+bears a load, on the side on which the worm leans; in a pipe as narrow as a contracted segment is wide, both apexes bear
+a load. A segment is enclosed if both apexes bear more than a share of the segment's weight
+(`control.gaits.reflexes.TOUCH`).
 
-All segments contract first, so that both anchors hold; then the gait begins. Its phase accumulates, psi' = pace /
-period; at pace 0 the command stays as it is, and with it an anchor that holds. Reflexes (`control.gaits.reflexes`) act
-on what the gait wants: by default one lets segments give way that press the wall hard, one lets those contract further
-that are to be wide but touch nothing, so that pipes of other radii are climbed, too. At pace 0 segments give way and do
-not come back: two anchors that give way and come back in turn would walk on.
+All segments contract first, so that both anchors hold; then the gait begins. The phase accumulates, psi' = pace /
+period; at pace 0 the command stays constant, and an anchor that holds goes on holding. Reflexes
+(`control.gaits.reflexes`) change the commands of the gait: by default one reflex lets segments that press the wall hard
+give way, and one lets segments that should be wide but touch nothing contract further, so that the worm climbs pipes of
+other radii, too. At pace 0 segments give way and do not recover: two anchors that give way and recover in turn would
+walk on.
 """
 
 from __future__ import annotations
@@ -22,13 +24,13 @@ from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 CLIMB = TwoAnchor(period=2.0, amplitude=0.2, extension=-0.5)
-"""Gait of a worm that climbs: that of the scene `pipe_vertical` in two thirds of the time."""
+"""Gait of a worm that climbs: the gait of the scene `pipe_vertical` in two thirds of the time."""
 REFLEXES: tuple[Reflex, ...] = (WallLoad(), Reach())
 """Reflexes by default, which share the channel "contact_load"."""
 OUTWARD = [2, 5]
 """Columns of the outward apexes, left and right, in the loads of a segment."""
 WEDGING = 0.6
-"""Time in which all segments contract before the gait begins [s]; six time constants of the default actuators."""
+"""Time for the contraction of all segments before the gait begins [s]; six time constants of the default actuators."""
 
 
 class Climb:
@@ -78,6 +80,6 @@ class Climb:
 
 
 def enclosed(worm: Worm, load: FloatArray) -> int:
-    """Return how many segments are enclosed, by the loads of their apexes, shape (N, 6) [N]."""
+    """Return the number of enclosed segments, from the loads of the apexes, shape (N, 6) [N]."""
     touch = TOUCH * worm.mass * GRAVITY / worm.segments
     return int((load[:, OUTWARD] > touch).all(axis=1).sum())

@@ -1,10 +1,10 @@
-"""A controller that crawls where there is room, and climbs where walls close round the worm.
+"""A controller that crawls in open space, and climbs between walls that enclose the worm.
 
 From the first enclosed segment on (`control.climbing.climb`) the worm climbs by two anchors, which need no steering,
-since the wall leads them; their pace follows the speed that is asked for (`control.climbing.way`). When no segment has
-been enclosed for two periods of the gait, the walls have opened: the worm crawls again as `control.supervisor` has it,
-after estimator, search and watch have begun anew, since what they know is of another gait. At the end of a path it
-stops where it is, with an anchor that holds. As it crawls, the reflex `WallLoad` limits what presses the walls, too.
+since the wall leads the worm; the pace follows the reference speed (`control.climbing.way`). When no segment has been
+enclosed for two periods of the gait, the walls have opened: the worm crawls again under `control.supervisor`, after a
+reset of estimator, search and watch, whose data belong to the other gait. At the end of a path the climbing worm stops
+in place, with an anchor that holds. While the worm crawls, the reflex `WallLoad` also limits the load on the walls.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ LOAD = "contact_load"
 OPENED = 2.0
 """Number of periods of the gait without an enclosed segment after which the walls have opened."""
 BLENDING = 0.6
-"""Time in which one gait gives way to the other [s]; six time constants of the default actuators."""
+"""Time of the transition from one gait to the other [s]; six time constants of the default actuators."""
 SMOOTHING = 0.3
-"""Share of a new sample in the place of a worm that climbs: of those of half a second at 20 samples a second."""
+"""Weight of a new sample in the place of a climbing worm: a mean over half a second at 20 samples a second."""
 CLIMBS = "walls close round the worm: it climbs"
 
 
 class Climber(Supervisor):
-    """A supervisor that climbs where walls close round the worm, for sensors that include "contact_load"."""
+    """A supervisor that climbs between walls that enclose the worm, for sensors that include "contact_load"."""
 
     senses = (LOAD,)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to the initial state."""
         super().reset()
         self._load = np.zeros(QUANTITIES[LOAD].shape(self.worm))
         self._limit = WallLoad().start(self.worm)
@@ -57,11 +57,11 @@ class Climber(Supervisor):
 
     @property
     def climbs(self) -> bool:
-        """Whether it climbs at present."""
+        """Whether the worm climbs at present."""
         return self._climb is not None
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
+        """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
         self._load = latest(LOAD, measurement, self._load)
         self._change(t, enclosed(self.worm, self._load) > 0)
         wanted = self._crawled(t, measurement) if self._climb is None else self._climbed(t, self._climb, measurement)
@@ -70,7 +70,7 @@ class Climber(Supervisor):
         return self._given
 
     def _change(self, t: float, closed: bool) -> None:
-        """Change the gait where walls close round the worm, or have opened."""
+        """Change the gait when walls enclose the worm, or have opened."""
         climb = self._climb
         if climb is None and closed:
             self._climb, self._enclosed_at = Climb(self.worm), 0.0
@@ -97,7 +97,7 @@ class Climber(Supervisor):
         self._heading_is_known = _KnownSince(self.generator.waves)
 
     def _crawled(self, t: float, measurement: Measurement) -> Command:
-        """Return the command of the supervisor, less what presses the walls too hard."""
+        """Return the command of the supervisor, reduced where segments press the walls too hard."""
         given = super().step(t, measurement)
         limited = self._limit.step(t, given.contraction, {LOAD: self._load})
         return Command(np.clip(limited, *self.worm.stroke), given.hinge, given.force)
@@ -115,7 +115,7 @@ class Climber(Supervisor):
             began = perf_counter()
         before = climb.phase
         command = climb.step(t, dt, self._pace, {LOAD: self._load})
-        # The commanded phase goes on while the worm waits, as that of a wave of amplitude 0 does.
+        # The commanded phase advances while the worm waits, as with a wave of amplitude 0.
         self.generator.phase += 2.0 * np.pi * ((climb.phase - before) or dt / climb.period)
         self._spent += perf_counter() - began
         return command
@@ -132,7 +132,7 @@ class Climber(Supervisor):
         return Choice("climb", GaitParameters(CLIMB.amplitude, frequency), ARRIVED if arrived else CLIMBS)
 
     def _slow(self, t: float, speed: float) -> Iterator[Fault]:
-        """Yield what keeps a worm that climbs from the speed that is asked for [m/s]."""
+        """Yield the faults that keep a climbing worm from the reference speed [m/s]."""
         advice = "look at the pipe's width, rise and friction, and at what lies in it"
         fastest = self._way.fastest
         if self._way.idle >= STUCK:
@@ -143,7 +143,7 @@ class Climber(Supervisor):
             yield Fault(t, "too slow", what, f"ask for less speed; {advice}")
 
     def _estimate(self, t: float) -> Estimate | None:
-        """Return the estimate; of a worm that climbs the place and speed alone are those of that time."""
+        """Return the estimate; for a climbing worm only place and speed are up to date."""
         last = super()._estimate(t)
         if self._climb is None or last is None or self._com is None:
             return last
@@ -153,7 +153,7 @@ class Climber(Supervisor):
         return replace(last, time=t, state=last.state._replace(x=x, y=y, speed=speed, slip=0.0, turn_rate=0.0))
 
     def _blended(self, t: float, wanted: Command) -> Command:
-        """Return the command on the way from one gait to the other."""
+        """Return the command during the transition from one gait to the other."""
         if self._blended_from is None or t - self._blended_from[0] >= BLENDING:
             return wanted
         since, old = self._blended_from

@@ -1,11 +1,11 @@
-"""The way of a worm that climbs, and the pace that keeps it to a speed.
+"""The way of a worm that climbs, and the pace for a wanted speed.
 
-The centre of mass is averaged over each period of the gait. With the stride d from mean to mean, along the path or, if
-there is none, in space, and the mean d_bar of it and the one before,
+The centre of mass is averaged over each period of the gait. With the stride d from mean to mean, along the path or,
+without a path, in space, and the mean d_bar of this stride and the previous stride,
 
     pace = V_ref period / d_bar   [periods of the gait's own], at least PACES[0], at most PACES[1]            (PC1)
 
-and the pace is 0 where no speed is asked for.
+and the pace is 0 for a reference speed of 0.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from worm3d.values.arrays import FloatArray
 
 PACES = (0.25, 1.5)
 """Least and greatest pace. At twice the pace the default actuators, with a lag of 0.1 s, leave out half of each change;
-below a quarter a period takes 8 s, in which the worm may as well stop and wait."""
+below a quarter a period takes more than 8 s, and the worm may as well stop and wait."""
 LEAST_STRIDE = 0.01
-"""Stride below which a worm makes no way [body lengths]; noise of 5 mm makes strides of 1 mm."""
+"""Stride below which a worm counts as standing [body lengths]; noise of 5 mm makes strides of 1 mm."""
 STUCK = 4
 """Number of periods without way in a row after which a worm is stuck."""
 JUDGED = 3
-"""Number of strides by which it is judged how fast a worm can go."""
+"""Number of strides for judging the greatest speed of a worm."""
 
 
 @dataclass
 class Way:
-    """Progress of a worm of some length [m], of which the gait has a period [s], along a path if there is one."""
+    """Progress of a worm of the given length [m] and gait period [s], along a path if there is one."""
 
     path: Path | None
     length: float
@@ -57,7 +57,7 @@ class Way:
             self._samples.append(np.asarray(com, dtype=float))
 
     def pace(self, speed: float) -> float:
-        """Return the pace for a speed [m/s], (PC1); the gait's own before the first stride."""
+        """Return the pace for a speed [m/s], (PC1); the gait's own pace before the first stride."""
         if not speed > 0.0:
             return 0.0
         if math.isnan(self.stride):
@@ -66,7 +66,7 @@ class Way:
 
     @property
     def fastest(self) -> float:
-        """Speed that the longest of the last strides makes at the greatest pace [m/s]; infinite before these."""
+        """Speed from the longest of the last strides at the greatest pace [m/s]; infinite before the first strides."""
         last = self._strides[-JUDGED:]
         return PACES[1] * max(last) / self.period if len(last) == JUDGED else math.inf
 

@@ -1,16 +1,16 @@
-"""Gains and phases of the chambers: how far, and how late, each follows its command, found from the strains.
+"""Gains and phases of the chambers: amplitude and delay of each chamber's response, estimated from the strains.
 
 A chamber that is weak, slow, leaking or loaded answers like a healthy one, (SM1) of
 `control.identification.strain_model`, to a command that is smaller and later in the wave's phase psi. With the lags x_m
-of its own command and their slopes y_m = dx_m/dpsi = (u - x_m)/(T_m psi'),
+of the chamber's own command and their slopes y_m = dx_m/dpsi = (u - x_m)/(T_m psi'),
 
-    s = b + sum_m w_m (p x_m + q y_m) + the same sums over its other inputs                                   (CG1)
+    s = b + sum_m w_m (p x_m + q y_m) + the same sums over the other inputs                                   (CG1)
     gain = hypot(p, q),   phase = atan2(q, p)
 
-A healthy chamber has p = 1, q = 0. Given the other inputs, s is linear in the chamber's own p, q and b: a Kalman filter
-of three states for each chamber takes the strains sample by sample, and takes the others from their own latest states.
-The states wander from wave to wave. An error of the model lasts for a part of a wave and not for a sample, so that it
-weighs as white noise of so many samples.
+A healthy chamber has p = 1, q = 0. Given the other inputs, s is linear in the chamber's own p, q and b. A Kalman filter
+of three states for each chamber processes the strains sample by sample, and takes the other chambers at their own
+latest states. The states wander from wave to wave. An error of the model lasts for a part of a wave instead of one
+sample, so that the error has the weight of white noise over that many samples.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 SMOOTHING = 0.05
-"""Time over which strains are averaged that are left unexplained, so that noise does not count [s]."""
+"""Time over which unexplained strains are averaged, so that noise does not count [s]."""
 USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
-"""Strain by its command that a chamber is taken to have at first, and below which its misfit is not judged, rms."""
+"""Strain caused by the command, rms: the initial assumption, and the least strain for which the misfit is judged."""
 STILL = 1e-6
 """Waves between two samples below which a wave stands still."""
 SLOWEST = 1e-3
-"""Rate of the phase below which a wave stands still, and slopes over the phase are not known [rad/s]."""
+"""Rate of the phase below which a wave stands still, and slopes over the phase are unknown [rad/s]."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class GainTrust(Spelled):
-    """Trust in the gains of the chambers: standard deviations of what (CG1) does not know."""
+    """Trust in the gains of the chambers: standard deviations of the effects that (CG1) leaves out."""
 
     begin: float = parameter(0.2, gt=0, meaning="p and q of a chamber before the first sample")
     begin_mean: float = parameter(0.05, gt=0, meaning="mean strain b before the first sample")
@@ -72,12 +72,12 @@ class ChamberGains:
     gain, phase, doubt : ndarray of float, shape (N, 2)
         Gain and phase [rad] of each chamber, and the standard deviation of p and q.
     miss : ndarray of float, shape (N, 2)
-        Latest strain less the strain by (CG1), NaN where there was none; above 0 where a chamber is longer.
+        Latest strain minus the strain by (CG1), NaN without a strain; above 0 where a chamber is longer.
     expected, healthy : ndarray of float, shape (N, 2)
-        Part of the strain by (CG1) that the chamber's own command makes, and would make if the chamber were healthy.
+        Part of the strain by (CG1) that the chamber's own command causes, and would cause in a healthy chamber.
     misfit : ndarray of float, shape (N, 2)
-        Strain that (CG1) leaves unexplained, over the part that the chamber's own command makes, rms of the last waves;
-        noise from sample to sample is left out.
+        Ratio of the strain that (CG1) leaves unexplained to the part that the chamber's own command causes, rms of the
+        last waves; noise from sample to sample is left out.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class ChamberGains:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         count, trust = self._model.segments, self._trust
         self._state = np.zeros((count, 2, 3))
         self._state[..., 0], self._state[..., 2] = 1.0, self._model.mean[:, None]
@@ -114,7 +114,7 @@ class ChamberGains:
 
     @property
     def phase(self) -> FloatArray:
-        """Phase by which each chamber is ahead of a healthy one [rad], shape (N, 2)."""
+        """Phase lead of each chamber over a healthy chamber [rad], shape (N, 2)."""
         return np.arctan2(self._state[..., 1], self._state[..., 0])
 
     @property
@@ -124,7 +124,7 @@ class ChamberGains:
 
     @property
     def misfit(self) -> FloatArray:
-        """Unexplained strain over the part that the chamber's own command makes, shape (N, 2)."""
+        """Ratio of unexplained strain to the strain that the chamber's own command causes, shape (N, 2)."""
         return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, LEAST_STRAIN**2)))
 
     def tell(self, t: float, command: Command) -> None:
@@ -136,7 +136,7 @@ class ChamberGains:
     def take(self, t: float, phase: float, strain: FloatArray | None, instant: float) -> None:
         """Take the strains of an instant [s] that arrived by time t [s], shape (N, 2), NaN where unknown.
 
-        The phase is the wave's at the last command [rad].
+        `phase` is the phase of the wave at the last command [rad].
         """
         if self._told is None or t <= self._time:
             return
@@ -167,8 +167,8 @@ class ChamberGains:
     def _correct(self, strain: FloatArray, x: FloatArray, y: FloatArray, waves: float, passed: float) -> None:
         """Take strains, given the lags of all commands and their slopes over the phase, shape (3 N - 1, M).
 
-        Since the strains before so many waves, and so much time [s], have passed. A worm whose wave stands still learns
-        nothing: a miss lasts as long as it stands.
+        `waves` and `passed` are the waves and the time [s] since the last strains. Nothing is learnt while the wave
+        stands still: a miss lasts as long as the wave stands.
         """
         p, q = self._state[..., 0], self._state[..., 1]
         x, y, chambers = x.T, y.T, p.size

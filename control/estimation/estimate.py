@@ -1,19 +1,19 @@
 """Beliefs about the state of a worm, the estimate that follows from them, and a test of their covariance.
 
-While its heading is not known a worm has several beliefs, each a normal distribution. With the weights w_i, means m_i
-and covariances P_i the mixture has
+While the heading is unknown there are several beliefs, each a normal distribution. With the weights w_i, means m_i and
+covariances P_i the mixture has
 
     m = sum w_i m_i,   P = sum w_i (P_i + (m_i - m)(m_i - m)^T)                                               (KF1)
 
 with headings averaged on the circle, m_h = arg sum w_i exp(i h_i).
 
 If model and noise are right, the normalised innovation squared (NIS) of a sample of d numbers is chi-squared
-distributed with d degrees of freedom, independently of those before, so that the mean over n samples
+distributed with d degrees of freedom, independently of earlier samples, so that the mean over n samples
 
     nis = sum nis_k / n   lies in   [chi2^-1(0.025; n d), chi2^-1(0.975; n d)] / n                            (KF7)
 
-19 times out of 20. Above it the estimator trusts its model or sensors too much, below it too little. (Bar-Shalom, Li,
-Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4.2.)
+19 times out of 20. Above the interval the estimator trusts model or sensors too much, below the interval too little.
+(Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4.2.)
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from worm3d.values.arrays import FloatArray
 HEADING = ReducedState._fields.index("heading")
 """Index of the heading in the state."""
 HOPELESS = 12.0
-"""Logarithm of the likelihood ratio to the best belief at which another is dropped, a hundred thousand."""
+"""Logarithm of the likelihood ratio to the best belief beyond which a belief is dropped, a hundred thousand."""
 NARROW = 0.12
-"""Standard deviation of the heading of all beliefs below which they become one [rad]; a less sure one takes what a worm
-goes ahead, as far as that is not known, for a way to the side."""
+"""Standard deviation of the heading, over all beliefs, below which the beliefs are merged [rad]. A single belief with a
+less certain heading would interpret unknown forward motion as sideways motion."""
 FAR = 3.0
-"""Standard deviation of a place from which it says nothing of where on its path a worm is [body lengths]."""
+"""Standard deviation of a position beyond which the worm's position on the path is unknown [body lengths]."""
 NIS = ("nis_mean", "nis_low", "nis_high")
-"""Names of mean and interval of (KF7) in the summary of a run."""
+"""Names of the mean and the interval of (KF7) in the summary of a run."""
 SURE = 2.5
-"""Standard deviations by which what is estimated must be beyond a limit to count as beyond it."""
+"""Least significant excess of an estimated value over a limit, in standard deviations."""
 PROBABILITY = 0.95
 """Probability of the interval in (KF7)."""
 
@@ -53,7 +53,7 @@ class Belief:
     covariance: FloatArray
     """Covariance, shape (n, n)."""
     log_weight: float = 0.0
-    """Logarithm of its weight, up to a constant that all beliefs share."""
+    """Logarithm of the weight, up to a constant that all beliefs share."""
     refused: int = 0
     """Number of samples of the centre of mass in a row that were refused as impossible."""
     trend: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -71,7 +71,7 @@ def weights(beliefs: Sequence[Belief]) -> FloatArray:
 
 
 def merged(beliefs: Sequence[Belief]) -> Belief:
-    """Return the mixture of beliefs, (KF1), its heading within half a turn of that of the likeliest."""
+    """Return the mixture of beliefs, (KF1), with a heading within half a turn of the likeliest belief's heading."""
     if len(beliefs) == 1:
         return beliefs[0]
     shares = weights(beliefs)
@@ -88,7 +88,7 @@ def merged(beliefs: Sequence[Belief]) -> Belief:
 
 
 def pruned(beliefs: Sequence[Belief]) -> list[Belief]:
-    """Return the beliefs that are likely enough, as one when they nearly agree."""
+    """Return the beliefs that are likely enough, merged into one when they nearly agree."""
     best = max(belief.log_weight for belief in beliefs)
     likely = [belief for belief in beliefs if belief.log_weight > best - HOPELESS]
     left = [replace(belief, log_weight=belief.log_weight - best) for belief in likely]
@@ -112,9 +112,9 @@ class Estimate:
     covariance: FloatArray
     """Covariance of the state, in the order of its fields, shape (S, S)."""
     nis: float | None
-    """Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before."""
+    """NIS, with 2 degrees of freedom, of the last sample of the centre of mass; None before the first sample."""
     slope: FloatArray = field(default_factory=lambda: np.zeros(2))
-    """Gradient of the ground where the worm is, its climb per metre in x and in y, shape (2,)."""
+    """Gradient of the ground under the worm, the climb per metre in x and in y, shape (2,)."""
     slope_covariance: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
     """Covariance of the slope, shape (2, 2)."""
     refused: int = 0
@@ -126,11 +126,11 @@ class Estimate:
 
     @property
     def position(self) -> FloatArray:
-        """Centre of mass without its rocking in a wave, shape (2,) [m]."""
+        """Centre of mass without the rocking in a wave, shape (2,) [m]."""
         return np.array([self.state.x, self.state.y], dtype=float)
 
     def is_placed(self, length: float) -> bool:
-        """Return whether the place is known well enough to tell where on its path a worm of a length [m] is."""
+        """Return whether the position is known well enough to place a worm of a length [m] on the path."""
         return bool(np.isfinite(self.position).all() and self.deviations[:2].max() < FAR * length)
 
     @property
@@ -140,7 +140,7 @@ class Estimate:
 
     @property
     def speed(self) -> float:
-        """Speed along the heading, slip taken off [m/s]."""
+        """Speed along the heading, minus the slip [m/s]."""
         return float((1.0 - self.state.slip) * self.state.speed)
 
     @property
@@ -156,7 +156,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Consistency:
-    """Mean of normalised innovations squared, and the interval in which it should lie, (KF7)."""
+    """Mean of normalised innovations squared, and the interval that should contain the mean, (KF7)."""
 
     mean: float
     low: float

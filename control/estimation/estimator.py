@@ -1,20 +1,20 @@
-"""Estimator of a worm's place, heading, and motion, also of what its gait does not explain of that.
+"""Estimator of a worm's position, heading and motion, including motion that the gait does not explain.
 
-It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1). A sample of the centre of mass
-that comes late takes the filter back to its instant, and those after it are taken again. Their noise is what sensors
-are told to have unless the innovations show otherwise (KF8). The strains give the wave that rocks the centre of mass
-(`control.estimation.wave`); gyroscopes, where there are any, its mean turn rate (`control.estimation.turning`). A
-heading that is not told at the start is sought from all sides at once, by a filter for each; they agree, or die out,
-within a wave or so of crawling.
+The estimator is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1). When a sample of the
+centre of mass arrives late, the filter goes back to the instant of the sample and fuses the later samples again. The
+noise of these samples equals the stated noise of the sensors unless the innovations show otherwise (KF8). The strains
+give the wave that rocks the centre of mass (`control.estimation.wave`). Gyroscopes, where there are any, give the mean
+turn rate (`control.estimation.turning`). If the heading is unknown at the start, several filters start at headings all
+round the circle; they agree, or are dropped, within about one wave of crawling.
 
-Other ways were worse. The motion of feet that do not slip, as the strains give it, explains a third to a half of how
-the speed changes within a wave, and a fifth of the turn rate at best: on the default worm feet slide all the time.
-Contact loads add little, were they exact: the speed at which friction by Coulomb's law balances under them differs from
-the true one, over a wave, by 2 to 3 mm/s (the filter: 1.5), and that only with a factor and an offset that are fitted
-to each ground (1.5 and -15 mm/s on the default one; 1.2 and -4 mm/s on a slope of 3 degrees, and with four times the
-friction; seeds 10 and 11). The turn rate is known no better than without loads. The mean over a wave is half a wave
-old. The rocking (4 mm rms) is no white noise: taken for noise, errors were twice what the covariance said (at 100
-samples a second).
+Other methods were worse. The motion of feet that do not slip, computed from the strains, explains a third to a half of
+the changes of the speed within a wave, and at best a fifth of the turn rate: the feet of the default worm slide all the
+time. Contact loads would add little even if they were exact: the speed at which Coulomb friction balances under these
+loads differs from the true speed, over a wave, by 2 to 3 mm/s (the filter: 1.5). Even this accuracy needs a factor and
+an offset that are fitted to each ground (1.5 and -15 mm/s on the default ground; 1.2 and -4 mm/s on a slope of 3
+degrees, and with four times the friction; seeds 10 and 11). The loads do not improve the turn rate. The mean over a
+wave is half a wave old. The rocking (4 mm rms) is not white noise: when the filter treated the rocking as noise, the
+errors were twice as large as the covariance indicated (at 100 samples a second).
 """
 
 from __future__ import annotations
@@ -58,24 +58,23 @@ __all__ = ["Estimate", "Estimator"]
 PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
 LATE_STRAIN = 0.1
-"""Time after strains from which they no longer tell how high a worm stands [s]."""
+"""Greatest age of strains that give the height of the axis above the ground [s]."""
 SIDES = 24
-"""Number of headings from which a filter starts where none is told."""
+"""Number of initial headings, with one filter each, when the heading is unknown."""
 ROCKED = 0.016
-"""Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
+"""Standard deviation of the chord's azimuth about the heading, caused by the wave [rad]."""
 NOISIEST = 0.2
-"""Largest noise of the centre of mass that is believed [body lengths]."""
+"""Largest accepted noise of the centre of mass [body lengths]."""
 CRAB = ReducedState._fields.index("crab")
 """Index of the crab angle in a belief."""
 TOO_SURE = 1.5
-"""Ratio of the noise that is found to that of the latest sample above which those that are kept are taken again."""
+"""Ratio of the estimated noise to the noise of the latest sample above which the kept samples are fused again."""
 BEGIN = {"speed": 0.08, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
-"""Standard deviations at the start, of a worm at rest that obeys its map, lengths in body lengths, angles in rad."""
+"""Initial standard deviations of a worm at rest that follows the identified map, in body lengths and rad."""
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
-"""Noise of the crab angle, and its standard deviation at the start, where a sensor of the heading shows it
-[rad/sqrt(s)], [rad]."""
+"""Noise and initial standard deviation of the crab angle if a sensor measures the heading [rad/sqrt(s)], [rad]."""
 UNSTEADY = 0.005
-"""Standard deviation of the turn rate in the middle of a wave about its mean in it [rad/s]."""
+"""Standard deviation of the turn rate in the middle of a wave about the mean turn rate of the wave [rad/s]."""
 LEAST_OFFSET = 1e-4
 """Least constant error of a gyroscope [rad/s]."""
 BEGIN_ROCKING = 0.05
@@ -84,7 +83,7 @@ BEGIN_ROCKING = 0.05
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Samples of one instant; none where the filter just went on to it."""
+    """Samples of one instant; no sample if the filter only advanced to this instant."""
 
     time: float
     com: FloatArray | None = None
@@ -98,7 +97,7 @@ class _Sample:
 
 @dataclass(frozen=True, eq=False)
 class _Fused:
-    """Sample, and the beliefs after it; `placed` is the instant of the last sample of the centre of mass [s]."""
+    """Sample and the beliefs after the sample; `placed` is the instant of the last sample of the centre of mass [s]."""
 
     sample: _Sample
     beliefs: list[Belief]
@@ -111,7 +110,7 @@ class _Fused:
 
 
 class Estimator:
-    """Extended Kalman filter that makes an estimate of each measurement; `noise` is that of the centre of mass.
+    """Extended Kalman filter that returns an estimate for each measurement. `noise` is the noise of the centre of mass.
 
     Parameters
     ----------
@@ -119,9 +118,9 @@ class Estimator:
     model : ReducedModel
     schedule : Schedule, optional
     heading : float, optional
-        Heading at the start [rad]; None: not known.
+        Heading at the start [rad]; None if unknown.
     heading_deviation : float
-        Standard deviation of that [rad].
+        Standard deviation of the heading at the start [rad].
     uncertainty : Uncertainty, optional
     ground : GroundTrust, optional
     span : float
@@ -130,7 +129,7 @@ class Estimator:
     Raises
     ------
     ValueError
-        The heading is not finite, or its deviation not above 0.
+        The heading is not finite, or the standard deviation is not above 0.
     """
 
     def __init__(
@@ -159,7 +158,7 @@ class Estimator:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self._wave.reset()
         self._turning.reset()
         self._history.reset()
@@ -174,9 +173,9 @@ class Estimator:
         return self.estimate(t)
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement at time t [s], later than at the last call.
+        """Take a measurement at time t [s], later than the time of the last call.
 
-        The parameters were asked for since then; the phase is the commanded one [rad].
+        The parameters have been commanded since the last call; `phase` is the commanded phase [rad].
         """
         steering = parameters.steering(self._mechanism)
         self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
@@ -227,7 +226,7 @@ class Estimator:
             self._heights.popleft()
 
     def _height_at(self, t: float) -> float:
-        """Return the height of the axis above the ground at an instant [m]; NaN where no strains tell it."""
+        """Return the height of the axis above the ground at an instant [m]; NaN without recent strains."""
         if not self._heights or t > self._heights[-1][0] + LATE_STRAIN:
             return nan
         times, heights = np.array(self._heights).T
@@ -249,7 +248,7 @@ class Estimator:
         return sorted(samples, key=lambda sample: sample.time)
 
     def _insert(self, now: float, sample: _Sample) -> None:
-        """Fuse a sample at its instant, then again those of later instants."""
+        """Fuse a sample at the instant of the sample, then fuse the samples of later instants again."""
         if not self._past[0].sample.time <= sample.time <= now + AHEAD:
             return
         again = []
@@ -259,7 +258,7 @@ class Estimator:
             self._past.append(self._fused(self._past[-1], each, new=each is sample))
 
     def _take_again(self) -> None:
-        """Fuse the samples that are kept again, with the noise as it is known now."""
+        """Fuse the kept samples again, with the present estimate of the noise."""
         samples = [each.sample for each in self._past[1:]]
         del self._past[1:]
         for sample in samples:
@@ -267,7 +266,7 @@ class Estimator:
             self._past.append(self._fused(self._past[-1], known, new=False))
 
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
-        """Return a sample and the beliefs after it; the noise is learnt from new samples."""
+        """Return a sample and the beliefs after the sample; the noise is learnt from new samples."""
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
         placed, pushed, jumped = last.placed, last.pushed, last.jumped
         if sample.com is not None and sample.wave is not None:
@@ -298,11 +297,11 @@ class Estimator:
         noise: tuple[float, float, float],
         gated: bool,
     ) -> list[Corrected]:
-        """Return the beliefs after a sample of the centre of mass and its wave; a gated one may be refused.
+        """Return the beliefs after a sample of the centre of mass and the wave; a gated sample may be refused.
 
-        Its noise is its standard deviation [m], the time since the sample before [s] and the wave's frequency [Hz].
+        `noise` holds the standard deviation [m], the time since the sample before [s] and the wave's frequency [Hz].
         """
-        # Beliefs for which it is impossible lose their weight; the sample is refused if all of them would.
+        # Beliefs that make the sample impossible lose their weight; if all of them would, the sample is refused.
         if not gated or len(beliefs) > 1:
             corrected = [self._filter.with_com(each, *given, False, *noise) for each in beliefs]
             if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
@@ -310,7 +309,7 @@ class Estimator:
         return [self._filter.with_com(each, *given, True, *noise) for each in beliefs]
 
     def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool, bool]:
-        """Return the beliefs after a sample of the heading [rad], and whether all refused it, or jumped to it."""
+        """Return the beliefs after a sample of the heading [rad], and whether all refused it, or all jumped to it."""
         alone = len(beliefs) == 1
         found = [self._filter.with_heading(belief, heading, gated=alone) for belief in beliefs]
         after, refused, jumped = zip(*found, strict=True)
@@ -323,19 +322,19 @@ class Estimator:
         return beliefs
 
     def _forget(self, before: float) -> None:
-        """Drop the samples that no later arrival can precede, but for one to go on from."""
+        """Drop the samples that no later arrival can precede, except one from which the filter continues."""
         while len(self._past) > 1 and self._past[1].sample.time < before:
             oldest = self._past.pop(0)
             if oldest.nis is not None:
                 self._settled.append((oldest.sample.time, oldest.nis))
 
     def crabs(self, angle: float) -> None:
-        """Take the crab angle as known [rad], as long as no sensor of the heading shows it."""
+        """Take the crab angle as known [rad] if no sensor measures the heading."""
         if not self._knows_crab:
             self._believe(CRAB, angle, 0.0)
 
     def turns(self, gain: float) -> None:
-        """Take in that the worm turns by about so much of what its map says from now on."""
+        """Set the ratio of the worm's turn rate to the turn rate of the map from now on."""
         self._believe(GAIN, min(max(gain, GAINS[0]), GAINS[1]), BEGIN["turn_gain"])
 
     def forget_ground(self) -> None:
@@ -343,7 +342,7 @@ class Estimator:
         self._past = [replace(each, ground=Ground.unknown(self._trust_ground)) for each in self._past]
 
     def _believe(self, index: int, value: float, deviation: float) -> None:
-        """Put a number of X, and its standard deviation, in the place of what was known of it."""
+        """Replace the belief about one entry of X by a value and a standard deviation."""
         for k, each in enumerate(self._past):
             beliefs = []
             for belief in each.beliefs:
@@ -355,7 +354,7 @@ class Estimator:
             self._past[k] = replace(each, beliefs=beliefs)
 
     def estimate(self, t: float) -> Estimate:
-        """Return the estimate of the instant of the last measurement [s]; what is known at the start before one."""
+        """Return the estimate at the last measurement's instant [s]; before a measurement, the initial belief."""
         self._begin_at(t)
         last = self._past[-1]
         now = merged(self._predicted(last, t))
@@ -374,7 +373,7 @@ class Estimator:
 
 
 def span_of(sensors: Mapping[str, Channel]) -> float:
-    """Return the age beyond which samples of some channels are not used [s]."""
+    """Return the age beyond which samples of the given channels are not used [s]."""
     return SPAN + max((channel.delay for channel in sensors.values()), default=0.0)
 
 

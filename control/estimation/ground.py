@@ -1,21 +1,22 @@
 """Slope of the ground, from the climb of the centre of mass along its path.
 
-A worm stands on its thickest segments. With the half-heights h_c of its chambers, which (E2) gives for measured
-strains, its axis lies about
+A worm stands on the thickest segments. With the half-heights h_c of the chambers, which (E2) gives for measured
+strains, the axis lies about
 
     H = sum h_c w_c / sum w_c,   w_c = exp(h_c / delta)                                                       (KF5)
 
-above the ground, with delta a tenth of the rest half-height: on the default worm that is right to 0.2 mm in the mean,
-at rest as in a wave, and leaves 1.0 mm rms of the 3.3 mm by which the centre of mass goes up and down. What is left
-of the height z of the centre of mass is that of the ground, whose gradient s is found by a Kalman filter for the way
-d gone between samples,
+above the ground, with delta a tenth of the rest half-height. On the default worm H is right to 0.2 mm in the mean, at
+rest as in a wave, and leaves 1.0 mm rms of the 3.3 mm of vertical motion of the centre of mass. The height z of the
+centre of mass minus H is the height g of the ground. A Kalman filter estimates the gradient s of the ground from the
+displacement d between samples,
 
-    g -> g + s . d,   s -> s + random change, of which the variance grows with |d|;   sample: z - H = g       (KF6)
+    g -> g + s . d,   s -> s + random change whose variance grows with |d|;   sample: z - H = g               (KF6)
 
-Samples are gathered over a stride, and their mean is taken for one: between single samples errors of the place are as
-long as the way itself, and point anywhere. Its noise is what sensors are told to have, or more where the samples of a
-stride scatter more than that by chance (unknown noise, strains that spoil H, wrong samples). Only the slope along the
-way shows; that across it is not known before the worm has turned, and the covariance says so.
+The mean of the samples of a stride counts as one sample: between single samples, errors of the position are as long as
+the displacement and point in any direction. The noise of the mean follows from the stated noise of the sensors. The
+noise is larger if the samples of a stride scatter more than this noise allows by chance (unknown noise, strains that
+spoil H, wrong samples). Only the slope along the direction of motion is observable; the slope across this direction is
+unknown before the worm has turned, and has a large variance until then.
 """
 
 from __future__ import annotations
@@ -33,15 +34,15 @@ SHARPNESS = 0.1
 ANYWHERE = 10.0
 """Standard deviation of a coordinate before the first sample [m]."""
 MOST = 200
-"""Largest number of samples that are gathered, since a worm at rest has no stride."""
+"""Largest number of gathered samples; a worm at rest has no stride."""
 BY_CHANCE = 4.0
-"""Number of standard errors beyond which the scatter of samples is taken for unknown noise."""
+"""Number of standard errors beyond which the scatter of samples counts as unknown noise."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class GroundTrust:
-    """How far samples of the height are trusted, and how the ground may change; the defaults suit worms of 1 m."""
+    """Noise of samples of the height, and changes of the ground; the defaults suit worms of 1 m."""
 
     height: float = parameter(0.005, unit="m", gt=0, meaning="least standard deviation of a sample of the height")
     standing: float = parameter(0.001, unit="m", gt=0, meaning="standard deviation of (KF5) in the mean of a stride")
@@ -53,7 +54,7 @@ class GroundTrust:
         check(self)
 
     def sized(self, length: float) -> GroundTrust:
-        """Return it for a worm of a length [m] on ground that is in proportion to that."""
+        """Return the values for a worm of a length [m] on ground scaled with the length."""
         change = self.change / np.sqrt(length)
         return replace(self, standing=length * self.standing, change=change, stride=length * self.stride)
 
@@ -63,13 +64,13 @@ class Ground:
     """Belief about the ground under the worm."""
 
     place: FloatArray | None
-    """Place of the last stride [m], shape (2,); None before the first."""
+    """Position of the last stride [m], shape (2,); None before the first stride."""
     mean: FloatArray
-    """Height there [m], and slope in x and y, shape (3,)."""
+    """Height at this position [m], and slope in x and y, shape (3,)."""
     covariance: FloatArray
     """Covariance of the mean, shape (3, 3)."""
     gathered: FloatArray
-    """Places and heights of the samples since [m], shape (n, 3)."""
+    """Positions and heights of the samples since the last stride [m], shape (n, 3)."""
 
     @classmethod
     def unknown(cls, trust: GroundTrust) -> Ground:
@@ -110,7 +111,7 @@ def _noise(heights: FloatArray, trust: GroundTrust) -> float:
 
 
 class Standing:
-    """Height of a worm's axis above the ground, by its strains."""
+    """Height of a worm's axis above the ground, computed from the strains."""
 
     def __init__(self, worm: Worm) -> None:
         self._length, self._link = worm.l0, worm.link_length[:, None]

@@ -1,44 +1,45 @@
 """Extended Kalman filter of a crawling worm: prediction by the reduced model, and correction by samples.
 
-Its state X are the states of (R1) with (R3), and the matrix C (2 x 2) by which the centre of mass rocks with the wave:
+The state X contains the states of (R1) with (R3), and the matrix C (2 x 2) that maps the wave to the rocking of the
+centre of mass:
 
     (R1),   drift' = (-kappa |v| s_left - drift)/tau,   C' = 0                                                 (KF2)
 
-with white noise on each rate. s_left is the slope of the ground to the left, as far as it is known
-(`control.estimation.ground`), and kappa what a slope makes a crawling worm yield: dry friction that is shaken by the
-wave gives way like a viscous one, so that uphill the worm loses kappa v s of its speed (found: a fifth at 3 degrees,
-kappa = 4), and across a slope it slides downhill in proportion likewise (found: 10 degrees of crab at 3 degrees, kappa
-= 3.4).
+with white noise on each rate. s_left is the estimated slope of the ground to the left (`control.estimation.ground`).
+kappa is the yield of a crawling worm on a slope: dry friction that is shaken by the wave yields like viscous friction.
+Uphill the worm therefore loses the speed kappa v s (found: a fifth at 3 degrees, kappa = 4), and across a slope the
+worm slides downhill in the same proportion (found: 10 degrees of crab at 3 degrees, kappa = 3.4).
 
-Feet on dry friction go as far in a slow wave as in a fast one, and what is not known of that is the same in each wave:
-with p = f / f_0, and 1 from f_0 on, the densities of noise of angles, slip, gain and C are in proportion to p, that of
-the drift to p^2, and those of rates to p^3. A sample of the centre of mass is
+Feet on dry friction go as far in a slow wave as in a fast wave, so that the uncertainty is the same in each wave. With
+p = f / f_0, and 1 from f_0 on, the noise densities of angles, slip, gain and C are proportional to p, the density of
+the drift to p^2, and the densities of rates to p^3. A sample of the centre of mass is
 
     (x, y) + T(h) C wave(psi)                                                                                (KF3)
 
-T being the rotation by the heading h and wave(psi) the measured wave (W2); a sample of the heading is h, the mean turn
-rate of a wave by gyroscopes, (TR1), w + yaw_bias + o, where their constant error o is one more state. With the
-Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = H P H^T + R and K = P H^T S^-1:
+T being the rotation by the heading h and wave(psi) the measured wave (W2). A sample of the heading is h. The mean turn
+rate of a wave by gyroscopes, (TR1), is w + yaw_bias + o, where the constant error o of the gyroscopes is one more
+state. With the Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = H P H^T + R and
+K = P H^T S^-1:
 
     P -> F P F^T + Q dt;    X -> X + K e,   P -> (1 - K H) P (1 - K H)^T + K R K^T,   nis = e^T S^-1 e          (KF4)
 
 (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4 and 10.3.)
 
 Observability. Position, speed and course (the direction of motion) follow from the samples of the centre of mass within
-a wave, the heading from course and drift: a constant drift that no known slope explains looks like a heading, and is
-taken for one, since the filter expects drift to pass with tau. Only a sensor of the heading shows it; it is the crab
-angle then, which changes slowly. The gain of turning and the yaw bias are told apart by steering that changes. At rest,
-neither heading nor slip shows.
+a wave. The heading follows from course and drift. A constant drift that no known slope explains is interpreted as a
+change of the heading, since the filter expects drift to decay with tau. Only a sensor of the heading distinguishes the
+two; the slowly changing crab angle then takes up the drift. Steering that changes separates the gain of turning from
+the yaw bias. At rest, neither heading nor slip is observable.
 
-Starts and stops. How far a worm goes while its wave swells or slows down depends on the phase: where it is slower than
-its wave by e, or quicker, the density of noise of the place along the heading has (changing e)^2 more. From rest a worm
-first draws itself together, by which its centre of mass goes some 2 cm ahead, or back where it slides downhill: at
-0.08 m/s that noise amounts to 4 cm, so that the filter takes this neither for speed nor for the way ahead.
+Starts and stops. The distance that a worm covers while the wave grows or slows down depends on the phase. If the worm
+is slower or quicker than the wave by e, the noise density of the place along the heading is larger by (changing e)^2.
+From rest a worm first contracts, which moves the centre of mass some 2 cm ahead, or back if the worm slides downhill.
+At 0.08 m/s the added noise amounts to 4 cm, so that the filter does not interpret this motion as speed or progress.
 
-Pushes. What pushes a worm aside looks like a turn, since both change its course; but then the innovations of some time
-have a trend m, their mean with forgetting over n samples, of variance S / (2 n - 1), and that of what rocks the worm
-beside (KF3), which slow waves do not average out. Where it is too large for chance the drift is made uncertain, and
-explains it.
+Pushes. A push to the side looks like a turn, since both change the course. A push, however, gives the innovations a
+trend m. The trend is the mean of the innovations with forgetting over n samples. By chance the trend has the variance
+S / (2 n - 1) plus the variance of rocking beside (KF3), which slow waves do not average out. If the trend is too large
+for chance, the variance of the drift is increased, and the drift explains the trend.
 """
 
 from __future__ import annotations
@@ -65,41 +66,42 @@ SLIP = ReducedState._fields.index("slip")
 SPEED = ReducedState._fields.index("speed")
 TURN_RATE, YAW_BIAS = map(ReducedState._fields.index, ("turn_rate", "yaw_bias"))
 IMPOSSIBLE = 25.0
-"""NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
+"""NIS beyond which a sample of the centre of mass is refused; one in 270 000 pairs of normal numbers exceeds it."""
 IMPOSSIBLE_HEADING = 21.0
 """NIS beyond which a sample of the heading is refused."""
 PATIENCE = 3
-"""Number of refused samples in a row after which the belief is taken to be wrong, and the worm to have been moved."""
+"""Number of refused samples in a row after which the filter assumes that the worm was moved."""
 TREND = 8
-"""Number of samples over which innovations are averaged to their trend, 0.4 s of the default sensors."""
+"""Number of samples over which innovations are averaged to a trend, 0.4 s of the default sensors."""
 IN_METRES = ("speed", "drift")
-"""Parts of the state that are in proportion to the length of a worm."""
+"""Parts of the state that are proportional to the length of a worm."""
 APART = 0.05
-"""Time below which the errors of two samples are alike, so that the later one counts in proportion to the time [s]."""
+"""Time below which two samples have similar errors, so that the later sample counts in proportion to the time [s]."""
 RIPPLE = 0.002
-"""Standard deviation of what rocks the centre of mass beside the measured wave, twice a wave [body lengths]."""
+"""Standard deviation of the rocking that the measured wave does not explain, twice a wave [body lengths]."""
 UNEXPLAINED = 20.0
-"""NIS of that trend beyond which the worm is taken to be pushed; a probability of 0.00005, since a run has thousands of
-them. (With 16 a worm at 0.01 m/s was taken for pushed within a minute, and never found its way again.)"""
+"""NIS of the trend beyond which the filter assumes a push. The probability by chance is only 0.00005, since a run has
+thousands of samples. (With 16 the filter assumed a push within a minute at 0.01 m/s, and the worm never found its way
+again.)"""
 PUSHED = {"drift": 0.05, "slip": 0.3, "yaw_bias": 0.01}
-"""Standard deviations that are added where it is pushed [body lengths/s], [1], [rad/s]."""
+"""Standard deviations that are added when the worm is pushed [body lengths/s], [1], [rad/s]."""
 GAINS = (0.3, 3.0)
-"""Least and greatest gain of turning that is believed: steering that turns a worm the other way round is none."""
+"""Least and greatest accepted gain of turning; steering never turns a worm the opposite way."""
 SLIPS = (-1.0, 1.0)
-"""Least and greatest slip that is believed: a worm that goes more than twice as far as its wave carries it is pushed or
-slides, and would hardly crawl any more if that were put down to its wave."""
+"""Least and greatest accepted slip. A worm that goes more than twice as far as the wave carries it is pushed or slides.
+If this motion were attributed to the wave, the worm would hardly crawl any more."""
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
-"""Standard deviations that are added where the worm was moved [rad], [body lengths/s], [rad/s]."""
+"""Standard deviations that are added when the worm was moved [rad], [body lengths/s], [rad/s]."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """How far sensors and model are trusted; the defaults suit worms of 1 m and `control.sensing.sensors`.
+    """Uncertainty of sensors and model; the defaults suit worms of 1 m and `control.sensing.sensors`.
 
-    Place, speed and turn rate are about where the innovations of nine runs of a minute are likeliest (line, circle,
-    S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). For those the drift could be half of
-    what it is; that is what makes the filter know how wrong its heading is where a worm winds.
+    The values of place, speed and turn rate are close to the maximum likelihood of the innovations of nine runs of a
+    minute (line, circle, S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). These runs
+    would allow half the drift; the larger drift gives the heading of a winding worm the right standard deviation.
     """
 
     com: float = parameter(0.005, unit="m", gt=0, meaning="standard deviation of a sample of the centre of mass")
@@ -136,7 +138,7 @@ class Uncertainty:
         check(self)
 
     def sized(self, length: float) -> Uncertainty:
-        """Return it for a model of a worm of a length [m], all of whose motion is in proportion to that."""
+        """Return the uncertainty for a worm of a length [m]; all motion is proportional to the length."""
         motion = {name: length * getattr(self, name) for name in ("place", "speed", "drift", "rocking")}
         return replace(self, **motion)
 
@@ -169,7 +171,7 @@ class Kalman:
         self._rate = Buffered(_rate_correction(uncertainty)) if size > SIZE else None
 
     def predicted(self, belief: Belief, given: FloatArray, slope: FloatArray, seconds: float) -> Belief:
-        """Return the belief after some time on a slope (2,) with the same input, as in `InputHistory.between`."""
+        """Return the belief after some time on a slope (2,) with a constant input, as in `InputHistory.between`."""
         mean, covariance = belief.mean, belief.covariance
         parts = int(np.ceil(seconds / self._longest))
         for _ in range(parts):
@@ -186,10 +188,11 @@ class Kalman:
         since: float = APART,
         frequency: float = np.inf,
     ) -> Corrected:
-        """Return the belief after a sample of the centre of mass (2,) [m], (KF4), which is refused only if gated.
+        """Return the belief after a sample of the centre of mass (2,) [m], (KF4); only a gated sample may be refused.
 
-        `wave` (2,) is the measured one, (W2), at its instant, `deviation` the standard deviation of its noise [m], by
-        default `Uncertainty.com`, `since` the time since the sample before [s], and `frequency` that of the wave [Hz].
+        `wave` (2,) is the measured wave, (W2), at the instant of the sample. `deviation` is the standard deviation of
+        the sample [m], by default `Uncertainty.com`. `since` is the time since the sample before [s], and `frequency`
+        the frequency of the wave [Hz].
         """
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
@@ -200,7 +203,7 @@ class Kalman:
         if pushed:
             trend = np.zeros(2)
             wide = widened(belief.covariance, PUSHED, self._length)
-            wide[GAIN, :GAIN] = wide[:GAIN, GAIN] = 0.0  # the gain has no part in it
+            wide[GAIN, :GAIN] = wide[:GAIN, GAIN] = 0.0  # a push does not change the gain
             mean, covariance, *_ = self._com(belief.mean, wide, com, wave, sigma)
         if not _usable(nis, mean, covariance):
             return Corrected(belief, *found, refused=True)
@@ -220,8 +223,8 @@ class Kalman:
     def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool, bool]:
         """Return the belief after a sample of the heading [rad], (KF4), modulo a turn.
 
-        Returned are also whether the sample was refused, and whether it is believed although it is impossible, since
-        those before were, too. Only a gated sample may be refused as impossible.
+        Also return whether the sample was refused, and whether an impossible sample is believed because the samples
+        before were impossible, too. Only a gated sample may be refused as impossible.
         """
         off = wrapped(np.array([heading - belief.mean[HEADING]]))
         before = belief.mean, belief.covariance, belief.mean[HEADING] + off
@@ -249,7 +252,7 @@ class Kalman:
 
 
 def widened(covariance: FloatArray, deviations: Mapping[str, float], length: float) -> FloatArray:
-    """Return a covariance to which the squares of standard deviations are added, `IN_METRES` in body lengths."""
+    """Return a covariance plus the squares of standard deviations; parts in `IN_METRES` are in body lengths."""
     more = covariance.copy()
     for name, deviation in deviations.items():
         index = ReducedState._fields.index(name)
@@ -258,7 +261,7 @@ def widened(covariance: FloatArray, deviations: Mapping[str, float], length: flo
 
 
 def size_of(trust: Uncertainty) -> int:
-    """Return the number of numbers of X: the constant error of gyroscopes, where there are any, is the last one."""
+    """Return the size of X; the last entry is the constant error of the gyroscopes, if there are any."""
     return SIZE + (trust.rate_offset > 0.0)
 
 

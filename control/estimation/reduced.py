@@ -1,4 +1,4 @@
-"""Reduced model: a worm as its controller sees it, averaged over a wave; symbolic, for MPC and estimator alike.
+"""Reduced model: a worm's motion averaged over a wave, in symbolic form for both MPC and estimator.
 
 Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification.identified`), the
 lags n_v in waves and T_w in seconds, f the frequency, L the body length:
@@ -8,37 +8,39 @@ lags n_v in waves and T_w in seconds, f the frequency, L the body length:
     h'  = w + yaw_bias                          u  = L (f c(A, f, s) + D(f) w') + crab (1 - slip) v + drift
                                                 s' = (s_asked - s) f / blend
 
-A and f are asked for, and the wave takes n_b waves (`BLEND`) to follow. With those in force, which an estimator knows,
+A and f are commanded, and the wave takes n_b waves (`BLEND`) to follow. With the values in force, which an estimator
+knows,
 
     v' = (L f d(A, f, s) - v) / T_v,   T_v = (n_v - n_b) / f_p                                                (R3)
 
-since a worm on dry friction goes as far in a slow wave as in a quick one and stands when its wave does, but for the
-time by which chambers follow their commands. (T_v is 0.155 s for the default worm; what fits its stops and starts, in
-the mean over phases, is 0.15 s from 0.5 Hz, 0.17 from 0.8 and 0.2 from 1.2 Hz.)
+since a worm on dry friction goes as far in a slow wave as in a quick wave. When the wave stops, the worm stops after
+the lag of the chambers. (T_v is 0.155 s for the default worm. The best fit to stops and starts, in the mean over
+phases, is 0.15 s from 0.5 Hz, 0.17 from 0.8 and 0.2 from 1.2 Hz.)
 
-D(f) w' is what a body adds that comes to turn, since it bends more and more: a steady wave has no part of it. D falls
-with the frequency (steep waves of the default worm: 0.14 s at 0.5 Hz, 0.06 at 0.8, -0.03 at 1.2), and fades where waves
-are slower than was identified. Without it that worm, at 0.14 m/s, takes its heading for up to 1 degree wrong wherever
-an S-curve changes its curvature, and is 0.0038 body lengths beside it in place of 0.0030 (seeds 10 to 14). The sine's
-map that ships has no D: with 0.09, 0.04 and -0.03 s it is 0.0021 in place of 0.0019 beside the curve at 0.08 m/s.
+D(f) w' is the sideways speed of a body that begins to turn and so bends more and more; a steady wave does not have this
+speed. D falls with the frequency (steep waves of the default worm: 0.14 s at 0.5 Hz, 0.06 at 0.8, -0.03 at 1.2), and
+fades for waves slower than the identified range. Without D the estimated heading of that worm, at 0.14 m/s, is up to 1
+degree wrong where an S-curve changes curvature, and the worm is 0.0038 body lengths beside the curve instead of 0.0030
+(seeds 10 to 14). The supplied map of the sine has no D: with 0.09, 0.04 and -0.03 s the distance from the curve at 0.08
+m/s is 0.0021 instead of 0.0019.
 
-s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the steering asked for: before the
-map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the default
-worm (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95 s after a map in odd powers of the steering, by 0.008.
-Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
-A wave of negative amplitude goes backwards (`control.gaits.steering`, (S3)): d(-A) = -d(A), c(-A) = -c(A), omega(-A) =
-omega(A).
-slip, yaw_bias, drift, crab and the gain of turning are what the map does not know (a slope, another ground, a worm that
-is somewhat different); they are constant in the model, and estimated.
+s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the commanded steering. This lag comes
+before the map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the
+default worm (R1) misses the turn rate by 0.005 rad/s; a model with one lag of 0.95 s after a map in odd powers of the
+steering misses the turn rate by 0.008. Below the least identified amplitude d, c and omega fade in proportion to the
+amplitude: without contraction a worm rests. A wave of negative amplitude goes backwards (`control.gaits.steering`,
+(S3)): d(-A) = -d(A), c(-A) = -c(A), omega(-A) = omega(A). The states slip, yaw_bias, drift, crab and the gain of
+turning cover effects that the map does not contain (a slope, another ground, a somewhat different worm). They are
+constant in the model, and estimated.
 
-x, y is the centre of mass and h the heading, both without the rocking of a wave. That is a matter of the body's shape,
-which the strains give: with the inverse of (E2) and no strain in yaw (E5),
+x, y is the centre of mass and h the heading, both without the rocking of a wave. The rocking depends on the shape of
+the body, which follows from the strains: with the inverse of (E2) and no strain in yaw (E5),
 
     l_i = (l_L + l_R)/2,   th_i = (l_R - l_L)/(2 b),   a_{i+1} - a_i = th_i/2 + th_{i+1}/2 + hinge            (R2)
 
-are lengths, bends and azimuths a_i of the segments, and (E1), (E3) place joints and masses. Exact for a flat body whose
-yaw joints are not strained. On the plant the joints of the default worm lie within 4 mm of it when chambers steer, and
-within 12 mm when hinges do: the ground holds the feet back, and the yaw joints give way.
+are lengths, bends and azimuths a_i of the segments, and (E1), (E3) place joints and masses. This shape is exact for a
+flat body whose yaw joints are not strained. On the plant the joints of the default worm lie within 4 mm of this shape
+when chambers steer, and within 12 mm when hinges steer: the ground holds the feet back, and the yaw joints yield.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ from worm3d import Worm
 from worm3d.physics import elements
 
 IDENTIFIED = 0.8
-"""Frequency f_p at which the lag n_v was found, about [Hz]."""
+"""Approximate frequency f_p at which the lag n_v was identified [Hz]."""
 LEAST_LAG = 0.05
 """Least lag of the speed behind the wave in force [waves]."""
 LONGEST_SUBSTEP = 0.5
@@ -64,12 +66,12 @@ LONGEST_SUBSTEP = 0.5
 
 
 class ReducedState(NamedTuple):
-    """State of the reduced model; each is an SX of one entry, or a number.
+    """State of the reduced model; each field is an SX of one entry, or a number.
 
-    Centre of mass x, y [m] and azimuth [rad]; speed v along it [m/s] and turn rate w [rad/s] that the gait makes; the
-    share of v that is lost; turn rate [rad/s] and speed to the left [m/s] that the gait does not make; the steering s
-    in force, a hinge [rad] or a bias; the worm's turn rate over that of the map; the angle to the left of the heading
-    at which it lastingly goes [rad].
+    Centre of mass x, y [m] and azimuth [rad]; speed v along the azimuth [m/s] and turn rate w [rad/s] that the gait
+    makes; the share of v that is lost; turn rate [rad/s] and speed to the left [m/s] that the gait does not make; the
+    steering s in force, a hinge [rad] or a bias; the ratio of the worm's turn rate to the map's turn rate; the lasting
+    angle of the motion to the left of the heading [rad].
     """
 
     x: float | ca.SX
@@ -89,7 +91,7 @@ STATES = len(ReducedState._fields)
 
 
 class ReducedInput(NamedTuple):
-    """Input of the reduced model: amplitude, below 0 backwards, frequency [Hz], and the steering asked for.
+    """Input of the reduced model: amplitude, below 0 backwards, frequency [Hz], and the commanded steering.
 
     The steering is a hinge [rad], a bias, or a share of both.
     """
@@ -115,7 +117,7 @@ class ReducedModel:
     in_force: ca.Function
     """`dynamics` of a wave that already has the commanded amplitude and frequency."""
     lag: float
-    """Time T_v by which the speed follows these [s]."""
+    """Time constant T_v of the speed behind the amplitude and frequency in force [s]."""
     shape: ca.Function
     """(chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
     the tail-to-head chord along x: (R2)."""
@@ -124,7 +126,7 @@ class ReducedModel:
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
-        """Return the model of a worm; ValueError if it was not identified with this mechanism."""
+        """Return the model of a worm; ValueError if the worm was not identified with this mechanism."""
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
@@ -132,7 +134,7 @@ class ReducedModel:
         symbols = ReducedState(*ca.vertsplit(state)), ReducedInput(*ca.vertsplit(given))
         lags, ranges = identified.lags[mechanism], identified.maps[mechanism].ranges
         lag = max(lags.amplitude - BLEND, LEAST_LAG) / IDENTIFIED
-        pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])  # how slowly so ever, feet that stick follow at once
+        pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])  # feet that stick follow at once, however slowly
         rate = _rate(*symbols, worm, identified, mechanism, pace / lags.amplitude)
         followed = _rate(*symbols, worm, identified, mechanism, ca.SX(1.0 / lag))
         names = ["state", "input"]
@@ -180,7 +182,7 @@ class ReducedModel:
 def _rate(
     s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, mechanism: Mechanism, follows: ca.SX
 ) -> ca.SX:
-    """Return (R1); the speed comes closer to that of the wave at the rate `follows` [1/s]."""
+    """Return (R1); the speed approaches the speed of the wave at the rate `follows` [1/s]."""
     found, lags = identified.maps[mechanism], identified.lags[mechanism]
     least = found.ranges.amplitude[0]
     size, way = ca.fabs(u.amplitude), ca.if_else(u.amplitude < 0.0, -1.0, 1.0)
@@ -206,7 +208,7 @@ def _rate(
 def body_shape(worm: Worm) -> ca.Function:
     """Return the body's shape from its chamber lengths and hinges, (R2); see `ReducedModel.shape`.
 
-    Raises ValueError if the chambers lie on the centre line: their lengths do not tell the bend.
+    Raises ValueError if the chambers lie on the centre line, where chamber lengths do not determine the bend.
     """
     if worm.chamber_offset == 0.0:
         raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")

@@ -1,13 +1,14 @@
 """Turn rate of a worm by gyroscopes in its segments, averaged over each wave.
 
 A segment with the axes d_1 (ahead), d_2 (left), d_3 (up) and the angular rate w = sum_k w_k d_k has d_1' = w_3 d_2 -
-w_2 d_3, so that its azimuth turns by
+w_2 d_3, so that the azimuth of the segment turns by
 
-    a' = (d_1x d_1y' - d_1y d_1x')/(d_1x^2 + d_1y^2),   w_3 where it is level,   w_3/cos(p) at a pitch p         (TR1)
+    a' = (d_1x d_1y' - d_1y d_1x')/(d_1x^2 + d_1y^2),   w_3 at zero pitch,   w_3/cos(p) at a pitch p             (TR1)
 
-The mean azimuth of the segments differs from that of the chord by a matter of the body's shape, which returns with each
-wave. The mean of w_3 over segments and over a wave, phases psi to psi + 2 pi, is therefore the mean turn rate in it,
-which is about that of its middle instant, and has the constant errors of the gyroscopes.
+The mean azimuth of the segments differs from the azimuth of the chord by a term that depends on the body's shape, which
+repeats with each wave. The mean of w_3 over segments and over a wave, phases psi to psi + 2 pi, is therefore the mean
+turn rate of the wave. The mean turn rate is about the turn rate at the middle instant, and contains the constant errors
+of the gyroscopes.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class MeanRate:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self._last: tuple[float, float] | None = None
         self._begin: tuple[float, float] | None = None
         self._turned = 0.0
@@ -35,7 +36,8 @@ class MeanRate:
     def take(self, t: float, rates: FloatArray, phase: float) -> tuple[float, float] | None:
         """Take rates of an instant [s], shape (N, 3) [rad/s], NaN where unknown, at a commanded phase [rad].
 
-        Return the middle instant [s] of a wave that has ended with it and its mean turn rate to the left [rad/s].
+        If a wave has ended with this sample, return the wave's middle instant [s] and mean turn rate to the left
+        [rad/s].
         """
         known = rates[np.isfinite(rates[:, UP]), UP]
         if not known.size:

@@ -1,4 +1,4 @@
-"""Wave of a body: what was commanded, and what its chamber strains say that it made of it.
+"""Wave of a body: the commanded wave, and the actual wave as the chamber strains show it.
 
 A travelling wave of contraction of wavelength lambda (body lengths) and commanded phase psi strains segment i by
 
@@ -6,13 +6,13 @@ A travelling wave of contraction of wavelength lambda (body lengths) and command
 
 (+ for a retrograde wave). Least squares over the segments give mean and a exp(+- i psi) of one sample of the strains,
 the mean of left and right; a, which is constant in a steady wave, is smoothed over a part of a wave. |a| is the
-amplitude of the strain, arg a its lag behind the command. What rocks with the wave is proportional to
+amplitude of the strain, and arg a the lag of the strain behind the command. Rocking is proportional to
 
     wave(psi) = (Re, Im) a exp(+- i psi),                                                                     (W2)
 
-at any instant whose commanded phase is known, whether a sample of the strains arrived then or not. A wave that goes
-backwards is that of the worm turned round (`control.gaits.steering`, (S3)): it is fitted to the strains from the head
-on, and rocks the other way, so that -wave(psi) is taken of it.
+at any instant with a known commanded phase, whether a sample of the strains arrived at that instant or not. A backward
+wave is the wave of the worm turned round (`control.gaits.steering`, (S3)). A backward wave is therefore fitted to the
+strains from the head on, and rocks the centre of mass the other way, so that -wave(psi) is used.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ from control.gaits.steering import BLEND, PACE, Schedule
 from worm3d.values.arrays import FloatArray
 
 SMOOTHING = 0.25
-"""Number of waves over which a is smoothed; the shorter waves, of which two pass in a wave, nearly vanish."""
+"""Number of waves over which a is smoothed; the shorter waves, two of them per wave, nearly vanish."""
 UNKNOWNS = 3
-"""Number of unknowns of (W1) in one sample, and of the segments that it needs."""
+"""Number of unknowns of (W1) in one sample, which is also the number of segments that a fit needs."""
 
 
 class InputHistory:
     """History of commands over a time span [s], for delayed measurements: inputs of the reduced model, and phases.
 
-    The phases tell the frequency in force; the amplitude in force follows the one asked for as in a `WaveGenerator`.
+    The phases give the frequency in force. The amplitude in force follows the commanded amplitude as in a
+    `WaveGenerator`.
     """
 
     def __init__(self, span: float) -> None:
@@ -58,7 +59,7 @@ class InputHistory:
         self._times.append(t)
         self._phases.append(phase)
         self._inputs.append(last if np.array_equal(last, given) else given)
-        if self._times[0] < t - 2.0 * self._span:  # many at once, which is cheaper than one by one
+        if self._times[0] < t - 2.0 * self._span:  # many at once, cheaper than one by one
             old = bisect_left(self._times, t - self._span)
             del self._times[:old], self._phases[:old], self._inputs[:old], self._amplitudes[:old]
 
@@ -74,7 +75,7 @@ class InputHistory:
         return self._at(t, self._phases)
 
     def _at(self, t: float, values: list[float]) -> float:
-        """Return one of a list of values of each instant at t [s]."""
+        """Return the value at t [s], interpolated in a list with one value for each instant."""
         k = min(max(bisect_left(self._times, t), 1), len(self._times) - 1)
         if len(self._times) == 1 or self._times[k] == self._times[k - 1]:
             return values[-1]
@@ -89,9 +90,9 @@ class InputHistory:
         return (self._phases[k] - self._phases[k - 1]) / (2.0 * np.pi * (self._times[k] - self._times[k - 1]))
 
     def between(self, begin: float, end: float) -> Iterator[tuple[FloatArray, float]]:
-        """Yield the mean inputs in force between two instants [s], and the time for which each was [s].
+        """Yield the mean inputs in force between two instants [s], and the duration of each [s].
 
-        These are amplitude and frequency as the wave had them, and the steering that was asked for; nothing before the
+        An input holds the amplitude and frequency of the wave and the commanded steering. Nothing is yielded before the
         first instant is added.
         """
         now, k = begin, bisect_left(self._times, begin + 1e-12)
@@ -108,7 +109,7 @@ class InputHistory:
 
 
 class MeasuredWave:
-    """Wave of one body, as its strains show it."""
+    """Wave of one body, measured by the strains."""
 
     def __init__(self, segments: int, schedule: Schedule) -> None:
         x = 2.0 * np.pi * (np.arange(segments) + 0.5) / segments / schedule.wavelength
@@ -125,7 +126,7 @@ class MeasuredWave:
     def take(self, strain: FloatArray, phase: float, back: bool = False) -> None:
         """Take a sample of the strains, shape (N, 2), NaN where unknown, at the commanded phase psi [rad], (W1).
 
-        `back` says whether a wave is commanded that goes backwards; that of the other way dies away.
+        `back` is whether the commanded wave goes backwards; the wave in the other direction decays.
         """
         sampled = self._fitted(strain[::-1] if back else strain)
         if sampled != sampled:

@@ -1,1 +1,1 @@
-"""Faults: the watch, which tells them from measurements, and faults that are put in on purpose (`injected`)."""
+"""Faults: the watch, which detects faults from measurements, and faults injected on purpose (`injected`)."""

@@ -1,23 +1,24 @@
-"""Chambers that do not obey: found within a part of a wave, and lived with.
+"""Chambers that do not obey: detection within a part of a wave, and compensation.
 
-A chamber that stays where it is while its twin on the other side contracts bends the body in every wave: the worm
-turns, crabs, and often tips within a wave and a half (5 of the 12 chambers of the default worm at 0.08 m/s). Held still
-on both sides, the segment is straight again and is carried by the others: what is left is a worm that is a little
-slower at the same wave, which the estimator finds as slip.
+A chamber that is stuck while the twin on the other side contracts bends the body in every wave: the worm turns, crabs,
+and often tips within a wave and a half (5 of the 12 chambers of the default worm at 0.08 m/s). If both chambers are
+held still, the segment is straight again and the other segments carry it. The worm is then a little slower at the same
+wave, and the estimator attributes the difference to slip.
 
-*Found.* By (CG1) of `control.estimation.chamber_gains`, which knows weak and slow chambers, a strain misses m; its own
-command makes e of it, and would make f of a healthy chamber. Smoothed,
+*Detection.* By (CG1) of `control.estimation.chamber_gains`, which includes weak and slow chambers, a strain has the
+error m; the chamber's own command causes the part e of the strain, and would cause f in a healthy chamber. Smoothed,
 
     E' = (m - E)/tau,   M' = (m + e - f - M)/tau,   F' = (f - F)/tau,   D = E_left - E_right                  (CH1)
 
-D does not see loads and walls, which both sides have in common. A chamber does not obey where |D| is beyond a limit,
-|E| at least twice the |E| of its twin, |M| more than half of |F|, and the segments beside it show no D of this sign,
-for a while. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes
-bend both sides of several segments alike: |D| is up to 0.18, and beside it 0.4 of this at least; beside a chamber
-without pressure it is 0.2 of 0.13 to 0.25 at most, and mostly of the other sign.
+D does not depend on loads and walls, which affect both sides. A chamber does not obey if, for a while, |D| is beyond a
+limit, |E| is at least twice the |E| of the twin, |M| is more than half of |F|, and the neighbouring segments show no D
+of this sign. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes
+bend both sides of several segments alike: |D| is up to 0.18, and at least 0.4 of this in the neighbouring segments.
+Beside a chamber without pressure |D| is at most 0.2 of 0.13 to 0.25, and mostly of the opposite sign.
 
-*Lived with.* Both chambers of the segment are held: the faulty one at the contraction h that it had, its twin at what
-is measured of the faulty one since. If it was the sensor that is wrong, the segment is held still all the same.
+*Compensation.* Both chambers of the segment are held: the faulty chamber at the contraction h at the detection, and the
+twin at the contraction measured of the faulty chamber since. If the sensor is wrong instead, the segment is held still
+all the same.
 """
 
 from __future__ import annotations
@@ -33,44 +34,44 @@ from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 MISSED = 0.55
-"""Share of the strain of a healthy chamber that a chamber which does not obey misses at least."""
+"""Least share of a healthy chamber's strain that is missing in a chamber that does not obey."""
 SMOOTHING = 0.03
 """Time constant tau of E [s]."""
 LIMIT = 0.05
-"""Value of |D| beyond which a chamber does not obey, noise apart."""
+"""Value of |D| beyond which a chamber does not obey, without noise."""
 SURE = 4.0
-"""Standard deviations of D, by the noise of the strains, that are added to the limit."""
+"""Number of standard deviations of D, due to the noise of the strains, that are added to the limit."""
 SPREAD = 0.3
-"""Share of D that segments beside it may have, of the same sign."""
+"""Greatest share of D in the neighbouring segments, of the same sign."""
 ONE_SIDED = 2.0
-"""Ratio of |E| to that of the twin from which it is one chamber that does not obey."""
+"""Ratio of |E| to the |E| of the twin above which a single chamber does not obey."""
 LASTING = 0.02
-"""Time for which all this has to hold [s]."""
+"""Time for which all these conditions have to hold [s]."""
 FOLLOWS = 1.0
-"""Time constant with which the twin follows what is measured of the faulty chamber, which its neighbours pull [s]."""
+"""Time constant of the twin behind the measured contraction of the faulty chamber, which the neighbours pull [s]."""
 
 
 @dataclass
 class Held:
-    """A segment that is held still since one of its chambers does not obey."""
+    """A segment that is held still because one of the chambers does not obey."""
 
     side: int
     """Side of the chamber that does not obey, 0 is left."""
     held: float
-    """Contraction at which that chamber is to stay."""
+    """Contraction at which this chamber is held."""
     twin: float
-    """Contraction of its twin."""
+    """Contraction of the twin."""
 
 
 class Chambers:
-    """The chambers of one worm; `held` has the segments that are held still, by their number from the tail."""
+    """The chambers of one worm; `held` contains the segments that are held still, by number from the tail."""
 
     def __init__(self, worm: Worm) -> None:
         self._shape, self._stroke = (worm.segments, 2), worm.stroke
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self.held: dict[int, Held] = {}
         self._told: FloatArray | None = None
         self._time = np.nan
@@ -80,7 +81,7 @@ class Chambers:
         self._since = np.full(self._shape, np.inf)
 
     def take(self, t: float, strain: FloatArray | None, gains: ChamberGains) -> list[Fault]:
-        """Take what was measured at time t [s], shape (N, 2), NaN where unknown; return what was found just now.
+        """Take the strains measured at time t [s], shape (N, 2), NaN where unknown; return newly found faults.
 
         The gains have taken the same strains.
         """
@@ -128,7 +129,7 @@ class Chambers:
         return command
 
     def _doubt(self, strain: FloatArray, share: float) -> float:
-        """Return the standard deviation of D, by how strains scatter from sample to sample."""
+        """Return the standard deviation of D, from the scatter of the strains from sample to sample."""
         self._last = [*self._last[-2:], strain]
         if len(self._last) == 3:
             first, second, third = self._last

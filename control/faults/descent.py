@@ -1,16 +1,16 @@
-"""Ways down that are too steep: a worm on bristles slides down them, whatever its wave.
+"""Descents that are too steep: a worm on bristles slides down regardless of the wave.
 
-A worm that lies along a descent of gradient g is held by friction up to g = mu_forward, its least coefficient, by
-default 0.03, or 1.7 degrees; beyond it slides, at rest too, and ever faster. So it is stopped before. With the gradient
-G of the ground that the estimator finds, its covariance C, and the direction n in which the path leads a little ahead
-(or back, where the worm is to go backwards),
+Friction holds a worm that lies along a descent of gradient g up to g = mu_forward, the least coefficient, by default
+0.03, or 1.7 degrees. On a steeper descent the worm slides, also at rest, and ever faster. The worm is therefore stopped
+before such a descent. With the estimated gradient G of the ground, the covariance C of G, and the direction n of the
+path a little ahead (or behind, if the worm has to go backwards),
 
     descent = -G . n,   deviation = sqrt(n . C n)                                                             (DE1)
 
-G is found from places that may have been wrong for a while, mu_forward belongs to the ground of the map, and a worm at
-rest learns no more of both. So the stop ends after some seconds: the slope is forgotten, the worm tries the way again,
-and where it has to stop again before it has got any further, it waits twice as long. A slope on which the worm has
-rested without sliding holds it: only a steeper one stops it again.
+G follows from positions that may have been wrong for a while, mu_forward belongs to the ground of the map, and a worm
+at rest gains no information about either. The stop therefore ends after some seconds: the slope is forgotten, and the
+worm tries the way again. If the worm has to stop again without progress, the next wait is twice as long. A slope that
+has held the resting worm without sliding is safe: only a steeper slope stops the worm again.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 AHEAD = 0.3
-"""How far ahead the path must not be too steep [body lengths]: what a worm goes in three waves."""
+"""Distance ahead in which the path must not be too steep [body lengths]: the distance of three waves."""
 MARGIN = 0.8
-"""Share of the friction up to which a worm crawls downhill: its wave moves feet, which do not hold meanwhile."""
+"""Share of the friction up to which a worm crawls downhill: feet that the wave moves do not hold the worm."""
 KNOWN = 0.5
-"""Standard deviation of the gradient, as a share of the friction, from which on it is known well enough to stop for: a
-worm that stops learns no more of the ground."""
+"""Greatest standard deviation of the gradient, as a share of the friction, for a stop: a worm that stops learns no more
+about the ground."""
 HOLDS = 0.01
-"""Way that a worm which slides makes at least while it rests [body lengths]."""
+"""Least displacement of a resting worm that counts as sliding [body lengths]."""
 WAITS, LONGEST_WAIT = 4.0, 64.0
-"""Time after the first stop until the way is tried again, and the longest such time [s]."""
+"""Time from the first stop to the next try, and the longest such time [s]."""
 
 
 class Descent:
-    """What a worm is told of ways down; `steepest` is the gradient that holds it, infinite where none matters."""
+    """Check for descents ahead; `steepest` is the greatest gradient that holds the worm, infinite without a limit."""
 
     def __init__(self, worm: Worm, reference: Reference, steepest: float = inf) -> None:
         self._length, self.reference, self.steepest = worm.length, reference, steepest
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self._near: float | None = None
         self._wait, self._stopped, self._tried = WAITS, -inf, False
         self._place: FloatArray | None = None
         self._descent = self._held = 0.0
 
     def tries(self, t: float, place: FloatArray) -> bool:
-        """Return whether a worm with a fault at a place (2,) [m] is to try its way again at time t [s]."""
+        """Return whether a worm with a fault at a position (2,) [m] should try the way again at time t [s]."""
         if self._place is None or np.hypot(*(place - self._place)) > AHEAD * self._length:
             self._wait, self._stopped, self._place = WAITS, t, place
         elif self._tried:
@@ -64,7 +64,7 @@ class Descent:
         return self._tried
 
     def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
-        """Return what is wrong with the way ahead at time t [s]; None if nothing is known to be."""
+        """Return the fault of the way ahead at time t [s]; None without a known fault."""
         if estimate is None or self.steepest == inf or not estimate.is_placed(self._length):
             return None
         azimuth = self._azimuth(estimate, back=float(self.reference.speed(t)) < 0.0)

@@ -1,8 +1,8 @@
-"""Faults that are put in on purpose, to try what a controller makes of them.
+"""Faults that are injected on purpose, to test the reaction of a controller.
 
-A fault changes what a controller measures, what becomes of its commands, or its plans, from `begin` on for `duration`.
-`Faulty` puts faults around any controller of `worm3d.simulate`, which is told nothing of them. To add one, derive a
-dataclass from `Injected` with the name that scenes call it by, `class Mine(Injected, name="mine")`.
+A fault changes the measurements of a controller, the effect of the commands, or the plans, from `begin` on for
+`duration`. `Faulty` puts faults around any controller of `worm3d.simulate`; the controller does not know the faults. To
+add a fault, derive a dataclass from `Injected` with the name used in scenes, `class Mine(Injected, name="mine")`.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ INJECTED: dict[str, type[Injected]] = {}
 
 SIDES = ("left", "right")
 ALL = -1
-"""Number that stands for all segments."""
+"""Number that means all segments."""
 
 
 class Controller(Protocol):
     """A controller for `worm3d.simulate`."""
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
 
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the command from time t [s] on."""
@@ -47,7 +47,7 @@ class Injected(Spelled):
 
     name: ClassVar[str] = ""
     of_plans: ClassVar[bool] = False
-    """Whether it is a fault of plans, so that the controller must plan."""
+    """Whether this is a fault of plans, so that the controller must plan."""
 
     begin: float = parameter(0.0, unit="s", ge=0, meaning="when it begins")
     duration: float = parameter(
@@ -62,29 +62,29 @@ class Injected(Spelled):
         check(self)
 
     def acts(self, t: float) -> bool:
-        """Return whether it is there at time t [s]."""
+        """Return whether the fault is active at time t [s]."""
         return self.begin <= t < self.begin + self.duration
 
     def require(self, worm: Worm) -> None:
-        """Raise ValueError if a worm cannot have it."""
+        """Raise ValueError if a worm cannot have this fault."""
 
     def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
-        """Return what is measured with the fault; `before` is what was measured last without it."""
+        """Return the measurement with the fault; `before` is the last measurement without the fault."""
         return measurement
 
     def commanded(self, command: Command) -> Command:
-        """Return what becomes of a command."""
+        """Return the command as changed by the fault."""
         return command
 
     def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
-        """Return what becomes of a plan that `make` would make; `draw` gives random numbers from 0 to 1."""
+        """Return the plan of `make` as changed by the fault; `draw` returns random numbers from 0 to 1."""
         return make()
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultyChamber(Injected, name="chamber"):
-    """A chamber holds a contraction, whatever it is told, or follows its command in part."""
+    """A chamber holds a contraction regardless of the command, or follows the command in part."""
 
     segment: int = parameter(0, ge=0, meaning="which segment, 0 is the tail")
     side: Literal["left", "right"] = parameter("left", meaning="which of its chambers")
@@ -96,7 +96,7 @@ class FaultyChamber(Injected, name="chamber"):
         _require_segment(self.segment, worm)
 
     def commanded(self, command: Command) -> Command:
-        """Return the command with what this chamber does."""
+        """Return the command with the contraction of this chamber."""
         contraction, at = command.contraction.copy(), (self.segment, SIDES.index(self.side))
         contraction[at] = self.contraction + self.share * contraction[at]
         return replace(command, contraction=contraction)
@@ -105,7 +105,7 @@ class FaultyChamber(Injected, name="chamber"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class UnequalChambers(Injected, name="unequal"):
-    """Each chamber follows its command by a factor of its own, drawn between two bounds."""
+    """Each chamber follows the command times a separate factor, drawn between two bounds."""
 
     least: float = parameter(0.6, meaning="least factor", ge=0, le=2)
     greatest: float = parameter(1.1, meaning="greatest factor", ge=0, le=2)
@@ -117,7 +117,7 @@ class UnequalChambers(Injected, name="unequal"):
             raise ValueError(f"greatest: got {self.greatest!r}, must be at least {self.least!r}, the least factor")
 
     def commanded(self, command: Command) -> Command:
-        """Return the command, each contraction by the factor of its chamber."""
+        """Return the command, each contraction times the factor of the chamber."""
         random = np.random.default_rng([self.seed, crc32(b"unequal")])
         factors = random.uniform(self.least, self.greatest, command.contraction.shape)
         return replace(command, contraction=factors * command.contraction)
@@ -126,7 +126,7 @@ class UnequalChambers(Injected, name="unequal"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultySensor(Injected, name="sensor"):
-    """A sensor gives no samples, the last one again, or samples that are off, drift, or have their sides swapped."""
+    """A sensor gives no samples, the last sample again, or samples with an offset, a drift, or swapped sides."""
 
     channel: str = parameter(
         "com", meaning=f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own by its name in its module"
@@ -144,7 +144,7 @@ class FaultySensor(Injected, name="sensor"):
     side: Literal["both", "left", "right"] = parameter("both", meaning="of which side of that segment")
 
     def require(self, worm: Worm) -> None:
-        """Raise ValueError if there is no such channel, or it has no such component, segments or sides."""
+        """Raise ValueError if there is no such channel, or the channel has no such component, segments or sides."""
         if self.channel not in QUANTITIES:
             meant = did_you_mean(self.channel, [(name, name) for name in QUANTITIES])
             known = f"did you mean {meant!r}?" if meant else HOW_TO_ADD
@@ -163,7 +163,7 @@ class FaultySensor(Injected, name="sensor"):
             raise ValueError(f"component: got {self.component!r}, {few}: {self.channel} has the shape {shape}")
 
     def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
-        """Return the measurement with what this sensor gives."""
+        """Return the measurement with the samples of this sensor."""
         sample = measurement.get(self.channel)
         if sample is None or sample.value is None:
             return measurement
@@ -200,7 +200,7 @@ class FaultyPlanner(Injected, name="planner"):
     probability: float = parameter(1.0, gt=0, le=1, meaning="probability that a plan is spoilt")
 
     def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
-        """Return the plan, a spoilt one, or none: RuntimeError."""
+        """Return the plan, or a spoilt plan, or raise RuntimeError."""
         if draw() >= self.probability:
             return make()
         if self.mode == "raises":
@@ -211,22 +211,23 @@ class FaultyPlanner(Injected, name="planner"):
 
 
 class Faulty(Spelled):
-    """A controller around which there are faults.
+    """A controller with injected faults.
 
     Parameters
     ----------
     controller : Controller
-        Anything that `worm3d.simulate` takes for one that measures; of one with a `planner` the plans may fail.
+        Any controller with measurements that `worm3d.simulate` accepts; plans may fail if the controller has a
+        `planner`.
     faults : sequence of Injected
     seed : int
-        Seed of what comes now and then.
+        Seed of random faults.
     planning : object, optional
-        Whose `planner` it is; the controller by default.
+        Owner of the `planner`; by default the controller.
 
     Raises
     ------
     ValueError
-        A fault that this controller cannot have; whether the worm can, `Injected.require` says.
+        A fault that this controller cannot have; `Injected.require` checks the worm.
     """
 
     def __init__(self, controller: Controller, faults: Sequence[Injected], seed: int = 0, planning: Any = None) -> None:
@@ -243,12 +244,12 @@ class Faulty(Spelled):
         return getattr(self.__dict__["controller"], name)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self.controller.reset()
         self._before: list[Measurement | None] = [None] * len(self.faults)
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return what becomes of the command from time t [s] on."""
+        """Return the command from time t [s] on, as changed by the faults."""
         acting = [fault.acts(t) for fault in self.faults]
         for k, fault in enumerate(self.faults):
             if acting[k]:
@@ -263,7 +264,7 @@ class Faulty(Spelled):
 
 
 class _Planner:
-    """A planner of which the plans are spoilt."""
+    """A planner whose plans are spoilt."""
 
     def __init__(self, planner: Any, faults: Sequence[Injected], seed: int) -> None:
         self._planner, self._faults, self._seed = planner, faults, seed
@@ -272,19 +273,19 @@ class _Planner:
         return getattr(self.__dict__["_planner"], name)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self._planner.reset()
         self._random = np.random.default_rng([self._seed, crc32(b"planner")])
 
     def plan(self, t: float, *given: Any) -> Plan:
-        """Return the plan from time t [s] on, or what became of it."""
+        """Return the plan from time t [s] on, as changed by the faults."""
         make: Callable[[], Plan] = lambda: self._planner.plan(t, *given)  # noqa: E731
         fault = next((fault for fault in self._faults if fault.acts(t)), None)
         return make() if fault is None else fault.planned(self._random.random, make)
 
 
 def _latest(before: Measurement | None, measurement: Measurement) -> Measurement:
-    """Return a measurement with the samples before where none have arrived."""
+    """Return a measurement that keeps earlier samples where no sample has arrived."""
     if before is None:
         return measurement
     return measurement.changed(**{name: before[name] for name, s in measurement.items() if s.value is None})

@@ -1,20 +1,21 @@
-"""Rules that tell faults from what was seen of a worm in its last waves.
+"""Rules that detect faults from measurements of a worm in the last waves.
 
-*Chambers.* A chamber follows its command by a gain: amplitude of the strain at the wave's frequency over that of the
-command. On the default worm gains are 0.7 to 0.95, and those of one body within a quarter of each other, on slopes, in
-pipes and in turns; a chamber that stays where it is has less than a third of the others', what its neighbours pull.
-A load reduces the gain of small waves more than the gain of large waves: the gains of a worm of 0.4 kg are 0.33 at an
-amplitude of 0.15, 0.5 at 0.2, 0.7 at 0.27. The identified map tells how much less far such a wave goes.
+*Chambers.* The gain of a chamber is the amplitude of the strain at the wave's frequency over the amplitude of the
+command. On the default worm gains are 0.7 to 0.95, and the gains of one body lie within a quarter of each other, on
+slopes, in pipes and in turns. A stuck chamber has less than a third of the others' gain, due to the pull of the
+neighbours. A load reduces the gain of small waves more than the gain of large waves: the gains of a worm of 0.4 kg are
+0.33 at an amplitude of 0.15, 0.5 at 0.2, 0.7 at 0.27. The identified map gives the reduced progress of such a wave.
 
-*Tipping.* A load on a chamber changes its gain. A worm that lies on its side rests on the chambers of that side: the
-mean gains of left and right, equal to 4 % while it stands on both (slopes of 5 degrees, friction 30 % off),
-differ by 4.5 to 18 % of their sum once it does not (37 worms tipped by pushes and slopes; the heights of the centre of
-mass, by 1 to 6 mm, and the innovations say less). Chambers that are weak from the first differ as much, so that gains
-count over the usual ones of the waves before. A push to the side changes the gains too, but bends the body.
+*Tipping.* A load on a chamber changes the gain. A worm that lies on one side rests on the chambers of that side. The
+mean gains of left and right are equal to 4 % while the worm stands on both sides (slopes of 5 degrees, friction 30 %
+off). On a tipped worm the mean gains differ by 4.5 to 18 % of their sum (37 worms tipped by pushes and slopes; the
+heights of the centre of mass, by 1 to 6 mm, and the innovations are less informative). Chambers that are weak from the
+start differ as much, so that gains are divided by the usual gains of the waves before. A push to the side changes the
+gains too, but bends the body.
 
-*Speed, turn and place* are those of the centre of mass averaged over each wave, against the reference and the map.
+*Speed, turn and place* of the centre of mass, averaged over each wave, are compared with the reference and the map.
 
-A fault has to show in two waves in a row, or over three waves, so that it is reported within three.
+A fault has to appear in two waves in a row, or over three waves, and is therefore reported within three waves.
 """
 
 from __future__ import annotations
@@ -31,92 +32,92 @@ from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
-"""Gain of a chamber, as a share of the median gain, below which it does not obey; less in small waves, in proportion to
-`Wave.expected`. Neighbours of dead chambers, and pushed worms, have 0.6 at least in two waves in a row; with half of
-this chambers that are stuck would be missed. Chambers of a worm of 0.4 kg that turns in small waves have 0.43."""
+"""Gain of a chamber, as a share of the median gain, below which the chamber does not obey; the limit is lower in small
+waves, in proportion to `Wave.expected`. Neighbours of dead chambers, and pushed worms, have at least 0.6 in two waves
+in a row. Half of the limit would miss stuck chambers. A worm of 0.4 kg that turns in small waves has gains of 0.43."""
 WEAK = 0.4
-"""Median gain, over what a wave of its amplitude leads to expect, below which no chamber obeys as it should."""
+"""Ratio of the median gain to the expected gain at the wave's amplitude below which all chambers are too weak."""
 LEANS = 0.045
-"""Difference of the gains of left and right over their sum from which the worm lies on one side. At half of this slopes
-and sharp turns would be reported, at twice half of the tipped worms would be missed."""
+"""Least difference of the gains of left and right, over their sum, of a worm that lies on one side. Half of this limit
+would report slopes and sharp turns; twice this limit would miss half of the tipped worms."""
 SURE_TO_LEAN = 4.0
-"""Standard errors of that difference that it must be beyond 0."""
+"""Least distance of this difference from 0, in standard errors."""
 BENT = 0.02
-"""Mean strain of a left less a right chamber from which a body is bent by a push, which spoils the gains."""
+"""Least mean strain of a left minus a right chamber in a body that a push has bent, which spoils the gains."""
 SLOW, SLOW_AT_LIMIT, FAST = 0.75, 0.9, 1.3
-"""Shares of the speed asked for: too slow, too slow though the wave is as fast as it gets, too fast."""
+"""Shares of the wanted speed: too slow, too slow although the wave is as fast as possible, too fast."""
 CREEPS = 0.1
-"""Share of the greatest speed of the map below which nothing is said of a worm that is too slow."""
+"""Share of the greatest speed of the map below which a slow worm is not reported."""
 REACH = 1.02
-"""Share of the greatest speed of the map from which a speed cannot be reached."""
+"""Share of the greatest speed of the map beyond which a speed cannot be reached."""
 TURNS = 1.1
-"""Share of the greatest turn rate at a speed from which a turn cannot be reached."""
+"""Share of the greatest turn rate at a speed beyond which a turn cannot be reached."""
 ASTRAY = 0.5
-"""Standard deviation of a heading from which it is lost [rad]."""
+"""Least standard deviation of a lost heading [rad]."""
 ANY_WAY = np.pi / np.sqrt(3.0)
-"""Standard deviation of a heading that may be any [rad]."""
+"""Standard deviation of a heading that is completely unknown [rad]."""
 MOVED = 0.016
-"""Change of the velocity, which the wave does not make, of a worm that is pushed [body lengths/s]."""
+"""Velocity change, beyond the change that the wave makes, of a worm that is pushed [body lengths/s]."""
 NEARLY = 0.003
-"""Standard error of the mean place of a wave beyond which such a change is not known [body lengths]."""
+"""Standard error of the mean position of a wave beyond which this change is unknown [body lengths]."""
 CRABS = 0.22
-"""Angle between the way and the measured heading that no slope explains, from which the heading is off [rad]."""
+"""Least angle between motion and measured heading, not explained by a slope, of a wrong heading [rad]."""
 TRESPASS = 0.03
-"""Distance inside an obstacle or outside a corridor beyond which a worm was not able to keep out [body lengths]."""
+"""Distance inside an obstacle or outside a corridor beyond which a trespass is reported [body lengths]."""
 ALONG = 0.3
-"""Angle to its path below which a worm that has turned round follows it again [rad]; before, it still leaves it."""
+"""Angle to the path below which a worm that has turned round follows the path again, and no longer leaves it [rad]."""
 LEFT_PATH = 0.15
-"""Distance that a worm leaves its path, or its way around obstacles, by beyond the least one of the last waves [body
-lengths]. In the benchmark (seed 40) it is 0.05 at a corner of 90 degrees, and 0.12 where the worm is pushed."""
+"""Limit of the distance from the path, or from the detour around obstacles, minus the least distance of the last waves
+[body lengths]. In the benchmark (seed 40) the value is 0.05 at a corner of 90 degrees, and 0.12 after a push."""
 ENDS_OF_THREE_WAVES = 4
-"""Number of waves of which the first and the last are three waves apart."""
+"""Number of waves in a sequence whose first and last waves are three waves apart."""
 SIDES = ("left", "right")
 ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
-"""On a chamber."""
+"""Advice on a chamber."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that keeps a worm from doing what it is asked for."""
+    """Something that keeps a worm from following the reference."""
 
     time: float
-    """Time when it was found [s]."""
+    """Time when the fault was found [s]."""
     kind: str
-    """Name of the fault; each (with its chamber) is reported once a run."""
+    """Name of the fault, including the chamber if any; each name is reported once a run."""
     what: str
-    """A sentence."""
+    """Description, a sentence."""
     advice: str
-    """A sentence on what to do."""
+    """Advice, a sentence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """What was seen of a worm of N segments in one wave."""
+    """Summary of one wave of a worm of N segments."""
 
     end: float
     """End of the wave [s]."""
     gain: FloatArray
-    """Gain of each chamber [left, right], shape (N, 2); NaN where it is not known."""
+    """Gain of each chamber [left, right], shape (N, 2); NaN where unknown."""
     gain_error: FloatArray
     """Standard errors of the gains, shape (N, 2)."""
     bend: float
-    """Greatest mean strain of a left less a right chamber; NaN if not known."""
+    """Greatest mean strain of a left minus a right chamber; NaN if unknown."""
     place: FloatArray | None
     """Mean of the centre of mass [m], shape (2,); None without samples."""
     place_time: float
-    """Mean instant of its samples [s]."""
+    """Mean instant of the samples of `place` [s]."""
     place_error: float
-    """Its standard error [m]."""
+    """Standard error of `place` [m]."""
     ahead: float | None
-    """Azimuth of the path where the worm is; without a path its heading, if that is known [rad]."""
+    """Azimuth of the path at the worm; without a path the worm's heading, if known [rad]."""
     at_limit: bool
-    """Whether amplitude and frequency are as great as they get."""
+    """Whether amplitude and frequency are as great as possible."""
     made: float
-    """Speed that the map says of the wave at its end [m/s]."""
+    """Speed of the wave on the map, at the end of the wave [m/s]."""
     least_asked: float
-    """Least speed that was asked for in it, or at which by the map its path can be followed [m/s]."""
+    """Least wanted speed in the wave, limited to the speed at which the path can be followed on the map [m/s]."""
     most_asked: float
-    """Greatest speed that was asked for in it [m/s]."""
+    """Greatest wanted speed in the wave [m/s]."""
     reach: float
     """Greatest speed of the map [m/s]."""
     turn: float
@@ -126,34 +127,34 @@ class Wave:
     aside: float | None
     """Distance from the path [body lengths]."""
     trespass: float = -inf
-    """Distance by which it is inside an obstacle or outside its corridor [body lengths]."""
+    """Distance of the worm into an obstacle or out of the corridor [body lengths]."""
     away: float = 0.0
-    """Angle between its known heading and the path [rad]."""
+    """Angle between the known heading and the path [rad]."""
     heading_error: float = 0.0
     """Standard deviation of the estimated heading [rad]."""
     back: bool = False
-    """Whether it is to go backwards, as it can; speeds are counted backwards then."""
+    """Whether the worm can and should go backwards; speeds are then counted backwards."""
     numb: bool = False
-    """Whether the worm has sensors of the strains, and none of their samples was used."""
+    """Whether the worm has strain sensors but no sample of them was used."""
     usual_gain: FloatArray | None = None
-    """Gain of each chamber, over a healthy chamber's, as it was known in the waves before, shape (N, 2)."""
+    """Gain of each chamber relative to a healthy chamber, as known in the waves before, shape (N, 2)."""
     pushed: bool = False
-    """Whether samples of the place showed that something other than the wave moves the worm."""
+    """Whether samples of the position showed that something other than the wave moves the worm."""
     turning: float = 0.0
-    """Estimated turn rate that the wave makes, at its end [rad/s]."""
+    """Estimated turn rate that the wave makes, at the end of the wave [rad/s]."""
     length: float = 1.0
     """Length of the body [m]."""
     jumped: bool = False
-    """Whether the sensor of the heading jumped, and was believed."""
+    """Whether the sensor of the heading jumped and the estimator accepted the jump."""
     crab: float = 0.0
-    """Angle between the way and the heading, beyond the angle that a slope explains, and surely so [rad]."""
+    """Significant angle between motion and heading, beyond the angle that a slope explains [rad]."""
     expected: float = 1.0
-    """Expected gain of this wave over the expected gain of the wave of greatest amplitude; the ways of both on the map
-    tell the gains."""
+    """Expected gain of this wave over the expected gain of the wave of greatest amplitude, from the distances of both
+    waves on the map."""
 
 
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
-    """Yield what shows in the last wave and those before it."""
+    """Yield the faults that the last wave and the waves before show."""
     for rule in (
         _unreachable,
         _too_sharp,
@@ -173,10 +174,10 @@ def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _lean(wave: Wave) -> tuple[float, float]:
-    """Return the difference of the mean gains of left and right over their sum, positive to the left, and its error.
+    """Return the difference of the mean gains of left and right over their sum, positive to the left, and the error.
 
-    Gains are those over the usual ones, so that weak chambers are no lean. Segments with a chamber that does not obey
-    are left out: it alone would be a difference of 8 % for six segments.
+    Gains are divided by the usual gains, so that weak chambers do not count as a lean. Segments with a chamber that
+    does not obey are left out: this chamber alone would make a difference of 8 % for six segments.
     """
     usual = 1.0 if wave.usual_gain is None else np.maximum(wave.usual_gain, WEAK)
     gain, errors = wave.gain / usual, wave.gain_error / usual
@@ -192,7 +193,7 @@ def _lean(wave: Wave) -> tuple[float, float]:
 
 
 def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
-    leans = [_lean(wave) for wave in waves[1:][-2:]]  # the usual gains are not known in the first wave
+    leans = [_lean(wave) for wave in waves[1:][-2:]]  # the usual gains are unknown in the first wave
     one_side = len({np.sign(lean) for lean, _ in leans}) == 1
     sure = all(abs(lean) > max(LEANS, SURE_TO_LEAN * error) for lean, error in leans)
     if len(leans) == 2 and one_side and sure and all(wave.bend < BENT for wave in waves[-2:]):
@@ -258,7 +259,7 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _way(waves: Sequence[Wave]) -> tuple[float, float]:
-    """Return the speed along the way [m/s], below 0 where that is the wrong one, and its error; NaN if unknown."""
+    """Return the speed along the path [m/s], negative in the wrong direction, and the error; NaN if unknown."""
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < len(waves):
         return nan, nan
@@ -308,9 +309,9 @@ def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _unexplained(waves: Sequence[Wave]) -> float:
-    """Return the change of the velocity, from wave to wave of three, that the waves do not make [body lengths/s].
+    """Return the change of the velocity over three waves that the waves do not make [body lengths/s].
 
-    The waves make the speeds of the map and the estimated turn rates. 0 if that is not known.
+    The waves make the speeds of the map and the estimated turn rates. The result is 0 if the change is unknown.
     """
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < 3 or not all(np.isfinite(wave.made) and wave.place_error < NEARLY * wave.length for wave in waves):

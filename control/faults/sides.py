@@ -1,14 +1,14 @@
-"""Strains of left and right that are swapped, as where two plugs are: told from how the sides differ.
+"""Detection of swapped strains of left and right, as with swapped plugs, from the differences of the sides.
 
 With the difference d = s_left - s_right of the strains of a segment, measured and expected (d_e) by (CG1) of
-`control.estimation.chamber_gains`, both smoothed over a time tau, the strains are swapped where over the last waves
+`control.estimation.chamber_gains`, both smoothed over a time tau, the strains count as swapped if over the last waves
 
     sum (d - d_e)^2 - sum (d + d_e)^2 > sure standard errors,   standard error = 4 (v 2 tau/dt sum d_e^2)^1/2   (SD1)
 
-for n samples dt apart, of which the lesser sum leaves the variance v = sum/n. Sums are over all segments but the one
-with the most, which may have a chamber that does not obey. Of 14 healthy worms on lines, circles and curves the left
-side was at most 0.6 standard errors, and of 8 that turn with swapped strains 2.3 to 4.7, within three waves. Where both
-sides do the same, as in a straight worm of equal chambers, nothing shows, and hardly anything is harmed.
+for n samples dt apart; the smaller sum gives the variance v = sum/n. The sums leave out the segment with the largest
+sum, which may have a chamber that does not obey. The left side of (SD1) was at most 0.6 standard errors for 14 healthy
+worms on lines, circles and curves, and 2.3 to 4.7 within three waves for 8 worms that turn with swapped strains. If
+both sides do the same, as in a straight worm of equal chambers, a swap does not show, and does hardly any harm.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ SMOOTHING = 0.1
 WAVES = 2
 """Number of waves over which differences are compared."""
 SURE = 1.5
-"""Standard errors of (SD1) from which strains are swapped."""
+"""Number of standard errors in (SD1) above which strains count as swapped."""
 
 
 class Sides:
-    """The sides of one worm of N segments; `swapped` tells whether the strains of left and right are."""
+    """The sides of one worm of N segments; `swapped` is whether the strains of left and right are swapped."""
 
     def __init__(self, segments: int) -> None:
         self._segments = segments
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self.swapped = False
         self._apart = np.zeros((3, self._segments))
         self._waves: deque[tuple[FloatArray, int, float]] = deque(maxlen=WAVES)
@@ -46,9 +46,9 @@ class Sides:
         self._sums, self._count, self._seconds = self._none()
 
     def take(self, t: float, phase: float, strain: FloatArray | None, gains: ChamberGains) -> list[Fault]:
-        """Take the strains of time t [s], shape (N, 2), which the gains have taken; return what was found just now.
+        """Take the strains of time t [s], shape (N, 2), which the gains have taken; return newly found faults.
 
-        The phase is that of the wave [rad].
+        `phase` is the phase of the wave [rad].
         """
         if strain is None or self.swapped:
             return []
@@ -74,11 +74,11 @@ class Sides:
         return [Fault(t, "swapped sides", what, "look at the plugs of the strain sensors; commands are not corrected")]
 
     def _none(self) -> tuple[FloatArray, int, float]:
-        """Return sums, count and time of a wave that begins."""
+        """Return sums, count and time at the beginning of a wave."""
         return np.zeros((3, self._segments)), 0, 0.0
 
     def _surely(self) -> bool:
-        """Return (SD1)."""
+        """Return whether (SD1) holds."""
         sums, counts, seconds = (sum(column) for column in zip(*self._waves, strict=True))
         others = np.delete(np.asarray(sums), int(np.argmax(np.asarray(sums)[:2].sum(axis=0))), axis=1)
         own, other, told = others.sum(axis=1)

@@ -1,4 +1,4 @@
-"""The watch over a worm: what measurements, commands and the reference say of each wave, for the rules to judge."""
+"""The watch over a worm: a summary of measurements, commands and the reference in each wave, for the rules to judge."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
 
 AT_LIMIT = 0.97
-"""Share of the greatest amplitude and frequency from which a wave is as fast as it gets."""
+"""Share of the greatest amplitude and frequency from which a wave is as fast as possible."""
 HARMONICS = 3
-"""Number of harmonics of the wave that are fitted to strains and commands: what is left over is noise."""
+"""Number of harmonics of the wave that are fitted to strains and commands; the residual is noise."""
 SAMPLES = 16
-"""Number of strains without which gains are not known: those of more waves are taken together."""
+"""Least number of strains for an estimate of the gains; with fewer strains, several waves are combined."""
 MOVES = 0.02
-"""Amplitude of a command below which nothing can be said of its chamber."""
+"""Amplitude of a command below which the chamber is not judged."""
 KNOWN = 0.3
-"""Standard deviation of a heading by which forward can be told from backward [rad]."""
+"""Standard deviation of a heading below which forward and backward can be distinguished [rad]."""
 MOMENTS = 9
-"""Number of instants of a wave at which the speed that is asked for is looked up."""
+"""Number of instants in a wave at which the wanted speed is looked up."""
 USUAL = 0.2
-"""Share of a wave in the usual gains, which those of the first wave begin."""
+"""Share of a new wave in the usual gains; the gains of the first wave are the initial value."""
 CRAB = ReducedState._fields.index("crab")
 YIELDS = Uncertainty().slope_yield
-"""Crab angle over the slope across, (KF2) [rad]."""
+"""Ratio of the crab angle to the slope across the heading, (KF2) [rad]."""
 REMEMBERED = 40
-"""Number of waves that are kept."""
+"""Number of kept waves."""
 _LOG = logging.getLogger(__name__)
 
 
 class _Way(NamedTuple):
-    """What a reference says of the place of a worm."""
+    """Properties of the reference at the position of a worm."""
 
     turn: float = 0.0
     """Turn rate of the path [rad/s]."""
@@ -58,11 +58,11 @@ class _Way(NamedTuple):
     azimuth: float | None = None
     """Azimuth of the path [rad]."""
     trespass: float = -inf
-    """Distance by which the body is inside an obstacle, or its middle outside the corridor [body lengths]."""
+    """Distance of the body into an obstacle, or of the middle of the body outside the corridor [body lengths]."""
 
 
 class Watch:
-    """The watch over one worm; `faults` holds what it found so far."""
+    """The watch over one worm; `faults` holds the faults found so far."""
 
     def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
         self._segments, self._body, self._length = worm.segments, Body.of(worm), worm.length
@@ -70,7 +70,7 @@ class Watch:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self.faults: list[Fault] = []
         self._waves: list[Wave] = []
         self._strains: list[tuple[float, FloatArray, FloatArray]] = []
@@ -84,7 +84,7 @@ class Watch:
         self._pushes, self._jumps, self._felt = 0, 0, False
 
     def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
-        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate of t."""
+        """Add the measurement at time t [s], caused by the commands up to t; `known` gives the estimate of t."""
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -111,9 +111,9 @@ class Watch:
         parameters: GaitParameters | None,
         gain: Callable[[], FloatArray] | None = None,
     ) -> None:
-        """Take in what is commanded from now on; without parameters it is no wave that the map knows.
+        """Set the command from now on; without parameters the command is no wave of the map.
 
-        `gain` returns the gain of each chamber as it is found so far, shape (N, 2).
+        `gain` returns the present estimate of the gain of each chamber, shape (N, 2).
         """
         self._told, self._parameters, self._known_gain = (phase, command.contraction), parameters, gain
 
@@ -124,7 +124,7 @@ class Watch:
         self.report(faults(self._waves))
 
     def report(self, found: Iterable[Fault]) -> None:
-        """Take in faults; each kind is kept once."""
+        """Add faults; each kind is kept once."""
         for fault in found:
             if all(fault.kind != known.kind for known in self.faults):
                 _LOG.info("at %.2f s: %s", fault.time, fault.what)
@@ -142,9 +142,9 @@ class Watch:
             if self._feed_forward.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters is not None and self._parameters.amplitude == 0.0:
-                asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
+                asked = np.minimum(asked, 0.0)  # the worm rests on command, not for lack of speed
             way = self._way(place, max(float(asked[0, -1]), 0.0), estimate)
-        except EXCEPTIONS:  # anybody may write references; the fallback deals with these
+        except EXCEPTIONS:  # users may write references; the fallback handles their errors
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
         at_limit, made, expected = self._ability()
@@ -188,9 +188,9 @@ class Watch:
         )
 
     def _ability(self) -> tuple[bool, float, float]:
-        """Return whether the wave is as fast as it gets, the speed that the map says of it, and its `Wave.expected`.
+        """Return whether the wave is as fast as possible, the speed of the wave on the map, and `Wave.expected`.
 
-        The speed is infinite if the wave is not known.
+        The speed is infinite if the wave is unknown.
         """
         if self._parameters is None:
             return False, inf, 1.0
@@ -231,7 +231,7 @@ class Watch:
         return (amplitude[:chambers] / asked).reshape(-1, 2), error.reshape(-1, 2), bend
 
     def _place(self) -> tuple[FloatArray | None, float, float]:
-        """Return the mean place of a wave, its mean instant, and its standard error by how samples scatter."""
+        """Return the mean position in a wave, the mean instant, and the standard error by the samples' scatter."""
         if not self._places:
             return None, nan, nan
         rows = np.array(sorted(self._places, key=lambda row: row[2]))
@@ -255,7 +255,7 @@ class Watch:
 
 
 def _crab(estimate: Estimate) -> float:
-    """Return how far the crab angle surely is beyond the angle that the slope of the ground explains [rad]."""
+    """Return the significant excess of the crab angle over the angle that the ground's slope explains [rad]."""
     heading, state = np.array([-np.sin(estimate.heading), np.cos(estimate.heading)]), estimate.state
     across = float(heading @ estimate.slope)
     doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[CRAB]

@@ -1,8 +1,8 @@
 """Crawling between two anchors, the groups of segments at the two ends, which hold in turn.
 
-A contracted segment is wide: in a pipe it presses the wall all round, on level ground it carries the worm and lifts
-its neighbours. An extended one is thin, and slides. The body between the anchors extends while the rear one holds,
-and shortens while the front one holds. The parts of a period are equal:
+A contracted segment is wide: in a pipe the segment presses the wall all round, on level ground the segment carries the
+worm and lifts the neighbouring segments. An extended segment is thin, and slides. The body between the anchors extends
+while the rear anchor holds, and shortens while the front anchor holds. The parts of a period are equal:
 
     two_anchor, for pipes                             inchworm, for level ground
     0  front lets go                                  0  rear anchors while the front lets go
@@ -13,9 +13,8 @@ and shortens while the front one holds. The parts of a period are equal:
     5  rear anchors
 
 `two_anchor` begins with all segments contracted, and one of its anchors lets go only while the other holds, so that it
-climbs pipes of any tilt. The anchors of the inchworm change over in opposition, which takes no
-extra time and keeps the worm's length. In both the worm comes as far in a period as the body changes its length, if
-no anchor slips.
+climbs pipes of any tilt. The anchors of the inchworm change over in opposition, which takes no extra time and keeps the
+worm's length. In both gaits the worm advances in a period by the change of the body's length, if no anchor slips.
 """
 
 from __future__ import annotations
@@ -33,10 +32,10 @@ from worm3d.values.parameters import documented, parameter
 @documented
 @dataclass(frozen=True, kw_only=True)
 class TwoAnchor(Gait, name="two_anchor"):
-    """Two anchors in turn, as in inchworms and burrowing earthworms; it climbs pipes of any tilt.
+    """Two anchors in turn, as in inchworms and burrowing earthworms; the gait climbs pipes of any tilt.
 
-    The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is
-    more than the pipe's wall allows, so that anchored segments press it.
+    The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is more
+    than the pipe's wall allows, so that anchored segments press the wall.
     """
 
     extension: float = parameter(
@@ -54,7 +53,7 @@ class TwoAnchor(Gait, name="two_anchor"):
 
     PARTS: ClassVar[int] = 6
     REAR: ClassVar[tuple[int, int]] = (3, 5)
-    """Part of the period in which this group lets go (extends), and in which it contracts again."""
+    """Parts of the period in which this group lets go (extends) and contracts again."""
     BODY: ClassVar[tuple[int, int]] = (1, 4)
     FRONT: ClassVar[tuple[int, int]] = (0, 2)
 
@@ -82,7 +81,7 @@ class TwoAnchor(Gait, name="two_anchor"):
         return np.repeat(np.array(groups).T, [self.anchors, body, self.anchors], axis=1)
 
     def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
-        """Return the activation of a group, 1 until it lets go and from when it has contracted again, shape (K,)."""
+        """Return the activation of a group, 1 until the group lets go and after its contraction, shape (K,)."""
         extended = half_cosine(part - release) - half_cosine(part - anchor) + float(anchor < release)
         return 1.0 - (1.0 - self.extension) * extended
 

@@ -1,32 +1,33 @@
 """Discrete gaits: each segment is relaxed, contracted, bent to the left or to the right, and steps along the body.
 
-The notation {n2, n3, n1 / nP} is that of Zhan, Fang, Xu, Wang: Planar locomotion of earthworm-like metameric robots,
+The notation {n2, n3, n1 / nP} is from Zhan, Fang, Xu, Wang: Planar locomotion of earthworm-like metameric robots,
 International Journal of Robotics Research, 2019. The segments have the states
 
     0 relaxed: long    1 contracted: short on both sides    2 bent to the left: the left side short    3 to the right
 
-and a worm of N segments has n1 of them in state 1, n2 in state 2, n3 in state 3, and n0 + nP in state 0. In each step
-the whole pattern moves on by nP segments, and re-enters at the body's other end. Only abstracts and second-hand
-descriptions of the paper were read; this is our reading of them:
+A worm of N segments has n1 segments in state 1, n2 in state 2, n3 in state 3, and n0 + nP in state 0. In each step the
+whole pattern moves on by nP segments, and re-enters at the body's other end. The following interpretation relies only
+on abstracts and second-hand descriptions of the paper:
 
-* nP <= n1 + n2 + n3, so that a step takes the short segments no further than they reach, and n0 >= 1, so that besides
-  the nP segments that become short another one is long. For N = 5 this leaves 25 gaits: 4 rectilinear (n2 = n3 = 0),
-  3 sidewinding (n2 = n3 > 0), 18 circular (n2 != n3), as the paper counts them.                                  (DG1)
+* nP <= n1 + n2 + n3, so that a step moves the short segments by no more than their own number, and n0 >= 1, so that
+  another segment is long besides the nP segments that become short. For N = 5 this leaves 25 gaits: 4 rectilinear
+  (n2 = n3 = 0), 3 sidewinding (n2 = n3 > 0), 18 circular (n2 != n3), as the paper counts them.                   (DG1)
 * The pattern reads, from tail to head, n2 times 2, n3 times 3, n0 + nP times 0, n1 times 1: {1, 0, 1 / 1} begins as
-  20001 in five segments, {0, 0, 2 / 1} as 00011. It moves towards the tail (retrograde), so that a segment contracts
-  on both sides, then lets the one go, then the other. With `first` the bends to the right come first, which gives
-  every gait its mirror image.                                                                                    (DG2)
+  20001 in five segments, {0, 0, 2 / 1} as 00011. The pattern moves towards the tail (retrograde), so that a segment
+  contracts on both sides, then releases one side, then the other. The option `first` puts the bends to the right first,
+  which gives every gait a mirror image.                                                                          (DG2)
 * The pattern returns after N/gcd(N, nP) steps, a period.                                                         (DG3)
 
-The families are named by the kinematics of anchors that never slip. On the default worm (amplitude 0.3, hinge 0.1 rad,
-N = 6, nP = 1) rectilinear gaits crawl straight. Circular ones turn it by 35 to 125 degrees a period to the side to
-which two or more segments bend; with a single bent segment by 17 at most, and {1, 0, 0 / 1} hardly at all. Sidewinding
-ones still turn it by up to 9 degrees a period, since its feet slip; {2, 2, 0 / 1} with `bend` 0.3 goes aside by 30
-degrees and turns by less than 1 degree a period, for hinges from 0 to 0.15 rad.
+The names of the families follow the kinematics of anchors that never slip. On the default worm (amplitude 0.3, hinge
+0.1 rad, N = 6, nP = 1) rectilinear gaits crawl straight. Circular gaits turn the worm by 35 to 125 degrees a period to
+the side of the bends if two or more segments bend; with a single bent segment by 17 at most, and {1, 0, 0 / 1} hardly
+at all. Sidewinding gaits still turn the worm by up to 9 degrees a period, since the feet slip; {2, 2, 0 / 1} with
+`bend` 0.3 goes aside by 30 degrees and turns by less than 1 degree a period, for hinges from 0 to 0.15 rad.
 
-Each step changes the activation of the sides along half a cosine, from the sides' activations in one state to those
-in the next: `relaxed` long, 1 short, `bend` the short side of a bent segment. A bent segment also turns the joint
-behind it, by `hinge` to its side, so that a worm can bend by unequal sides, by hinges, or by both.
+Each step changes the activation of the sides along half a cosine, from the activations in one state to the activations
+in the next: `relaxed` for a long side, 1 for a short side, `bend` for the short side of a bent segment. A bent segment
+also turns the joint behind the segment, by `hinge` to the side of the bend, so that a worm can bend by unequal sides,
+by hinges, or by both.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ RELAXED, CONTRACTED, LEFT, RIGHT = range(4)
 """States of a segment."""
 
 TURN = np.array([0.0, 0.0, 1.0, -1.0])
-"""Side to which a segment bends in each state, 1 for the left."""
+"""Side of a segment's bend in each state, 1 for the left."""
 
 
 @documented
@@ -81,7 +82,7 @@ class Discrete(Gait, name="discrete"):
 
     @property
     def family(self) -> str:
-        """Name of the way in which the gait moves a worm: rectilinear, sidewinding or circular."""
+        """Name of the gait's kind of motion: rectilinear, sidewinding or circular."""
         if self.left_bends != self.right_bends:
             return "circular"
         return "sidewinding" if self.left_bends else "rectilinear"
@@ -125,7 +126,7 @@ class Discrete(Gait, name="discrete"):
     def _blended(self, of_state: FloatArray, times: FloatArray, segments: int) -> FloatArray:
         """Return a property of the states (4, ...) of each segment at K times [s], shape (K, segments, ...)."""
         pattern, steps = self.pattern(segments), segments // gcd(segments, self.shift)
-        # Rounding must not decide in which step a time falls.
+        # Rounding must not decide the step of a time.
         passed = times / self.period * steps + 1e-9
         step = np.floor(passed)
         moved = np.outer(step, [self.shift]).astype(int) * (1 if self.direction == "retrograde" else -1)

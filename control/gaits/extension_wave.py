@@ -1,9 +1,9 @@
 """The step-by-step waves of mesh worm robots: segments stand wide, and waves of extension pass along the body.
 
-A wide, contracted segment carries the worm and anchors it; an extended one is thin and off the ground. Of the segments
-that a wave passes, those behind it extend and push the front on while those at its other end contract and pull up the
-rear. Where the ramps are as long as the steps from one segment to the next, one segment gives the length that another
-takes: the anchors on both sides of the wave need not slide.
+A wide, contracted segment carries and anchors the worm; an extended segment is thin and off the ground. At one end of a
+wave segments extend and push the front on, while at the other end segments contract and pull up the rear. If the ramps
+are as long as the steps from one segment to the next, one segment gives the length that another segment takes: the
+anchors on both sides of the wave need not slide.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from worm3d.values.parameters import documented, parameter
 @documented
 @dataclass(frozen=True, kw_only=True)
 class ExtensionWave(Gait, name="extension_wave"):
-    """Waves of extension along a body that else stands contracted, as mesh worm robots crawl.
+    """Waves of extension along an otherwise contracted body, as in mesh worm robots.
 
-    The patterns that are called n x m there, n segments in each of m waves: `moving` = n m/N, `waves` = m. With
+    The n x m patterns of these robots, with n segments in each of m waves, have `moving` = n m/N and `waves` = m. With
     `held` = (n - 2)/n the ramps take one step.
     """
 

@@ -1,8 +1,8 @@
-"""Gaits with memory, which may sense: oscillators and other networks whose state goes on from step to step.
+"""Gaits with memory, which may sense: oscillators and other networks whose state is carried from step to step.
 
-A gait of this kind says what it `senses`, channels of `control.sensing.QUANTITIES` by name, and how its memory
-`start`s. The memory advances from one step to the next under what is felt, and gives the activation of the segments,
-which `control.gaits.gait` turns into commands as those of any gait:
+A gait of this kind names the channels of `control.sensing.QUANTITIES` that the gait `senses`, and defines how the
+memory `start`s. The memory advances from one step to the next under the felt samples, and gives the activation of the
+segments. `control.gaits.gait` turns the activation into commands, as for any gait:
 
     @documented
     @dataclass(frozen=True, kw_only=True)
@@ -13,12 +13,12 @@ which `control.gaits.gait` turns into commands as those of any gait:
         def start(self, body: Body) -> Memory:
             return MyNetwork(body.segments)
 
-A gait that senses is bound as a controller (`Feedback`): `worm3d.simulate(..., sensor=...)` decides how well it feels,
-exactly if there is no sensor. One that senses nothing remains a function of time, which runs wherever gaits do; it is
-computed by advancing its memory from time 0.
+A gait that senses is bound as a controller (`Feedback`): the `sensor` of `worm3d.simulate(..., sensor=...)` sets the
+accuracy of the samples, which are exact without a sensor. A gait that senses nothing remains a function of time, and
+runs in every place that takes a gait; the function advances the memory from time 0.
 
-The memory is no part of a `worm3d.State`. A run that goes on from a state meets a memory that begins anew, where
-the gait senses; where it does not, its memory is advanced from time 0 again.
+The memory is no part of a `worm3d.State`. In a run that continues from a state, the memory of a gait that senses starts
+fresh; the memory of a gait that does not sense is advanced from time 0 again.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from worm3d import Command, Observation, Worm
 from worm3d.values.arrays import FloatArray
 
 Felt = Mapping[str, FloatArray]
-"""Latest sample of each channel that is sensed, of the shape of its quantity: strain (N, 2), contact_load (N, 6).
+"""Latest sample of each sensed channel, with the shape of the quantity: strain (N, 2), contact_load (N, 6).
 
-A sample is kept until the next arrives; before the first, and where no finite number has come yet, it is 0.
+A sample is kept until the next sample arrives. A value is 0 before the first sample, and until the first finite number.
 """
 
 
@@ -48,18 +48,18 @@ class Memory(Protocol):
     def step(self, t: float, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the activation of the segments, shape (N,), or of their sides, (N, 2).
 
-        The first call tells when the memory begins; times ascend from there. `felt` has been constant since the call
-        before. Where nothing is felt, the activation at a time does not depend on the times asked for before, but for
-        errors of integration: steps of the memory's own, on a grid of its own, see to that.
+        The first call sets the start time of the memory; times ascend from there. `felt` has been constant since the
+        previous call. If nothing is felt, the activation at a time does not depend on the times of earlier calls,
+        except for integration errors: the memory advances in internal steps on an internal grid.
         """
 
 
 class FeedbackGait(Gait):
-    """A gait with memory, which may sense; a subclass is a dataclass that registers as any gait does."""
+    """A gait with memory, which may sense; a subclass is a dataclass that registers like any gait."""
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Names of the channels of `control.sensing.QUANTITIES` that it senses."""
+        """Names of the sensed channels of `control.sensing.QUANTITIES`."""
         return ()
 
     @abstractmethod
@@ -69,33 +69,33 @@ class FeedbackGait(Gait):
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments) or (K, segments, 2), in [-1, 1].
 
-        The memory is advanced from time 0; it goes on where it stopped as long as the times ascend.
+        The memory is advanced from time 0; as long as the times ascend, the memory continues where it stopped.
 
         Raises
         ------
         ValueError
-            The gait senses, so that it is no function of time.
+            The gait senses, and so is no function of time.
         """
         if self.senses:
             raise ValueError(
                 f"gait: {self.name!r} senses {', '.join(self.senses)}, so it is no function of time, must be bound to "
                 "a worm that is simulated (in a scene, of the model worm or worm_planar)"
             )
-        played: dict[int, Played] = self.__dict__.setdefault("_played", {})  # of a frozen dataclass, beside its fields
+        played: dict[int, Played] = self.__dict__.setdefault("_played", {})  # stored beside the fields of the frozen dataclass
         if segments not in played:
             played[segments] = Played(partial(self.start, _Segments(segments)))
         return played[segments](times)
 
     def require_body(self, segments: int) -> None:
-        """Raise ValueError unless a body of so many segments can have the gait."""
+        """Raise ValueError if the gait does not fit a body with this number of segments."""
         self.start(_Segments(segments))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields alone, to be copied or sent to other processes."""
+        """Return only the fields, for copies and for other processes."""
         return {name: value for name, value in self.__dict__.items() if name != "_played"}
 
     def bind(self, worm: Body) -> Any:
-        """Return the actuation of `worm`: a `Feedback` where the gait senses, else a `BoundGait`."""
+        """Return the actuation of `worm`: a `Feedback` if the gait senses, else a `BoundGait`."""
         self.require_stroke(worm.stroke)
         if self.senses:
             return Feedback(worm, self.senses, partial(_Activating, self, worm))
@@ -117,7 +117,7 @@ class Played:
         self._begin, self._time = begin, np.inf
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """Return the activations at K times [s], stacked; those before time 0 are those at 0."""
+        """Return the activations at K times [s], stacked; before time 0 they equal the activations at 0."""
         return np.array([self._at(max(float(t), 0.0)) for t in times])
 
     def _at(self, t: float) -> FloatArray:
@@ -130,7 +130,7 @@ class Played:
 
 
 class Commanding(Protocol):
-    """Memory of a run that gives whole commands."""
+    """Memory of a run that returns whole commands."""
 
     def command(self, t: float, felt: Felt) -> Command:
         """Advance to time t [s], as a `Memory` does, and return the command."""
@@ -143,14 +143,14 @@ class Feedback:
     ----------
     worm : Worm
     senses : tuple of str
-        Channels that it senses.
+        Sensed channels.
     begin : callable
         Returns a fresh `Commanding` for a run.
 
     Raises
     ------
     ValueError
-        There is no such channel, or the worm does not have its quantity.
+        There is no such channel, or the worm does not have the channel's quantity.
     """
 
     def __init__(self, worm: Any, senses: tuple[str, ...], begin: Callable[[], Commanding]) -> None:
@@ -162,29 +162,29 @@ class Feedback:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, with a fresh memory that has felt nothing."""
+        """Restart with a fresh memory that has felt nothing."""
         self._memory = self._begin()
         self.felt = {name: np.zeros(QUANTITIES[name].shape(self._worm)) for name in self._senses}
 
     def step(self, t: float, measurement: Measurement | Observation | None) -> Command:
-        """Return the command at time t [s], after what has been measured; None: nothing has.
+        """Return the command at time t [s], given a measurement; None if nothing was measured.
 
         Raises
         ------
         ValueError
-            A measurement without a channel that is sensed.
+            The measurement lacks a sensed channel.
         """
         if measurement is not None:
             self.felt = {name: latest(name, measurement, before) for name, before in self.felt.items()}
         return self._memory.command(t, self.felt)
 
     def __call__(self, t: float) -> Command:
-        """Return the command at which a run would begin at time t [s]."""
+        """Return the initial command of a run that begins at time t [s]."""
         return Feedback(self._worm, self._senses, self._begin).step(t, None)
 
 
 def latest(name: str, measurement: Measurement | Observation, before: FloatArray) -> FloatArray:
-    """Return the latest sample of a channel; numbers that have not arrived or are not finite remain as before."""
+    """Return the latest sample of a channel; missing and non-finite numbers keep their previous values."""
     if isinstance(measurement, Observation):
         return true_value(name, measurement)
     if name not in measurement:
@@ -197,7 +197,7 @@ def latest(name: str, measurement: Measurement | Observation, before: FloatArray
 
 
 class _Activating:
-    """Memory of a gait whose activations are applied as those of any gait."""
+    """Memory of a gait whose activations are applied like the activations of any gait."""
 
     def __init__(self, gait: FeedbackGait, worm: Body) -> None:
         gait.require_stroke(worm.stroke)
@@ -209,7 +209,7 @@ class _Activating:
 
 
 def commanding(gait: Gait, worm: Any) -> Callable[[float, Felt], Command]:
-    """Return a gait for one run of a worm, whether it senses or not: time [s] and what is felt -> command."""
+    """Return any gait, sensing or not, as a function for one run of a worm: time [s] and felt samples -> command."""
     if isinstance(gait, FeedbackGait):
         return _Activating(gait, worm).command
     bound = gait.bind(worm)
@@ -217,7 +217,7 @@ def commanding(gait: Gait, worm: Any) -> Callable[[float, Felt], Command]:
 
 
 class _Segments(NamedTuple):
-    """Body of which no more than the number of its segments is known."""
+    """Body with a known number of segments and no other properties."""
 
     segments: int
     stroke: tuple[float, float] = (-np.inf, 1.0)

@@ -1,17 +1,17 @@
-"""What every gait is: an activation of each segment over time, bound to a worm to become its actuation.
+"""Base of all gaits: an activation of each segment over time, bound to a worm as the worm's actuation.
 
-A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (head), or of each of its two sides,
-and how it is applied:
+A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (head), or of each of the segment's two
+sides, together with a rule that applies the activation:
 
     contraction = amplitude A (1 + bias) left, amplitude A (1 - bias) right, clipped to the worm's stroke
     force       = force A (1 + bias) left,     force A (1 - bias) right
     hinge_j     = hinge max(0, A_j),           j = 1 ... N-1 (the joint belongs to its headward segment)
 
-with A_j the mean of the two sides where these differ.
+where A_j is the mean of the two sides if the sides differ.
 
-To add a gait, derive a dataclass from `Gait` with the name that scenes call it by, `class Mine(Gait, name="mine")`; a
-gait in a module of its own has to be imported in `control/gaits/__init__.py`. One that bends the joints otherwise
-overrides `commands`.
+To add a gait, derive a dataclass from `Gait` with the name for scenes, `class Mine(Gait, name="mine")`; a gait in a new
+module has to be imported in `control/gaits/__init__.py`. A gait that bends the joints in another way overrides
+`commands`.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 Direction = Literal["direct", "retrograde"]
-"""Way in which waves run: direct from tail to head, retrograde from head to tail."""
+"""Direction of the waves: direct from tail to head, retrograde from head to tail."""
 
 GAITS: dict[str, type[Gait]] = {}
-"""Class of each gait, by its name."""
+"""Class of each gait, by name."""
 
 
 class Body(Protocol):
@@ -52,10 +52,10 @@ class Body(Protocol):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Gait(Spelled, ABC):
-    """An activation pattern and how it is applied to the chambers and hinges.
+    """An activation pattern and its application to the chambers and hinges.
 
-    A subclass is found in `GAITS` under its `name`, and says whether it `lengthens`. Runs average over its `period` [s]
-    if it has one.
+    `GAITS` lists a subclass under the `name` of the subclass; `lengthens` says whether the gait lengthens chambers.
+    Runs average over the `period` [s] of a gait with a period.
     """
 
     amplitude: float = parameter(0.2, meaning="contraction of a chamber at activation 1", aka=("contraction", "stroke"))
@@ -78,13 +78,13 @@ class Gait(Spelled, ABC):
     )
     name: ClassVar[str] = ""
     turning: ClassVar[tuple[str, ...]] = ("bias", "hinge")
-    """Parameters that do nothing but turn a worm."""
+    """Parameters whose only effect is to turn a worm."""
 
     def __init_subclass__(cls, name: str = "") -> None:
         known = GAITS.get(name)
         if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ValueError(f"name: got {name!r}, must be another than those of the gaits that there are")
-        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
+        if name:  # a class that is defined again, as in a notebook, replaces the former class
             cls.name, GAITS[name] = name, cls
 
     def __post_init__(self) -> None:
@@ -99,7 +99,7 @@ class Gait(Spelled, ABC):
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], in [-1, 1].
 
-        Its shape is (K, segments) or, where the left and right sides differ, (K, segments, 2).
+        The shape is (K, segments) or, if the left and right sides differ, (K, segments, 2).
         """
 
     def activation(self, t: float, segments: int) -> FloatArray:
@@ -108,14 +108,14 @@ class Gait(Spelled, ABC):
         return activation
 
     def require_body(self, segments: int) -> None:
-        """Raise ValueError unless a body of so many segments can have the gait."""
+        """Raise ValueError if the gait does not fit a body with this number of segments."""
         self.activations(np.zeros(1), segments)
 
     def require_stroke(self, stroke: tuple[float, float]) -> None:
         """Raise ValueError for an amplitude beyond a stroke.
 
-        A stroke that ends at 0 is that of chambers which only lengthen, or only contract, and leaves the other part of
-        a gait out. Lengthening by a share of the amplitude, bias and steering are clipped to the stroke.
+        A stroke that ends at 0 belongs to chambers which only lengthen, or only contract; the other part of a gait is
+        then left out. Lengthening by a share of the amplitude, bias and steering are clipped to the stroke.
         """
         require_amplitude(self.amplitude, stroke)
 
@@ -131,7 +131,7 @@ class Gait(Spelled, ABC):
         Raises
         ------
         ValueError
-            The worm has not the segments that the gait needs, or no stroke of its amplitude.
+            The worm lacks segments that the gait needs, or its stroke is smaller than the gait's amplitude.
         """
         self.require_body(worm.segments)
         self.require_stroke(worm.stroke)
@@ -152,7 +152,7 @@ class Gait(Spelled, ABC):
 class BoundGait:
     """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,).
 
-    `require_steps` is that of the gait.
+    `require_steps` is the gait's method.
     """
 
     def __init__(self, commands: Callable[[FloatArray], Commands], require_steps: Callable[[float], None]) -> None:
@@ -176,22 +176,22 @@ def require_amplitude(amplitude: float, stroke: tuple[float, float]) -> None:
 
 
 def sides(activations: FloatArray) -> FloatArray:
-    """Return activations of shape (K, N) as those of both sides, shape (K, N, 1); of shape (K, N, 2) as they are."""
+    """Return activations of shape (K, N) for both sides, shape (K, N, 1); activations of shape (K, N, 2) unchanged."""
     return activations[..., None] if activations.ndim == 2 else activations
 
 
 def joined(activation: FloatArray) -> FloatArray:
-    """Return activations of shape (K, N, 1), alike on both sides, as of shape (K, N); others as they are."""
+    """Return activations of shape (K, N, 1), equal on both sides, in shape (K, N); other activations unchanged."""
     return activation[..., 0] if activation.shape[-1] == 1 else activation
 
 
 def for_segments(name: str, value: float | FloatArray, segments: int) -> FloatArray:
-    """Return a number, or one for each segment or each of its sides, as an array that fits shape (N, 2).
+    """Return a number, or numbers for each segment or each side, as an array that broadcasts to shape (N, 2).
 
     Raises
     ------
     ValueError
-        `value`, called `name`, is for another number of segments.
+        `value`, called `name`, belongs to another number of segments.
     """
     found = np.atleast_1d(value)
     found = found if found.ndim == 2 else found[:, None]
@@ -204,5 +204,5 @@ def for_segments(name: str, value: float | FloatArray, segments: int) -> FloatAr
 
 
 def half_cosine(part: FloatArray) -> FloatArray:
-    """Return 0 where `part` is below 0, 1 where it is above 1, and half a cosine wave between."""
+    """Return 0 for `part` below 0, 1 for `part` above 1, and half a cosine wave between."""
     return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0

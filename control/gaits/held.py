@@ -1,18 +1,19 @@
-"""Steering of a worm of which one segment is held still, because one of its chambers does not obey.
+"""Steering of a worm with one segment held still, because a chamber of this segment has failed.
 
-The bending wave (S2) of `control.gaits.steering` turns a whole worm without moving it aside. Without the feet of one
-segment the two go together: the default worm, with segment 3 held still, turns by 10 degrees a wave in place of 24, and
-goes aside by 2 % of its length, to the side that it turns away from. By hinges of their own sizes and phases,
+The bending wave (S2) of `control.gaits.steering` turns a whole worm without moving the worm aside. Without the feet of
+one segment, turning also moves the worm aside: the default worm, with segment 3 held still, turns by 10 degrees a wave
+in place of 24, and moves by 2 % of its length to the side opposite to the turn. With separate sizes and phases of the
+hinges,
 
     hinge_j = hinge (a_j cos(psi + 2 pi f lead) + b_j sin(psi + 2 pi f lead))                                (HS1)
 
-it turns by 13 degrees and stays where it is. With the turn t and the way aside d that each a_j and b_j makes on its
-own, found by one run each, that is the pattern which turns the most for its size among those that do not move aside:
+the worm turns by 13 degrees and stays in place. One run for each a_j and b_j gives the turn t and the way aside d of
+this coefficient alone. Among the patterns without a way aside, the pattern with the largest turn for its size is
 
     (a, b) = t - d (t . d) / (d . d),   its greatest hinge 1                                                 (HS2)
 
-The bias is left out. Of the default worm, in degrees to the left and percent of the body length to the left a wave
-(amplitude 0.25, 1 Hz, half of the greatest steering by both mechanisms; as a whole worm 11.9, -0.2):
+The bias is left out. The table lists, for the default worm, degrees to the left and percent of the body length to the
+left per wave (amplitude 0.25, 1 Hz, half of the greatest steering by both mechanisms; the whole worm has 11.9, -0.2):
 
     segment held      0           1           2           3           4           5
     by (S2)       10.4, -0.3   6.0,  0.0  11.0,  0.8   4.3, -0.7  10.6,  1.0  10.6, -0.4
@@ -33,12 +34,12 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 
 WAVE = GaitParameters(0.25, 1.0, hinge=0.07)
-"""Wave in which the turn by a pattern is measured, about the middle of the map."""
+"""Wave for measuring the turn of a pattern, near the middle of the map."""
 
 
 @dataclass(frozen=True)
 class HeldSteering:
-    """How a worm steers while one of its segments is held still."""
+    """Steering of a worm while one of its segments is held still."""
 
     hinges: tuple[tuple[float, ...], tuple[float, ...]]
     """a and b of (HS1), shape (2, N - 1)."""
@@ -47,16 +48,16 @@ class HeldSteering:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> HeldSteering:
-        """Return it from its fields, as JSON holds them."""
+        """Return the steering from the fields of a JSON object."""
         a, b = map(tuple, content["hinges"])
         return cls((a, b), content["turn"])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeldSchedule(Schedule):
-    """Schedule of a worm of which one segment is held still, at its length at rest; it steers by (HS1).
+    """Schedule of a worm with one segment held still at its length at rest; the schedule steers by (HS1).
 
-    Its hinges have the shape (2, N - 1), `backward` those of a wave that goes backwards.
+    The hinges have the shape (2, N - 1); `backward` holds the hinges of a wave that goes backwards.
     """
 
     segment: int
@@ -78,9 +79,10 @@ class HeldSchedule(Schedule):
 
 
 def held_schedule(schedule: Schedule, segment: int, steering: Sequence[HeldSteering | None]) -> Schedule:
-    """Return the schedule with which a worm goes on while a segment is held still.
+    """Return the schedule of a worm that crawls on while a segment is held still.
 
-    `steering` has what is known of each segment, N of them; where nothing is known of this one it is the same schedule.
+    `steering` has N entries, the known steering of each segment. Without an entry for the held segment, the given
+    schedule is returned.
     """
     known = steering[segment]
     if known is None:

@@ -2,10 +2,11 @@
 
 `TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C).
 
-`Breathing`, for a single actuator: all segments contract and lengthen again in unison. It crawls where friction is
-directional. A slow, uniform contraction moves the rear forward and the front backward, against the coefficients f and
-b, about the place x (from the tail, in body lengths) at which x f = (1 - x) b; lengthening moves them about the place
-at which x b = (1 - x) f. In a period with the contraction c the centre of mass of a body of length L moves by
+`Breathing` is a gait for a single actuator: all segments contract and lengthen again in unison. The worm crawls if
+friction is directional. A slow, uniform contraction moves the rear forward and the front backward, against the
+coefficients f and b, about the place x (from the tail, in body lengths) with x f = (1 - x) b; lengthening moves both
+about the place with x b = (1 - x) f. In a period with the contraction c the centre of mass of a body of length L moves
+by
 
     d = c L (b - f)/(b + f)                                                                                   (GB1)
 
@@ -89,8 +90,9 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
     """The paper's segment-by-segment contraction, its four steps as a pure function of time.
 
     1. Wave-based activation: one segment after the other is activated, one every T_wave/N.
-    2. Phase update: its contraction phase rises from 0 to 1 over T_contract; then it deactivates and resets.
-    3. Pulse generation: a pulse of unit height by that phase.
+    2. Phase update: the segment's contraction phase rises from 0 to 1 over T_contract; then the segment deactivates and
+       resets.
+    3. Pulse generation: a pulse of unit height as a function of this phase.
     4. Force computation: signs alternate along the body, + on even segments; inactive segments give zero.
     """
 
@@ -142,7 +144,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
         """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
         order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
         since = times[:, None] - order * self.T_wave / segments
-        # Rounding must not decide on which side of its activation a segment is: times within 1e-9 are equal.
+        # Rounding must not decide whether a segment is active yet: times within 1e-9 are equal.
         elapsed = np.mod(since + 1e-9 * self.T_wave, self.T_wave)
         active = (since > -1e-9 * self.T_wave) & (elapsed < self.T_contract)
         sign = np.where(np.arange(segments) % 2 == 0, 1.0, -1.0) if self.alternating else np.ones(segments)

@@ -1,24 +1,24 @@
-"""Periodic gaits of which each segment, and each of its sides, may have its own phase and shape.
+"""Periodic gaits with a separate phase and shape for each segment, or for each side of a segment.
 
-With x = (i + 1/2)/N, the wave of segment i has come, in periods, to
+With x = (i + 1/2)/N, the phase of segment i, in periods, is
 
     phi = t/period + waves x + phase     retrograde, as in earthworms
     phi = t/period - waves x + phase     direct                                                                   (PG1)
 
-`Periodic` is a sine whose half-waves have unequal durations, duty and 1 - duty, and flattened crests: of the part
-tau = phi mod 1 of the period that has passed,
+`Periodic` is a sine whose half-waves have unequal durations, duty and 1 - duty, and flattened crests. With the elapsed
+part tau = phi mod 1 of the period,
 
     theta = pi tau/duty                              while tau < duty
     theta = pi (1 + (tau - duty)/(1 - duty))         after that
     A     = weight tanh(sharpness sin theta)/tanh(sharpness),   weight sin theta for sharpness 0                 (PG2)
 
-A small duty makes it a train of pulses, and `waves` = 0 with phases of one's own any pattern of phases, such as equal
-steps from segment to segment, or one that is symmetric about the middle of the body (Fang, Li, Wang, Xu: Phase
+A small duty gives a train of pulses. `waves` = 0 with explicit phases gives any pattern of phases, such as equal steps
+from segment to segment, or a pattern that is symmetric about the middle of the body (Fang, Li, Wang, Xu: Phase
 coordination and phase-velocity relationship in metameric robot locomotion, Bioinspiration & Biomimetics, 2015, where
 the latter is the fastest).
 
-`Spline` runs through values at equal intervals of the period, by the periodic cubic spline of which the second
-derivative is continuous: with M values y_j, the second derivatives m_j (in intervals) solve
+`Spline` interpolates values at equal intervals of the period by the periodic cubic spline with a continuous second
+derivative: with M values y_j, the second derivatives m_j (in intervals) solve
 
     (m_{j-1} + 4 m_j + m_{j+1})/6 = y_{j-1} - 2 y_j + y_{j+1}                                                    (PG3)
 """
@@ -38,13 +38,13 @@ FEWEST = 3
 """Least number of values of a spline."""
 
 SAMPLES = 64
-"""Places between two values of a spline at which its least value is sought."""
+"""Number of places between two values of a spline in the search for the least value."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class _Shaped(Gait):
-    """Wave whose segments follow one shape, each at its own phase (PG1)."""
+    """Wave whose segments follow one shape, each at a separate phase (PG1)."""
 
     period: float = parameter(2.0, meaning="duration after which the gait repeats", unit="s", gt=0, aka=("T_wave_s",))
     waves: float = parameter(1.0, meaning="number of waves on the body", ge=0, aka=("number_of_waves",))
@@ -65,7 +65,7 @@ class _Shaped(Gait):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Periodic(_Shaped, name="periodic"):
-    """Wave of which each segment and side may have its own phase, duty, sharpness and weight, (PG2)."""
+    """Wave with a separate phase, duty, sharpness and weight for each segment and side, (PG2)."""
 
     duty: float | FloatArray = parameter(
         0.5, meaning="share of the period for which each is contracted", gt=0, lt=1, each="side"
@@ -89,7 +89,7 @@ class Periodic(_Shaped, name="periodic"):
         )
         tau = np.mod(self._phase(times, segments), 1.0)
         theta = np.pi * np.where(tau < duty, tau / duty, 1.0 + (tau - duty) / (1.0 - duty))
-        flat = np.maximum(sharpness, 1e-6)  # where the tangent is that of the sine to 1e-12
+        flat = np.maximum(sharpness, 1e-6)  # there the tangent equals the sine's to 1e-12
         wave = np.tanh(flat * np.sin(theta)) / np.tanh(flat)
         return joined(weight * (np.maximum(0.0, wave) if self.rectified else wave))
 
@@ -136,7 +136,7 @@ class Spline(_Shaped, name="spline"):
 def _periodic_spline(values: FloatArray, phase: FloatArray) -> FloatArray:
     """Return periodic cubic splines (PG3) at phases in periods.
 
-    Their values (..., M) and the phases (K, ...) have shapes that fit each other, the result that of both.
+    The shapes of the values (..., M) and of the phases (K, ...) broadcast to the shape of the result.
     """
     count = values.shape[-1]
     turn = np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)

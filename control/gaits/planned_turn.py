@@ -1,38 +1,40 @@
 """Turning waves without slip: each wave is planned so that segments on the ground keep their places.
 
-Periodic waves that steer make standing segments slide: the body between two of them changes its shape as if they were
-not there. Kandhari, Wang, Chiel and Daltorio (Turning in worm-like robots: the geometry of slip elimination suggests
-nonperiodic waves, Soft Robotics 6, 2019, 560-577) plan waves wave by wave instead, such that neighbours which trade
-their lengths keep what is ahead of them and what is behind them in place. Their segments are trapezoids that trade
-sides two at a time. Here joints have hinges, several segments swing at a time, and the wave is planned as a whole.
+Periodic waves that steer make standing segments slide: the body between two standing segments changes its shape as if
+these segments were absent. Kandhari, Wang, Chiel and Daltorio (Turning in worm-like robots: the geometry of slip
+elimination suggests nonperiodic waves, Soft Robotics 6, 2019, 560-577) plan each wave separately instead: neighbouring
+segments exchange their lengths so that the body ahead of the pair and the body behind the pair keep their places. Their
+segments are trapezoids that trade sides two at a time. Here joints have hinges, several segments swing at a time, and
+the wave is planned as a whole.
 
 Lengths are in body lengths. The worm stands contracted and straight, joint j at x_j = (j - N/2) l_c. A wave runs from
-head to tail, and `swinging` = n segments of it are extended and off the ground. It moves the whole body by s along the
-mean of its headings before and after, and turns it about its middle by the angle phi; a place x of the body at the
-share p of that is at
+head to tail, and `swinging` = n of the segments are extended and off the ground. The wave moves the whole body by s
+along the mean of the headings before and after, and turns the body about its middle by the angle phi. After the share p
+of this motion, a place x of the body is at
 
     X(p, x) = R(p phi) (x, 0) + p s (cos(p phi/2), sin(p phi/2)),  with the heading p phi               (N1)
 
-With the time tau since the wave began, in steps of period/N, segment i has the share of extension
+At the time tau since the start of the wave, in steps of period/N, segment i has the share of extension
 
     f_i = h(tau - o_i) - h(tau - o_i - n),   o_i = N - 1 - i,  h half a cosine wave from 0 to 1          (N2)
 
-and the head and the tail the shares p = mean over k = 0 ... n - 1 of h(tau - k), and of h(tau - N - k). In a straight
-wave the lengths are l_c + f_i (l_e - l_c), the bends 0 and s = n (l_e - l_c). In a turn lengths l_i and bends b_j have
-to join tail and head:
+and the head and the tail have the shares p = mean over k = 0 ... n - 1 of h(tau - k), and of h(tau - N - k). In a
+straight wave the lengths are l_c + f_i (l_e - l_c), the bends 0 and s = n (l_e - l_c). In a turn lengths l_i and bends
+b_j have to join tail and head:
 
     X_tail + sum_i l_i e(a_i) = X_head,   a_i = heading of the tail + sum_{j <= i} b_j,   a_N = heading of the head
 
-Of all that do, the plan is the one next to the straight wave, where only what is in the air may give:
+Of all solutions, the plan is the nearest to the straight wave; only segments in the air may deviate:
 
     minimise sum_i ((l_i - l_c - f_i (l_e - l_c)) N)^2/f_i + sum_j b_j^2/g_j,   g_j = max(f_{j-1}, f_j)  (N3)
 
 (the tail's and the head's end may turn as their segments do). Segments that stand have f = 0: they neither bend nor
-change their length, and so keep their places. s is the longest step for which no length is beyond l_e. The next wave
-begins when this one reaches the tail, N steps after it, with standing segments between the two.
+change their length, and so keep their places. s is the longest step for which no length exceeds l_e. The next wave
+begins when this wave reaches the tail, N steps after its start, with standing segments between the two waves.
 
-A wave of no turn is an `ExtensionWave`. What is planned is exact for a worm without mass and springs. The default worm
-at amplitude 0.3 and extension -1/3, beside the `Steered` wave that turns about as fast (hinge 0.06 to 0.12 rad):
+A wave without a turn is an `ExtensionWave`. The plan is exact for a worm without mass and springs. The table compares
+the default worm at amplitude 0.3 and extension -1/3 with the `Steered` wave that turns about as fast (hinge 0.06 to
+0.12 rad):
 
     period   turn planned   turn a wave    slip per metre    the same of the steered wave
     5 s      20 deg         13 deg         0.22              13 deg, 0.43
@@ -40,9 +42,9 @@ at amplitude 0.3 and extension -1/3, beside the `Steered` wave that turns about 
     2.5 s    20 deg         15 deg         0.27              15 deg, 0.44
     1.25 s   20 deg         11 deg         0.35              11 deg, 0.44
 
-So it halves the slip where waves are slow. Fast ones gain less: chambers are soft in bending and the body swings on
-behind its commands. Three swinging segments step further, 0.19 body lengths a wave, but leave two to stand on, and
-such a worm tips from 25 degrees a wave on.
+The plan thus halves the slip of slow waves. Fast waves gain less: chambers are soft in bending, and the body swings on
+behind the commands. Three swinging segments step further, 0.19 body lengths a wave, but leave two segments to stand on,
+and such a worm tips from 25 degrees a wave on.
 """
 
 from __future__ import annotations
@@ -59,23 +61,23 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 
 SAMPLES, COARSE = 16, 4
-"""Number of instants of a step for which a wave is planned; between them commands are on straight lines. Standing
-segments are off their places by 1e-4 of a segment's length then, 4e-4 at half as many. Fewer are enough to find how far
-it steps."""
+"""Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
+their places by 1e-4 of a segment's length, 4e-4 with half as many instants. `COARSE` instants are enough to find the
+length of the step."""
 ITERATIONS = 12
 """Newton steps of (N3); 6 are enough for turns of 20 degrees."""
 LARGEST_CHANGE = 0.6
-"""Largest change of a bend in such a step [rad]."""
+"""Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
-"""Distance up to which tail and head are joined [body lengths]."""
+"""Greatest gap at which tail and head count as joined [body lengths]."""
 SHORTER = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
-"""Shares by which a turning step may be shorter than a straight one: the first that is within reach is refined."""
+"""Candidate shares by which a turning step is shorter than a straight step: the first share within reach is refined."""
 HALVINGS = 12
-"""Number of halvings of the interval before it."""
+"""Number of bisections of the interval before that share."""
 
 
 class Reach(NamedTuple):
-    """What a wave is made of: segments, those that swing, and their lengths [body lengths]."""
+    """Dimensions of a wave: numbers of all and of swinging segments, and lengths of a segment [body lengths]."""
 
     segments: int
     swinging: int
@@ -92,14 +94,14 @@ class Plan(NamedTuple):
     """A wave at instants tau = 0, 1/SAMPLES, ... N + n: M of them."""
 
     lengthened: FloatArray
-    """How much longer each segment is than contracted, shape (M, N) [body lengths]."""
+    """Extension of each segment beyond the contracted length, shape (M, N) [body lengths]."""
     bends: FloatArray
     """Angle of each joint, shape (M, N - 1) [rad]."""
     step: float
-    """How far the wave moves the worm, s [body lengths]."""
+    """Distance s that the wave moves the worm [body lengths]."""
 
     def at(self, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how much longer segments are, and the angles of joints, at K instants; 0 outside the wave."""
+        """Return the extensions of segments, and the angles of joints, at K instants; 0 outside the wave."""
         place = np.clip(tau * SAMPLES, 0.0, len(self.bends) - 1.0)
         k = np.minimum(place.astype(int), len(self.bends) - 2)
         share = (place - k)[:, None]
@@ -112,7 +114,7 @@ class Plan(NamedTuple):
 class PlannedTurn(Gait, name="planned_turn"):
     """Waves that turn the worm and let standing segments keep their places, (N1) to (N3).
 
-    Each wave turns it by `turn` until the `total` is reached; then it goes straight on.
+    Each wave turns the worm by `turn` until the `total` is reached; then the worm goes straight on.
 
     Raises
     ------
@@ -158,7 +160,7 @@ class PlannedTurn(Gait, name="planned_turn"):
         return 1.0 - (1.0 - self.extension) * extended
 
     def require_body(self, segments: int) -> None:
-        """Raise ValueError unless a body of so many segments can have the gait."""
+        """Raise ValueError if the gait does not fit a body with this number of segments."""
         self._plan(self.turn, self._reach(segments, (-np.inf, np.inf)))
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
@@ -176,7 +178,7 @@ class PlannedTurn(Gait, name="planned_turn"):
         return given._replace(hinge=given.hinge + bends)
 
     def _turn_of(self, waves: FloatArray) -> FloatArray:
-        """Return by how much waves turn, counted from 0, shape (K,) [rad]."""
+        """Return the turns of waves, numbered from 0, shape (K,) [rad]."""
         size = abs(self.turn)
         return np.copysign(np.clip(self.total - size * waves, 0.0, size), self.turn)
 
@@ -201,7 +203,7 @@ class PlannedTurn(Gait, name="planned_turn"):
 
 
 def _waves(tau: FloatArray, segments: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the latest wave and the one before at K instants [steps]: its number from 0 on, and the time since."""
+    """Return, for the latest and the previous wave at K instants [steps], the number from 0 on and the elapsed time."""
     number = np.floor(tau / segments)
     return [(number - back, tau - (number - back) * segments) for back in (0, 1)]
 
@@ -215,11 +217,11 @@ def _extended(tau: FloatArray, segments: int, swinging: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def plan(reach: Reach, turn: float) -> Plan | None:
-    """Return the wave that turns a worm by an angle [rad] and steps as far as it can; None if it cannot turn so far."""
+    """Return the wave with the longest step that turns a worm by an angle [rad]; None for an angle out of reach."""
     straight = reach.longest_step
     if turn == 0.0:
         return _joined(reach, turn, straight, SAMPLES)
-    # From above: the shape of a chain that is pressed far together is not the one that is looked for.
+    # From above: the shape of a chain that is pressed far together is not the wanted shape.
     fitting = (k for k, share in enumerate(SHORTER) if _fits(reach, turn, (1.0 - share) * straight))
     first = next(fitting, None)
     if first is None:
@@ -240,7 +242,7 @@ def _fits(reach: Reach, turn: float, step: float) -> bool:
 def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None:
     """Return the wave of a given turn and step, (N3); None if tail and head cannot be joined."""
     n, k = reach.segments, np.arange(reach.swinging)
-    tau = np.arange(1, (n + reach.swinging) * samples) / samples  # at both ends of it all segments stand
+    tau = np.arange(1, (n + reach.swinging) * samples) / samples  # at both ends all segments stand
     free = _extended(tau, n, reach.swinging)
     wide = np.pad(free, ((0, 0), (1, 1)))
     give = np.hstack([free / n**2, np.maximum(wide[:, 1:], wide[:, :-1])])
@@ -266,7 +268,7 @@ def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None
 
 
 def _end(share: FloatArray, side: float, reach: Reach, turn: float, step: float) -> FloatArray:
-    """Return where the tail (side -1) or the head (1) is at shares p of the way, (N1): x, y, heading, shape (K, 3)."""
+    """Return the pose x, y, heading of the tail (side -1) or the head (1) at shares p, (N1), shape (K, 3)."""
     x, angle = side * reach.segments * reach.contracted / 2.0, share * turn
     ahead, across = x * np.cos(angle), x * np.sin(angle)
     return np.column_stack(
@@ -275,9 +277,9 @@ def _end(share: FloatArray, side: float, reach: Reach, turn: float, step: float)
 
 
 def _gap(shape: FloatArray, tail: FloatArray, head: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return by how much a chain from the tail misses the head, (K, 3), and its derivatives, (K, 3, 2 N + 1).
+    """Return the gap between the head and a chain from the tail, (K, 3), and its derivatives, (K, 3, 2 N + 1).
 
-    Its shape (K, 2 N + 1) are N lengths, and N + 1 bends.
+    The shape of the chain (K, 2 N + 1) consists of N lengths and N + 1 bends.
     """
     n = shape.shape[1] // 2
     heading = tail[:, 2:] + np.cumsum(shape[:, n:], axis=1)
@@ -287,7 +289,7 @@ def _gap(shape: FloatArray, tail: FloatArray, head: FloatArray) -> tuple[FloatAr
     gap[:, :2] += tail[:, :2]
     slope = np.zeros((len(shape), 3, 2 * n + 1))
     slope[:, 0, :n], slope[:, 1, :n] = cosine, sine
-    slope[:, 0, n:-1] = -np.cumsum(left[:, ::-1], axis=1)[:, ::-1]  # a bend turns all segments ahead of it
+    slope[:, 0, n:-1] = -np.cumsum(left[:, ::-1], axis=1)[:, ::-1]  # a bend turns all segments ahead
     slope[:, 1, n:-1] = np.cumsum(forward[:, ::-1], axis=1)[:, ::-1]
     slope[:, 2, n:] = 1.0
     return gap - head, slope

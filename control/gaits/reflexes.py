@@ -1,31 +1,31 @@
-"""Reflexes: parts that change what a gait commands by what the segments feel.
+"""Reflexes: parts that change the commands of a gait according to the load and strain of the segments.
 
-A reflex changes the contraction of each segment that the gait wants, or that the reflexes before it have left. It acts
-on both sides of a segment alike: it neither steers nor takes away what steers. `Reflexive`
-(`control.gaits.reflexive`) puts reflexes on any gait.
+A reflex changes the contraction of each segment that the gait, or the previous reflex, commands. The reflex acts on
+both sides of a segment alike: a reflex neither steers nor removes steering. `Reflexive` (`control.gaits.reflexive`)
+adds reflexes to any gait.
 
-With the mean contraction wanted of a segment's sides w, that given c, and the load on the segment F (the sum over its
-apexes), both functions of time:
+The formulas use the wanted contraction w (the mean of a segment's sides), the contraction c after the reflex, and the
+load F on the segment (the sum over the segment's apexes), as functions of time:
 
 `WallLoad`, with the threshold F* and the least contraction of the worm's stroke c_min:
 
     c = w - e;   e' = rate min(F/F* - 1, 1)  where F >= F*,  -recovery (1 - F/F*)  else;   0 <= e <= w - c_min    (GR1)
 
-so that a segment which presses hard enough widens no further and gives way to a greater load; not faster than `rate`,
-or a worm that starts wedged, with many times the load, would let go of the wall altogether. The segment lets go when
-the wave turns, not only when w has come down to c: anchors hold for as long in a narrow pipe as in a wide one, the
-worm steps as far, and no two groups of anchors pull against each other through segments that move. At c_min it has
-forgotten what it held, and widens with the wave again.
+so that a segment which presses hard enough widens no further and gives way to a greater load. The segment gives way no
+faster than `rate`; otherwise a worm that starts wedged, with many times the load, would let go of the wall altogether.
+The segment lets go when the wave turns, not only when w has come down to c: anchors hold for as long in a narrow pipe
+as in a wide pipe, the worm steps as far, and no two groups of anchors pull against each other through segments that
+move. At c_min the reflex has no memory of the load left, and the segment widens with the wave again.
 
 `Reach`, with the load F0 that counts as contact:
 
     c = w (1 + e);   e' = 1/time  where w > 0 and F < F0,   -1/time where w <= 0,   else 0;   0 <= e <= most  (GR2)
 
-`Wait`, with the strain s_j of the neighbour j that is next to contract. While w falls and the neighbour is to be the
-more contracted of the two, but is not yet, -s_j < share w_j, the segment does not let go, c' = 0, for at most
-`patience`; after that it catches up with w in as long a time.                                                (GR3)
+`Wait`, with the strain s_j of the neighbour j that contracts next. While w falls and the neighbour should be the more
+contracted of the two segments, but is not yet, -s_j < share w_j, the segment does not let go, c' = 0, for at most
+`patience`; after that the segment catches up with w in the same time.                                         (GR3)
 
-To add one, derive a dataclass from `Reflex` with the name that scenes call it by, `class Mine(Reflex, name="mine")`.
+To add a reflex, derive a dataclass from `Reflex` with the name for scenes, `class Mine(Reflex, name="mine")`.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 REFLEXES: dict[str, type[Reflex]] = {}
-"""Class of each reflex, by its name."""
+"""Class of each reflex, by name."""
 
 GRAVITY = 9.81
-"""Acceleration of free fall by which thresholds are multiples of the worm's weight [m/s^2]."""
+"""Acceleration of free fall for the worm's weight, the unit of the thresholds [m/s^2]."""
 
 HOLD = 12.0
 """Default threshold of `WallLoad`, in weights of the worm."""
@@ -62,16 +62,16 @@ class ReflexMemory(Protocol):
     def step(self, t: float, wanted: FloatArray, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the contraction of the chambers [left, right], shape (N, 2).
 
-        `wanted` is the contraction asked for, of the same shape. The first call tells when the memory begins.
+        `wanted` is the wanted contraction, of the same shape. The first call sets the start time of the memory.
         """
 
 
 @dataclass(frozen=True)
 class Reflex(Spelled, ABC):
-    """A change of the commanded contraction by what is felt; a subclass is found in `REFLEXES` under its `name`."""
+    """A change of the commanded contraction by felt samples; `REFLEXES` lists a subclass under its `name`."""
 
     senses: ClassVar[tuple[str, ...]]
-    """Names of the channels of `control.sensing.QUANTITIES` that it senses."""
+    """Names of the sensed channels of `control.sensing.QUANTITIES`."""
     name: ClassVar[str] = ""
 
     def __init_subclass__(cls, name: str = "") -> None:
@@ -109,7 +109,7 @@ class _Segmentwise(ABC):
 
 
 def load_of(felt: Felt) -> FloatArray:
-    """Return the load on each segment, the sum over its apexes, shape (N,) [N]."""
+    """Return the load on each segment, the sum over the segment's apexes, shape (N,) [N]."""
     total: FloatArray = felt["contact_load"].sum(axis=1)
     return total
 
@@ -119,8 +119,8 @@ def load_of(felt: Felt) -> FloatArray:
 class WallLoad(Reflex, name="wall_load"):
     """A segment that presses the wall hard enough stops widening, (GR1).
 
-    The threshold is for worms that may have to hold their weight, as in steep pipes. Where that rests on the ground, a
-    lower one loses less to slip.
+    The threshold is for worms that may have to hold their weight, as in steep pipes. If the weight rests on the ground,
+    a lower threshold loses less to slip.
     """
 
     load: float | None = parameter(
@@ -158,7 +158,7 @@ class _Stopping(_Segmentwise):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Reach(Reflex, name="reach"):
-    """A segment that is to be wide but touches nothing contracts further, (GR2)."""
+    """A segment that should be wide but touches nothing contracts further, (GR2)."""
 
     contact: float | None = parameter(
         None,
@@ -192,7 +192,7 @@ class _Reaching(_Segmentwise):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Wait(Reflex, name="wait"):
-    """A segment does not let go before the next one to contract has contracted, (GR3)."""
+    """A segment does not let go before the segment that contracts next has contracted, (GR3)."""
 
     share: float = parameter(0.5, meaning="share of what is wanted of the neighbour that is enough", gt=0, le=1)
     patience: float = parameter(0.5, meaning="longest time for which a segment waits", unit="s", gt=0)

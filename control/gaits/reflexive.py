@@ -1,4 +1,4 @@
-"""Any gait with reflexes, `control.gaits.reflexes`: a controller that feels, made of a pattern and of parts."""
+"""Any gait with reflexes, `control.gaits.reflexes`: a controller with senses, composed of a gait and reflexes."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from worm3d.values.spelling import Spelled
 class Reflexive(Spelled):
     """A gait whose contractions reflexes change, one after the other, before they are clipped to the stroke.
 
-    Its hinges and forces are the gait's. Where no reflex changes anything, so are its commands, bit for bit. The
-    reflexes' memory is no part of a `worm3d.State`: in a run that goes on from one they begin anew.
+    The hinges and forces are the gait's. If no reflex changes anything, the commands equal the gait's bit for bit. The
+    memory of the reflexes is no part of a `worm3d.State`: in a run that continues from a state, the reflexes start
+    fresh.
 
     Raises
     ------
     ValueError
-        There is no gait, or something among the reflexes that is none.
+        There is no gait, or an entry of the reflexes is no reflex.
     """
 
     gait: Gait
-    """Any gait, with memory and senses of its own or without."""
+    """Any gait, with or without memory and senses."""
     reflexes: tuple[Reflex, ...]
-    """Reflexes in the order in which they act."""
+    """Reflexes in their order of action."""
 
     def __post_init__(self) -> None:
         arguments.instance("gait", self.gait, Gait, "a control.gaits.Gait such as control.gaits.TravellingWave()")

@@ -1,18 +1,19 @@
-"""The steered wave as a gait of its own: how fast a worm can turn on level ground without falling over.
+"""The steered wave as a separate gait: how fast a worm can turn on level ground without falling over.
 
-Equations (S1) and (S2) are those of `control.gaits.steering`, which says why a bending wave longer than the
-contraction turns a worm. What the longer one of this gait does on the default worm, at amplitude 0.3 and 0.8 Hz:
+`control.gaits.steering` defines equations (S1) and (S2), and explains why a bending wave longer than the contraction
+turns a worm. Results of the longer bending wave of this gait on the default worm, at amplitude 0.3 and 0.8 Hz:
 
     steering               turn [deg a wave]   radius [body lengths]   greatest roll [deg]
     hinge 0.15 rad         31                  0.25                    3.1
     bias 0.08              27                  0.29                    4.6
     hinge 0.08, bias 0.04  30                  0.26                    3.5
 
-The phases were chosen for room, not for the greatest turn: 10 degrees later a worm turns a little faster, and tips at
-hinges of 0.18 rad where it now needs more than 0.21. Of twenty worms nearby (standard deviations of 15 % in mass and
-springs, 7 % in height, 10 % in the chambers' offset, 30 to 40 % in joints and friction) none tips: hinges of 0.15 rad
-turn them by 28 to 32 degrees a wave and roll them by 6 at most; with unequal chambers, which make one side stand
-taller, 22 to 34 degrees, and up to 17. `worm3d study turning_map` shows where steering tips the worm.
+The phases were chosen for a margin against tipping, not for the greatest turn: with phases 10 degrees later the worm
+turns a little faster, and tips at hinges of 0.18 rad instead of more than 0.21 rad. Of twenty similar worms (standard
+deviations of 15 % in mass and springs, 7 % in height, 10 % in the chambers' offset, 30 to 40 % in joints and friction)
+none tips: hinges of 0.15 rad turn these worms by 28 to 32 degrees a wave and roll them by 6 degrees at most. Unequal
+chambers, which make one side stand taller, turn them by 22 to 34 degrees and roll them by up to 17. The study
+`worm3d study turning_map` shows which steering tips the worm.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from worm3d.values.parameters import check, documented, parameter
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Steered(Schedule, Gait, name="steered"):
-    """A wave that steers by a bending wave longer than its contraction, (S1) and (S2).
+    """A wave that steers by a bending wave longer than the contraction, (S1) and (S2).
 
     Positive hinge and bias turn to the left.
     """
@@ -62,7 +63,7 @@ class Steered(Schedule, Gait, name="steered"):
 
     @property
     def lengthens(self) -> bool:
-        """Whether a chamber is longer than at rest at some time, which unequal chambers make it."""
+        """Whether a chamber is longer than at rest at some time, which happens with unequal chambers."""
         return self.bias != 0.0
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
@@ -70,7 +71,7 @@ class Steered(Schedule, Gait, name="steered"):
         return self.pulse(2.0 * np.pi * times[:, None] / self.period, segments)
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
-        """Return the commands to `worm` at K times [s], with those of steering."""
+        """Return the commands to `worm` at K times [s], including the steering commands."""
         wave = GaitParameters(self.amplitude, 1.0 / self.period, self.bias, self.hinge)
         given = self.commands_at(2.0 * np.pi * times / self.period, np.tile(wave.row(), (len(times), 1)), worm)
         force = np.repeat(self.force * self.activations(times, worm.segments)[..., None], 2, axis=-1)

@@ -1,32 +1,34 @@
-"""Steering of a crawling worm: the wave that turns it, as a gait and at run time, when a controller drives it.
+"""Steering of a crawling worm: the wave that turns the worm, as a gait and at run time, driven by a controller.
 
-What was found on the default worm (level ground, default friction, amplitude 0.3 unless said otherwise):
+The findings are of the default worm (level ground, default friction, amplitude 0.3 unless another is given):
 
 **A plain bias or hinge does not steer.** `TravellingWave(bias=...)`, which contracts the left chambers more, in phase
-with the crawl, (1) bends the body to the left on average, so that it crawls an arc to the left; (2) gives the left
-feet the longer strokes, which turns it to the right like a tank; (3) makes the left chambers taller, which rolls the
-worm over its right feet; (4) moves the centre of mass off the feet that carry it: beyond the half-width b = 0.03 m of
-the stance the worm tips and goes on lying on its side. At small bias (2) and (3) win, at large bias (1): -9, 0, 15, 50
-degrees a wave at 0.1, 0.2, 0.35, 0.5 (period 2 s). A static bend does (1) alone, but tips the worm from 0.1 rad a joint
-on (wavelength 1); hinges in phase with the contraction tip it at 0.3 rad.
+with the crawl, (1) bends the body to the left on average, so that the worm crawls an arc to the left; (2) gives the
+left feet the longer strokes, which turns the worm to the right like a tank; (3) makes the left chambers taller, which
+rolls the worm over its right feet; (4) moves the centre of mass off the feet that carry it: beyond the half-width of
+the stance, b = 0.03 m, the worm tips and stays on its side. At small bias (2) and (3) win, at large bias (1): the worm
+turns by -9, 0, 15, 50 degrees a wave at a bias of 0.1, 0.2, 0.35, 0.5 (period 2 s). A static bend has effect (1) alone,
+but tips the worm from 0.1 rad a joint on (wavelength 1); hinges in phase with the contraction tip the worm at 0.3 rad.
 
-**A longer bending wave does.** To turn on the spot the head steps to one side and the tail to the other, each while its
-feet are in the air, by bending between these and the feet that stand. If bending and contraction have the same
-wavelength, all feet step to the same side: at a wavelength of 0.7 and hinges of 0.08 rad the worm shuffles by up to
-0.024 m a wave and turns by 0.7 degrees at most, whatever the phase. A bending wave twice as long as the contraction, of
-the same frequency and without mean, turns it by 13 degrees with the same hinges, keeps it upright (roll below 2
-degrees) and adds some speed, whether hinges or unequal chambers make it. At a contraction wavelength of 0.7 the worm
-stands on two groups of feet for three quarters of the time (two fifths at 1), which leaves room before it tips.
+**A longer bending wave steers.** To turn on the spot, the head steps to one side and the tail to the other, each while
+its feet are in the air; the body bends between the lifted feet and the standing feet. If bending and contraction have
+the same wavelength, all feet step to the same side: at a wavelength of 0.7 and hinges of 0.08 rad the worm shuffles by
+up to 0.024 m a wave and turns by 0.7 degrees at most, whatever the phase. A bending wave twice as long as the
+contraction, with the same frequency and zero mean, turns the worm by 13 degrees with the same hinges. This wave also
+keeps the worm upright (roll below 2 degrees) and adds some speed, whether hinges or unequal chambers produce the wave.
+At a contraction wavelength of 0.7 the worm stands on two groups of feet for three quarters of the time (two fifths at
+1), which leaves a margin against tipping.
 
-**Phase.** Turn and shuffle both go with the cosine of the phase, a quarter of a wave apart, so that there is a phase of
-pure turning. It grows with the frequency f, since the bend lags its command; a constant time, `lead`, holds it to some
-10 degrees from 0.5 to 1.25 Hz, at 94 % or more of the greatest turn. For these frequencies and amplitudes of 0.15 to
-0.4 the turn is odd, monotone and nearly linear up to hinges of 0.12 rad or a bias of 0.06, but for a soft start below
-hinges of 0.02 rad, where feet still stick: 16 degrees a wave at 0.8 Hz and hinges of 0.1 rad, 13 at a bias of 0.06.
+**Phase.** Turn and shuffle both vary as the cosine of the phase, a quarter of a wave apart, so that there is a phase of
+pure turning. This phase grows with the frequency f, since the bend lags the command; a constant time, `lead`,
+compensates this growth within some 10 degrees from 0.5 to 1.25 Hz, at 94 % or more of the greatest turn. For these
+frequencies and amplitudes of 0.15 to 0.4 the turn is odd, monotone and nearly linear up to hinges of 0.12 rad or a bias
+of 0.06, except for a soft start below hinges of 0.02 rad, where feet still stick: 16 degrees a wave at 0.8 Hz and
+hinges of 0.1 rad, 13 at a bias of 0.06.
 
 **Staying upright.** No wave brings back a worm that lies on its side: controllers stay within these limits. Amplitudes
-of 0.15 to 0.4, frequency and steering drawn anew every 0.75 s for a minute roll it by less than 3 degrees. On a cross
-slope of 3 degrees hinges of -0.12 rad, held for ten waves, do tip it.
+of 0.15 to 0.4, frequencies and steerings that are redrawn every 0.75 s for a minute roll the worm by less than 3
+degrees. On a cross slope of 3 degrees hinges of -0.12 rad, held for ten waves, tip the worm.
 
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
@@ -36,19 +38,20 @@ the sign - for a direct, + for a retrograde wave:
 
 clipped to the stroke, side = +1 left, -1 right, steepness g; joint j belongs to its headward segment j.
 
-**Steep waves.** At g = 2 segments stay short, and carry load, for a third of the wave. The worm goes farther with the
+**Steep waves.** At g = 2, segments stay short, and carry load, for a third of the wave. The worm goes farther with the
 same stroke: 0.175 in place of 0.095 body lengths a wave at amplitude 0.3 and 0.8 Hz. The same speed takes a smaller
-stroke and half the work, nearly all of which goes into damping. With hinges of 0.12 rad a wave turns the worm by 16 in
-place of 20 degrees, on a way that is longer by two thirds: it follows bends less sharply. At 0.08 m/s and 0.8 Hz the
-work is 15 % more at g = 1.5 than at 2, 2 % less at 3, 6 % more at 4.
+stroke and half the work; damping dissipates nearly all of this work. With hinges of 0.12 rad a wave turns the worm by
+16 in place of 20 degrees, on a way that is longer by two thirds: the worm follows bends less sharply. At 0.08 m/s and
+0.8 Hz the work is 15 % more at g = 1.5 than at 2, 2 % less at 3, 6 % more at 4.
 
-**Backwards.** A wave of negative amplitude is that of -A, done by the worm as if its tail were its head: half a turn
-about the vertical puts segment i in the place of N-1-i and joint j in that of N-j, and exchanges left and right,
+**Backwards.** A wave of negative amplitude A is the wave of amplitude -A, executed as if the tail were the head: half a
+turn about the vertical puts segment i in the place of segment N-1-i, joint j in the place of joint N-j, and exchanges
+left and right,
 
     c_iL -> c_{N-1-i,R},   c_iR -> c_{N-1-i,L},   hinge_j -> -hinge_{N-j}                                        (S3)
 
-A worm that is the same from both ends, on friction that is the same forward and backward, then moves just as much
-backwards, and turns the same way as by A: (distance, turn, drift) -> (-distance, turn, -drift).
+A worm that is the same from both ends, on friction that is the same forward and backward, then moves the same distance
+backwards and turns the same way as with amplitude -A: (distance, turn, drift) -> (-distance, turn, -drift).
 """
 
 from __future__ import annotations
@@ -72,15 +75,16 @@ Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
 Wave = Literal["sine", "steep"]
 UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.14, 0.02)}
-"""Hinge [rad] and bias that a steering of 1 makes; that by both is a share of the greatest."""
+"""Hinge [rad] and bias for a steering of 1; with "both" the steering is a share of the greatest steering."""
 
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
-"""Number of waves in which a parameter covers 63 % of a change, unless said otherwise."""
+"""Default number of waves after which a parameter has covered 63 % of a change."""
 GONE = 1e-9
-"""Amplitude and hinge [rad] below which a wave that dies away is no more."""
+"""Amplitude and hinge [rad] below which a decaying wave is dropped."""
 PACE = 0.5
-"""Frequency below which a change takes no longer in slower waves [Hz], so that waves can stop and start again."""
+"""Frequency below which a slower wave does not slow a change of parameters further [Hz], so that waves can stop and
+restart."""
 
 
 @dataclass(frozen=True)
@@ -126,12 +130,12 @@ class GaitParameters(Spelled):
 
 
 class Correction(NamedTuple):
-    """What chambers are told instead of the wave, so that weak and slow ones do what the others do."""
+    """Correction of the chamber commands, so that weak and slow chambers move like the others."""
 
     gain: FloatArray
     """Factor of the contraction of each chamber, shape (N, 2)."""
     ahead: FloatArray
-    """Phase by which each chamber is told it earlier, shape (N, 2) [rad]."""
+    """Phase lead of the command to each chamber, shape (N, 2) [rad]."""
 
 
 @documented
@@ -162,8 +166,8 @@ class Schedule(Spelled):
     ) -> Commands:
         """Return the commands at K phases psi (K,) [rad], (S1) and (S2).
 
-        The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each of them, (S3) where the
-        amplitude is below 0. With a correction the chambers are told more or less of it, and earlier or later.
+        The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each phase; (S3) applies where the
+        amplitude is below 0. A correction scales the commands to the chambers and shifts their phases.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         back, amplitude = amplitude < 0.0, np.abs(amplitude)
@@ -198,17 +202,17 @@ class Schedule(Spelled):
 
 
 WAVES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": Schedule(steepness=2.0)})
-"""Schedules of the default worm by the name that scenes use."""
+"""Schedules of the default worm by their names in scenes."""
 
 
 @dataclass(frozen=True)
 class SteeredWave(Spelled):
-    """Wave of constant parameters, as a gait; it swells from nothing like that of a `WaveGenerator`."""
+    """Wave of constant parameters, as a gait; the wave swells from amplitude 0, as in a `WaveGenerator`."""
 
     parameters: GaitParameters
     schedule: Schedule = Schedule()
     blend: float = BLEND
-    """Number of waves in which the wave swells to 63 %."""
+    """Number of waves after which the wave has swollen to 63 %."""
 
     def __post_init__(self) -> None:
         arguments.instance("parameters", self.parameters, GaitParameters, "a control.gaits.steering.GaitParameters")
@@ -242,17 +246,17 @@ class SteeredWave(Spelled):
 class WaveGenerator(Spelled):
     """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
 
-    Its `phase` psi [rad] accumulates, psi' = 2 pi f, and each of its `parameters` p (None before the first step)
-    approaches its target at the rate (target - p) f / blend, f at least `PACE`. A wave begins at amplitude 0. Where the
-    worm is to go the other way, (S3), the wave dies away as the other one swells, and the commands are their sum. The
-    `correction` of the chambers, None at first, may be set at any time.
+    The `phase` psi [rad] accumulates, psi' = 2 pi f. Each of the `parameters` p (None before the first step) approaches
+    its target at the rate (target - p) f / blend; the rate uses f = `PACE` for a smaller f. A wave begins at amplitude
+    0. If the direction is reversed, (S3), the old wave decays while the new wave swells, and the commands are the sum
+    of both. The `correction` of the chambers, None at first, may be set at any time.
 
     Parameters
     ----------
     schedule : Schedule
     body : Body
     blend : float
-        Number of waves in which a parameter covers 63 % of a change, above 0.
+        Number of waves after which a parameter has covered 63 % of a change, above 0.
     """
 
     def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:
@@ -264,7 +268,7 @@ class WaveGenerator(Spelled):
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to the initial state."""
         self.phase = 0.0
         self.parameters: GaitParameters | None = None
         self._dying: FloatArray | None = None
@@ -301,7 +305,7 @@ class WaveGenerator(Spelled):
         return Commands(both, given.hinge + other.hinge, given.force)
 
     def _begun(self, target: GaitParameters) -> FloatArray:
-        """Return the parameters of the wave that goes the way of the target; one that goes the other way dies away."""
+        """Return the parameters of the wave in the target's direction; a wave in the other direction decays."""
         if self.parameters is None:
             self._dying = None
             return GaitParameters(0.0, target.frequency).row()
@@ -325,7 +329,7 @@ class PlannedWave:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to the initial state."""
         self._generator.reset()
         self._time: float | None = None
 

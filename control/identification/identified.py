@@ -1,30 +1,31 @@
-"""What a worm does with a wave, identified from short runs: distance, turn and drift a wave, and how they lag.
+"""Response of a worm to a wave, identified from short runs: distance, turn and drift a wave, and their lags.
 
-A run of constant gait parameters is measured wave by wave once it is steady: the centre of mass and the heading, both
+A run of constant gait parameters is measured wave by wave in the steady state: the centre of mass and the heading, both
 averaged over each wave, give per wave
 
     distance = d . (cos h, sin h) / L,   drift = d . (-sin h, cos h) / L,   turn = h_{k+1} - h_k             (I2)
 
-d being the step of the averaged centre of mass between waves k and k + 1 and h the mean of their headings. A map of
-each over amplitude, frequency and steering is (I1), `control.identification.surrogate`. A step of the parameters gives
-the lag: with y_k the rate (of distance, or of turning) in wave k after the step,
+where d is the step of the averaged centre of mass between waves k and k + 1, and h the mean of their headings. (I1) in
+`control.identification.surrogate` maps amplitude, frequency and steering to each of the three. A step of the parameters
+gives the lag: with y_k the rate (of distance, or of turning) in wave k after the step,
 
     lag = sum_k (y_end - y_k) / (y_end - y_begin)   [waves]                                                   (I3)
 
-which is the time constant of a first-order response, or its delay, or their sum. That of the steering is found by sines
-of it instead: behind a step the soft start of turning looks like a lag.
+which is the time constant of a first-order response, or the delay, or their sum. The lag of the steering is measured
+with sinusoidal steering instead: after a step the soft start of turning looks like a lag.
 
-Slower waves than were identified, down to frequency 0, go on from the least frequency f_0 of the map: feet stick and
-slip by Coulomb's law, so that a wave does the same however slowly it runs, but for chambers that follow it the better.
-By how much is known from the middle frequency f_m of the map:
+Below the least frequency f_0 of the map, down to frequency 0, the map is extrapolated: feet stick and slip by Coulomb's
+law, so that a slower wave has the same effect, except that chambers follow a slower wave better. The middle frequency
+f_m of the map gives the size of this difference:
 
     d(f) = d(f_0) + (d(f_0) - d(f_m)) (f_0 - f)/(f_m - f_0),   omega(f) = omega(f_0),   c(f) = c(f_0)          (I4)
 
-(At f = 0.05 Hz and amplitudes of 0.15 and 0.3 the default worm goes 0.057 and 0.125 body lengths a wave, by (I4) 0.058
-and 0.115, at f_0 = 0.5 Hz 0.046 and 0.103. It turns by a quarter less than at f_0.)
+(At f = 0.05 Hz and amplitudes of 0.15 and 0.3 the default worm goes 0.057 and 0.125 body lengths a wave; (I4) gives
+0.058 and 0.115. At f_0 = 0.5 Hz the worm goes 0.046 and 0.103. At f = 0.05 Hz the worm turns by a quarter less than at
+f_0.)
 
-The default worm's maps come with this package; others are kept in the user's cache, in a file named by a key of
-everything that they depend on. The simulator is not touched here: `scenes.studies.identify` runs the plant.
+The default worm's maps come with this package; the user's cache holds other maps, in files named by a key of all inputs
+of a map. This module does not use the simulator: `scenes.studies.identify` runs the plant.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn":
 """Quantities that are mapped, and their parity in the steering."""
 
 MAX_STEERING: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06, "both": 1.0}
-"""Steering up to which the default worm is identified: it stays on its feet with room to spare."""
+"""Greatest steering in the identification of the default worm, which stays on its feet with room to spare."""
 
 FORMAT = 4
 """Version of the files and of the physics behind them; a change of a default parameter needs a new one."""
@@ -77,12 +78,12 @@ class Motion:
     drift: float
     """Way to the left [body lengths]."""
     roll: float = np.nan
-    """Greatest mean roll of the segments in a wave, its magnitude [rad]; NaN where it was not measured."""
+    """Greatest mean roll of the segments in a wave, its magnitude [rad]; NaN where the roll was not measured."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One run: the parameters and what the worm did."""
+    """One run: the parameters and the measured motion."""
 
     parameters: GaitParameters
     motion: Motion
@@ -92,7 +93,7 @@ class Sample:
 class Design:
     """The runs that identify a map: amplitudes with periods and steerings, to the left only.
 
-    Of all their combinations those are run that tell the most, `surrogate.informative`: 120 of 240 do as well as all.
+    Only the most informative combinations are run, `surrogate.informative`: 120 of 240 do as well as all.
     """
 
     amplitudes: tuple[float, ...] = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
@@ -108,12 +109,12 @@ class Design:
     """Number of runs."""
 
     def ranges(self, steering: float) -> Ranges:
-        """Return where a map of these runs holds; `steering` is the greatest."""
+        """Return the ranges of a map of these runs; `steering` is the greatest steering."""
         amplitude = min(self.amplitudes), max(self.amplitudes)
         return Ranges(amplitude, (1.0 / max(self.periods), 1.0 / min(self.periods)), float(steering))
 
     def parameters(self, mechanism: Mechanism, steering: float) -> list[GaitParameters]:
-        """Return the parameters of each run; `steering` is the greatest."""
+        """Return the parameters of each run; `steering` is the greatest steering."""
         grid = list(product(self.amplitudes, self.periods, self.steerings))
         places = [(amplitude, 1.0 / period, share * steering) for amplitude, period, share in grid]
         chosen = [places[k] for k in surrogate.informative(self.ranges(steering), places, self.runs)]
@@ -122,10 +123,10 @@ class Design:
 
 @dataclass(frozen=True)
 class SteeringMap:
-    """What one mechanism of steering does: distance, turn, drift and roll over amplitude, frequency and steering."""
+    """Effect of one mechanism of steering: distance, turn, drift and roll over amplitude, frequency and steering."""
 
     mechanism: Mechanism
-    """What the steering is: "hinge" [rad], "bias" [1], or "both" as a share of the greatest."""
+    """Kind of the steering: "hinge" [rad], "bias" [1], or "both" as a share of the greatest."""
     ranges: Ranges
     distance: Polynomial
     """Way forward [body lengths a wave]."""
@@ -134,11 +135,11 @@ class SteeringMap:
     drift: Polynomial
     """Way to the left [body lengths a wave]."""
     misfits: Mapping[str, Misfit]
-    """Misfit of each of them over the runs that it was fitted to."""
+    """Misfit of each polynomial over the fitted runs."""
     checks: Mapping[str, Misfit]
-    """Misfit of each of them over other runs."""
+    """Misfit of each polynomial over other runs."""
     roll: Polynomial | None = None
-    """Greatest mean roll of the segments in a wave [rad]; None where it is not known."""
+    """Greatest mean roll of the segments in a wave [rad]; None if the roll is not known."""
 
     def speed(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
         """Return the forward speed [body lengths/s], (I4); numbers, arrays or CasADi's symbols."""
@@ -156,16 +157,16 @@ class SteeringMap:
 
     @cached_property
     def _gained(self) -> Polynomial:
-        """How much farther a wave goes at the least frequency than at the middle one."""
+        """Difference of the distance of a wave at the least and at the middle frequency."""
         return self.distance.rise(self.ranges.middle, self.ranges.frequency[0])
 
     def _known(self, frequency: Any) -> Any:
-        """Return a frequency, or the least one that was identified if that is higher."""
+        """Return a frequency, or the least identified frequency if that is higher."""
         least = self.ranges.frequency[0]
         return ca.fmax(frequency, least) if isinstance(frequency, ca.SX) else np.maximum(frequency, least)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the map as JSON can hold it."""
+        """Return the map as a JSON object."""
         return {
             "ranges": asdict(self.ranges),
             "coefficients": {name: list(each.coefficients) for name in QUANTITIES if (each := getattr(self, name))},
@@ -175,7 +176,7 @@ class SteeringMap:
 
     @classmethod
     def from_dict(cls, mechanism: Mechanism, content: Mapping[str, Any]) -> SteeringMap:
-        """Return the map from what `as_dict` gave."""
+        """Return the map from the result of `as_dict`."""
         given = content["ranges"]
         ranges = Ranges(tuple(given["amplitude"]), tuple(given["frequency"]), given["steering"])
         terms = content["coefficients"]
@@ -188,25 +189,25 @@ class SteeringMap:
 
 @dataclass(frozen=True)
 class Lags:
-    """How long motion takes to follow the gait parameters, (I3)."""
+    """Lags of the motion behind the gait parameters, (I3)."""
 
     amplitude: float
     """Lag of the speed after a step of the amplitude [waves]."""
     frequency: float
     """Lag of the speed after a step of the frequency [waves]."""
     steering: float
-    """Lag of the turn rate behind the steering in force, by sines of it [s]. (On the default worm 0.4 to 0.6 s from 0.6
-    to 1.1 Hz; with the wave generator's own lag, 0.8 to 0.95 s.)"""
+    """Lag of the turn rate behind the steering in force, measured with sinusoidal steering [s]. (On the default worm
+    0.4 to 0.6 s from 0.6 to 1.1 Hz; including the lag of the wave generator 0.8 to 0.95 s.)"""
     swing: float = 0.0
-    """Speed to the left beyond that of steady waves, over the turn acceleration, D of (R1): what a line gives for
-    frequency 0 [body lengths s]; 0 where it was not measured."""
+    """Speed to the left beyond the speed of steady waves, over the turn acceleration, D of (R1): a linear fit
+    extrapolated to frequency 0 [body lengths s]; 0 if not measured."""
     swing_rise: float = 0.0
-    """Slope of that line over the frequency [body lengths s/Hz]."""
+    """Slope of the linear fit of `swing` over the frequency [body lengths s/Hz]."""
 
 
 @dataclass(frozen=True)
 class Identified:
-    """All that is known of a worm on a ground."""
+    """Identified properties of a worm on a ground."""
 
     schedule: Schedule
     maps: Mapping[Mechanism, SteeringMap]
@@ -214,20 +215,21 @@ class Identified:
     lags: Mapping[Mechanism, Lags]
     """Lags of each mechanism."""
     backward: bool = False
-    """Whether the worm crawls backwards as it does forwards, `is_reversible`; known of the worm, not kept in files."""
+    """Whether the worm crawls backwards just as forwards, `is_reversible`; a property of the worm, not kept in
+    files."""
     held: tuple[HeldSteering | None, ...] = ()
-    """How it steers while a segment is held still, for each segment; empty where it was not asked."""
+    """Steering while a segment is held still, for each segment; empty if not requested."""
     grip: float = inf
     """Least coefficient of forward friction, the gradient up to which the ground holds the worm; not kept in files."""
     strain: StrainModel | None = None
-    """Strains of the worm while all its chambers are healthy; None where they are not known."""
+    """Strains of the worm while all chambers are healthy; None if the strains are not known."""
 
     def on(self, worm: Worm, ground: Friction) -> Identified:
         """Return the map with the properties of a worm and a ground that need no run."""
         return replace(self, backward=is_reversible(worm, ground), grip=float(np.min(ground.forward)))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return the maps and lags as a JSON object."""
         return {
             "schedule": asdict(self.schedule),
             "maps": {mechanism: found.as_dict() for mechanism, found in self.maps.items()},
@@ -238,7 +240,7 @@ class Identified:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Identified:
-        """Return what `as_dict` gave the content of."""
+        """Return the object from the result of `as_dict`."""
         return cls(
             Schedule(**content["schedule"]),
             MappingProxyType({name: SteeringMap.from_dict(name, found) for name, found in content["maps"].items()}),
@@ -249,10 +251,10 @@ class Identified:
 
 
 def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int, length: float) -> Motion:
-    """Return the mean motion a wave, (I2), of a body of some length [m] in a run of constant parameters.
+    """Return the mean motion a wave, (I2), of a body of the given length [m] in a run of constant parameters.
 
-    The centre of mass (T, 2 or 3) [m] and the unwrapped heading (T,) [rad] have `rows` rows a wave, after one of the
-    start; the first `skipped` waves are left out.
+    The centre of mass (T, 2 or 3) [m] and the unwrapped heading (T,) [rad] have `rows` rows a wave, after one row for
+    the start; the first `skipped` waves are left out.
 
     Raises
     ------
@@ -273,11 +275,12 @@ def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int,
 
 
 def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> float:
-    """Return how many waves a rate, given in each wave, lags behind a step after some waves, (I3).
+    """Return the lag of a rate, given for each wave, behind a step after `before` waves, (I3) [waves].
 
-    The rates at the beginning and at the end are means over the last `settled` waves before the step, and of the run.
+    The initial rate is the mean over the last `settled` waves before the step, the final rate the mean over the last
+    `settled` waves of the run.
 
-    Raises ValueError if the step changes the rate by less than a millionth: it has no response.
+    Raises ValueError if the step changes the rate by less than a millionth, since there is no response then.
     """
     y = np.asarray(rates, dtype=float)
     begin, end = y[before - settled : before].mean(), y[-settled:].mean()
@@ -293,9 +296,9 @@ def fit_map(
     checks: Sequence[Sample],
     similar: SteeringMap | None = None,
 ) -> SteeringMap:
-    """Return the map of one mechanism, fitted to samples and compared with others; ValueError if they are too few.
+    """Return the map of one mechanism, fitted to samples and compared with others; ValueError for too few samples.
 
-    With the map of a `similar` worm it is that, corrected, as far as that goes: fewer samples will do.
+    Given the map of a `similar` worm, the function corrects this map instead, which needs fewer samples.
     """
     where, seen = _table(mechanism, samples)
     other, there = _table(mechanism, checks)
@@ -325,7 +328,7 @@ def _table(mechanism: Mechanism, samples: Sequence[Sample]) -> tuple[FloatArray,
 def load(
     worm: Worm, ground: Friction | None = None, schedule: Schedule | None = None, design: Design | None = None
 ) -> Identified | None:
-    """Return what is known of a worm on a ground; None if it has not been identified (`worm3d study identify`)."""
+    """Return the maps and lags of a worm on a ground; None if not identified yet (`worm3d study identify`)."""
     name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
     shipped = SHIPPED / f"{name}.json"
     content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)
@@ -335,15 +338,15 @@ def load(
 
 
 def is_reversible(worm: Worm, ground: Friction) -> bool:
-    """Return whether a worm is the same from both ends, and its friction the same forward and backward.
+    """Return whether a worm is the same from both ends, and friction is the same forward and backward.
 
-    By (S3) of `control.gaits.steering` it can then crawl backwards.
+    By (S3) of `control.gaits.steering` such a worm can crawl backwards.
     """
     return bool(np.array_equal(ground.forward, ground.backward)) and _is_symmetric(worm) and _is_symmetric(ground)
 
 
 def _is_symmetric(thing: Any) -> bool:
-    """Return whether half a turn leaves the fields (N, ...) or (N, 2), left and right, of a part as they are."""
+    """Return whether half a turn leaves the fields (N, ...) or (N, 2), left and right, of a part unchanged."""
     for field in fields(thing):
         value = getattr(thing, field.name)
         if isinstance(value, np.ndarray) and value.ndim:
@@ -356,14 +359,14 @@ def _is_symmetric(thing: Any) -> bool:
 
 
 def store(identified: Identified, worm: Worm, ground: Friction, design: Design, folder: Path | None = None) -> bool:
-    """Keep what was found, in the user's cache or another folder; return whether that was possible."""
+    """Store the identified properties in the user's cache or another folder; return whether this succeeded."""
     name = key(worm, ground, identified.schedule, design)
     content = json.dumps(identified.as_dict(), indent=1, allow_nan=False) + "\n"
     return cache.store(folder or cache.folder(FOLDER), name, content.encode(), SUFFIX)
 
 
 def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
-    """Return the name of the file of a worm on a ground; a parameter that has its default does not enter it."""
+    """Return the name of the file of a worm on a ground; parameters with default values do not enter the name."""
     content = {
         "format": FORMAT,
         "worm": _unusual(worm),
@@ -376,7 +379,7 @@ def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str
 
 
 def parameters(thing: Any) -> dict[str, Any]:
-    """Return the fields of a worm, a ground or a part of one as JSON can hold them, arrays of equal numbers as one."""
+    """Return the fields of a worm, a ground or a part for JSON; an array of equal numbers becomes one number."""
     return {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
 
 

@@ -1,15 +1,15 @@
 """Model of the chamber strains of a healthy worm: linear filters of the commands to its chambers and hinges.
 
-The strain s of a chamber c follows eight inputs u_k: its own command, the command of its twin, the commands of the
-chambers beside both, and the hinges at both ends of its segment. Each input passes first-order lags of M time constants
-T_m; weights and a mean are fitted by least squares to one run in which amplitude, frequency and steering change, and
-chambers are told more or less than others:
+The strain s of a chamber c follows eight inputs u_k: the command of the chamber, the command of its twin, the commands
+of the chambers beside both, and the hinges at both ends of the segment. Each input passes first-order lags with M time
+constants T_m. Least squares fit the weights and a mean to one run with changing amplitude, frequency and steering, and
+with different commands to different chambers:
 
     x_km' = (u_k - x_km)/T_m,    s_c = mean_c + sum_k sum_m w_ckm x_km                                        (SM1)
 
-Left and right chamber of a segment have the same weights; a hinge counts with opposite signs in them. On the default
-worm (SM1) leaves 0.3 % of the variance of the strains of another run; with the chamber's own command alone 0.5 %, with
-one time constant 1.6 %.
+The left and right chambers of a segment have the same weights; a hinge enters the two with opposite signs. On the
+default worm (SM1) leaves 0.3 % of the variance of the strains of another run; the chamber's own command alone leaves
+0.5 %, one time constant leaves 1.6 %.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from worm3d.values.arrays import FloatArray
 TIME_CONSTANTS = (0.05, 0.1, 0.2)
 """Time constants T_m of a fitted model [s]; the chambers of the default worm have a lag of 0.1 s."""
 INPUTS = 8
-"""Number of inputs of a chamber; the first one is its own command, as `inputs` orders them."""
+"""Number of inputs of a chamber, in the order of `inputs`; the chamber's own command is the first."""
 SIDE = np.array([1.0, -1.0])
 """Sign of a hinge in the strains of the left and of the right chamber."""
 PLAIN_GAIN, PLAIN_LAG = 0.9, 0.1
-"""Gain and time constant [s] of `StrainModel.plain`, those of a chamber of the default worm."""
+"""Gain and time constant [s] of `StrainModel.plain`, the values of a chamber of the default worm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class StrainModel:
         return len(self.mean)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the model as JSON can hold it, to six decimals."""
+        """Return the model as a JSON object, to six decimals."""
         return {name: np.round(value, 6).tolist() for name, value in vars(self).items()}
 
     @classmethod
@@ -64,7 +64,7 @@ class StrainModel:
 
     @classmethod
     def plain(cls, segments: int) -> Self:
-        """Return the model of a worm that nobody has identified: one lag of the chamber's own command."""
+        """Return the model of an unidentified worm: one lag of the chamber's own command."""
         weights = np.zeros((segments, INPUTS, 1))
         weights[:, 0] = -PLAIN_GAIN
         return cls(np.array([PLAIN_LAG]), weights, np.zeros(segments))
@@ -105,8 +105,8 @@ class StrainModel:
 def inputs(contraction: FloatArray, hinge: FloatArray) -> FloatArray:
     """Return the inputs of each chamber, (..., N, 2, 8), from values of chambers (..., N, 2) and hinges (..., N - 1).
 
-    Their order: the chamber, its twin, the chamber behind, its twin, the chamber ahead, its twin, the hinge behind, the
-    hinge ahead. Inputs beyond the ends of the worm are 0.
+    The order: the chamber and its twin, the chamber behind and its twin, the chamber ahead and its twin, the hinge
+    behind, the hinge ahead. Inputs beyond the ends of the worm are 0.
     """
     *more, segments, _ = contraction.shape
     values = np.zeros((*more, segments, 2, INPUTS))
@@ -118,6 +118,6 @@ def inputs(contraction: FloatArray, hinge: FloatArray) -> FloatArray:
 
 
 def lagged(before: FloatArray, begin: FloatArray, end: FloatArray, lag: FloatArray, dt: float) -> FloatArray:
-    """Return first-order lags [s] after `dt` [s], above 0, in which their inputs go straight from begin to end."""
+    """Return the states of first-order lags [s] after `dt` [s], above 0, for inputs linear from `begin` to `end`."""
     ramp = lag * (end - begin) / dt
     return np.asarray(end - ramp + (before - begin + ramp) * np.exp(-dt / lag))

@@ -1,22 +1,23 @@
-"""Surrogates: polynomials fitted to what a plant did, in NumPy and in CasADi alike.
+"""Surrogates: polynomials fitted to the motion of a plant, for NumPy and CasADi alike.
 
-A quantity y of amplitude A, frequency f and steering s is, with each of the three scaled to [-1, 1] over its range
-(s to s/s_max),
+A quantity y of amplitude A, frequency f and steering s is, with each of the three scaled to [-1, 1] over the range (s
+to s/s_max),
 
     y = sum_{i+j <= n_k, k} c_ijk a^i g^j S_k(s),   S_k = s^k, k = 0, 2, 4      if y is even in s
                                                     tanh(s/s_0), s^k, k = 1, 3, 5   if it is odd              (I1)
 
 Left and right are mirror images: distance is even in the steering, turn and drift are odd, exactly. Weak steering
-hardly turns a worm, since its feet still stick: s - s_0 tanh(s/s_0) starts as softly. (On the default worm, at an
-amplitude of 0.3 and 0.8 Hz, hinges of 0.005, 0.01 and 0.02 rad turn it by a sixth, two fifths and six sevenths of what
-goes in proportion; without that term the map misses the turn by 0.006 rad a wave, with it by 0.0015.)
+hardly turns a worm, since the feet still stick: s - s_0 tanh(s/s_0) starts as softly. (On the default worm, at an
+amplitude of 0.3 and 0.8 Hz, hinges of 0.005, 0.01 and 0.02 rad turn the worm by a sixth, two fifths and six sevenths of
+the proportional turn. The error of the turn is 0.006 rad a wave without the term in tanh, and 0.0015 with this term.)
 
-A polynomial c0 that nearly fits is corrected from fewer values than it has coefficients. What it misses is taken to be
-smooth: a random polynomial, whose coefficients fall by `SMOOTH` with each degree n. The most likely one makes
+A polynomial c0 that nearly fits is corrected with fewer values than coefficients. The error of c0 is assumed to be
+smooth: a random polynomial, whose coefficients fall by `SMOOTH` with each degree n. The most likely polynomial
+minimises
 
     sum_m (y_m - p_c(x_m))^2 + RIDGE sum_n (c_n - c0_n)^2 / SMOOTH^(2 n)                                        (I5)
 
-least (ridge regression; the mean of a Gaussian process).
+(ridge regression; the mean of a Gaussian process).
 """
 
 from __future__ import annotations
@@ -36,24 +37,24 @@ Parity = Literal["even", "odd"]
 START = 0.08
 """Steering below which feet stick, s_0, as a share of the greatest."""
 SLOWEST = 0.01
-"""Least frequency that a wave is given where it is to be slower than any that was identified [Hz]."""
+"""Least frequency of a wave that is slower than all identified waves [Hz]."""
 STICKING = 0
-"""Stands for tanh(s/s_0) among the powers of odd quantities."""
+"""Marker of tanh(s/s_0) among the powers of odd quantities."""
 DEGREES: dict[Parity, dict[int, int]] = {
     "even": dict.fromkeys((0, 2, 4), 4),
     "odd": dict.fromkeys((STICKING, 1, 3, 5), 4),
 }
-"""Powers of the steering, and the degree n_k in amplitude and frequency together that goes with each."""
+"""Powers of the steering, and the joint degree n_k in amplitude and frequency for each power."""
 RIDGE = 1e-3
-"""Information that a design or a correction begins with, so that it has an inverse; small beside that of one run."""
+"""Initial information of a design or a correction, which makes the matrix invertible; small beside one run's."""
 SMOOTH = 0.7
-"""Factor by which what a polynomial misses falls with each degree, (I5): of 0.5, 0.7 and 1 what misses least on worms
-of half the stiffness or four segments, from 24 to 48 runs."""
+"""Factor of the error coefficients of a polynomial per degree, (I5): of 0.5, 0.7 and 1 the value with the least error
+on worms of half the stiffness or four segments, from 24 to 48 runs."""
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges in which a surrogate holds; none may be empty."""
+    """Ranges of validity of a surrogate; none may be empty."""
 
     amplitude: tuple[float, float]
     """Least and greatest amplitude."""
@@ -86,7 +87,7 @@ class Ranges:
         return np.array([[weak, SLOWEST, -sharp], [strong, fast, sharp]])
 
     def contain(self, amplitude: float, frequency: float, steering: float) -> bool:
-        """Return whether the surrogate holds there."""
+        """Return whether the surrogate holds for these parameters."""
         return all(abs(value) <= 1.0 + 1e-9 for value in self.scaled(amplitude, frequency, steering))
 
 
@@ -108,14 +109,14 @@ class Polynomial:
     def __call__(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
         """Return the quantity; numbers, arrays or CasADi's symbols."""
         a, g, s = self.ranges.scaled(amplitude, frequency, steering)
-        plane = dict.fromkeys(DEGREES[self.parity], 0.0)  # apart: a graph of many steerings then has it once
+        plane = dict.fromkeys(DEGREES[self.parity], 0.0)  # separate: a graph of many steerings then has the plane once
         for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True):
             if c != 0.0:
                 plane[k] = plane[k] + c * a**i * g**j
         return sum(plane[k] * of_steering for k, of_steering in _of_steering(self.parity, s).items())
 
     def within(self, ranges: Ranges) -> Polynomial:
-        """Return the polynomial of other ranges that is nearest to it on a grid of them."""
+        """Return the nearest polynomial on other ranges, by least squares on a grid of these ranges."""
         axes = (
             np.linspace(*ranges.amplitude, 9),
             np.linspace(*ranges.frequency, 9),
@@ -125,7 +126,7 @@ class Polynomial:
         return self if ranges == self.ranges else fit(ranges, self.parity, where, self(*where.T))
 
     def rise(self, begin: float, end: float) -> Polynomial:
-        """Return how much it rises from one frequency to another [Hz], over amplitude and steering alone."""
+        """Return the rise from one frequency to another [Hz], as a polynomial of amplitude and steering alone."""
         terms, (_, (low, high), _) = exponents(self.parity), self.ranges.scaled(0.0, np.array([begin, end]), 0.0)
         risen = dict.fromkeys(terms, 0.0)
         for c, (i, j, k) in zip(self.coefficients, terms, strict=True):
@@ -135,7 +136,7 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Misfit:
-    """How far a surrogate is from samples."""
+    """Misfit between a surrogate and samples."""
 
     rms: float
     """Root mean square of the misses, in the unit of the quantity."""
@@ -153,10 +154,10 @@ def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
 
 
 def informative(ranges: Ranges, where: ArrayLike, number: int) -> list[int]:
-    """Return which of the places (M, 3) to measure at, so that few of them determine surrogates of both parities.
+    """Return the places among (M, 3) to measure, so that few places determine surrogates of both parities.
 
-    One after the other, each adds the most to the logarithms of the determinants of the two information matrices (a
-    D-optimal design, Fedorov's exchange without the exchange).
+    The places are chosen one after the other; each adds the most to the logarithms of the determinants of the two
+    information matrices (a D-optimal design, Fedorov's exchange without the exchange).
 
     Raises
     ------
@@ -183,9 +184,9 @@ def informative(ranges: Ranges, where: ArrayLike, number: int) -> list[int]:
 
 
 def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> Polynomial:
-    """Return the polynomial that is nearest to samples, by least squares.
+    """Return the polynomial nearest to samples, by least squares.
 
-    They are values (M,) at amplitudes, frequencies [Hz] and steerings (M, 3).
+    The samples are values (M,) at amplitudes, frequencies [Hz] and steerings (M, 3).
 
     Raises
     ------
@@ -214,7 +215,7 @@ def corrected(polynomial: Polynomial, where: ArrayLike, values: ArrayLike) -> Po
 
 
 def misfit(polynomial: Polynomial, where: ArrayLike, values: Sequence[float] | FloatArray) -> Misfit:
-    """Return how far a polynomial is from samples; arguments as for `fit`."""
+    """Return the misfit of a polynomial to samples; arguments as for `fit`."""
     true = np.asarray(values, dtype=float)
     off = polynomial(*np.asarray(where, dtype=float).T) - true
     rms, size = float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(true**2)))

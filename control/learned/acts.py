@@ -1,8 +1,8 @@
-"""What the action of an agent means: the wave for the next control period.
+"""Meaning of an agent's action: the wave for the next control period.
 
 course: V_cmd = V_ref (1 + TRIM a_0),  w_cmd = kappa V_ref + TURN a_1 V_ref / L, and the wave of the identified map
-        that has them: an agent learns feedback only, as the line-of-sight baseline does, (B1) to (B3)
-wave:   amplitude, frequency and steering, each over its identified range; of the map nothing else is used
+        with this speed and turn rate: an agent learns feedback only, as the line-of-sight baseline does, (B1) to (B3)
+wave:   amplitude, frequency and steering, each over its identified range; nothing else of the map is used
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from control.planning.feed_forward import FeedForward
 from worm3d.values.arrays import FloatArray
 
 TRIM = 0.5
-"""Greatest share by which an agent changes the speed that is asked for: a worm on a slope of 3 degrees needs 0.2."""
+"""Greatest relative change of the reference speed by an agent: a worm on a slope of 3 degrees needs 0.2."""
 TURN = 3.0
-"""Greatest curvature that an agent adds to the path's [1/body length]; line-of-sight steering asks for 2 at 0.1 rad."""
+"""Greatest curvature that an agent adds to the path's [1/body length]; line-of-sight steering needs 2 at 0.1 rad."""
 
 
 class Act:
@@ -42,11 +42,11 @@ class Act:
 
     @abstractmethod
     def __call__(self, action: FloatArray, seen: FloatArray) -> GaitParameters:
-        """Return the wave of an action (A,), decided from what is seen, `control.learned.senses`."""
+        """Return the wave of an action (A,), decided from the observation `seen`, `control.learned.senses`."""
 
 
 class Course(Act):
-    """Speed and turn rate, beside those of the reference."""
+    """Speed and turn rate, relative to the reference."""
 
     size = 2
 

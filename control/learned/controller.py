@@ -1,4 +1,4 @@
-"""The learned controller: a policy decides the wave from what `Senses` sees, without an estimator."""
+"""The learned controller: a policy decides the wave from the observation of `Senses`, without an estimator."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ STANDS = "the reference asks for less speed than the worm can crawl at: it rests
 
 
 class LearnedPolicy(WaveController):
-    """A controller that was trained by reinforcement (`worm3d learn`); it needs numpy only.
+    """A controller trained by reinforcement learning (`worm3d learn`), which needs numpy only.
 
     Parameters
     ----------
     task : ControlTask
-        As far as the policy's actions need it, it goes by the task's map.
+        Task; the controller uses the task's map if the policy's actions need the map.
     policy : Policy, optional
-        The one that comes with the program if left out.
+        By default the policy that comes with the program.
 
     Raises
     ------
@@ -34,7 +34,7 @@ class LearnedPolicy(WaveController):
     """
 
     file: Path = SHIPPED
-    """Where the policy is read from; a subclass with another one is a controller of its own."""
+    """File of the policy; a subclass with another file is a separate controller."""
 
     def __init__(self, task: ControlTask, policy: Policy | None = None) -> None:
         self.policy = Policy.load(self.file) if policy is None else policy
@@ -53,7 +53,7 @@ class LearnedPolicy(WaveController):
 
 
 class _Sight:
-    """Senses in the place of an estimator, which hand on no estimate."""
+    """Senses in place of an estimator, which return no estimate."""
 
     def __init__(self, senses: Senses) -> None:
         self.senses = senses

@@ -1,13 +1,13 @@
 """Place and velocity of a worm as means over whole waves, from samples of its centre of mass.
 
-A wave rocks the body, and samples are noisy. With the samples r(w) over the commanded phase w in waves, linear between
-them, and w_1 the phase of the last one,
+A wave rocks the body, and samples are noisy. With the samples r(w) over the commanded phase w in waves, interpolated
+linearly, and the phase w_1 of the last sample,
 
     place = int_{w_1 - 1}^{w_1} r dw,    place_0 = int_{w_1 - 3/2}^{w_1 - 1/2} r dw,                          (LC1)
     velocity = (place - place_0) / (t(w_1) - t(w_1 - 1/2)).                                                   (LC2)
 
-White noise of standard deviation sigma in n samples a wave leaves sigma / sqrt(n) in the place, which is that of half a
-wave ago, and as much in the way from place_0 to place.
+White noise of standard deviation sigma in n samples a wave causes an error of sigma / sqrt(n) in the place, which lags
+by half a wave, and the same error in the displacement from place_0 to place.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 SPAN = 1.5
-"""Waves that (LC1) goes back."""
+"""Time span of (LC1) [waves]."""
 
 
 class Motion(NamedTuple):
@@ -35,13 +35,13 @@ class Motion(NamedTuple):
 
 
 class Course:
-    """The last samples of a centre of mass, and (LC1), (LC2) of them."""
+    """The last samples of a centre of mass, and (LC1), (LC2) of these samples."""
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float, float, float]] = deque()
 
     def add(self, waves: float, t: float, place: FloatArray) -> None:
-        """Take a sample of phase [waves], time [s] and place (2,) [m]; one that is not after the last is left out."""
+        """Take a sample of phase [waves], time [s] and place (2,) [m]; ignore a sample that is not after the last."""
         if self._samples and waves <= self._samples[-1][0]:
             return
         self._samples.append((waves, t, float(place[0]), float(place[1])))
@@ -64,7 +64,7 @@ class Course:
 
 
 def _integral(w: FloatArray, y: FloatArray, ends: FloatArray) -> FloatArray:
-    """Return the integrals over w up to each of the ends of what is linear between samples y (n, 2)."""
+    """Return the integrals over w, up to each of the ends, of the linear interpolation of samples y (n, 2)."""
     whole = np.vstack([np.zeros(2), np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(w)[:, None], axis=0)])
     k = np.clip(np.searchsorted(w, ends, side="right") - 1, 0, len(w) - 2)
     part, width = (ends - w[k])[:, None], (w[k + 1] - w[k])[:, None]

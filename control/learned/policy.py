@@ -1,4 +1,4 @@
-"""A policy: a small network from what is seen to an action, kept as a file of plain arrays.
+"""A policy: a small network from an observation to an action, kept as a file of plain arrays.
 
 z_0 = seen,    z_{k+1} = tanh(W_k z_k + b_k),    action = clip(W_n z_n + b_n, -1, 1)                      (LP1)
 """
@@ -25,27 +25,28 @@ from worm3d.values.spelling import Spelled
 SHIPPED = Path(__file__).with_name("policy.npz")
 """The policy that comes with the program."""
 LARGEST_FILE = 100_000_000
-"""Largest file of a policy [byte]; one with two layers of 1000 has 8 MB."""
+"""Largest file of a policy [byte]; a policy with two layers of 1000 has 8 MB."""
 LONGEST = 120
-"""Largest number of characters of a library's complaint that are told."""
+"""Largest number of characters that a message quotes from a library's error."""
 ABOUT = "about"
 """Name of the text in a file that says how the policy was trained."""
 
 
 @dataclass(frozen=True, eq=False)
 class Policy(Spelled):
-    """A network (LP1), and how it was trained.
+    """A network (LP1), and a description of the training.
 
     Raises
     ------
     ValueError
-        The layers do not fit together, end in another number than its actions have, or are not finite.
+        The layers do not fit together, do not end in the number of the actions, or are not finite.
     """
 
     layers: tuple[tuple[FloatArray, FloatArray], ...]
     """Weights (outputs, inputs) and offsets (outputs,) of each layer."""
     about: Mapping[str, Any] = field(default_factory=dict)
-    """How it was trained; "acts" names what its actions mean, "channels" what is seen beyond `senses.OWN` numbers."""
+    """Training of the policy; "acts" names the kind of action, "channels" the channels beyond the `senses.OWN`
+    numbers."""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.about, Mapping) and all(isinstance(name, str) for name in self.channels)):
@@ -70,12 +71,12 @@ class Policy(Spelled):
 
     @property
     def acts(self) -> str:
-        """What its actions mean, a name among `control.learned.acts.ACTS`."""
+        """Kind of the policy's actions, a name in `control.learned.acts.ACTS`."""
         return str(self.about.get("acts", "course"))
 
     @property
     def channels(self) -> Sequence[str]:
-        """Channels that it sees beyond the numbers of its own."""
+        """Observed channels beyond the `senses.OWN` numbers."""
         return tuple(self.about.get("channels", ()))
 
     def __call__(self, seen: FloatArray) -> FloatArray:
@@ -86,7 +87,7 @@ class Policy(Spelled):
         return np.clip(weights @ seen + offsets, -1.0, 1.0)
 
     def save(self, path: Path) -> None:
-        """Write it to a file, as numpy's .npz."""
+        """Write the policy to a file in numpy's .npz format."""
         arrays = {
             f"{name}{k}": part for k, layer in enumerate(self.layers) for name, part in zip("Wb", layer, strict=True)
         }
@@ -100,7 +101,7 @@ class Policy(Spelled):
         Raises
         ------
         ValueError
-            It cannot be read, or is no policy, or a damaged one.
+            The file cannot be read, holds no policy, or is damaged.
         """
         try:
             data = regular_file.read(path, LARGEST_FILE)
@@ -108,9 +109,9 @@ class Policy(Spelled):
             raise ValueError(f"{path}: cannot be read: {error.strerror or error}") from error
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error")  # numpy warns of what is no array of ours, and takes it
+                warnings.simplefilter("error")  # numpy only warns of foreign arrays, and accepts them
                 return cls(*_unpacked(data))
-        except Exception as error:  # zip files and arrays that are damaged fail in ways of their own
+        except Exception as error:  # damaged zip files and arrays raise various errors
             why = (str(error).splitlines() or [""])[0][:LONGEST]
             raise ValueError(
                 f"{path}: is no policy of 'worm3d learn', or a damaged one ({type(error).__name__}: {why}); "
@@ -119,7 +120,7 @@ class Policy(Spelled):
 
 
 def _unpacked(data: bytes) -> tuple[tuple[tuple[FloatArray, FloatArray], ...], Any]:
-    """Return layers and text of a file's bytes; any exception where it has none."""
+    """Return layers and text from a file's bytes; raise any exception for other files."""
     with np.load(BytesIO(data), allow_pickle=False) as found:
         about = json.loads(str(found[ABOUT]))
         count = sum(name.startswith("W") for name in found.files)

@@ -1,18 +1,18 @@
-"""What a learned controller sees: the reference as seen from the worm, by means over waves of its measured place.
+"""Observation of a learned controller: the reference relative to the worm, from the measured place averaged over waves.
 
-Nothing of it depends on where the worm is or looks, on its length or on its number of segments. With the body length L,
-motion by (LC1), (LC2), speed V along the path, offset e to the left of it (L2), the speed V_ref that is asked for, and
-clipped to [-2, 2]:
+The observation does not depend on the worm's place, azimuth, length or number of segments. With the body length L,
+motion by (LC1), (LC2), speed V along the path, offset e to the left of the path (L2) and reference speed V_ref, the
+observation, clipped to [-2, 2], is:
 
-    0          1 once a velocity is known, before that 0, as 2, 4 and 5 are
+    0          1 once a velocity is known, before that 0; 2, 4 and 5 are also 0 before
     1          10 s V_ref / L
     2          V/V_ref - 1
     3          10 e/L
-    4, 5       sine and cosine - 1 of the velocity's direction off the path's, both of half a wave ago
+    4, 5       sine and cosine - 1 of the angle from the path to the velocity, both of half a wave ago
     6 ... 9    curvature of the path times L, now and 0.15, 0.3 and 0.45 L ahead
-    10, 11     means of 10 e/L and of V/V_ref - 1 over some 10 s, which fade
-    12         mean of the last wave's actions, their last number: what has steered
-    13 ...     action before; then the latest samples of the further channels that are asked for, in SI units
+    10, 11     fading means of 10 e/L and of V/V_ref - 1 over some 10 s
+    12         mean over the last wave of the actions' last number: the steering
+    13 ...     action before; then the latest samples of the further chosen channels, in SI units
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 OWN = 13
-"""Numbers that are seen, without actions and further channels."""
+"""Number of observed numbers, without actions and further channels."""
 SPEED, CURVATURE = 1, 6
-"""Places of the speed that is asked for and of the curvature now."""
+"""Indices of the reference speed and of the present curvature."""
 FAST = 10.0
-"""Time by which a speed in body lengths/s is multiplied [s]."""
+"""Time that multiplies a speed in body lengths/s [s]."""
 MOST = 2.0
-"""What is seen is clipped to this."""
+"""Limit for clipping the observation."""
 AHEAD = np.array([0.0, 0.15, 0.3, 0.45])
-"""Distances ahead at which the path's curvature is seen [body lengths]."""
+"""Distances ahead of the observed curvatures of the path [body lengths]."""
 FADING = 10.0
 """Time constant of the means that fade [s]."""
 SLOWEST = 1e-3
-"""Least speed that errors are related to [body lengths/s]."""
+"""Least reference speed for relative errors [body lengths/s]."""
 LAG = 0.5
-"""Waves by which a mean over a wave lags behind."""
+"""Lag of a mean over a wave [waves]."""
 
 
 class Senses:
-    """What a learned controller sees.
+    """Observation of a learned controller.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Senses:
     actions : int
         Numbers of an action.
     channels : sequence of str
-        Further channels of the sensors to be seen, such as "strain".
+        Further observed channels of the sensors, such as "strain".
 
     Raises
     ------
@@ -79,7 +79,7 @@ class Senses:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to the initial state."""
         self._course = Course()
         self._latest = {name: np.zeros(shape) for name, shape in self._shapes.items()}
         self._action, self._steering = np.zeros(self._actions), list[tuple[float, float]]()
@@ -87,7 +87,7 @@ class Senses:
         self._means, self._seen_at = np.zeros(2), float("nan")
 
     def take(self, t: float, measurement: Measurement, waves: float, frequency: float) -> None:
-        """Take a measurement at time t [s], phase [waves] and frequency [Hz]; `control.sensing.gate` has passed it."""
+        """Take a measurement that passed `control.sensing.gate`, at time t [s], phase [waves] and frequency [Hz]."""
         if measurement.com is not None and isfinite(measurement.com_time):
             age = t - measurement.com_time
             self._course.add(waves - frequency * age, measurement.com_time, measurement.com[:2])
@@ -97,12 +97,12 @@ class Senses:
                 self._latest[name] = np.where(np.isfinite(sample), sample, latest)
 
     def acted(self, action: FloatArray, waves: float) -> None:
-        """Take in the action (A,) from this phase [waves] on."""
+        """Record the action (A,) from this phase [waves] on."""
         self._action = np.asarray(action, dtype=float)
         self._steering = [each for each in self._steering if each[0] >= waves - 1.0] + [(waves, float(action[-1]))]
 
     def observed(self, t: float) -> FloatArray:
-        """Return what is seen at time t [s], shape (size,); it is to be asked for once a control period."""
+        """Return the observation at time t [s], shape (size,); call once a control period."""
         speed, fast, aside, course, curvatures = self._tracked(t)
         miss = 0.0 if fast is None else fast / max(speed, SLOWEST * self._length) - 1.0
         errors = np.clip([10.0 * aside / self._length, miss], -MOST, MOST)
@@ -115,7 +115,7 @@ class Senses:
         return np.concatenate([own, *further])
 
     def _tracked(self, t: float) -> tuple[float, float | None, float, float, FloatArray]:
-        """Return speed asked for and made [m/s], offset [m], direction off the path's [rad] and curvatures [1/m]."""
+        """Return reference speed and speed [m/s], offset [m], angle to the path [rad] and curvatures [1/m]."""
         reference, motion = self._reference, self._course.motion()
         speed, velocity = float(reference.speed(t)), None if motion is None else motion.velocity
         if motion is None:
@@ -146,9 +146,9 @@ def assembled(
     steering: ArrayLike,
     action: FloatArray,
 ) -> FloatArray:
-    """Return what is seen without further channels, from parts in body lengths and seconds, in the order above.
+    """Return the observation without further channels, from parts in body lengths and seconds, in the order above.
 
-    Of B worms at once each part has an axis for them at its end, as the result has.
+    For B worms at once each part, and the result, has a last axis for the worms.
     """
     errors = (miss, 10.0 * np.asarray(aside), np.sin(course), np.cos(course) - 1.0)
     parts = ((known, FAST * np.asarray(speed), *errors), curvatures, means, (steering,), action)
@@ -157,7 +157,7 @@ def assembled(
 
 
 def along(velocity: FloatArray | None, heading: float | None) -> tuple[float | None, float]:
-    """Return the speed along a heading, forward without one, and the velocity's direction off it."""
+    """Return the speed along a heading, forward without a heading, and the angle from the heading to the velocity."""
     if velocity is None:
         return None, 0.0
     if heading is None:

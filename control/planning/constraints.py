@@ -1,11 +1,12 @@
 """Constraints on a plan, found by name; all are soft, so that there is always a plan.
 
-A constraint is a frozen dataclass with its tolerances as fields and its excesses c as symbols of CasADi: at the end of
-each step c <= 0 is wanted, and what exceeds it weighs like a miss: the cost grows by
+A constraint is a frozen dataclass with tolerances as fields and excesses c as CasADi symbols. c <= 0 is wanted at the
+end of each step, and an excess has the weight of a miss: the cost grows by
 
     1/2 max(0, c)^2,   c over its tolerance                                                                  (O5)
 
-the least of s^2/2 over slacks s >= 0, c <= s. Write one of your own as you write a term, `control.planning.terms`.
+the least of s^2/2 over slacks s >= 0, c <= s. A user's constraint is written like a user's term,
+`control.planning.terms`.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ class Constraint(Spelled, ABC):
 
     @abstractmethod
     def excesses(self, at: Moment) -> ca.SX:
-        """Return what exceeds over its tolerance, shape (M,); at most 0 where the constraint is kept."""
+        """Return the excesses over their tolerance, shape (M,); at most 0 where the constraint is kept."""
 
     def weight(self, ahead: Preview) -> ArrayLike:
-        """Return factors of the excesses, one or one for each step: 0 where it does not apply."""
+        """Return factors of the excesses, a scalar or one factor per step: 0 where the constraint does not apply."""
         return 1.0
 
 
@@ -53,16 +54,16 @@ class Corridor(Constraint):
         return excess / (self.tolerance * at.length)
 
     def weight(self, ahead: Preview) -> ArrayLike:
-        """Return whether the path has a bound there."""
+        """Return whether the path has a bound at each step."""
         return np.isfinite(ahead.left) | np.isfinite(ahead.right)
 
 
 @documented
 @dataclass(frozen=True)
 class Clearance(Constraint):
-    """Both ends of the body, and so all of it, on one side of each obstacle.
+    """Both ends of the body, and so the whole body, on one side of each obstacle.
 
-    An end that is x ahead of the middle is at the offset e + x sin(h - psi), (O4).
+    An end at the distance x ahead of the middle has the offset e + x sin(h - psi), (O4).
     """
 
     tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
@@ -84,7 +85,7 @@ class Clearance(Constraint):
 @documented
 @dataclass(frozen=True)
 class Roll(Constraint):
-    """Roll of the body within a wave, where the identified map knows it."""
+    """Roll of the body within a wave, if the identified map contains the roll."""
 
     limit: float = parameter(0.105, unit="rad", gt=0, meaning="greatest roll")
     tolerance: float = parameter(0.02, unit="rad", gt=0, meaning="excess that weighs 1")
@@ -104,5 +105,5 @@ CONSTRAINTS: Mapping[str, type[Constraint]] = MappingProxyType(
 
 
 def default_constraints() -> tuple[Constraint, ...]:
-    """Return the constraints that ship, each with its default tolerances."""
+    """Return the supplied constraints, each with the default tolerances."""
     return tuple(constraint() for constraint in CONSTRAINTS.values())

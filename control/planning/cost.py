@@ -1,13 +1,13 @@
 """The cost of a plan as least squares: the terms and constraints of `terms` and `constraints` over a horizon.
 
-With u the inputs scaled to [-1, 1] over the ranges of the identified map, constant over each of H steps, m the misses
-and c the excesses of the reduced model at the end of each step, each over its tolerance,
+The inputs u are scaled to [-1, 1] over the ranges of the identified map, and are constant in each of H steps. m are the
+misses and c the excesses of the reduced model at the end of each step, each divided by the tolerance:
 
     minimise 1/2 sum_k [ |m_k|^2 + |max(0, c_k)|^2 ],   -1 <= u <= 1                                           (O2)
 
-(frequencies may be lower than any that was identified, and amplitudes have the other sign where the worm goes
-backwards) where terms drop out that the reference does not ask for. States
-and their derivatives follow the reduced model over inputs that are constant in each step:
+(frequencies may be lower than any identified frequency, and amplitudes have the opposite sign where the worm goes
+backwards). Terms without a goal in the reference drop out. States and their derivatives follow the reduced model with
+inputs that are constant in each step:
 
     X_{k+1} = F(X_k, U_k),   dX_{k+1}/dU = A_k dX_k/dU + B_k dU_k/dU,   A_k = dF/dX, B_k = dF/dU at (X_k, U_k)   (O3)
 """
@@ -33,7 +33,7 @@ from worm3d.values.arrays import FloatArray
 
 WANTED = len(Wanted._fields)
 FAR = 1e3
-"""Stands for no bound of the offset [m]."""
+"""Value that means no bound of the offset [m]."""
 
 
 class Scale:
@@ -44,14 +44,14 @@ class Scale:
         self.half: FloatArray = (ends[:, 1] - ends[:, 0]) / 2.0
         self.centre: FloatArray = (ends[:, 1] + ends[:, 0]) / 2.0
         self.bounds: FloatArray = (ranges.bounds - self.centre) / self.half
-        """Least and greatest scaled inputs that may be chosen, shape (2, 3)."""
+        """Least and greatest allowed scaled inputs, shape (2, 3)."""
 
     def inputs(self, z: FloatArray) -> FloatArray:
-        """Return inputs, shape (K, 3), of scaled ones, shape (3 K,)."""
+        """Return inputs, shape (K, 3), of scaled inputs, shape (3 K,)."""
         return self.centre + self.half * z.reshape(-1, INPUTS)
 
     def sized(self, scaled: ca.SX) -> ca.SX:
-        """Return scaled inputs (3,) with the size of the amplitude, which is below 0 in waves that go backwards."""
+        """Return scaled inputs (3,) with the absolute value of the amplitude, which is negative in backward waves."""
         (centre, *_), (half, *_) = self.centre, self.half
         return ca.vertcat((ca.fabs(centre + half * scaled[0]) - centre) / half, scaled[1:])
 
@@ -68,7 +68,8 @@ class Cost(NamedTuple):
     rows: tuple[int, ...]
     """Number of misses of each term, then of excesses of each constraint."""
     function: ca.Function
-    """(state, input scaled (3,), that before (3,), wanted (10,)) -> misses of all terms, then excesses, (M,)."""
+    """(state, scaled input (3,), scaled input before (3,), wanted (10,)) -> misses of all terms, then excesses,
+    (M,)."""
 
     @classmethod
     def of(
@@ -79,14 +80,14 @@ class Cost(NamedTuple):
         terms: Sequence[CostTerm],
         constraints: Sequence[Constraint],
     ) -> Cost:
-        """Return the cost for the worm of a model and its map, `length` [m] long.
+        """Return the cost for the worm of a model and the worm's map, `length` [m] long.
 
-        Constraints on what the map does not know are left out.
+        Constraints on quantities that the map does not contain are left out.
 
         Raises
         ------
         ValueError
-            There are no terms, something is no term or constraint, or its value is no vector of symbols.
+            There are no terms, something is no term or constraint, or a value is no vector of symbols.
         """
         if not terms:
             raise ValueError("terms: got none, must be at least one: control.planning.terms.default_terms()")
@@ -116,7 +117,7 @@ class Cost(NamedTuple):
 
     @property
     def misses(self) -> int:
-        """Number of misses; what follows them are excesses."""
+        """Number of misses; the excesses follow the misses."""
         return sum(self.rows[: len(self.terms)])
 
 
@@ -175,7 +176,7 @@ class Prediction:
         self.step, self.steps, self.scale = step, steps, scale
         state, scaled, before, wanted = cost.sx_in()
         given = ca.DM(scale.centre) + ca.DM(scale.half) * scaled
-        end = ca.cse(model.step(step)(state, given))  # before it is differentiated: that takes a tenth of the time
+        end = ca.cse(model.step(step)(state, given))  # before the differentiation, which then takes a tenth of the time
         missed = cost(state, scaled, before, wanted)
         self._states = Buffered(ca.Function("next", [state, scaled], ca.cse([end])).mapaccum("roll", steps))
         self._state_slopes = Buffered(_slopes(end, [state, scaled], []).map(steps))
@@ -193,7 +194,7 @@ class Prediction:
         return missed.T
 
     def miss_slopes(self, states: FloatArray, z: FloatArray, before: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Return their derivatives to all scaled inputs of the horizon, shape (steps, M, 3 steps)."""
+        """Return the derivatives of `misses` to all scaled inputs of the horizon, shape (steps, M, 3 steps)."""
         to_state, to_input, to_before = self._miss_slopes(states[1:].T, *_pairs(z, before), wanted.T)
         slopes: FloatArray = self._by_step(to_state, STATES) @ self._slopes_of_states(states, z)
         own, earlier = self._by_step(to_input, INPUTS), self._by_step(to_before, INPUTS)
@@ -208,12 +209,12 @@ class Prediction:
         to_state, to_input = self._state_slopes(states[:-1].T, z.reshape(-1, INPUTS).T)
         slopes = np.zeros((self.steps, STATES, INPUTS * self.steps))
         for k, (a, b) in enumerate(zip(self._by_step(to_state, STATES), self._by_step(to_input, INPUTS), strict=True)):
-            slopes[k] = a @ slopes[k - 1]  # before the first step that is the last one's, still 0
+            slopes[k] = a @ slopes[k - 1]  # slopes[-1] before the first step, still 0
             slopes[k][:, INPUTS * k : INPUTS * (k + 1)] += b
         return slopes
 
     def _by_step(self, side_by_side: FloatArray, columns: int) -> FloatArray:
-        """Return the matrices of the steps, which a mapped function puts side by side."""
+        """Return the matrices of the steps, which a mapped function returns side by side."""
         return side_by_side.reshape(len(side_by_side), self.steps, columns).transpose(1, 0, 2)
 
 
@@ -229,7 +230,7 @@ def _slopes(value: ca.SX, to: list[ca.SX], more: list[ca.SX]) -> ca.Function:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """(O2) at an instant, as residuals of scaled inputs z, shape (3 H,): misses, then `limits` excesses."""
+    """Problem (O2) at an instant, as residuals of scaled inputs z, shape (3 H,): misses, then `limits` excesses."""
 
     prediction: Prediction
     cost: Cost
@@ -263,7 +264,7 @@ class Problem:
         return int(self._asked[:, self.cost.misses :].sum())
 
     def _rows(self, values: FloatArray) -> FloatArray:
-        """Return values (H, M, ...) times their weights: those of the misses, then of the excesses, zeros left out."""
+        """Return values (H, M, ...) times their weights: first the misses, then the excesses, zeros left out."""
         weights, misses = self._weights, self.cost.misses
         weighted = values * weights.reshape(*weights.shape, *[1] * (values.ndim - 2))
         parts = [weighted[:, part][self._asked[:, part]] for part in (slice(misses), slice(misses, None))]

@@ -1,8 +1,8 @@
-"""Feed-forward: the wave that by the identified map has a wanted speed and turn rate.
+"""Feed-forward: the wave that has a wanted speed and turn rate according to the identified map.
 
-Two parameters make the speed. The frequency stays at a preferred one and the amplitude does the work; only where that
-ends, at the least or greatest amplitude, the frequency moves too: a line through the map, along which speed rises from
-(almost) nothing.
+Two parameters determine the speed. The frequency stays at a preferred value while the amplitude sets the speed; at the
+least and the greatest amplitude the frequency changes instead. The waves form a line through the map, along which the
+speed rises from (almost) nothing.
 """
 
 from __future__ import annotations
@@ -17,36 +17,36 @@ from control.identification.surrogate import SLOWEST
 from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
-"""Frequency at which the default worm has most of its speeds [Hz]; one outside a range gives way to its middle."""
+"""Frequency at which the default worm has most speeds [Hz]; outside the range of a map, the middle of the range."""
 POINTS = 33
 """Number of points on each part of the line."""
 STEERINGS = 97
 """Number of values of the steering: weak steering hardly turns the worm, so that they have to be close."""
 RISE = 1e-6
-"""Turn rate that a unit of steering adds to the map's [rad/s], so that only no steering at all has none."""
+"""Turn rate added to the map per unit of steering [rad/s], so that only zero steering has zero turn rate."""
 SPARE = 0.1
-"""Share of the greatest turn rate that is left to corrections where a path is sharp."""
+"""Share of the greatest turn rate that is reserved for corrections where a path is sharp."""
 EVERY = 24
-"""Of how many values of the steering one has speeds along the line."""
+"""Step between the values of the steering that have speeds along the line."""
 REPEATS = 3
-"""Number of times that steering and speed are found in turns, since each changes the other a little."""
+"""Number of alternating solutions for steering and speed, since each changes the other a little."""
 
 
 class FeedForward:
-    """The inverse of the identified map of one mechanism, which holds in the `ranges` in which it was identified.
+    """Inverse of the identified map of one mechanism, valid in the identified `ranges`.
 
     Attributes
     ----------
     found : SteeringMap
         The map.
     frequency, wave : float
-        The preferred frequency [Hz], and the period of such a wave [s].
+        The preferred frequency [Hz], and the period of a wave at this frequency [s].
     backward : bool
-        Whether the worm can crawl backwards, with the same wave the other way round.
+        Whether the worm can crawl backwards, with the same wave in the opposite direction.
     slowest, fastest : float
-        Speed of the slowest wave [m/s], below which the worm stands, and the greatest one.
+        Speed of the slowest wave [m/s], below which the worm stands, and the greatest speed.
     least_divisor : float
-        Half of the least identified speed [m/s], below which speeds are not divided by.
+        Half of the least identified speed [m/s], the least speed that is used as a divisor.
     """
 
     def __init__(self, found: SteeringMap, length: float, backward: bool = False) -> None:
@@ -74,7 +74,7 @@ class FeedForward:
         self._rates = np.maximum.accumulate(rates, axis=1)[:, ::EVERY]
         sharpest = (1.0 - SPARE) * rates.max(axis=1) / self._straight
         self._sharpest = np.maximum.accumulate(sharpest[::-1])[::-1]  # at a speed or at a greater one
-        # From where the speed rises it costs curvature; slower waves turn no sharper.
+        # From this point on a higher speed costs curvature; slower waves turn no sharper.
         self._rises = max(int(np.argmax(self._sharpest < self._sharpest[0])) - 1, 0)
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
@@ -88,7 +88,7 @@ class FeedForward:
         return ReducedInput(way * amplitude, frequency, float(np.copysign(steering, turn_rate)))
 
     def goes(self, speed: float) -> bool:
-        """Return whether the worm can crawl that slowly [m/s], and that way."""
+        """Return whether the worm can crawl at a speed [m/s], which may be too low, or backwards."""
         return abs(speed) >= self.slowest and (speed > 0.0 or self.backward)
 
     def sharpest(self, speed: float) -> float:
@@ -98,7 +98,7 @@ class FeedForward:
     def frequencies(self, speeds: FloatArray, curvatures: ArrayLike = 0.0) -> FloatArray:
         """Return the frequencies that suit speeds [m/s] on a path of curvatures [1/m], shape (K,) each [Hz].
 
-        A wave that turns goes farther than a straight one, so that slower ones will do.
+        A wave that turns goes farther than a straight wave, so that a slower wave suffices.
         """
         size = np.abs(speeds)
         frequencies, rates = (
@@ -109,9 +109,9 @@ class FeedForward:
         return np.array([np.interp(rate, turns, suits) for rate, turns, suits in columns])
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
-        """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map.
+        """Return the greatest speeds [m/s] for paths of curvatures (...) [1/m], according to the map.
 
-        For sharper ones than it can follow it is the greatest speed at which it turns as sharply as it can.
+        For paths too sharp to follow, this is the greatest speed with the sharpest possible turn.
         """
         begin = self._rises
         return np.asarray(np.interp(np.abs(curvature), self._sharpest[begin:][::-1], self._straight[begin:][::-1]))
@@ -125,6 +125,6 @@ class FeedForward:
         return np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
 
     def _speeds(self, steering: float) -> FloatArray:
-        """Return the speeds along the line [m/s]; they rise, whatever the fit does at its edges."""
+        """Return the speeds along the line [m/s]; they rise even where the fit does not, at the edges of the fit."""
         speeds = np.array(self._speed(self._amplitudes[None], self._frequencies[None], steering)).ravel()
         return np.maximum.accumulate(speeds)

@@ -2,14 +2,14 @@
 
     minimise 1/2 |r(z)|^2 + 1/2 |max(0, c(z))|^2,  lower <= z <= upper                                      (O1)
 
-r and c follow each other in one vector; the `limits` last ones, c, count only where they are above 0. Each iteration
+r and c follow each other in one vector; the last `limits` entries, c, count only where they are above 0. Each iteration
 solves the quadratic programme of the linearised residuals exactly (DAQP, a dual active-set method that comes with
 CasADi), with the step d and slacks s,
 
     minimise 1/2 |r + R d|^2 + 1/2 |s|^2,  c + C d <= s,  0 <= s,                                            (O6)
 
-and goes along its step as far as the true cost falls. Every iterate lies in the box and is no worse
-than the one before, so that any of them can be used. Of a mirrored problem the iterates are mirrored too.
+and moves along the step while the true cost falls. Every iterate lies in the box and is no worse than the iterate
+before, so that each iterate can be used. A mirrored problem has mirrored iterates.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Function z (n,) -> r (m,) and dr/dz (m, n)."""
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.015625)
-"""Shares of a step that are tried one after the other."""
+"""Shares of a step, tried in this order."""
 ENOUGH = 1e-4
 """Share of the promised decrease of the cost that a step must bring."""
 NEGLIGIBLE = 1e-6
 """Promised decrease, relative to 1 + cost, at which the search ends."""
 SHIFT = 1e-9
-"""Shift of the Hessian's diagonal, relative to its mean, without which a direction that no residual sees is free."""
+"""Shift of the Hessian's diagonal, relative to its mean; it fixes directions that no residual depends on."""
 
 
 class Outcome(Enum):
@@ -57,12 +57,12 @@ class Solution:
     z: FloatArray
     """The point, shape (n,)."""
     cost: float
-    """Value of (O1) there."""
+    """Value of (O1) at this point."""
     outcome: Outcome
     iterations: int
     """Number of quadratic programmes solved."""
     certificate: float
-    """Greatest |z - clip(z - gradient)| where last linearised: 0 at a minimum, whichever bounds are active."""
+    """Greatest |z - clip(z - gradient)| at the last linearisation: 0 at a minimum for any set of active bounds."""
 
 
 class GaussNewton:
@@ -104,7 +104,7 @@ class GaussNewton:
     def _step(
         self, r: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray, limits: int
     ) -> FloatArray | None:
-        """Return the step of (O6); None if that was not solved."""
+        """Return the step of (O6); None if (O6) was not solved."""
         n, equal = self.n, len(r) - limits
         hessian, gradient = np.eye(n + limits), np.zeros(n + limits)
         hessian[:n, :n] = jacobian[:equal].T @ jacobian[:equal]
@@ -127,7 +127,7 @@ def half_square(r: FloatArray, limits: int = 0) -> float:
 
 
 def _counted(r: FloatArray, limits: int) -> FloatArray:
-    """Return the residuals, those of the limits that are kept as 0."""
+    """Return the residuals, with 0 for limits that are kept."""
     equal = len(r) - limits
     return np.concatenate([r[:equal], np.maximum(r[equal:], 0.0)]) if limits else r
 
@@ -141,7 +141,7 @@ def _programme(n: int, limits: int) -> ca.Function:
 def _better(
     residuals: Residuals, z: FloatArray, step: FloatArray, cost: float, promised: float, limits: int
 ) -> tuple[FloatArray, float] | None:
-    """Return the first part of a step that makes the cost fall enough, and that cost."""
+    """Return the point of the first share of a step that lowers the cost enough, and the cost of this point."""
     for share in SHARES:
         trial = z + share * step
         reached = half_square(residuals(trial), limits)

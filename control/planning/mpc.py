@@ -1,19 +1,21 @@
 """Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
 
-What a plan is to achieve is its cost, (O2), made of `control.planning.terms` and `control.planning.constraints`. Slip,
-yaw bias and drift are those of the estimate and constant over the horizon: what they stand for leaves no lasting error.
-Where something turns the worm (its yaw bias is surely not 0) they are never known well enough, and an offset e is left
-that lasts; what is followed is moved aside by its integral, within bounds,
+The cost of a plan, (O2), consists of the terms of `control.planning.terms` and `control.planning.constraints`. Slip,
+yaw bias and drift are taken from the estimate and are constant over the horizon, so that the disturbances behind them
+leave no lasting error. If a disturbance turns the worm (the yaw bias is significantly different from 0), the estimate
+is never accurate enough, and a lasting offset e remains. The reference is then moved aside by the integral of e, within
+bounds,
 
     e_lasting' = e / T,   r -> r - e_lasting n                                                                (P4)
 
-The speed V has an integral of its own, since slow waves that turn sharply go faster than the plain waves below which
-the search does not go; it makes up for a speed that is missed by a little, and not for one that has just changed,
+The speed V has a separate integral, since slow waves that turn sharply go faster than the plain waves, and the search
+uses no slower waves than the plain waves. The integral corrects small errors of the speed, but not the error after a
+change of the wanted speed,
 
     trim' = (1 - V/V_ref)/T,   V_ref -> V_ref (1 + trim)                                                      (P5)
 
-The search begins at the better of two waves, the plan before and the plain wave of the feed-forward, and is never worse
-than either.
+The search begins at the better of two waves, the plan before and the plain wave of the feed-forward. The result is
+never worse than either wave.
 """
 
 from __future__ import annotations
@@ -43,22 +45,22 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 TURNED = 2.0
-"""Standard deviations of the yaw bias from which something turns the worm that its map does not know of."""
+"""Yaw bias, in standard deviations, above which an effect outside the map is assumed to turn the worm."""
 YAW_BIAS = ReducedState._fields.index("yaw_bias")
 LASTING = 6.4
-"""Time constant T of (P4) and (P5) [waves]: four times that in which other offsets die away."""
+"""Time constant T of (P4) and (P5) [waves]: four times the time constant in which other offsets decay."""
 MOST_LASTING = 0.01
-"""Greatest offset that is taken for one that lasts [body lengths]; a worm that is farther off is on its way back."""
+"""Greatest offset that counts as lasting [body lengths]; a worm with a larger offset is still returning to the path."""
 MOST_MISSED = 0.25
-"""Greatest share of a speed that is taken for one that is missed lastingly, and the greatest trim of (P5), which dies
-away while more is missed."""
+"""Greatest relative error of the speed that counts as lasting, and the greatest trim of (P5); the trim decays while the
+error is larger."""
 LEAST_WAY = 1e-3
-"""Way in a step below which the curvature of a path is not known [body lengths]."""
+"""Distance in a step below which the curvature of a path is unknown [body lengths]."""
 MOST_UNSURE = 0.02
-"""Greatest standard deviation of the place by which a body keeps off obstacles [body lengths]: with a greater one the
-worm would leave its way, which has as much room as there is on both sides."""
+"""Greatest standard deviation of the position that adds to the distance from obstacles [body lengths]. With a greater
+value the worm would leave the path, which already has all the available room on both sides."""
 LEAST_SHARE = 0.5
-"""Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
+"""Least share of the gait's speed that the plain wave assumes, however large the estimated slip is."""
 
 
 class PlanStatus(Enum):
@@ -78,21 +80,21 @@ class PlanStatus(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Inputs over a horizon of H steps; a plan that could not be made has NaN for its numbers."""
+    """Inputs over a horizon of H steps; all numbers are NaN if no plan could be made."""
 
     time: float
     """Start of the horizon [s]."""
     step: float
-    """Time over which an input is constant [s]."""
+    """Duration of a constant input [s]."""
     inputs: FloatArray
     """Amplitude, frequency [Hz] and steering, shape (H, 3)."""
     horizon: FloatArray
-    """Predicted way of the centre of mass [m], shape (H + 1, 2)."""
+    """Predicted path of the centre of mass [m], shape (H + 1, 2)."""
     status: PlanStatus
     seconds: float
     """Time that the planning took [s]."""
     parameters: GaitParameters | None = None
-    """Gait parameters of the first input; None where there is no plan."""
+    """Gait parameters of the first input; None without a plan."""
     iterations: int = 0
     """Number of quadratic programmes solved."""
     cost: float = nan
@@ -103,8 +105,8 @@ class Plan:
     """Distance from a minimum, `control.planning.gauss_newton.Solution.certificate`."""
 
     def at(self, t: ArrayLike) -> FloatArray:
-        """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end those of the step there."""
-        # A time that equals the start of a step but for rounding lies within that step.
+        """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end, of the nearest step."""
+        # A time that equals the start of a step except for rounding lies within that step.
         k = np.floor((np.asarray(t, dtype=float) - self.time) / self.step + 1e-9).astype(int)
         planned: FloatArray = self.inputs[np.clip(k, 0, len(self.inputs) - 1)]
         return planned
@@ -126,19 +128,19 @@ class GaitMPC:
     ----------
     worm : Worm
     identified : Identified
-        Maps of the worm, from which `model` was made.
+        Maps of the worm that `model` was made from.
     model : ReducedModel
     terms : sequence of CostTerm, optional
-        What a plan is to achieve; those that ship, `control.planning.terms.default_terms`, if left out.
+        Terms of the cost; by default `control.planning.terms.default_terms`.
     constraints : sequence of Constraint, optional
-        What it has to keep to; those of `control.planning.constraints.default_constraints` if left out.
+        Constraints on a plan; by default `control.planning.constraints.default_constraints`.
     step : float
         Time step of the prediction [s].
     steps : int
         Number of steps, H.
     iterations : int
-        Largest number in each plan. The search goes on in the next plan; more of them make no difference that could be
-        seen.
+        Largest number of iterations in each plan. The search continues in the next plan; more iterations make no
+        visible difference.
 
     Raises
     ------
@@ -176,18 +178,18 @@ class GaitMPC:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self._near: float | None = None
         self._lasting, self._trim, self._latest = 0.0, 0.0, nan
         self.forget()
 
     def forget(self) -> None:
-        """Drop the last plan: the next one begins at the plain wave."""
+        """Drop the last plan: the next plan begins at the plain wave."""
         self._last: Plan | None = None
 
     @property
     def progress(self) -> float:
-        """Arc length on the path at the last plan [m]; 0 before."""
+        """Arc length on the path at the last plan [m]; 0 before the first plan."""
         return self._near or 0.0
 
     def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
@@ -207,13 +209,13 @@ class GaitMPC:
         return plan
 
     def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
-        """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
+        """Return the plain wave: the feed-forward of the reference at time t [s], at an estimated slip."""
         kept, able = max(1.0 - slip, LEAST_SHARE), self._able(slip)
         speed = float(speed_at(reference, t, self.progress, able))
         return self.feed_forward(speed / kept, turn_rate(reference, t, self.progress, able))
 
     def _able(self, slip: float, turn_gain: float = 1.0) -> Ability:
-        """Return what a worm can do that slips and turns otherwise than its map."""
+        """Return the ability of a worm that slips, and that turns differently from the map."""
         kept = max(1.0 - slip, LEAST_SHARE)
         return Ability(
             lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature),
@@ -222,7 +224,7 @@ class GaitMPC:
         )
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
-        """Return what the reference asks for; None if that, or the estimate, is not finite."""
+        """Return the preview of the reference; None if the preview or the estimate is not finite."""
         if not all(isfinite(part) for part in estimate.state):
             return None
         step, steps = self._prediction.step, self._prediction.steps
@@ -238,7 +240,7 @@ class GaitMPC:
         return self._beside(passed, estimate, reference, preview) if follows else preview
 
     def _paced(self, passed: float, estimate: Estimate, preview: Preview) -> Preview:
-        """Return a preview whose speeds make up for a miss of the speed that lasts, (P5)."""
+        """Return a preview whose speeds compensate a lasting error of the speed, (P5)."""
         asked = float(preview.speed[0])
         miss = 1.0 - estimate.speed / asked if asked != 0.0 else inf
         change = miss if abs(miss) < MOST_MISSED else -self._trim
@@ -246,7 +248,7 @@ class GaitMPC:
         return replace(preview, speed=preview.speed * (1.0 + self._trim))
 
     def _beside(self, passed: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
-        """Return a preview that is moved to the other side of an offset that lasts, (P4)."""
+        """Return a preview that is moved to the side opposite to a lasting offset, (P4)."""
         assert reference.path is not None
         most = MOST_LASTING * self._length
         aside = float(offset(reference.path, estimate.position, preview.progress))
@@ -260,7 +262,7 @@ class GaitMPC:
         return replace(preview, point=point, **moved)
 
     def _kept_off(self, estimate: Estimate, preview: Preview) -> Preview:
-        """Return a preview with less room beside the body, by what its place and heading are unsure by."""
+        """Return a preview with less room beside the body, according to the uncertainty of position and heading."""
         if not np.isfinite([preview.room_left, preview.room_right]).any():
             return preview
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
@@ -270,7 +272,7 @@ class GaitMPC:
         return replace(preview, room_left=preview.room_left - unsure, room_right=preview.room_right - unsure)
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
-        """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""
+        """Return inputs to begin with, shape (H, 3): the plan before, if any, and the plain wave."""
         instants = t + self._prediction.step * (0.5 + np.arange(self._prediction.steps))
         wave = np.array(self.plain(t, float(estimate.state.slip), reference), dtype=float)
         plain = np.tile(wave, (len(instants), 1))
@@ -291,7 +293,7 @@ class GaitMPC:
         )
 
     def _curvatures(self, preview: Preview) -> FloatArray:
-        """Return the curvatures of what is followed, shape (H,) [1/m]; 0 where it is no path."""
+        """Return the curvatures of the path that is followed, shape (H,) [1/m]; 0 without a path."""
         way = self._length * np.abs(preview.way)
         if not preview.follows:
             return np.zeros(len(way))
@@ -299,7 +301,7 @@ class GaitMPC:
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         bounds = np.tile(self._scale.bounds, self._prediction.steps)
-        # No slower waves than what is asked for takes: far from its path a worm would rather stand than turn round.
+        # No waves slower than the wanted speed needs: far from the path a worm would rather stand than turn round.
         bounds[0, 1::INPUTS] = np.maximum(bounds[0, 1::INPUTS], np.minimum(problem.frequency, -1.0))
         ways = problem.preview.ways
         least, most = self.feed_forward.ranges.amplitude

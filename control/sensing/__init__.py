@@ -1,4 +1,4 @@
-"""Sensors, the measurements that they make, and the gate that refuses what cannot be a measurement."""
+"""Sensors, their measurements, and the gate that refuses impossible measurements."""
 
 from typing import Any
 

@@ -1,12 +1,12 @@
-"""Gate for measurements: what cannot be a sample of this worm at this time is refused and counted.
+"""Gate for measurements: impossible samples of this worm at this time are refused and counted.
 
-A sample is used if it has the right shape, is finite and within the limits of its quantity, and is of an instant that
-is known, not ahead of the clock, not further back than anything remembers, and not that of a sample that came before.
-Numbers that stay the same to the last bit for longer than a quantity of a moving worm can are those of a frozen sensor.
-What is right in part is used in part, with NaN for the rest, as long as the quantity says that this is enough: most
-segments of the strains, or the place of a centre of mass without its height.
+A sample is used if the sample has the right shape, is finite and lies within the limits of the quantity. The instant of
+the sample has to be known, not ahead of the clock, not too old, and not the instant of an earlier sample. Numbers that
+stay the same to the last bit for longer than a moving worm allows come from a frozen sensor. A partly valid sample is
+used in part, with NaN for the rest, if the quantity accepts this: most segments of the strains, or the position of a
+centre of mass without the height.
 
-Errors within the limits are a matter of statistics (`control.estimation.kalman`, `control.estimation.ground`).
+Errors within the limits are handled statistically (`control.estimation.kalman`, `control.estimation.ground`).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 SPAN = 2.0
-"""Age beyond which a sample is not used, unless the sensors are known to be slower [s]."""
+"""Age beyond which a sample is not used, unless slower sensors are declared [s]."""
 AHEAD = 1e-6
-"""Time by which a stamp may be ahead of the clock for rounding [s]."""
+"""Greatest lead of a time stamp over the clock that counts as rounding [s]."""
 KEPT = 1000
-"""Number of instants of a channel that are kept before old ones are dropped."""
+"""Number of kept instants of a channel beyond which old instants are dropped."""
 
 
 class Refusal(Enum):
@@ -47,8 +47,8 @@ class Refusal(Enum):
 class Gate:
     """Gate for the measurements of one worm, which refuses samples older than `span` [s].
 
-    By channel and reason `refused` counts the samples that were refused, in whole or in part, and `first` has the time
-    of the first of them [s].
+    For each channel and reason, `refused` counts the samples refused in whole or in part, and `first` is the time of
+    the first refusal [s].
     """
 
     def __init__(self, worm: Worm, span: float = SPAN) -> None:
@@ -59,7 +59,7 @@ class Gate:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Return to the initial state."""
         self.refused: Counter[tuple[str, Refusal]] = Counter()
         self.first: dict[tuple[str, Refusal], float] = {}
         self._instants: dict[str, set[float]] = {name: set() for name in QUANTITIES}
@@ -67,9 +67,9 @@ class Gate:
         self._same: dict[str, tuple[FloatArray, FloatArray]] = {}
 
     def __call__(self, t: float, measurement: Measurement | Observation, moving: bool = False) -> Measurement:
-        """Return what can be used at time t [s] of a measurement, or of an observation; TypeError for other things.
+        """Return the usable part of a measurement or an observation at time t [s]; TypeError for other types.
 
-        `moving` says whether the worm is told to move, so that what stays the same is frozen.
+        `moving` is whether the worm is commanded to move, so that constant values count as frozen.
         """
         if not moving:
             self._same.clear()
@@ -117,14 +117,14 @@ class Gate:
         self._instants[name].add(instant)
 
     def _changing(self, name: str, value: Any, instant: float, refusal: Refusal | None) -> tuple[Any, Refusal | None]:
-        """Return what is not frozen of a sample, None if that is too little, and what is wrong with it."""
+        """Return the part of a sample that is not frozen, None if the part is too small, and the refusal."""
         numbers = np.asarray(value)
         last, since = self._same.get(name, (None, np.full(numbers.shape, instant)))
         if last is not None:
             since = np.where(numbers == last, since, instant)
         self._same[name] = numbers, since
         frozen = instant - since > QUANTITIES[name].may_stay
-        if numbers.ndim < 2:  # of one instrument: a worm may crawl along an axis
+        if numbers.ndim < 2:  # one instrument: a worm may crawl along an axis
             frozen = np.full(numbers.shape, frozen.all())
         if not frozen.any():
             return value, refusal
@@ -132,7 +132,7 @@ class Gate:
         return np.where(right, numbers, np.nan) if QUANTITIES[name].is_enough(right) else None, Refusal.FROZEN
 
     def _checked(self, name: str, value: Any) -> tuple[Any, Refusal | None]:
-        """Return what is right of a sample, None if that is too little, and what is wrong with it."""
+        """Return the valid part of a sample, None if the part is too small, and the refusal."""
         try:
             numbers = arguments.floats(name, value)
         except ValueError:

@@ -1,20 +1,21 @@
-"""Sensors: what the robot's instruments make of the true state, with noise, bias, delay, dropout and rate of each.
+"""Sensors: measurements of the true state by the robot's instruments, each with noise, bias, delay, dropout and rate.
 
 Each quantity is declared once, in `QUANTITIES`. Sensors, measurements, the gate, the section [sensor] of a scene and
-the list of faults find it there by the name of its channel. A robot of one's own may add to the table:
+the list of faults look up the quantity there by the name of the channel. A user's robot may add to the table:
 
     QUANTITIES["tail"] = Quantity("height of the tail", "m", Channel(noise=0.001), lambda seen: seen.joints[0, 2], ...)
 
-A channel takes a sample when one is due, k / rate after its first, of the value at that instant:
+A channel takes a sample of the value when a sample is due, k / rate after the first sample:
 
     sample = value + bias + noise N(0, 1),   bias = bias deviation N(0, 1), once a run                         (M1)
 
-each for every number of the value. It arrives `delay` later, at the next call; with the probability `dropout` it never
-does. Random numbers are drawn sample by sample from a generator seeded by the seed and the channel's name, whatever is
-measured: two runs whose samples are due at the same instants meet the same errors.
+with separate random numbers for every number of the value. The sample arrives `delay` later, at the next call, or is
+lost with the probability `dropout`. Random numbers are drawn sample by sample, independently of the measured values,
+from a generator seeded by the seed and the channel's name. Two runs whose samples are due at the same instants
+therefore have the same errors.
 
-Mirror images: `Sensors(..., mirrored=True)` draws the same numbers, and mirrors their errors (y and azimuths change
-sign, left and right change places). What it makes of a mirrored observation is the mirrored measurement.
+Mirror images: `Sensors(..., mirrored=True)` draws the same numbers and mirrors the errors (y and azimuths change sign,
+left and right change places). A mirrored observation then gives the mirrored measurement.
 """
 
 from __future__ import annotations
@@ -35,23 +36,23 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 ROUNDING = 1e-9
-"""Time by which an instant may be missed, since times are sums of time steps [s]."""
+"""Tolerance of instants, since times are sums of time steps [s]."""
 MAX_COORDINATE = 1e7
-"""Largest magnitude of a coordinate that can be right, more than any grid on earth has [m]."""
+"""Largest possible magnitude of a coordinate, more than any grid on earth has [m]."""
 MAX_ANGULAR_RATE = 100.0
-"""Largest angular rate that can be right, three times the full range of usual gyroscopes of 2000 deg/s [rad/s]."""
+"""Largest possible angular rate, three times the full range of usual gyroscopes of 2000 deg/s [rad/s]."""
 MAX_LOAD = 1e5
-"""Largest contact load per mass of the worm that can be right, ten thousand times its weight on earth [N/kg]."""
+"""Largest possible contact load per mass of the worm, ten thousand times the weight on earth [N/kg]."""
 MAX_PRESSURE = 1e9
-"""Largest pressure that can be right, ten times that of strong hydraulics [Pa]."""
+"""Largest possible pressure, ten times the pressure of strong hydraulics [Pa]."""
 MAX_HEADING = 1e4
-"""Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
+"""Largest possible magnitude of a heading; sensors may count whole turns [rad]."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Channel(Spelled):
-    """Quality of a sensor; noise and bias are in the unit of what it measures."""
+    """Quality of a sensor; noise and bias are in the unit of the measured quantity."""
 
     noise: float = parameter(meaning="standard deviation of the white noise of each sample", ge=0)
     bias: float = parameter(0.0, meaning="standard deviation of its constant error, drawn once a run", ge=0)
@@ -80,7 +81,7 @@ class Quantity(Spelled):
     meaning: str
     """What is measured, in a few words."""
     unit: str
-    """Unit of a sample, "" for a pure number; scenes have degrees in place of radians."""
+    """Unit of a sample, "" for a pure number; scenes use degrees instead of radians."""
     default: Channel
     """Quality of a usual sensor."""
     true_value: Callable[[Observation], FloatArray]
@@ -90,20 +91,20 @@ class Quantity(Spelled):
     limits: Callable[[Worm], tuple[float, float]]
     """Worm -> least and greatest number that a sample can hold."""
     mirrored: Callable[[FloatArray], FloatArray]
-    """Value -> its mirror image, in which left and right, y and -y are exchanged."""
+    """Value -> mirror image, with left and right, y and -y exchanged."""
     is_enough: Callable[[NDArray[np.bool_]], bool] = lambda right: bool(right.any())
-    """Which numbers of a sample can be right, bool of its shape -> whether these are of use without the others."""
+    """Mask of the valid numbers of a sample, bool of the sample's shape -> whether these suffice without the others."""
     exists: Callable[[Worm], bool] = lambda worm: True
-    """Worm -> whether it has this quantity."""
+    """Worm -> whether the worm has this quantity."""
     standard: bool = False
-    """Whether a robot has such a sensor unless its user says otherwise."""
+    """Whether a robot has such a sensor by default."""
     ordered: bool = False
-    """Whether a sample is of no use once one of a later instant has come."""
+    """Whether a sample is useless after the arrival of a sample of a later instant."""
     angle: bool = False
     """Whether samples are wrapped to (-pi, pi]."""
     may_stay: float = 2.5
-    """Time for which a number may stay the same to the last bit while the worm is to move [s]; that of a wave, in which
-    chambers rest, however coarse the sensor."""
+    """Time for which a number may stay the same to the last bit while the worm has to move [s]; by default the time of
+    a wave, in which chambers rest, for any resolution of the sensor."""
 
 
 STRAIN = Channel(noise=0.01)
@@ -116,7 +117,7 @@ ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5))
 """Quality of a MEMS gyroscope: 0.1 deg/s (a noise density of 0.01 deg/s/sqrt(Hz) over a bandwidth of 100 Hz), and a
 zero-rate offset of 0.5 deg/s."""
 CONTACT_LOAD = Channel(noise=0.005)
-"""Quality of force sensors in the feet: 5 mN, a sixteenth of what a foot of the default worm bears."""
+"""Quality of force sensors in the feet: 5 mN, a sixteenth of the load on a foot of the default worm."""
 PRESSURE = Channel(noise=5.0, bias=50.0)
 """Quality of a MEMS barometer: 5 Pa, and a constant error of 50 Pa."""
 QUANTITIES = {
@@ -201,24 +202,23 @@ class Sample(NamedTuple):
     """Latest sample of a channel."""
 
     value: Any
-    """What was measured, an array of the channel's shape; None if nothing has arrived since the last measurement."""
+    """Measured value, an array of the channel's shape; None if nothing has arrived since the last measurement."""
     time: float
-    """Instant of this sample, or of the last one before [s]; NaN: there was none."""
+    """Instant of this sample, or of the last sample before [s]; NaN if there was none."""
 
 
 class Measurement(Mapping[str, Sample]):
     """Samples that a controller gets at an instant, by the name of their channel.
 
-    `measurement.com` is short for the value of the channel "com", None without such a sensor; `measurement.com_time` is
-    short for its instant, NaN without. The same holds for every channel.
+    `measurement.com` is short for the value of the channel "com", None without such a sensor. `measurement.com_time` is
+    short for the instant of the sample, NaN without. The same holds for every channel.
 
     Parameters
     ----------
     time : float
         Now [s].
     samples : Sample
-        Sample of each channel of the robot, or a pair of its value and instant [s]; ValueError if there is no such
-        channel.
+        Sample of each channel of the robot, or a pair of value and instant [s]; ValueError if there is no such channel.
     """
 
     def __init__(self, time: float, **samples: Sample | tuple[Any, Any]) -> None:
@@ -261,11 +261,11 @@ class Sensors:
     ----------
     strain, com, heading : Channel, optional
         Quality of the sensors of the chambers' strain [1], of each coordinate of the centre of mass [m], and of the
-        azimuth of the tail-to-head chord [rad]; None: there is no such sensor.
+        azimuth of the tail-to-head chord [rad]; None for no such sensor.
     seed : int
         Seed of all errors, at least 0.
     mirrored : bool
-        Whether the errors are those of the mirror image.
+        Whether the errors are the errors of the mirror image.
     others : Channel, optional
         Quality of the sensors of further channels of `QUANTITIES`, by name.
 
@@ -295,11 +295,11 @@ class Sensors:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, with the same errors."""
+        """Return to the initial state, with the same errors."""
         self._instruments = {name: _Instrument(name, each, self) for name, each in self.channels.items()}
 
     def __call__(self, seen: Observation) -> Measurement:
-        """Return what has arrived by now."""
+        """Return the samples that have arrived by now."""
         return Measurement(seen.time, **{name: each.sample(seen) for name, each in self._instruments.items()})
 
 
@@ -314,7 +314,7 @@ class _Instrument:
         self._on_the_way: deque[tuple[float, FloatArray]] = deque()
 
     def sample(self, seen: Observation) -> Sample:
-        """Take a sample if one is due, and return the latest that has arrived since the last call."""
+        """Take a sample if one is due, and return the latest sample that has arrived since the last call."""
         if self._is_due(seen.time):
             self._take(seen.time, true_value(self._name, seen))
         value = None
@@ -323,7 +323,7 @@ class _Instrument:
         return Sample(_wrapped(value) if self._quantity.angle and value is not None else value, self._last)
 
     def _is_due(self, t: float) -> bool:
-        """Return whether a sample is due; one that was missed is not made up for."""
+        """Return whether a sample is due; a missed sample is not taken later."""
         if np.isinf(self._channel.rate):
             return True
         if np.isnan(self._begin):

@@ -5,7 +5,7 @@ A curve r(u) is given with its first two derivatives. With s the arc length,
     ds/du = |r'|,   t = r'/|r'|,   kappa = (x' y'' - y' x'') / |r'|^3                                          (L1)
 
 and the point of a curve that is nearest to p solves (r(s) - p) . t(s) = 0, a function of slope 1 - kappa n . (p - r),
-n to the left of t. An open curve goes straight on beyond both ends; a closed one repeats.
+n to the left of t. An open curve goes straight on beyond both ends; a closed curve repeats.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from worm3d.values.spelling import Spelled
 PARTS = 16
 """Number of parts of each interval between knots."""
 REACH = 0.125
-"""Share of the length by which a projection may lie from the one before."""
+"""Greatest change from the previous projection, as a share of the length."""
 ALIKE = 0.01
-"""Share of the length by which a pass of the curve may be farther off than the nearest one and count as well."""
+"""Greatest extra distance of a pass of the curve that still counts as nearest, as a share of the length."""
 ITERATIONS = 20
-"""Largest number of Newton iterations; three or four are enough but at the centre of curvature."""
+"""Largest number of Newton iterations; three or four are enough except at the centre of curvature."""
 GAUSS = np.polynomial.legendre.leggauss(5)
 """Points and weights of Gauss's rule on [-1, 1]."""
 
@@ -37,7 +37,7 @@ class Curve(Spelled, ABC):
     """A curve by arc length; subclasses give r(u), u from 0 to the last knot."""
 
     closed: bool = False
-    """Whether it ends where it begins, without a kink."""
+    """Whether the curve ends at its start, without a kink."""
 
     @abstractmethod
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -79,8 +79,8 @@ class Curve(Spelled, ABC):
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...) [m].
 
-        Only points within an eighth of the curve's length of the arc length `near` are looked at. All are if it is left
-        out; where the curve passes a place more than once, nearly as close, its first pass counts.
+        The search covers only points within an eighth of the curve's length of the arc length `near`. Without `near` it
+        covers all points; if the curve passes a place more than once, nearly as close, the first pass counts.
         """
         places = np.asarray(xy, dtype=float)
         flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
@@ -102,7 +102,7 @@ class Curve(Spelled, ABC):
         return s + laps * self.length + self._beyond(place, u)
 
     def _beyond(self, place: FloatArray, u: float) -> float:
-        """Return how far beyond the ends of an open curve the nearest point of its straight continuation is [m]."""
+        """Return the distance of the nearest point on the straight extension from the end of an open curve [m]."""
         if self.closed or 0.0 < u < self._nodes[0][-1]:
             return 0.0
         r, d, _ = (part[0] for part in self.derivatives(np.array([u])))
@@ -110,7 +110,7 @@ class Curve(Spelled, ABC):
         return min(along, 0.0) if u == 0.0 else max(along, 0.0)
 
     def _nearest_node(self, place: FloatArray, near: float | None) -> tuple[int, float]:
-        """Return the node beside the nearest point of the chords that are looked at, and the laps before it."""
+        """Return the node beside the nearest point of the searched chords, and the laps before this node."""
         chords = np.diff(self._places, axis=0)
         share = np.einsum("ij,ij->i", place - self._places[:-1], chords) / np.einsum("ij,ij->i", chords, chords)
         share = np.clip(share, 0.0, 1.0)
@@ -130,7 +130,7 @@ class Curve(Spelled, ABC):
         return int(node[k]), float(laps[k])
 
     def _beside(self, k: int) -> tuple[float, float]:
-        """Return the parameters of the nodes before and after one; those of a closed curve go on beyond its ends."""
+        """Return the parameters of the nodes before and after node k, continued beyond the ends of a closed curve."""
         nodes = self._nodes[0]
         if self.closed and k == 0:
             return float(nodes[-2] - nodes[-1]), float(nodes[1])
@@ -139,7 +139,7 @@ class Curve(Spelled, ABC):
         return float(nodes[max(k - 1, 0)]), float(nodes[min(k + 1, len(nodes) - 1)])
 
     def _inside(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return arc lengths between the ends, what they are beyond them, and how many laps of a closed curve."""
+        """Return arc lengths clipped to the ends, the excess beyond the ends, and the laps of a closed curve."""
         given = np.asarray(s, dtype=float)
         if self.closed:
             laps = np.floor(given / self.length)
@@ -182,7 +182,7 @@ class Curve(Spelled, ABC):
         return self.derivatives(self._nodes[0])[0]
 
     def _derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return r, r' and r'', of a closed curve also beyond its ends."""
+        """Return r, r' and r''; for a closed curve also beyond the ends."""
         return self.derivatives(np.mod(u, self._nodes[0][-1]) if self.closed else u)
 
     @cached_property

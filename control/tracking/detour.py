@@ -1,4 +1,4 @@
-"""A path around obstacles, and the body that is to stay clear of them on it."""
+"""A path around obstacles, and the body that has to stay clear of the obstacles."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import read_only
 
 SPOTS = 21
-"""Number of spots along the chord at which the distance of the body is taken: circles around them miss 0.003 of it."""
+"""Number of spots along the chord for the distance of the body: circles around the spots miss 0.003 of the body."""
 
 
 class Body(NamedTuple):
-    """What a way has to know of a worm."""
+    """Dimensions of a worm for the search of a way."""
 
     length: float
     """Length at rest [m]."""
@@ -30,7 +30,7 @@ class Body(NamedTuple):
 
     @classmethod
     def of(cls, worm: Worm) -> Self:
-        """Return that of a worm: b + sqrt(a^2 - l^2/4), l being the shortest length of a segment."""
+        """Return the body of a worm; the half width is b + sqrt(a^2 - l^2/4) for the shortest length l of a segment."""
         shortest = worm.l0 * (1.0 - worm.stroke[1])
         rise = np.sqrt(np.maximum(worm.link_length**2 - shortest**2 / 4.0, 0.0))
         return cls(worm.length, worm.chamber_offset + float(rise.max()))
@@ -44,18 +44,18 @@ class Body(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Detour(SplinePath):
-    """A path around obstacles; its points lie at equal distances along the path that was asked for."""
+    """A path around obstacles; the points lie at equal distances along the wanted path."""
 
     asked: Path = field(kw_only=True)
-    """Path that was asked for."""
+    """Wanted path, without the detour."""
     along: FloatArray = field(kw_only=True)
-    """Arc lengths of that path beside the points [m], shape (P,)."""
+    """Arc lengths of the wanted path beside the points [m], shape (P,)."""
     aside: FloatArray = field(kw_only=True)
-    """Offsets of the points to the left of it [m], shape (P,)."""
+    """Offsets of the points to the left of the wanted path [m], shape (P,)."""
     bounds: FloatArray = field(kw_only=True)
-    """How far the middle may be to the left and to the right of the way, and the body, [m], shape (4, P)."""
+    """Greatest offsets of the middle to the left and right of the way, then of the body, [m], shape (4, P)."""
     unknown: tuple[Obstacle, ...] = field(kw_only=True, default=())
-    """Obstacles that the worm comes to know of when they are near."""
+    """Obstacles that the worm detects only nearby."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""The guide of a worm among obstacles: it leads a reference around them, and anew where one comes into sight."""
+"""The guide of a worm among obstacles: a detour around known obstacles, and a new one for an obstacle in sight."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from control.tracking.search import MARGINS, NoWayError, Search
 from worm3d.values.arrays import FloatArray
 
 APART, TURNED = 0.03, 0.15
-"""Distance from the way [body lengths] and angle to it [rad] beyond which the way begins anew at the worm, as soon as
-its heading is known. A nearer worm comes back within a wave or two."""
+"""Distance from the way [body lengths] and angle to the way [rad] beyond which a new way begins at the worm, as soon as
+the heading is known. A nearer worm returns within a wave or two."""
 STEEPEST_TURN = 0.67
-"""Greatest angle to the path at which a way begins [rad]; a worm that is turned further turns first."""
+"""Greatest angle to the path at the start of a way [rad]; a worm at a larger angle turns first."""
 
 
 def led(reference: Reference, body: Body) -> Reference:
-    """Return a reference whose path leads around those of its obstacles that are known from the start.
+    """Return a reference whose path leads around the obstacles that are known from the start.
 
     Raises
     ------
     ValueError
-        They leave no way.
+        The obstacles leave no way.
     """
     path = reference.path
     if path is None or not reference.obstacles or isinstance(path, Detour):
@@ -57,7 +57,7 @@ def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float)
     """
     way = reference.path
     assert isinstance(way, Detour)
-    lap = max(s, 0.0) % way.length if way.closed else s  # just before its begin nothing is settled
+    lap = max(s, 0.0) % way.length if way.closed else s  # just before the start nothing is settled
     here = int(np.clip(np.searchsorted(way.lengths, lap, side="right"), 2, len(way.aside) - 1))
     settled = np.append(2.0 * way.aside[0] - way.aside[1], way.aside[:here])
     unknown = tuple(each for each in way.unknown if each not in seen)
@@ -65,7 +65,7 @@ def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float)
 
 
 def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float) -> Reference:
-    """Return a led reference whose way begins where the worm is, at a place (2,) [m] with an azimuth [rad].
+    """Return a led reference whose way begins at the worm, at a place (2,) [m] with an azimuth [rad].
 
     Raises
     ------
@@ -102,7 +102,7 @@ class Guide:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to the initial state."""
         self.reference = self._begin
         self._near: float | None = None
         self._placed = False
@@ -110,12 +110,12 @@ class Guide:
     def look(self, place: FloatArray, azimuth: float, sure: bool) -> bool:
         """Look around from a place (2,) [m] and an azimuth [rad], and return whether the way has changed.
 
-        `sure` says whether the azimuth is known well enough to lead the worm by it.
+        `sure` says whether the azimuth is known well enough to lead the worm.
 
         Raises
         ------
         NoWayError
-            There is no way past what has come into sight.
+            There is no way past the obstacles in sight.
         """
         before, way = self.reference, self.reference.path
         if not isinstance(way, Detour):
@@ -133,7 +133,7 @@ class Guide:
         return self.reference is not before
 
     def _lead_from(self, place: FloatArray, azimuth: float) -> None:
-        """Lead on from where the worm is; where no way begins there, it is steered back to the one that there is."""
+        """Lead on from the place of the worm; if no way begins there, steer the worm back to the present way."""
         try:
             self.reference = led_from(self.reference, self._body, place, azimuth)
         except NoWayError:

@@ -6,17 +6,18 @@ w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and
     mean y (t) = 1/(t - b) int_b^t y,    velocity V = (x(t) - x(b))/(t - b)                                    (V1)
 
 for centre of mass x, heading h and offset e from the path. Speed is V along the path's tangent at the mean place, or
-without a path along the mean heading; the reference speed is averaged over the same window, and so is that heading.
-Windows that reach into the first three periods of the run are left out of bias, rms and greatest values, and so are
-those from three periods before the end of a path at which the worm is to stop. The speed has a second bias and rms,
-`..._settled_relative`, which leave out those that reach into the three periods after a step of the reference speed,
-too; the step itself is measured by the periods until the speed has come within 10 % for good.
+without a path along the mean heading; the reference speed and the reference heading are averaged over the same window.
+Bias, rms and greatest values leave out windows that reach into the first three periods of the run. If the worm has to
+stop at the end of the path, they also leave out windows from three periods before the end. The speed has a second bias
+and rms, `..._settled_relative`, which also leave out windows that reach into the three periods after a step of the
+reference speed. The measure of the step itself is the number of periods until the speed stays within 10 %.
 
-The head is the worm's foremost point; its offset is taken like that of the centre of mass, (L2), by a projection of its
-own: a straight body of length L that is tangent to a circle of radius R has its head sqrt(R^2 + L^2/4) - R outside.
+The head is the worm's foremost point. The offset of the head is (L2), as for the centre of mass, with a separate
+projection: a straight body of length L that is tangent to a circle of radius R has its head sqrt(R^2 + L^2/4) - R
+outside.
 
-The clearance of the body is the least distance of its outline, seen from above, from the edge of any obstacle, at any
-instant of the run and without any mean; below 0 the outline is inside by as much.
+The clearance of the body is the least distance of the outline, seen from above, from the edge of any obstacle, at any
+instant of the run and without averaging; a negative clearance is the depth of the outline inside an obstacle.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ from worm3d.values.arrays import FloatArray
 Bools = NDArray[np.bool_]
 
 DROPPED = 3.0
-"""Periods at the beginning, and for `SETTLED_METRICS` after a step, that are left out."""
+"""Number of periods left out at the beginning, and for `SETTLED_METRICS` after a step."""
 ROUNDING = 1e-6
-"""Difference up to which two times count as the same [s]."""
+"""Greatest difference of two times that count as equal [s]."""
 SETTLED = 0.10
 """Share of the reference speed within which a speed has settled."""
 SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
@@ -48,7 +49,7 @@ HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
 PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl", "cross_track_mean_bl")
 HEAD_METRICS = ("head_offset_rms_bl", "head_offset_max_bl")
 WITHIN = 0.02
-"""Offset from the path within which a worm has joined it [body lengths]."""
+"""Greatest offset of a worm that has joined the path [body lengths]."""
 BODY_CLEARANCE = "body_clearance_min_bl"
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
 METRICS = (
@@ -57,10 +58,10 @@ METRICS = (
 )
 """Names of the metrics that `summary` returns."""
 EDGE_PARTS = 8
-"""Number of parts of each line of an outline: a part is 0.02 body lengths, so that an obstacle that is 0.05 body
-lengths in radius is at most 0.001 nearer than told."""
+"""Number of parts of each line of an outline: a part is 0.02 body lengths, so that an obstacle of radius 0.05 body
+lengths is at most 0.001 nearer than the reported distance."""
 STAYED = 4.0
-"""Time at the end of a run in which a worm has to stay at the end of its path, three periods at 0.8 Hz [s]."""
+"""Time for which a worm has to stay at the end of its path at the end of a run, three periods at 0.8 Hz [s]."""
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
 UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
 REASONS = {
@@ -70,12 +71,12 @@ REASONS = {
     "clearance_min_bl": "there is neither a corridor nor an obstacle",
     BODY_CLEARANCE: "there is no obstacle",
 }
-"""Why a metric of a run that is long enough may have no value."""
+"""Reason for a missing value of a metric in a run that is long enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a worm did, at T instants."""
+    """Motion of a worm at T instants."""
 
     time: FloatArray
     """Instants [s], shape (T,)."""
@@ -86,48 +87,48 @@ class Motion:
     waves: FloatArray
     """Commanded phase, not falling [waves], shape (T,)."""
     head: FloatArray | None = None
-    """True place of the head [m], shape (T, 2); None: nothing is said of its offset."""
+    """True place of the head [m], shape (T, 2); None: no metrics of the head's offset."""
     outline: FloatArray | None = None
-    """Corners of the true outline of the body, in turn [m], shape (T, C, 2); None: nothing is said of its clearance."""
+    """Corners of the true outline of the body, in turn [m], shape (T, C, 2); None: no metric of the clearance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """How a worm kept to its reference, over K windows of one period, (V1)."""
+    """Tracking of a reference by a worm, over K windows of one period, (V1)."""
 
     time: FloatArray
     """Ends of the windows [s], shape (K,)."""
     waves: FloatArray
-    """Commanded phase there [waves], shape (K,)."""
+    """Commanded phase at the ends of the windows [waves], shape (K,)."""
     place: FloatArray
     """Mean centre of mass [m], shape (K, 2)."""
     speed: FloatArray
     """Speed forward, along the centre line of a pipe that rises [m/s], shape (K,)."""
     wanted_speed: FloatArray
-    """Speed that was asked for [m/s], shape (K,)."""
+    """Mean reference speed [m/s], shape (K,)."""
     heading: FloatArray
     """Mean heading [rad], shape (K,)."""
     wanted_heading: FloatArray
-    """Heading to keep to [rad], shape (K,); NaN without a path or heading."""
+    """Wanted heading [rad], shape (K,); NaN without a path or heading."""
     cross_track: FloatArray
     """Mean offset to the left of the path [m], shape (K,); NaN without a path."""
     head_offset: FloatArray
     """Mean offset of the head to the left of the path [m], shape (K,); NaN without a path or a head."""
     arriving: Bools
-    """Windows in which it stops at the end of its path, shape (K,)."""
+    """Windows in which the worm stops at the end of its path, shape (K,)."""
     counted: Bools
-    """Windows that the metrics take, shape (K,)."""
+    """Windows that enter the metrics, shape (K,)."""
     settled: Bools
-    """Those of them that also lie beyond the steps of the reference speed, shape (K,)."""
+    """Counted windows that also lie beyond the steps of the reference speed, shape (K,)."""
 
     @property
     def heading_error(self) -> FloatArray:
-        """Heading less the wanted one, within half a turn, shape (K,) [rad]."""
+        """Heading less the wanted heading, within half a turn, shape (K,) [rad]."""
         return np.mod(self.heading - self.wanted_heading + np.pi, 2.0 * np.pi) - np.pi
 
 
 def tracking(motion: Motion, reference: Reference) -> Tracking:
-    """Return how a worm kept to its reference; ValueError for less than one commanded period."""
+    """Return the tracking of a reference by a worm; ValueError for less than one commanded period."""
     window = _Window(motion)
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
@@ -152,9 +153,9 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
 def _course(
     motion: Motion, reference: Reference, window: _Window, place: FloatArray, heading: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the wanted heading, NaN if there is none, the direction in which speed counts, and by which factor.
+    """Return the wanted heading, NaN if there is none, the direction of the counted speed, and the factor of the speed.
 
-    Each of shape (K,); the factor is that by which a way along a pipe that rises is longer than it seems from above.
+    Each of shape (K,); the factor is the ratio of the length along a rising pipe to the length seen from above.
     """
     same = np.ones(len(place))
     if reference.path is not None:
@@ -174,7 +175,7 @@ def _offset(places: FloatArray | None, reference: Reference, window: _Window) ->
 
 
 def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the metrics of a run of any length, and why some have no value; see `summary`."""
+    """Return the metrics of a run of any length, and the reasons for missing values; see `summary`."""
     if motion.waves[-1] - motion.waves[0] < 1.0:
         found, reasons = dict[str, float | None].fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
     else:
@@ -187,7 +188,7 @@ def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[
 def clearances(outline: FloatArray, reference: Reference) -> FloatArray:
     """Return the distances of outlines (T, C, 2) from the nearest obstacle [m], shape (T,); below 0 inside.
 
-    They are taken at corners and at places of the lines between them.
+    The distances are evaluated at the corners and at places on the lines between the corners.
     """
     shares = np.arange(EDGE_PARTS)[:, None] / EDGE_PARTS
     begin, end = outline[:, :, None], np.roll(outline, -1, axis=1)[:, :, None]
@@ -196,7 +197,7 @@ def clearances(outline: FloatArray, reference: Reference) -> FloatArray:
 
 
 def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the metrics of a worm of some length [m], and why some have no value."""
+    """Return the metrics of a worm of the given length [m], and the reasons for missing values."""
     taken = tracked.counted
     metrics: dict[str, float | None] = dict.fromkeys(METRICS)
     if not taken.any():
@@ -226,7 +227,7 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
 
 
 def _responses(tracked: Tracking, reference: Reference, metrics: dict[str, float | None]) -> dict[str, str]:
-    """Enter the response times (V2), and return why some have no value."""
+    """Enter the response times (V2), and return the reasons for missing values."""
     waves = float(tracked.waves[-1] - tracked.waves[0])
     period = float(tracked.time[-1] - tracked.time[0]) / waves if waves > 0.0 else 0.0
     asked = ((reference.speed, tracked.speed), (reference.heading, tracked.heading))
@@ -249,16 +250,16 @@ def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | No
 
 
 def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | None, str]:
-    """Return the commanded periods after which the speed is within 10 % for good, of the worst step, and why none is.
+    """Return the commanded periods until the speed stays within 10 %, for the slowest step, and a reason for None.
 
-    The reference speed has steps if it is a `control.tracking.references.Steps`.
+    A reference speed has steps if its class is `control.tracking.references.Steps`.
     """
     steps = _step_times(reference)
     if not steps:
         return None, "the reference speed has no step"
     longest = 0.0
     for begin, end in zip(steps, (*steps[1:], np.inf), strict=True):
-        rows = (tracked.time >= begin) & (tracked.time < end - ROUNDING)  # at its end the next speed is asked for
+        rows = (tracked.time >= begin) & (tracked.time < end - ROUNDING)  # the next speed begins at the end
         wanted = np.asarray(reference.speed(tracked.time[rows]), dtype=float)
         off = np.flatnonzero(np.abs(tracked.speed[rows] - wanted) > SETTLED * np.abs(wanted))
         waves = tracked.waves[rows]
@@ -270,10 +271,10 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
 
 
 def joining_periods(tracked: Tracking, length: float) -> float | None:
-    """Return the commanded periods after which the offset stays within `WITHIN`; None if it does not to the end.
+    """Return the commanded periods until the offset stays within `WITHIN`; None if the offset never does.
 
-    They are counted from the begin of the run to the end of the first window of which all later ones are within, so
-    that a worm that begins on its path has joined it after 1.
+    The periods are counted from the start of the run to the end of the first window from which on all windows are
+    within, so that a worm that begins on its path has joined the path after 1.
     """
     off = np.flatnonzero(~(np.abs(tracked.cross_track) <= WITHIN * length))
     if len(off) == 0:
@@ -282,9 +283,9 @@ def joining_periods(tracked: Tracking, length: float) -> float | None:
 
 
 def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[float | None, str]:
-    """Return how far the worm is at most from the end of its path in the last seconds [body lengths], or why not.
+    """Return the greatest distance from the end of the path in the last seconds [body lengths], or a reason for None.
 
-    It has no value where the worm is not to stop there, or has not come there: its speed then is still asked for.
+    There is no value if the worm does not have to stop there, or has not arrived and still has a reference speed.
     """
     if not reference.ends or reference.path is None:
         return None, "the reference has no end"
@@ -296,7 +297,7 @@ def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[f
 
 
 def _arriving(motion: Motion, reference: Reference, window: _Window, place: FloatArray) -> Bools:
-    """Return which windows end within the way of three periods before the end of the path, or beyond it."""
+    """Return which windows end within the distance of three periods before the end of the path, or beyond the end."""
     path = reference.path
     if path is None or not reference.ends:
         return np.zeros(len(place), dtype=bool)
@@ -310,7 +311,7 @@ def _step_times(reference: Reference) -> Sequence[float]:
 
 
 def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
-    """Return which windows lie beyond the periods that are left out at the beginning, and after steps [s]."""
+    """Return which windows lie beyond the excluded periods at the beginning and after steps [s]."""
     begins = [motion.time[0], *(t for t in steps if t <= motion.time[-1])]
     first = np.interp(begins, motion.time, motion.waves - motion.waves[0])
     since = np.searchsorted(np.asarray(begins) + ROUNDING, window.time, side="left") - 1
@@ -319,7 +320,7 @@ def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
 
 
 class _Window:
-    """Moving windows of one commanded period, one for each instant that has a whole period before it."""
+    """Moving windows of one commanded period, one for each instant after the first whole period."""
 
     def __init__(self, motion: Motion) -> None:
         rows = motion.waves - motion.waves[0] >= 1.0
@@ -334,7 +335,7 @@ class _Window:
         return np.array(columns).T.reshape(-1, *values.shape[1:])
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """Return (V1); the integral is that of the polygon through the values."""
+        """Return (V1); the trapezoidal rule gives the integral."""
         steps = np.diff(self._all).reshape(-1, *(1,) * (values.ndim - 1))
         integral = np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)
         total = np.concatenate([np.zeros((1, *values.shape[1:])), integral])

@@ -1,8 +1,8 @@
 """Obstacles on the ground that the worm goes around, found by name.
 
-An obstacle is all that lies within a radius of its spine, the convex hull of a row of points. Its signed distance,
-below 0 inside, is one formula in symbols of CasADi, from which numbers are computed too. An obstacle of another shape
-is a class here, with its row in `OBSTACLES`. What a worm needs beside it is added by `control.tracking.detour`.
+An obstacle is the set of points within a radius of the spine, the convex hull of a row of points. The signed distance,
+below 0 inside, is one formula in symbols of CasADi, which also gives the numbers. An obstacle of another shape is a
+class here, with a row in `OBSTACLES`. `control.tracking.detour` adds the space that the worm needs beside an obstacle.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 OUTLINE_CORNERS = 128
-"""Number of corners of an outline that is drawn: arcs are round to 0.03 % of their radius, with half as many to 0.12 %,
-with twice as many to 0.01 %, which nobody sees."""
+"""Number of corners of an outline that is drawn: arcs are round to 0.03 % of their radius, with half as many corners to
+0.12 %, with twice as many to 0.01 %, which is not visible."""
 SPINE_PARTS = 500
-"""Largest number of parts of a wall's spine. They are as long as its radius, so that it limits the memory of walls 500
-times as long as thick only; with half of it walls of half that length are touched by others less exactly."""
+"""Largest number of parts of a wall's spine. The parts are as long as the wall's radius, so that the limit reduces the
+memory only of walls more than 500 times as long as thick; half the limit makes contact with walls of half that length
+less exact."""
 
 
 def seen_from() -> Any:
-    """Return the field of the distance from which an obstacle is seen."""
+    """Return the field of the distance of sight of an obstacle."""
     meaning = "distance of its edge from the middle line of the worm within which the controller comes to know of it"
     return parameter(math.inf, meaning=meaning, unit="m", gt=0, infinite=True, left_out="known from the start")
 
@@ -42,7 +43,8 @@ class Obstacle(Spelled, ABC):
 
     radius: float
     sight: float = math.inf
-    """Distance of its edge from the middle line of the worm within which the controller comes to know of it [m]."""
+    """Distance from the obstacle's edge to the worm's middle line within which the controller detects the obstacle
+    [m]."""
 
     @property
     @abstractmethod
@@ -51,10 +53,10 @@ class Obstacle(Spelled, ABC):
 
     @abstractmethod
     def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
-        """Return the distance of a place from it, below 0 inside [m]."""
+        """Return the distance of a place from the obstacle, below 0 inside [m]."""
 
     def distances(self, places: ArrayLike) -> FloatArray:
-        """Return the distances of places (..., 2) [m] from it, shape (...) [m]; see `distance`. NaN of no place."""
+        """Return the distances of places (..., 2) [m], shape (...) [m]; see `distance`. NaN for a place of NaN."""
         given = np.asarray(places, dtype=float)
         found, known = np.full(given.shape[:-1], np.nan), np.isfinite(given).all(axis=-1)
         if known.any():
@@ -68,7 +70,7 @@ class Obstacle(Spelled, ABC):
         return ca.Function("distance", [x, y], [self.distance(x, y)])
 
     def outline(self) -> FloatArray:
-        """Return points around it [m], shape (K, 2), to draw it."""
+        """Return points around the obstacle [m], shape (K, 2), for drawing."""
         turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE_CORNERS, endpoint=False)
         ways, spine = np.column_stack([np.cos(turn), np.sin(turn)]), self.spine
         return np.asarray(spine[np.argmax(ways @ spine.T, axis=1)] + self.radius * ways)
@@ -89,7 +91,7 @@ class Disc(Obstacle):
 
     @property
     def spine(self) -> FloatArray:
-        """Its middle; see `Obstacle`."""
+        """Middle of the obstacle; see `Obstacle`."""
         return np.array([[self.x, self.y]])
 
     def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
@@ -114,7 +116,7 @@ class Wall(Obstacle):
 
     @property
     def spine(self) -> FloatArray:
-        """Points of its middle line; see `Obstacle`."""
+        """Points of the middle line; see `Obstacle`."""
         count = min(int(np.ceil(self.length / self.radius)), SPINE_PARTS)
         along = self.length * (np.arange(count + 1) / count - 0.5)
         return np.column_stack([self.x + along * np.cos(self.azimuth), self.y + along * np.sin(self.azimuth)])
@@ -132,6 +134,6 @@ OBSTACLES: Mapping[str, type[Obstacle]] = MappingProxyType({"disc": Disc, "wall"
 
 
 def nearest(obstacles: Sequence[Obstacle], places: FloatArray) -> FloatArray:
-    """Return the distances of places (..., 2) from the nearest obstacle, (...) [m]; infinite where there is none."""
+    """Return the distances of places (..., 2) from the nearest obstacle, (...) [m]; infinite without obstacles."""
     found = [each.distances(places) for each in obstacles]
     return np.min(found, axis=0) if found else np.full(places.shape[:-1], np.inf)

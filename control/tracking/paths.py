@@ -1,7 +1,8 @@
 """Paths to follow: lines, circles, S-curves, splines, waypoints, and pipes seen from above.
 
-A path is a curve in the plane by its arc length s [m], (L1). An open one goes straight on beyond both ends (s < 0 and
-s > length), a closed one repeats, its heading counting on. Places lie to the left of a path at a positive distance
+A path is a curve in the plane by its arc length s [m], (L1). An open path goes straight on beyond both ends (s < 0 and
+s > length); a closed path repeats, and the heading accumulates over laps. Places lie to the left of a path at a
+positive distance
 
     e = (p - r(s)) . n(s),   n = (-sin(heading), cos(heading)),   s the projection of p                       (L2)
 """
@@ -28,7 +29,7 @@ from worm3d.values.spelling import Spelled
 Side = Literal["left", "right"]
 
 STRAIGHT_BACK = math.pi - 0.01
-"""Turn between two straight pieces from which no arc rounds their corner [rad]."""
+"""Turn between two straight pieces above which no arc can round the corner [rad]."""
 MOST_WAVES = 10_000
 """Largest number of waves of an S-curve, whose length is summed up piece by piece."""
 
@@ -45,7 +46,7 @@ class Path(Protocol):
     @property
     @abstractmethod
     def closed(self) -> bool:
-        """Whether it leads back to its start."""
+        """Whether the path leads back to its start."""
 
     @abstractmethod
     def point(self, s: ArrayLike) -> FloatArray:
@@ -53,15 +54,15 @@ class Path(Protocol):
 
     @abstractmethod
     def heading(self, s: ArrayLike) -> FloatArray:
-        """Return the azimuths of the path there, continuous along it, shape (...) [rad]."""
+        """Return the azimuths at arc lengths s, continuous along the path, shape (...) [rad]."""
 
     @abstractmethod
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return the curvatures of the path there, positive to the left, shape (...) [1/m]."""
+        """Return the curvatures at arc lengths s, positive to the left, shape (...) [1/m]."""
 
     @abstractmethod
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...); by preference near one."""
+        """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...); preferably near `near`."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,9 @@ class Line(Spelled, Path):
     start: tuple[float, float] = (0.0, 0.0)
     """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
-    """Azimuth of its direction [rad]."""
+    """Azimuth of the line's direction [rad]."""
     length: float = math.inf
-    """Arc length at which it counts as ended [m]."""
+    """Arc length at which the line counts as ended [m]."""
 
     closed = False
 
@@ -109,7 +110,7 @@ class Circle(Spelled, Path):
     azimuth: float = 0.0
     """Azimuth of its tangent there [rad]."""
     towards: Side = "left"
-    """Side of the tangent on which its centre lies: "left" or "right"."""
+    """Side of the tangent with the circle's centre: "left" or "right"."""
 
     closed = True
 
@@ -152,20 +153,20 @@ class Circle(Spelled, Path):
 
 @dataclass(frozen=True)
 class SCurve(Curve, Path):
-    """A sine wave, y = amplitude sin(2 pi x / wavelength), turned so that it begins along `azimuth`."""
+    """A sine wave, y = amplitude sin(2 pi x / wavelength), rotated to begin along `azimuth`."""
 
     amplitude: float = 0.4
     """Amplitude of the sine [m]."""
     wavelength: float = 4.0
     """Wavelength of the sine [m]."""
     waves: float = 2.0
-    """Length along its axis [wavelengths]."""
+    """Length along the wave's axis [wavelengths]."""
     start: tuple[float, float] = (0.0, 0.0)
     """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
     """Azimuth of its tangent there [rad]."""
     towards: Side = "left"
-    """Side of the wave's axis on which it lies at first: "left" or "right"."""
+    """Side of the wave's axis with the first half-wave: "left" or "right"."""
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
@@ -190,12 +191,13 @@ class SCurve(Curve, Path):
 
 @dataclass(frozen=True, eq=False)
 class SplinePath(ReadOnly, Curve, Path):
-    """A cubic spline through points, with continuous curvature; over the chords, and natural at its ends."""
+    """A cubic spline through points, with continuous curvature; parametrised by the chords, and natural at the ends."""
 
     points: FloatArray
-    """At least two points, each apart from the next [m], shape (P, 2); a closed path does not repeat its first."""
+    """At least two points, each apart from the next [m], shape (P, 2); a closed path does not repeat the first
+    point."""
     closed: bool = False
-    """Whether it goes on from the last point to the first."""
+    """Whether the path continues from the last point to the first."""
 
     def __post_init__(self) -> None:
         closed = arguments.flag("closed", self.closed)
@@ -230,7 +232,7 @@ class PlanView(ReadOnly, Curve, Path):
             raise ValueError("centreline: it is vertical somewhere, where it has no heading; follow a level part of it")
 
     def knots(self) -> FloatArray:
-        """Return the ends of its pieces; see `Curve`."""
+        """Return the ends of the spline's pieces; see `Curve`."""
         return np.concatenate([[0.0], self.centreline.ends])
 
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -244,7 +246,7 @@ class PlanView(ReadOnly, Curve, Path):
         return points[:, :2], tangents[:, :2], (line.curvature[k][:, None] * normal)[:, :2]
 
     def lengthening(self, s: ArrayLike) -> FloatArray:
-        """Return how many metres of the line are a metre of its view from above at arc lengths s (...), shape (...)."""
+        """Return the ratio of the line's length to its length seen from above at arc lengths s (...), shape (...)."""
         u = self._parameter(np.ravel(np.clip(s, 0.0, self.length)).astype(float))
         level = np.linalg.norm(self.derivatives(u)[1], axis=1)
         return np.asarray(1.0 / level.reshape(np.shape(s)))
@@ -260,7 +262,7 @@ class WayPoints(PlanView):
     """
 
     points: FloatArray
-    """At least two points, each apart from the next [m], shape (P, 2); the path passes beside inner ones."""
+    """At least two points, each apart from the next [m], shape (P, 2); the path passes beside inner points."""
     radius: float
     """Radius of the arcs [m]."""
 
@@ -271,15 +273,15 @@ class WayPoints(PlanView):
 
 
 def lengthening(path: Path, s: ArrayLike) -> FloatArray:
-    """Return how many metres of way are a metre of a path at arc lengths s (...): 1 but for pipes that rise or fall."""
+    """Return the ratio of distance to path length at arc lengths s (...): 1 except for pipes that rise or fall."""
     rising = getattr(path, "lengthening", None)
     return np.ones(np.shape(s)) if rising is None else np.asarray(rising(s))
 
 
 def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = None) -> FloatArray:
-    """Return how far places (..., 2) lie to the left of a path at their projections s (...), (L2) [m].
+    """Return the offsets of places (..., 2) to the left of a path at their projections s (...), (L2) [m].
 
-    The azimuths of the path there [rad] are taken as given where they are known.
+    Known azimuths of the path at the projections [rad] may be given.
     """
     azimuth = path.heading(s) if azimuth is None else azimuth
     off = np.asarray(xy, dtype=float) - path.point(s)
@@ -287,7 +289,8 @@ def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = 
 
 
 def track(path: Path, xy: FloatArray, near: float | None = None) -> FloatArray:
-    """Return the projections of places that follow each other, (K, 2) [m], each near the one before, shape (K,) [m]."""
+    """Return the projections of places that follow each other, (K, 2) [m], each searched near the previous one, shape
+    (K,) [m]."""
     found = [near := float(path.project(place, near)) for place in xy]
     return np.array(found)
 
@@ -335,7 +338,7 @@ def _require_start(start: tuple[float, float], azimuth: float) -> None:
 
 
 def _points(points: ArrayLike, least: int, *, closed: bool = False) -> FloatArray:
-    """Return points as a read-only array; ValueError if it is not (P, 2) with at least so many, each off the next."""
+    """Return points as a read-only array; ValueError unless (P, 2) with at least `least` points, each off the next."""
     found = arguments.array("points", points, ("P", 2), least=least)
     if not (np.linalg.norm(np.diff(_run(found, closed), axis=0), axis=1) > 0.0).all():
         first = ", as the first one of a closed path after the last" if closed else ""
@@ -344,5 +347,5 @@ def _points(points: ArrayLike, least: int, *, closed: bool = False) -> FloatArra
 
 
 def _run(points: FloatArray, closed: bool) -> FloatArray:
-    """Return points, at the end of closed ones the first once more."""
+    """Return points; a closed path has the first point again at the end."""
     return np.vstack([points, points[:1]]) if closed else points

@@ -1,13 +1,13 @@
-"""Preview: what a reference asks of a worm from where it is on, no faster than it can go, and not past the end.
+"""Preview: the reference ahead of the worm, within the worm's greatest speed, and up to the end of the path.
 
 The speed at arc length s of the path and time t is the least of
 
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
-V_reach being the greatest speed at which the worm can turn as the path does. The last one leads to the end as
-exp(-t/T). Around obstacles the worm follows a detour, `control.tracking.detour`. The corridor bounds the offset of its
-middle from there, and the obstacles on either side bound the offset of both ends of its body. These bounds are given
-before a plan is sought, so that the search is not stuck between two ways around.
+V_reach is the greatest speed at which the worm can turn as the path does. With the last speed, the distance to the end
+falls as exp(-t/T). Around obstacles the worm follows a detour, `control.tracking.detour`. The corridor bounds the
+offset of the worm's middle from the detour, and the obstacles on either side bound the offset of both ends of the body.
+These bounds are fixed before the planning, so that the optimisation is not stuck between two ways around.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
 
 MOMENT = 0.05
-"""Time over which the rate of a heading is taken [s]."""
+"""Time interval for the rate of a heading [s]."""
 APPROACH = 2.0
-"""Time T in which the way to the end of a path falls to 37 % [waves]: the speed lags behind by one wave."""
+"""Time T in which the distance to the end of a path falls to 37 % [waves]: the speed lags behind by one wave."""
 TURNS_IN = 0.3
-"""Way over which the curvature of a path is averaged [body lengths]: a worm turns by a right angle in it at best."""
+"""Distance for averaging the curvature of a path [body lengths]; a worm turns by at most a right angle over it."""
 AWAY = 1.3
-"""Angle between a worm and its path from which it turns round first, before the path is followed [rad]."""
+"""Angle between a worm and its path above which the worm turns round before following the path [rad]."""
 PLACES = 65
-"""Number of places ahead at which the greatest speed is looked up."""
+"""Number of places ahead with an evaluated greatest speed."""
 
 Reach = Callable[[FloatArray], FloatArray]
-"""Function of curvatures (...) [1/m] that gives the greatest speeds at which they can be followed (...) [m/s]."""
+"""Function of curvatures (...) [1/m] that returns the greatest speeds along such curves (...) [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """What a reference asks for at K instants."""
+    """Demands of a reference at K instants."""
 
     speed: FloatArray
     """Speed forward [m/s], shape (K,)."""
     point: FloatArray
     """Points of the path [m], shape (K, 2); zeros without a path."""
     heading: FloatArray
-    """Heading of the path, or as asked for, on the turn of the worm's own [rad], shape (K,); zeros if there is none."""
+    """Heading of the path or reference, on the same turn as the worm's heading [rad], shape (K,); zeros without one."""
     follows: bool
     """Whether there is a path."""
     heads: bool
@@ -56,11 +56,11 @@ class Preview:
     progress: float
     """Arc length of the path's point nearest to the worm [m]; 0 without a path."""
     left: FloatArray
-    """Greatest offset to the left of the path that is allowed [m], shape (K,); infinite without a bound."""
+    """Greatest allowed offset to the left of the path [m], shape (K,); infinite without a bound."""
     right: FloatArray
     """Greatest offset to the right, as a positive number [m], shape (K,)."""
     room_left: FloatArray
-    """Greatest offset to the left that is allowed to both ends of the body, shape (K,) [m]."""
+    """Greatest allowed offset to the left of both ends of the body, shape (K,) [m]."""
     room_right: FloatArray
     """Greatest offset of both ends to the right, as a positive number [m], shape (K,)."""
     way: FloatArray
@@ -70,19 +70,19 @@ class Preview:
 
     @property
     def ways(self) -> FloatArray:
-        """-1 where it is to go backwards, else 1, and as before where it is to stand, shape (K,)."""
+        """-1 for motion backwards, else 1; while the worm has to stand, the value before, shape (K,)."""
         moving = np.where(self.speed != 0.0, np.arange(len(self.speed)), 0)
         return np.where(np.signbit(self.speed[np.maximum.accumulate(moving)]), -1.0, 1.0)
 
 
 class Ability(NamedTuple):
-    """What is asked of a worm depends on what it can do."""
+    """Abilities of a worm, which limit the demands."""
 
     reach: Reach
     length: float
-    """Length of its body [m]."""
+    """Length of the body [m]."""
     wave: float = 1.25
-    """Period of its usual wave [s]; that of the default worm, if left out."""
+    """Period of the usual wave [s]; by default the period of the default worm."""
 
 
 ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0)
@@ -90,9 +90,9 @@ ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0)
 
 
 def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = ANY) -> FloatArray:
-    """Return the speeds [m/s] that a reference asks for at times [s] and arc lengths [m] of one shape, (P1).
+    """Return the speeds [m/s] of a reference at times [s] and arc lengths [m] of one shape, (P1).
 
-    In a pipe that rises they are along it, and less as seen from above.
+    In a pipe that rises the speeds are along the pipe, and less as seen from above.
     """
     along, turning = np.asarray(s, dtype=float), _turning(reference, s, able)
     begin, end = _ending(reference, along, able.wave)
@@ -102,7 +102,7 @@ def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = A
 
 
 def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
-    """Return the greatest speeds at which the path can be followed, at arc lengths of any shape [m/s]."""
+    """Return the greatest speeds at which the worm can follow the path, at arc lengths of any shape [m/s]."""
     s, path, way = np.asarray(s, dtype=float), reference.path, TURNS_IN * able.length
     if path is None:
         return able.reach(np.zeros(s.shape))
@@ -110,7 +110,7 @@ def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
 
 
 def _ending(reference: Reference, s: FloatArray, wave: float) -> tuple[FloatArray, FloatArray]:
-    """Return the greatest speeds back and on at which a path ends in rest at its ends, at arc lengths (...) [m/s]."""
+    """Return the greatest speeds backward and forward that still stop at the ends, at arc lengths (...) [m/s]."""
     if reference.path is None or not reference.ends:
         return np.full(s.shape, np.inf), np.full(s.shape, np.inf)
     T = APPROACH * wave
@@ -144,10 +144,10 @@ def look_ahead(
     near: float | None,
     able: Ability = ANY,
 ) -> Preview:
-    """Return what is asked for at the ends of the steps of a horizon that begins at a time [s].
+    """Return the demands at the ends of the steps of a horizon that begins at a time [s].
 
-    The point of the path advances at the speed (P1) from where the worm is, whatever the worm does. The worm is at a
-    place (2,) [m] with an azimuth [rad]; its progress is looked for near the one before [m].
+    The point of the path advances at the speed (P1) from the worm's place, whatever the worm does. The worm is at a
+    place (2,) [m] with an azimuth [rad]; the search for the worm's progress begins near the previous progress [m].
     """
     ends = begin + step * np.arange(1, steps + 1, dtype=np.float64)
     free = np.full(steps, np.inf)
@@ -172,14 +172,14 @@ def look_ahead(
 
 
 def bounds(reference: Reference, s: FloatArray) -> FloatArray:
-    """Return how far a worm may be to the left and right at arc lengths (K,) of the path, and its ends, (4, K) [m]."""
+    """Return the bounds to the left and right for the middle, then for the ends, at arc lengths (K,), (4, K) [m]."""
     if isinstance(reference.path, Detour):
         return reference.path.bounds_at(s)
     return np.repeat([reference.corridor, reference.corridor, np.inf, np.inf], len(s)).reshape(4, -1)
 
 
 def turn_rate(reference: Reference, t: float, progress: float, able: Ability = ANY) -> float:
-    """Return the turn rate that a reference asks for at time t [s], `progress` [m] along its path, in rad/s."""
+    """Return the turn rate of a reference at time t [s], `progress` [m] along the path, in rad/s."""
     if reference.path is not None:
         return float(reference.path.curvature(progress)) * float(speed_at(reference, t, progress, able))
     if reference.heading is not None:
@@ -188,13 +188,13 @@ def turn_rate(reference: Reference, t: float, progress: float, able: Ability = A
 
 
 def turn_of_path(reference: Reference, t: float, place: FloatArray) -> float:
-    """Return the turn rate of the path at its point nearest to a place (2,) [m], in rad/s; 0 without a path."""
+    """Return the turn rate of the path at the point nearest to a place (2,) [m], in rad/s; 0 without a path."""
     if reference.path is None or not np.isfinite(place).all():
         return 0.0
     return turn_rate(reference, t, float(reference.path.project(place)))
 
 
 def _on_turn(heading: FloatArray, first: float, azimuth: float) -> FloatArray:
-    """Return headings counted on or back by whole turns, so that `first` comes nearest to an azimuth [rad]."""
+    """Return headings shifted by whole turns, so that `first` is nearest to an azimuth [rad]."""
     turns = float(np.round((first - azimuth) / (2.0 * np.pi)))
     return np.asarray(heading - 2.0 * np.pi * turns)

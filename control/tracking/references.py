@@ -1,4 +1,4 @@
-"""References: how fast to go, and where to, along a path or at a heading, between what bounds, and to what end."""
+"""References: speed, path or heading, bounds beside the path, and the end of the path."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Steps(Spelled):
     times: tuple[float, ...]
     """Times of the steps, growing [s]."""
     values: tuple[float, ...]
-    """Value from each of them on."""
+    """Value from each step on."""
 
     def __post_init__(self) -> None:
         arguments.number("first", self.first)
@@ -58,7 +58,7 @@ class Steps(Spelled):
 
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the values at times of any shape [s]."""
-        # A time that equals a step's but for rounding is after it.
+        # A time that equals the time of a step, within rounding, is after the step.
         since = np.searchsorted(np.array(self.times) - 1e-9, np.asarray(t, dtype=float), side="right")
         return np.array([self.first, *self.values])[since]
 
@@ -83,7 +83,7 @@ class Sine(Spelled):
 
 @dataclass(frozen=True)
 class Reference(Spelled):
-    """What the worm is to do: a speed, and at most one of heading and path; all of it holds for its centre of mass.
+    """Demands on the worm: a speed, and at most one of heading and path; they apply to the centre of mass.
 
     Raises
     ------
@@ -97,11 +97,11 @@ class Reference(Spelled):
     """Time [s] -> heading [rad]; takes arrays."""
     path: Path | None = None
     ends: bool = False
-    """Whether the worm stops at the end of the path and stays there; backwards, at its begin."""
+    """Whether the worm stops at the end of the path and stays there; backwards, at the start of the path."""
     corridor: float = math.inf
-    """Distance that it may go to either side of the path [m]."""
+    """Greatest distance to either side of the path [m]."""
     obstacles: tuple[Obstacle, ...] = ()
-    """Obstacles beside the path, from its begin on; `control.tracking.search` finds how."""
+    """Obstacles for the way around, from the start of the path on; `control.tracking.search` finds the way."""
     walled: bool = False
     """Whether walls keep the worm to its path, so that steering against them only costs speed."""
 
@@ -134,9 +134,10 @@ class Reference(Spelled):
             )
 
     def trespass(self, places: FloatArray, beyond: FloatArray) -> FloatArray:
-        """Return how far places (..., 2) that are `beyond` (...) the corridor are where they must not be, (...) [m].
+        """Return the depths of places (..., 2), `beyond` (...) the corridor, in the forbidden region, (...) [m].
 
-        That is inside an obstacle or outside the corridor; below 0 it is the distance from there, infinite without any.
+        The forbidden region is the inside of obstacles and the outside of the corridor. A negative depth is the
+        distance from this region, infinite without obstacles and corridor.
         """
         return np.asarray(np.max([beyond, *(-each.distances(places) for each in self.obstacles)], axis=0))
 

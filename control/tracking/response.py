@@ -1,7 +1,8 @@
-"""How soon a worm answers to a step of its reference: time to 90 % of a new speed or heading.
+"""Response of a worm to a step of the reference: time to 90 % of a new speed or heading.
 
-With the mean y over the last commanded period (`control.tracking.metrics`), and the reference going from a to b at t_0,
-the response is over at the first t from which (y - a)/(b - a) is at least 0.9 for a period (or until the next step):
+With the mean y over the last commanded period (`control.tracking.metrics`), and the reference stepping from a to b at
+t_0, the response ends at the first t from which on (y - a)/(b - a) is at least 0.9 for a period (or until the next
+step):
 
     response time = t - t_0, of the slowest step                                                       (V2)
 """
@@ -22,16 +23,16 @@ def response_time(profile: Profile | None, time: FloatArray, values: FloatArray,
     Parameters
     ----------
     profile : callable or None
-        What is asked for, with steps if it is a `control.tracking.references.Steps`.
+        Reference, with steps if its class is `control.tracking.references.Steps`.
     time, values : ndarray, shape (K,)
-        Ends of the windows [s], and means over them.
+        Ends of the windows [s], and means over the windows.
     period : float
         Length of a window [s].
 
     Raises
     ------
     NoValueError
-        There is no step that begins within the time, or the values do not get there.
+        No step begins within the time, or the values do not reach 90 %.
     """
     if not isinstance(profile, Steps):
         raise NoValueError("what is asked for has no step")

@@ -1,13 +1,13 @@
-"""The search for a way around obstacles: on which side each is passed, and how far off.
+"""The search for a way around obstacles: the side and the distance at which each obstacle is passed.
 
 The body counts as a capsule: all places within its greatest half width w of a chord. The chord is as long as the body,
-has its middle on the way and lies along the way. A way is an offset e(s) to the left of the path at its arc lengths s.
-It keeps the middle within the corridor, the body at least a margin away from every obstacle, and its curvature below a
-bound. The best way has the least cost
+has its middle on the way and lies along the way. A way is an offset e(s) to the left of the path at the path's arc
+lengths s. A way keeps the middle within the corridor, the body at least a margin away from every obstacle, and the
+curvature below a bound. The best way has the least cost
 
     int e^2 + B^4 e''^2 ds                                                                                     (P2)
 
-so that offsets without a cause die away over the length B. The cost also decides on which side each obstacle is
+so that offsets without a cause decay over the length B. The cost also decides the side on which each obstacle is
 passed. Dynamic programming finds the best way on a grid of offsets e and slopes e',
 
     V_k(e, e') = least of V_{k-1}(e - e' ds, e' - c ds) + (e^2 + B^4 c^2) ds  over curvatures c                (P3)
@@ -35,35 +35,34 @@ from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray, IntArray
 
 STEP, CELL = 0.1, 0.01
-"""Spacing of the grid along the path and beside it [body lengths]: slopes differ by 0.1, curvatures by 1 per length."""
+"""Spacing of the grid along and beside the path [body lengths]: slopes differ by 0.1, curvatures by 1 per length."""
 STEEPEST = 8
-"""Greatest slope of a way against its path, in cells for each step: 0.8. Steeper ones are not needed within 1 BL."""
+"""Greatest slope of a way against the path, in cells per step: 0.8. Steeper ways are not needed within 1 BL."""
 SHARPEST = 2.2
 """Greatest curvature of a way [1/body length]: on circles of 0.45 BL the offset is 0.003 BL, corners have 0.012."""
 BENDS = 0.8
-"""Length B of (P2) [body lengths]: a detour of 0.3 BL bends by 0.6 per body length. With half of it detours bend four
-times as much and are followed less exactly, with twice of it they are twice as long."""
+"""Length B of (P2) [body lengths]: a detour of 0.3 BL bends by 0.6 per body length. With half this length detours bend
+four times as much and the worm follows them less exactly; with twice this length they are twice as long."""
 MARGINS = (0.04, 0.025, 0.012)
-"""Margins beside the half width of the body [body lengths]; the search takes the first one with a way. The last covers
-the error along a bent way (0.005) and that of the estimated place."""
+"""Margins beside the half width of the body [body lengths]; the search takes the first margin with a way. The last
+margin covers the error along a bent way (0.005) and the error of the estimated place."""
 SHARE_KEPT = 0.6
-"""Share of a margin that a smooth way keeps everywhere: between the steps of the grid it may lack the rest."""
+"""Share of a margin that a smooth way keeps everywhere; the rest may be lost between the steps of the grid."""
 FARTHEST = 3.0
-"""Greatest offset that is tried where the corridor is wider [body lengths]. As far beyond the last obstacle a path
-without end is followed itself again."""
+"""Greatest offset of the search in a wider corridor [body lengths]. At this distance beyond the last obstacle, a way
+returns to a path without end."""
 FOLDED = 0.3
-"""Share of its own length to which a path may shrink at an offset to the inside of its bends."""
+"""Least length of an offset path inside a bend, as a share of the length of the path."""
 ROUNDED = 1.2
 """Share of the greatest curvature that a smooth way may have between the steps of the grid."""
 NEAR = 0.3
-"""Room beside the body beyond which an obstacle is no bound, and does not count as a way is made smooth
-[body lengths]."""
+"""Room beside the body beyond which an obstacle is no bound, and is ignored when a way is smoothed [body lengths]."""
 QUIET: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
-"""Options of Ipopt; it takes some 20 iterations."""
+"""Options of Ipopt, which takes some 20 iterations."""
 SLOPES, TURNS = np.arange(-STEEPEST, STEEPEST + 1), np.arange(-4, 5)
-"""Slopes of the grid [cells per step], and how much a slope may change from step to step."""
+"""Slopes of the grid [cells per step], and possible changes of a slope from step to step."""
 CHORD = np.linspace(-0.5, 0.5, 11)
-"""Spots along the chord that the search looks at [body lengths]."""
+"""Spots along the chord for the search [body lengths]."""
 
 
 class NoWayError(ValueError):
@@ -75,17 +74,17 @@ class NoWayError(ValueError):
 
 
 class Search:
-    """The search for a way; its offsets, steps and curvatures are in body lengths.
+    """The search for a way; offsets, steps and curvatures are in body lengths.
 
     Parameters
     ----------
     path : Path
     reference : Reference
-        Its corridor and end count.
+        Reference with the corridor and the end.
     obstacles : tuple of Obstacle
     body : Body
     settled : ndarray, shape (K,)
-        Offset of a point before the begin of the way, then those of its first points, which are given [m].
+        Offset of a point before the start of the way, then the fixed offsets of the first points [m].
     """
 
     def __init__(
@@ -140,7 +139,7 @@ class Search:
         return self.point[k] + self.unit * aside[..., None] * self.left[k], azimuth
 
     def _stretch(self, k: IntArray | int, aside: FloatArray) -> FloatArray:
-        """Return the length of a way at offsets (...) over that of the path beside it."""
+        """Return the length of a way at offsets (...) over the length of the path beside the way."""
         return np.maximum(1.0 - self.curvature[k] * aside, FOLDED)
 
     @cached_property
@@ -167,12 +166,12 @@ class Search:
         return np.minimum(nearest(self.obstacles, places) / self.unit, FARTHEST)
 
     def _field(self, places: FloatArray) -> FloatArray:
-        """Return the distances of places (..., 2) [m] from obstacles, linear between those of the grid, (...)."""
+        """Return the distances of places (..., 2) [m] from obstacles, interpolated linearly on the grid, (...)."""
         at = np.moveaxis((places - self.low) / (2.0 * CELL * self.unit), -1, 0)
         return np.asarray(scipy.ndimage.map_coordinates(self._distance, at, order=1, mode="nearest"))
 
     def _on_grid(self, margin: float) -> tuple[FloatArray | None, int]:
-        """Return the offsets of the best way, (P3), if there is one, and up to which point of the path one leads."""
+        """Return the offsets of the best way, (P3), or None, and the last point of the path that a way reaches."""
         needs, chosen = self._needs(margin, 2.0 * CELL), list[IntArray]()
         value = np.full(self._room[0].shape, np.inf)
         if self._begin_room < self._need(0.0):
@@ -219,9 +218,9 @@ class Search:
         return np.concatenate([self.settled[1:-1], self.cells[rows[::-1]]])
 
     def _smoothed(self, aside: FloatArray, margin: float) -> FloatArray | None:
-        """Return offsets (P,) near those given, but for the settled ones and the last, with the least cost (P2).
+        """Return the offsets (P,) of least cost (P2) near the given offsets; settled offsets and the last are fixed.
 
-        None where no way near those given keeps the body off.
+        None if no way near the given offsets keeps the body clear.
         """
         k, h, free = np.arange(self.first, len(aside)), self.step, aside[self.first + 1 : -1]
         e = ca.SX.sym("e", len(free))
@@ -255,13 +254,13 @@ class Search:
         return ca.SX(ca.vertcat(*found))
 
     def _need(self, margin: float) -> float:
-        """Return how far the chord has to be from obstacles for the body to keep a margin."""
+        """Return the distance of the chord from obstacles at which the body keeps a margin."""
         return self.body.half_width / self.unit + margin
 
     def _needs(self, margin: float, slack: float) -> FloatArray:
-        """Return that at each point of the path, (P,): over a body length from the begin what there is there, at most.
+        """Return the needed distance at each point of the path, (P,): at most the initial distance over a body length.
 
-        A worm beside an obstacle may stay as near to it.
+        A worm beside an obstacle may thus stay as near to the obstacle.
         """
         needs = np.full(len(self.along), self._need(margin))
         near = slice(self.first, self.first + round(1.0 / self.step))
@@ -270,7 +269,7 @@ class Search:
 
     @cached_property
     def _begin_room(self) -> float:
-        """Distance of the chord from obstacles where the way begins."""
+        """Distance of the chord from obstacles at the start of the way."""
         aside, slope = self.settled[-1:], np.diff(self.settled[-2:]) / self.step
         places, azimuth = self._bodies(self.first, aside, slope)
         return self._need(float(self.body.clearance(self.obstacles, places, azimuth)[0]) / self.unit)
@@ -286,7 +285,7 @@ class Search:
         return replace(way, bounds=np.array([corridor - aside, corridor + aside, *room]))
 
     def _beside(self, way: Detour, side: float) -> FloatArray:
-        """Return how far bodies on a way can be moved to a side before they touch something [m], shape (P,)."""
+        """Return the distances by which bodies on a way can move to a side before contact [m], shape (P,)."""
         azimuth = way.heading(way.lengths)
         moved = self.unit * CELL * np.arange(round(NEAR / CELL) + 1)
         places = way.points[:, None] + side * moved[:, None] * _across(azimuth)[:, None]
@@ -294,7 +293,8 @@ class Search:
         return np.where(touches.any(axis=1), moved[np.maximum(np.argmax(touches, axis=1) - 1, 0)], np.inf)
 
     def _is_kept_by(self, way: Detour, margin: float) -> bool:
-        """Return whether the body keeps a margin along a way, which stays in the corridor and is not too sharp."""
+        """Return whether the body keeps a margin along a way, and the way stays in the corridor and is not too
+        sharp."""
         s = np.arange(float(way.lengths[self.first]), way.length, self.unit * CELL)
         clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s)) / self.unit
         needs = np.interp(s, way.lengths, self._needs(margin, CELL)[: len(way.lengths)]) - self._need(0.0)

@@ -1,4 +1,4 @@
-"""The paper's mechanism with the physics right: the oracle for the 3D worm.
+"""The paper's mechanism with correct physics: the oracle for the 3D worm.
 
 A chain of rhombic linkages (`planar.linkage.worm`) with the apexes slaved to the diagonals; q are the joints.
 One step of implicit Euler (P1), (P2), (P4), (P5) makes the residual of this potential zero:
@@ -11,8 +11,8 @@ One step of implicit Euler (P1), (P2), (P4), (P5) makes the residual of this pot
     + sum_k drag_k/(2 dt) |p_k - p_k,n|^2                           viscous medium (P8)
     + contact and friction                                          `planar.linkage.ground`
 
-where the normal loads in the friction are those of the solution itself. The clamped worm of the paper has its joints' z
-held, normal loads by (P9) and friction by (P10) instead.
+where the friction uses the normal loads of the solution itself. The clamped worm of the paper instead has fixed joint
+heights z, normal loads by (P9) and friction by (P10).
 """
 
 from planar.linkage.ground import Friction

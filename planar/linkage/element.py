@@ -11,7 +11,7 @@ so that for any force f on an apex, with w' = dw/ds,
 
 The angle of a segment has the derivatives n/l and -(n t^T + t n^T)/l^2, and cross = sin(angle_2 - angle_1).
 
-The band of the Hessian stands as LAPACK's general band with kl = ku = 5: entry (i, j) at [10 + i - j, j].
+The band of the Hessian is stored as LAPACK's general band with kl = ku = 5: entry (i, j) at [10 + i - j, j].
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 BAND = 5
-"""Half bandwidth of the Hessian: a joint concerns itself and two on each side."""
+"""Half bandwidth of the Hessian: a joint couples with itself and two joints on each side."""
 ROWS = 3 * BAND + 1
 """Rows of the Hessian's band, with room for the fill-in of pivoting."""
 
 LAW, OPEN, STICK, SLIDE = 0, 1, 2, 4
-"""Regimes of a contact (`planar.linkage.regimes`); stuck and sliding ones are towards the head, plus 1 towards the
+"""Regimes of a contact (`planar.linkage.regimes`); stuck and sliding contacts are towards the head, plus 1 towards the
 tail."""
 
 
@@ -52,7 +52,7 @@ class Body(NamedTuple):
 
 
 class Now(NamedTuple):
-    """What is known at the start of a step; _n marks values at t_n."""
+    """Known values at the start of a step; _n marks values at t_n."""
 
     dt: float
     l_cmd: FloatArray
@@ -81,11 +81,11 @@ class Now(NamedTuple):
     cap: FloatArray
     """(N, 2) static_ratio where stuck, 1 where kinetic."""
     load: FloatArray
-    """(N, 2) normal loads for friction, used where `coupled` is false."""
+    """(N, 2) normal loads for friction, used if `coupled` is false."""
     push: FloatArray
     """(N, 2) constant forces on the apexes along x."""
     regime: NDArray[np.int64]
-    """(N, 2) LAW, or what each contact is taken for."""
+    """(N, 2) LAW, or the given regime of each contact."""
 
 
 @njit
@@ -100,7 +100,7 @@ def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> 
 def friction_gauge(
     s: float, s_n: float, dt: float, forward: float, backward: float, ground: Ground
 ) -> tuple[float, float, float]:
-    """Return y = s - s*, its coefficient mu and b of (G2)."""
+    """Return y = s - s*, the coefficient mu for the sign of y, and b of (G2)."""
     r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
     y = s - ground.gauge_damping / dt * r * s_n
     mu = forward if y > 0.0 else backward
@@ -109,7 +109,7 @@ def friction_gauge(
 
 @njit
 def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
-    """Return y, mu and b of (G2) for apex j of segment i at x; mu is that of its regime."""
+    """Return y, mu and b of (G2) for apex j of segment i at x; mu follows from the regime of the apex."""
     forward, backward = ground.mu_forward[i], ground.mu_backward[i]
     if now.regime[i, j] >= STICK:
         forward = backward = forward if now.regime[i, j] % 2 == 0 else backward
@@ -122,10 +122,10 @@ def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[floa
 def evaluate(
     q: FloatArray, body: Body, ground: Ground, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
-    """Return the potential of a step (infinite where a rhombus cannot reach), and fill gradient and Hessian.
+    """Return the potential of a step (infinite if a rhombus cannot reach), and fill gradient and Hessian.
 
-    With `coupled` the normal loads of the friction are those of `q` itself: `grad` is then the true residual,
-    `band` its unsymmetric Jacobian, and the return value means nothing.
+    With `coupled` the friction uses the normal loads of `q` itself: `grad` is then the true residual, `band` its
+    unsymmetric Jacobian, and the return value has no meaning.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def _apex(
 def _point(
     i: int, j: int, x: float, z: float, body: Body, ground: Ground, now: Now, coupled: bool
 ) -> tuple[float, float, float, float, float, float]:
-    """Return potential, gradient (x, z) and Hessian (xx, xz, zz) of what acts on one apex at (x, z)."""
+    """Return potential, gradient (x, z) and Hessian (xx, xz, zz) of the forces on one apex at (x, z)."""
     mass, dt = body.apex_mass[i, j], now.dt
     ax, az = x - now.apex_hat[i, j, 0], z - now.apex_hat[i, j, 1]
     kxx = kzz = mass / dt**2
@@ -339,4 +339,4 @@ def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> N
 
 
 NO_BAND: Any = np.empty((0, 0))
-"""Stands for a Hessian that is not wanted."""
+"""Placeholder for a Hessian that is not wanted."""

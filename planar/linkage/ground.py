@@ -4,27 +4,28 @@ Normal contact is a stiff quadratic penalty on the penetration d = max(0, -z), w
 
     N = (k + c/dt) max(0, d - d*),   d* = (c/dt) d_n / (k + c/dt)                   (G1)
 
-Friction keeps an anchor per touching apex; s is the displacement from it along the ground, positive towards the
-head, and y = s - s*. With mu = mu_forward for y > 0 and mu_backward for y < 0 its potential is N h(y):
+Friction keeps an anchor per touching apex; s is the displacement from the anchor along the ground, positive towards the
+head, and y = s - s*. With mu = mu_forward for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
 
     h = mu y^2/(2 b)  while |y| <= b,   else mu (|y| - b/2),   b = r/max(mu, mu_0)     (G2)
 
 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n put a damper beside the anchor's spring, both capped together by N mu.
-rho_b, the breakaway displacement times mu, is one number for all contacts, so that all yield together whatever
-their load, but where mu is less than mu_0 = `Ground.least`: there, and where it is 0, they yield as with mu_0, lest the
-anchor be dragged far behind. After the step the anchor moves until the force is back on the yield surface:
+rho_b, the breakaway displacement times mu, is one number for all contacts, so that all contacts yield together for any
+load. The exception is mu below mu_0 = `Ground.least`, including mu = 0: such contacts yield as with mu_0, since the
+anchor would otherwise be dragged far behind. After the step the anchor moves until the force is back on the yield
+surface:
 
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
-While a contact is stuck the cap is N x static_ratio instead of N, with the same stiffness.
+While a contact is stuck, the cap is N x static_ratio instead of N, with the same stiffness.
 
-Breakaway (G4): the step is solved with cap = static_ratio for all contacts that stuck at its start. All of these whose
-friction reaches its limit there,
+Breakaway (G4): the step is solved with cap = static_ratio for all contacts that are stuck at the start of the step. All
+of these contacts whose friction reaches the limit in the solution,
 
     |y| > cap b (1 - 1e-9),
 
-break away together: they get cap = 1, and the step is solved again from its start; and so on until none reaches it.
-What has broken away in a step does not stick again in it, so that this ends.
+break away together: they get cap = 1, and the step is solved again from the start. This repeats until no contact
+reaches the limit. A contact that has broken away does not stick again in the same step, so that the repetition ends.
 """
 
 from __future__ import annotations
@@ -44,33 +45,34 @@ RESTING_PENETRATION = 1e-5
 """Penetration under the mean load, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
-"""Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
+"""Yield displacement of the contact with the smallest coefficient, as a fraction of the segment length."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
-become so stiff that rounding shows."""
+"""Coefficients below this fraction of the largest, including 0, do not set the breakaway displacement: other contacts
+would become so stiff that rounding shows."""
 
 LEAST_BESIDE_SMALL = 0.1
-"""Greatest fraction of the largest coefficient that sets the breakaway displacement where a coefficient is smaller than
+"""Greatest fraction of the largest coefficient that sets the breakaway displacement if a coefficient is smaller than
 `SMALLEST_COEFFICIENT`; the same as in `worm3d`."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Damping ratio of the contact with the smallest coefficient and the mass that it holds; larger ones are damped more.
+"""Damping ratio of the contact with the smallest coefficient and its mass; other contacts are damped more.
 
-The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
-suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
-rigid one does at once. The distance that a worm crawls does not depend on it.
+The damper shares the cap with the spring, so that the effects are only micrometres and milliseconds. With too little
+damping (1) a suddenly applied load overshoots and breaks loose early; with more damping the contact carries the full
+load sooner, and a rigid contact carries the full load at once. The distance that a worm crawls does not depend on the
+damping ratio.
 """
 
 WEIGHTLESS = 0.075
-"""Weight that stands for that of a worm without weight, as a fraction of the mean stiffness of its springs; the same as
-in `worm3d`."""
+"""Substitute for the weight of a weightless worm, as a fraction of the mean stiffness of the springs; the same as in
+`worm3d`."""
 
 TIE = 1e-9
-"""Distance to the static limit at which a contact breaks away (G4), as a fraction of the limit."""
+"""Distance to the static limit below which a contact breaks away (G4), as a fraction of the limit."""
 
 YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, so that rounding does not make it creep."""
+"""Relative excess over the yield surface below which an anchor stays, so that rounding causes no creep."""
 
 
 @documented
@@ -163,5 +165,5 @@ class Ground(NamedTuple):
 
 
 def natural_gravity(worm: Linkage, gravity: float) -> float:
-    """Return the acceleration to which contacts are scaled [m/s^2]: gravity, or that of `WEIGHTLESS` where it is 0."""
+    """Return the acceleration that scales the contacts [m/s^2]: gravity, or `WEIGHTLESS` of the stiffness if 0."""
     return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.total_mass

@@ -7,15 +7,16 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
       + friction loss + viscous loss + impact + numerical loss - residual.dq
 
 * Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, by the trapezoidal rule: the mean of
-  E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}; its difference to that at l_n is numerical loss, of either sign.
+  E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}. The difference from the value at l_n is numerical loss, of either
+  sign.
 * Friction: N rho(motion of the anchor), (P10) as -F.dq for the clamped worm.
 * Viscous: Kelvin-Voigt c (ds)^2/dt, medium (P8), the dampers of friction.
-* Impact: the loss in the damper of the normal contact. In a step in which an apex strikes the ground (`_lands`) instead
-  the impulse N dt times the mean of the normal velocities before and after, less what the contact stores; likewise the
-  impulse of friction, of which N rho has half the velocity after; and without what the weight gives meanwhile,
-  -m g.(dt (V + V_n)/2 - J dq).
+* Impact: the loss in the damper of the normal contact. In a step with an apex that strikes the ground (`_lands`),
+  impact is instead the impulse N dt times the mean of the normal velocities before and after, less the energy stored in
+  the contact; the impulse of friction counts in the same way, since N rho contains half the velocity after; the term
+  -m g.(dt (V + V_n)/2 - J dq) removes the work of the weight in this time.
 * Numerical: m |dV|^2/2; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q) are not
-  linear, force times (J dq - dX) for inertia, contact, friction and dampers; less what of this is impact.
+  linear, force times (J dq - dX) for inertia, contact, friction and dampers; less the part that is impact.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ if TYPE_CHECKING:
     from planar.linkage.step import Step
 
 STRIKE = 2.0
-"""Smallest speed of an apex that counts as a strike, as a multiple of what gravity adds in a time step."""
+"""Smallest speed of an apex that counts as a strike, as a multiple of gravity times the time step."""
 
 
 def _stacked(parts: Sequence[Any]) -> Any:
-    """Return arrays along a new first axis, of length P; of dataclasses one whose fields are such arrays."""
+    """Return arrays stacked along a new first axis, of length P; for dataclasses, a dataclass of such arrays."""
     if not is_dataclass(parts[0]):
         return np.array(parts)
     kind: Any = type(parts[0])
@@ -54,13 +55,13 @@ class Ledger:
     Attributes
     ----------
     work_contract, work_external, load_change : ndarray
-        What comes in: actuators, external forces, and stored anchor energy changed by the loads.
+        Supplied energy: actuators, external forces, and stored anchor energy changed by the loads.
     work_contract_p11, work_friction_p13 : ndarray
         The paper's F.dq of the contraction and of the friction force; not part of the sum.
     kinetic, elastic, potential, penetration, anchor : ndarray
         Changes of energy.
     friction_loss, viscous_loss, impact, numerical_loss : ndarray
-        What is lost; the first two are >= 0 in contact, the third is 0 in flight.
+        Lost energy; the first two are >= 0 in contact, the third is 0 in flight.
     """
 
     work_contract: FloatArray
@@ -80,7 +81,7 @@ class Ledger:
 
     @property
     def uses(self) -> dict[str, float]:
-        """What the work of actuators and of external forces went into, by name: together it is that work [J]."""
+        """Uses of the work of actuators and external forces, by name; the sum equals this work [J]."""
         stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
         parts = {
             "friction": self.friction_loss,
@@ -93,14 +94,14 @@ class Ledger:
 
     @property
     def residual(self) -> FloatArray:
-        """What comes in less what is stored or lost, shape (S,) [J]: zero up to Newton's residual."""
+        """Supplied energy less stored and lost energy, shape (S,) [J]: zero up to Newton's residual."""
         stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
         lost = self.friction_loss + self.viscous_loss + self.impact + self.numerical_loss
         return self.work_contract + self.work_external + self.load_change - stored - lost
 
     @property
     def balance_error(self) -> float:
-        """|Residual of the run| over the sum of its absolute terms; NaN where a term is."""
+        """|Residual of the run| over the sum of its absolute terms; NaN if a term is NaN."""
         terms = [f.name for f in fields(self) if not f.name.endswith(("_p11", "_p13"))]
         scale = sum(float(np.abs(getattr(self, name)).sum()) for name in terms)
         return 0.0 if scale == 0.0 else abs(float(self.residual.sum())) / scale
@@ -149,7 +150,7 @@ class _Terms:
         return np.stack([middle - reach, middle + reach], axis=-2)
 
     def _lands(self) -> FloatArray:
-        """Return 1 for each part in which an apex strikes the ground: as in `worm3d.solver.ledger`, else 0."""
+        """Return 1 for each part with an apex that strikes the ground, as in `worm3d.solver.ledger`, else 0."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
         struck: FloatArray = strikes.any(axis=(1, 2)).astype(float)
@@ -203,7 +204,7 @@ class _Terms:
         return change, loss
 
     def _weight(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Potential energy -m g.X, its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX), and its impact."""
+        """Return the change of -m g.X, its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX), and impact."""
         g, p, joints, tips = self.gravity, self.p, self.worm.joint_mass, self.worm.apex_mass
         change = -_weighted(joints, self.dq @ g) - _weighted(tips, self.dx @ g)
         mean = _per(p.dt, self.dq) * 0.5 * (p.start.joint_velocity + p.end.joint_velocity)
@@ -256,7 +257,7 @@ class _Terms:
         first_order: FloatArray,
         rest: FloatArray,
     ) -> None:
-        """Add the energy k/2 (s - rest)^2 and its Kelvin-Voigt damper; `first_order` is ds/dq . dq."""
+        """Add the energy k/2 (s - rest)^2 and the Kelvin-Voigt damper; `first_order` is ds/dq . dq."""
         ds = s - s_n
         rise = 0.5 * k * ((s - rest) ** 2 - (s_n - rest) ** 2)
         total["change"] += rise.sum(axis=1)
@@ -304,7 +305,7 @@ class _Terms:
         left = np.where(touching, s_n + ds - p.slip, s_n)  # displacement from the moved anchor
         r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
         y = left - ground.gauge_damping / dt * r * s_n
-        share = np.where(p.slip != 0.0, p.cap, np.minimum(elastic(y) / r, p.cap))  # what has slipped is on the surface
+        share = np.where(p.slip != 0.0, p.cap, np.minimum(elastic(y) / r, p.cap))  # slipped contacts are on the surface
         force = load * share * slope(np.where(p.slip != 0.0, p.slip, y))
         stored, stored_n = load * spring_energy(left), load * spring_energy(s_n)
         spring = load * elastic(left) / ground.yield_gauge * slope(left)

@@ -1,10 +1,11 @@
 """Newton-Raphson (P1), (P2) with an exact Jacobian and a line search.
 
-Each pass minimises the potential of a step for given normal loads (it always descends), then polishes with the
-loads of the iterate itself, whose Jacobian is exact too but unsymmetric. Where the polish does not converge, the
-loads are updated and the next pass begins; after the last one it polishes with given regimes of the contacts, which
-change until the law confirms them: all that it denies in the first rounds and one later, then one from the first round;
-from the last iterate, from the first guess, and from where the joints would go by themselves.
+Each pass minimises the potential of a step for given normal loads (every search direction descends), then polishes with
+the loads of the iterate itself; this Jacobian is exact too, but unsymmetric. If the polish does not converge, the loads
+are updated and the next pass begins. After the last pass, the solver polishes with given regimes of the contacts, and
+changes the regimes until the law confirms them. A first attempt changes all denied regimes in the first rounds and one
+regime in later rounds; a second attempt changes one regime from the first round on. Both start from the last iterate,
+from the first guess, and from the free motion of the joints.
 """
 
 from __future__ import annotations
@@ -28,22 +29,21 @@ MAX_DESCENT, MAX_SEARCH = 60, 40
 MAX_POLISH, MAX_SMOOTH = 12, 40
 """Greatest number of Newton steps of a polish, by the law and with given regimes."""
 MAX_REGIMES = 60
-"""Rounds in which contacts change their regimes before the search ends."""
+"""Greatest number of rounds of changes of the contacts' regimes."""
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
-"""Fraction by which the loads are updated after each pass that did not converge."""
+"""Fraction of the update of the loads after each pass that did not converge."""
 SLOPE_LEFT = 0.9
-"""Fraction of the slope that may be left where a line search ends."""
+"""Greatest remaining fraction of the slope at the end of a line search."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
 POLISH_TOLERANCE = 1e-12
 """Largest coordinate step that ends the polish, as a fraction of the body length."""
 NEAR = 1e-4
-"""Fraction of a step from which the way of a stuck contact is extrapolated."""
+"""Fraction of a step for extrapolating the motion of a stuck contact."""
 BEYOND = 1e-5
-"""Margin by which a stuck contact is led beyond rest, as a fraction of its displacement or of the one at which it
-yields."""
+"""Overshoot of a stuck contact beyond rest, as a fraction of the contact's displacement or yield displacement."""
 STAGNATION = 1e-10
-"""Largest step that ends the polish where it no longer shrinks, as a fraction of the body length."""
+"""Largest step that ends the polish once steps no longer shrink, as a fraction of the body length."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Solution:
     q: FloatArray
     """Last iterate, shape (2 (N+1),) [m]."""
     gradient: FloatArray
-    """Residual there, zero on held coordinates, shape (2 (N+1),) [N]."""
+    """Residual at `q`, zero on held coordinates, shape (2 (N+1),) [N]."""
     converged: bool
     iterations: int
     """Evaluations of the Jacobian."""
@@ -119,10 +119,10 @@ class Newton:
         return q, MAX_DESCENT, False
 
     def _search(self, q: FloatArray, phi: float, direction: FloatArray, now: Now) -> FloatArray | None:
-        """Search along a direction of descent, trying first where contacts come to rest on the way.
+        """Search along a direction of descent, first at the places on the way at which contacts come to rest.
 
-        Friction's slope jumps within the tiny displacement in which a contact sticks; halving alone takes ages
-        to find that place.
+        The slope of friction jumps within the tiny displacement of a stuck contact; bisection alone takes very long to
+        find this place.
         """
         slope, scratch, noise = float(self.gradient @ direction), np.empty_like(q), 1e-14 * abs(phi)
         kinks = np.empty(2 * len(self.body.a))
@@ -146,7 +146,7 @@ class Newton:
     def _by_regimes(self, q: FloatArray, now: Now, first: int) -> tuple[FloatArray, int, bool]:
         """Polish with given regimes, at first by the law at q, until the law at the solution confirms the regimes.
 
-        Rounds count from `first`: from `regimes.AT_ONCE` on one contact changes in each.
+        Rounds count from `first`; from round `regimes.AT_ONCE` on, one contact changes in each round.
         """
         if not np.isfinite(self._evaluate(q, now, coupled=False)):
             return q, 1, False  # no shape of the worm
@@ -197,8 +197,8 @@ def _resting_points(
 ) -> int:
     """Write the step lengths in (0, 1) at which contacts come to rest, to first order, and return their number.
 
-    Those that stick do where they come from the softer one of their directions to the stiffer one: they go just beyond,
-    lest the next step knows nothing of what will hold them.
+    A stuck contact comes to rest at the change from its softer to its stiffer direction. The step goes just beyond this
+    place, so that the next step includes the stiffness that will hold the contact.
     """
     n, found = len(body.a), 0
     for i in range(n):
@@ -227,7 +227,7 @@ def _resting_points(
 
 
 def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | None:
-    """Solve with the Hessian, shifted until it is positive definite; None if it cannot be made so."""
+    """Solve with the Hessian, shifted until it is positive definite; None if no shift suffices."""
     upper = band[BAND : 2 * BAND + 1]
     scale = float(np.abs(upper[BAND]).max())
     shift = 0.0
@@ -242,7 +242,7 @@ def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | N
 
 
 def _hold(band: FloatArray, held: NDArray[np.bool_]) -> None:
-    """Replace the rows and columns of held coordinates by those of the identity."""
+    """Replace the rows and columns of held coordinates by rows and columns of the identity."""
     size = len(held)
     for offset in range(-BAND, BAND + 1):
         columns = np.arange(max(0, -offset), min(size, size - offset))

@@ -1,8 +1,8 @@
-"""Regimes of the contacts: where the law's kinks keep Newton from converging it solves with them given.
+"""Regimes of the contacts: Newton solves with given regimes if the law's kinks prevent convergence.
 
 A contact is open, or it is stuck or slides, towards the head or the tail. With given regimes a step is smooth: an open
-contact has no load even where it has sunk in, another one its linear load even where it would pull, and friction is one
-branch of (G2). A solution whose regimes are those of the law there solves the step itself.
+contact has no load even at a positive depth, another contact has its linear load even if the load would pull, and
+friction is one branch of (G2). A solution whose regimes agree with the law solves the step itself.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from worm3d.values.arrays import FloatArray
 Regimes = NDArray[np.int64]
 
 AT_ONCE = 10
-"""Rounds in which all regimes that the law denies change; later only the most denied one does, so that no two change in
-turn without end."""
+"""Rounds that change all regimes denied by the law; later rounds change only the most denied regime, so that no two
+regimes alternate without end."""
 
 ROUNDING = 1e-9
-"""Fraction of the yield displacement, or of the contact's mean load, by which the law may be missed."""
+"""Tolerance of the law, as a fraction of the yield displacement or of the contact's mean load."""
 
 
 def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
@@ -33,9 +33,9 @@ def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
 
 
 def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> Regimes:
-    """Return the regimes that follow those in `now`, with which q solves the step; the same where it obeys the law.
+    """Return the regimes after the regimes in `now`, for which q solves the step; the same if q obeys the law.
 
-    What slides comes to rest before it turns round, and turns round before it slides the other way.
+    A sliding contact comes to rest before the direction reverses, and reverses before the contact slides the other way.
     """
     (_, y, limit), load = gauge(q, a, ground, now), _load(q, a, ground, now)
     old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)

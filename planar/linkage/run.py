@@ -1,4 +1,4 @@
-"""What a run of the corrected worm holds, and the paper's figures of merit (P11) to (P13) with the right units."""
+"""Results of a run of the corrected worm, and the paper's figures of merit (P11) to (P13) with correct units."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Run:
     first: State
     """State at t = 0."""
     steps: list[list[Step]] = field(repr=False)
-    """Finished steps, each in parts where it was halved."""
+    """Finished steps, each as a list of parts; a halved step has several parts."""
     stop: Stop
 
     @property

@@ -1,4 +1,4 @@
-"""Shape of the chain from its joints: lengths, apexes, angles; for one instant or many at once."""
+"""Shape of the chain from its joints: lengths, apexes, angles; for one or many instants at once."""
 
 from __future__ import annotations
 

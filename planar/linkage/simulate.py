@@ -37,7 +37,7 @@ Force = Callable[[float], FloatArray]
 
 
 HALVINGS = 6
-"""Times that a step that does not converge is halved at most."""
+"""Greatest number of halvings of a step that does not converge."""
 
 
 def bytes_per_step(segments: int) -> float:
@@ -77,22 +77,22 @@ def simulate(
         "contact": nothing is held, the apexes touch the ground z = 0, set-valued friction. "clamped": the z of
         the joints is held, loads by (P9), friction by (P10).
     friction : Friction, optional
-        Of the ground; `Friction()` if left out. The clamped worm has kinetic coefficients only.
+        Friction of the ground; `Friction()` if left out. The clamped worm has kinetic coefficients only.
     friction_law : str
         In contact: "anchored" is the set-valued law, "threshold" the paper's (P10) on the touching apexes.
     gravity : float
         [m/s^2]
     slope : float
-        Angle of the ground, rising towards +x [rad]; x and z are along and normal to it.
+        Angle of the ground, rising towards +x [rad]; x and z are along and normal to the ground.
     external_force : callable, optional
         Time [s] -> force on each joint, shape (N+1, 2) [N].
     start : ndarray, shape (N+1, 2), optional
         Joints at the start [m]; the straight rest shape, in contact standing on the ground, if left out.
     held : ndarray of bool, shape (N+1, 2), optional
-        Coordinates that stay as they are (contact only).
+        Coordinates that stay constant (contact only).
     settle : bool, optional
-        In contact: whether to start from the equilibrium under the weight normal to the ground. If left out: where an
-        apex touches it; a worm in mid-air falls.
+        In contact: whether to start from the equilibrium under the weight normal to the ground. By default true if an
+        apex touches the ground; a worm in mid-air falls.
     velocity_threshold : float
         eps of (P10) [m/s].
     observer : callable, optional
@@ -173,7 +173,7 @@ class _Simulation:
     def steps(
         self, state: State, dt: float, steps: int, observer: Callable[[int], bool] | None
     ) -> tuple[list[list[Step]], Stop]:
-        """Return the finished steps from a state, each in its parts, and how they ended."""
+        """Return the finished steps from a state, each as a list of parts, and the reason for the end."""
         done: list[list[Step]] = []
         for k in range(1, steps + 1):
             parts, status = self._advance(state, (k - 1) * dt, dt, HALVINGS)
@@ -186,7 +186,7 @@ class _Simulation:
         return done, _stop(Status.DONE, steps, dt, done[-1])
 
     def _advance(self, state: State, t: float, dt: float, halvings: int) -> tuple[list[Step], Status]:
-        """Return the step from t to t + dt, in halves if it must be, and how it went."""
+        """Return the step from t to t + dt, in halves if necessary, and the status."""
         contraction, force = self.gait(t + dt), self.force(t + dt)
         if contraction is None or force is None or (contraction >= 1.0).any():
             return [], Status.BAD_COMMAND

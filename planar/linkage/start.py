@@ -1,4 +1,4 @@
-"""What has to hold before a run, and the worm's equilibrium on its ground."""
+"""Conditions for the start of a run, and the worm's equilibrium on the ground."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 FLAT = 0.02
-"""Height below which a rhombus counts as flattened, as a fraction of its rest height."""
+"""Height below which a rhombus counts as flattened, as a fraction of the rest height."""
 
 SETTLING_TIME = float(np.sqrt(9.81))
-"""Pseudo time step of settling, as a multiple of the time in which the worm falls half its length: 1 s for a worm of
-1 m."""
+"""Pseudo time step of settling, in units of the time for a fall of half the worm's length: 1 s for a worm of 1 m."""
 
 MAX_SETTLING = 200
 """Greatest number of steps of settling."""
@@ -38,17 +37,17 @@ class LimitPointError(ValueError):
 
 
 def require_shape(name: str, got: object, shape: tuple[int, ...], meaning: str) -> None:
-    """Raise ValueError where an array, or what a callable returns, has another shape."""
+    """Raise ValueError if an array, or the result of a callable, has another shape."""
     found = np.asarray(got, dtype=object).shape if name == "held" else arguments.floats(name, got).shape
     if found != shape:
         raise ValueError(f"{name}: got shape {found}, must be {shape}: {meaning}")
 
 
 def require_equilibrium(worm: Linkage, gravity: float) -> None:
-    """Raise LimitPointError where the rhombi cannot carry the weight, however they share it.
+    """Raise LimitPointError if the rhombi cannot carry the weight with any distribution.
 
-    This is the uncommanded worm; lengthening lowers the limit (`Linkage.flattening_weight`), and a wave may put
-    the weight on few segments: what happens then ends the run with its own reason.
+    The check holds for the uncommanded worm; lengthening lowers the limit (`Linkage.flattening_weight`), and a wave may
+    put the weight on few segments. Collapse during the run then ends the run with a separate reason.
     """
     load, limit = worm.apex_load(gravity), worm.flattening_weight()
     if load.sum() >= limit.sum():
@@ -60,7 +59,7 @@ def require_equilibrium(worm: Linkage, gravity: float) -> None:
 
 
 def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
-    """Return DONE for a shape that the model stands for, else what became of it."""
+    """Return DONE for a valid shape of the model, else the status of the failure."""
     if not np.isfinite(joints).all():
         return Status.NOT_FINITE
     length, _ = diagonals(joints)
@@ -102,7 +101,7 @@ def touches(worm: Linkage, joints: FloatArray) -> bool:
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
-    """Return the worm at rest under the weight normal to the ground, and DONE or why it does not come to rest."""
+    """Return the worm at rest under the weight normal to the ground, and DONE or the reason for a failure."""
     state, load = State.at_rest(joints, worm), np.zeros((worm.segments, 2))
     stepper = ContactStepper(
         worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held
@@ -125,7 +124,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
 def shape_checked(
     function: Callable[[float], FloatArray], shape: tuple[int, ...]
 ) -> Callable[[float], FloatArray | None]:
-    """Return a callable that gives what `function` returns, or None where that has another shape or is not finite."""
+    """Return a callable with the result of `function`, or None if the result has another shape or is not finite."""
 
     def checked(t: float) -> FloatArray | None:
         value = np.array(function(t), dtype=float)

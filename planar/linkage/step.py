@@ -20,7 +20,7 @@ from worm3d.values.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Everything that a step starts from."""
+    """Complete state at the start of a step."""
 
     joints: FloatArray
     """Shape (N+1, 2) [m]."""
@@ -58,7 +58,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One finished step (or part of one, where a step was halved)."""
+    """One finished step (or a part of a halved step)."""
 
     dt: float
     """Time step [s]."""
@@ -68,7 +68,7 @@ class Step:
     slip: FloatArray
     """Signed motion of the anchors towards the head, shape (N, 2) [m]."""
     cap: FloatArray
-    """Static over kinetic coefficient where stuck, else 1, shape (N, 2)."""
+    """Static over kinetic coefficient if stuck, else 1, shape (N, 2)."""
     joint_force: FloatArray
     """External force on the joints, shape (N+1, 2) [N]."""
     joint_friction: FloatArray
@@ -80,7 +80,7 @@ class Step:
 
 
 def body_of(worm: Linkage) -> Body:
-    """Return the worm's constants as the kernel wants them."""
+    """Return the worm's constants in the format of the kernel."""
     n, a = worm.segments, worm.link_length
     return Body(
         k_spring=np.asarray(worm.k_spring),
@@ -145,7 +145,7 @@ class Stepper(ABC):
         )
 
     def _corrected(self, predicted: Solution, pushed: Now) -> Solution:
-        """Solve with the friction that a prediction gave; the solution counts the work of both."""
+        """Solve with the friction of a prediction; the solution counts the iterations of both."""
         corrected = self.newton.solve(predicted.q, pushed)
         return replace(
             corrected,
@@ -154,7 +154,7 @@ class Stepper(ABC):
         )
 
     def _finished(self, state: State, end: State, solution: Solution, now: Now, **own: FloatArray) -> Step:
-        """Return a step with its own slip, friction and loads; those that it does not name are zero."""
+        """Return a step with the given slip, friction and loads; unnamed arrays are zero."""
         apex, joint = np.zeros_like(state.load), np.zeros(len(state.joints))
         given: dict[str, Any] = {"slip": apex, "apex_friction": apex, "joint_friction": joint, "joint_load": joint}
         return Step(now.dt, state, end, solution, cap=now.cap, joint_force=now.force, **{**given, **own})
@@ -164,7 +164,7 @@ class ContactStepper(Stepper):
     """Apexes touch the ground; friction is set-valued with anchors (`planar.linkage.ground`)."""
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Solve with the static limit where stuck; contacts that reach it become kinetic, and again (G4)."""
+        """Solve with the static limit for stuck contacts; make contacts at the limit kinetic, and repeat (G4)."""
         stuck, guess, iterations = state.stuck.copy(), state.joints.ravel(), 0
         while True:
             now = self._now(state, l_cmd, force, np.where(stuck, self.ground.static_ratio, 1.0), dt)
@@ -190,7 +190,7 @@ class ContactStepper(Stepper):
         return self._finished(state, end, replace(solution, iterations=iterations), now, slip=slip)
 
     def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(G3): return the anchors' signed motion and what is left of the displacement from them."""
+        """(G3): return the signed motion of the anchors and the remaining displacement from the anchors."""
         centre, y, limit = gauge(q, self.body.a, self.ground, now)
         yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + YIELD_TOLERANCE))
         left = centre + np.where(yields, np.sign(y) * limit, y)
@@ -249,7 +249,7 @@ class ThresholdStepper(Stepper):
 
 
 def _at_joints(per_segment: FloatArray) -> FloatArray:
-    """Return what the joints have of the segments' values: the mean of both sides, shape (N+1,)."""
+    """Return values of the joints from the segments' values: the mean of both sides, shape (N+1,)."""
     return 0.5 * (np.append(per_segment[:1], per_segment) + np.append(per_segment, per_segment[-1:]))
 
 

@@ -1,8 +1,8 @@
-"""The corrected planar worm: its parameters, its rest shape, and the weight that would flatten it.
+"""The corrected planar worm: parameters, rest shape, and the weight that would flatten the worm.
 
 Segment i is a rhombic four-bar linkage with rigid links of length a (their axial stiffness k_link is infinite) on the
-horizontal diagonal l_i; half of its vertical diagonal is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2.
-An active segment shortens and thereby widens.
+horizontal diagonal l_i; half of the vertical diagonal is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. An
+active segment shortens and so widens.
 """
 
 from __future__ import annotations
@@ -141,11 +141,12 @@ class Linkage(ReadOnly):
         return Linkage(**{**given, **changes})
 
     def flattening_weight(self, contraction: float = 0.0) -> FloatArray:
-        """Return the weight on each segment's bottom apex that flattens it (limit point), shape (N,) [N].
+        """Return the weight on each segment's bottom apex that flattens the segment (limit point), shape (N,) [N].
 
         A segment that carries the vertical load w on its apexes (joints at height h, top apex at 2 h) is in
         equilibrium where dE/dl = w l/(4 h), since dh/dl = -l/(4 h). The greatest w with a solution in
-        l_cmd < l < 2 a is the limit point: any more and the rhombus collapses. `contraction` is that of all segments.
+        l_cmd < l < 2 a is the limit point: with a larger w the rhombus collapses. `contraction` applies to all
+        segments.
         """
         shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)
         return np.array([self._limit_point(*shape, contraction) for shape in shapes])
@@ -169,9 +170,9 @@ class Linkage(ReadOnly):
         return float(carried[best])
 
     def apex_load(self, gravity: float = 9.81) -> FloatArray:
-        """Return the weight that each rhombus has to hold up if all share it, shape (N,) [N].
+        """Return the weight on each rhombus if all rhombi share the load, shape (N,) [N].
 
-        The joints hang on it with once, the top apex with twice their height.
+        The joints enter with once, the top apex with twice their height.
         """
         joints = (self.joint_mass[:-1] + self.joint_mass[1:]) / 2.0
         ends = np.zeros(self.segments)

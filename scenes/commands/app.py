@@ -1,4 +1,4 @@
-"""The commands of `worm3d`; everything heavy is imported by the command that needs it."""
+"""The commands of `worm3d`; slow imports are inside the commands that need them."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ SECTIONS = {
     "Results": ("plot", "view", "export", "compare"),
     "Many runs": ("sweep", "study", "fit", "learn"),
 }
-"""Commands as the help groups them."""
+"""Commands in the groups of the help."""
 
 
 class _Grouped(TyperGroup):
-    """Lists its commands by sections."""
+    """Command group that lists the commands by section."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         for title, names in SECTIONS.items():
@@ -100,12 +100,12 @@ def run(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Run a scene, or go on with a run.
+    """Run a scene, or continue a run.
 
-    Writes result.nc, summary.json, overview.png, and viewer.html, a page that plays the run in any browser; for planar
-    worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed. A scene with a section [sweep] is
-    run as 'worm3d sweep' does. With --resume the whole run, its first part included, is written into a new folder, as
-    if it had never been stopped.
+    Writes result.nc, summary.json, overview.png and viewer.html, a page that plays the run in any browser; for planar
+    worms, writes an animation (of the first 30 s) instead of the page. Ctrl-C keeps the computed part. A scene with a
+    section [sweep] is run in the same way as by 'worm3d sweep'. With --resume, the whole run including the first part
+    is written into a new folder, as if the run had not been stopped.
     """
     if resume is not None:
         if scene is not None or o or accuracy is not None:
@@ -143,7 +143,7 @@ def go_on(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Go on with a run, as 'worm3d run --resume RESULT' does."""
+    """Continue a run, in the same way as 'worm3d run --resume RESULT'."""
     from scenes.records.store import load
     from scenes.running.runner import lengthened, run_scene
 
@@ -155,7 +155,7 @@ def go_on(
 def check(scene: SceneArgument, o: Overrides = None, no_code: NoCode = False) -> None:
     """Check a scene without running it.
 
-    All mistakes are listed at once, a line each.
+    All mistakes are listed at once, one line each.
     """
     from scenes.models.loading import load_scene
     from scenes.running.terminal import counted
@@ -175,7 +175,10 @@ def list_scenes(
         str | None, typer.Argument(metavar="[KIND]", help="A kind of parts, such as gait, world or actuator.")
     ] = None,
 ) -> None:
-    """Name the scenes that come with the program, a line each, or the parts of a kind and the keys that take them."""
+    """List the shipped scenes, or the parts of a kind.
+
+    Each line shows a scene, a part, or a key of scenes that names a part of this kind.
+    """
     from scenes.language.loader import says, shipped_scenes
 
     if kind is not None:
@@ -195,10 +198,10 @@ def init(
     force: Force = False,
     no_code: NoCode = False,
 ) -> None:
-    """Write a commented scene to start from.
+    """Write a commented scene as a starting point.
 
-    Every key is there at its default, or as -o says, with its meaning, unit and range. 'worm3d init FILE -o
-    gait.kind=my_robot:Kick' has the keys of a part of your own.
+    The scene contains every key with its default, or the value from -o, and with its meaning, unit and range. 'worm3d
+    init FILE -o gait.kind=my_robot:Kick' includes the keys of your own part.
     """
     from scenes import models
     from scenes.language.template import template
@@ -241,10 +244,10 @@ def view(
     no_open: Annotated[bool, typer.Option("--no-open", help="Only name the page.")] = False,
     no_code: NoCode = False,
 ) -> None:
-    """Open the page of a result in a browser, or watch a run while it goes on.
+    """Open the page of a result in a browser, or watch a run live.
 
-    The page, viewer.html in the folder of the result, needs no network: it may be sent to others. On a machine
-    without a screen it is only named.
+    The page, viewer.html in the folder of the result, needs no network and can be sent to others. On a machine without
+    a screen, the command only prints the path of the page.
     """
     from scenes.running import viewing
 
@@ -279,7 +282,7 @@ def export(
     fps: Fps = 20,
     force: Force = False,
 ) -> None:
-    """Write a result for other programs, or as a film."""
+    """Write a result in other file formats, or as a film."""
     from scenes.records.folder import require_free
     from scenes.records.store import export_csv, export_npz, load
     from scenes.running import drawing
@@ -308,7 +311,7 @@ def animate(
     fps: Fps = 20,
     force: Force = False,
 ) -> None:
-    """Write a film of a result, as 'worm3d export RESULT --film FILE' does."""
+    """Write a film of a result, in the same way as 'worm3d export RESULT --film FILE'."""
     from scenes.records.folder import ANIMATION, made, require_free
     from scenes.records.store import load
 
@@ -329,7 +332,7 @@ def _film(record: Record, path: Path, fps: int) -> None:
 
 @app.command(hidden=True)
 def info() -> None:
-    """Print versions, the platform and where the packages come from."""
+    """Print versions, the platform and the paths of the packages."""
     from scenes.running.packages import info_lines
 
     for line in info_lines():
@@ -337,13 +340,13 @@ def info() -> None:
 
 
 def _home(result: Path) -> Path:
-    """Return the folder for what is drawn of a result: its own, or one by its name if it is a case among others."""
+    """Return the folder for pictures: the folder of the result, or a separate folder for a case of a sweep."""
     case = result.suffix == ".nc" and result.parent.name == "cases"
     return result if result.is_dir() else result.with_suffix("") if case else result.parent
 
 
 def _former_names() -> None:
-    """Keep the names that studies had before they were studies, without listing them."""
+    """Keep the former names of the studies as hidden commands."""
     bench, gait = typer.Typer(), typer.Typer()
     for group, name, command in (
         (app, "paper", studies.paper),

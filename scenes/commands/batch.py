@@ -1,4 +1,4 @@
-"""The commands of `worm3d` that run a scene many times, or compare runs; all heavy imports are inside of them."""
+"""The commands of `worm3d` that run a scene many times, or compare runs; slow imports are inside the functions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from scenes.commands.arguments import (
 )
 
 batch = typer.Typer(rich_markup_mode=None)
-"""Commands that stand beside `run` and the others."""
+"""Commands on the same level as `run`."""
 
 Vary = Annotated[
     list[str] | None,
@@ -62,11 +62,11 @@ def sweep(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Run a scene many times, some of its keys varied.
+    """Run a scene many times with varied keys.
 
-    Several --vary make a grid. Each case is a file: started again on the same --out, only what is missing runs. Writes
-    sweep.csv, sweep.nc, summary.json and figures. Each case has a seed of its own; vary seed, or fix it with -o, to
-    have others: fixed, all cases have the same noise. Ends with 5 if cases failed.
+    Several --vary make a grid. Each case is stored in a file: started again with the same --out, only missing cases
+    run. Writes sweep.csv, sweep.nc, summary.json and figures. Each case has a different seed; vary seed for other
+    seeds, or fix seed with -o to give all cases the same noise. The exit code is 5 if cases failed.
     """
     from scenes.sweep.command import Options, run
 
@@ -92,10 +92,10 @@ def compare(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say in what runs and measurements differ.
+    """Compare runs and measurements.
 
-    Prints the settings, figures and series that differ, and writes all of them (compare.csv), figures with the results
-    laid over one another, and compare.html, which plays the runs side by side.
+    Prints the settings, figures and series that differ, and writes compare.csv (all differences), figures that show the
+    results together, and compare.html, which plays the runs side by side.
     """
     from scenes.studies.compare import command
 
@@ -119,8 +119,8 @@ def fit(
 ) -> None:
     """Fit keys of a scene to a measurement by least squares.
 
-    Each starts from the value that the scene, or -o, gives it. Writes fit.json (values, their 95 % intervals, keys
-    that the data cannot tell apart), fit.toml, the scene with these values, and fit.png, the residuals.
+    Each key starts from the value in the scene, or from -o. Writes fit.json (values, 95 % intervals, and keys that the
+    data cannot separate), fit.toml (the scene with the fitted values) and fit.png (the residuals).
     """
     from scenes.studies.fit import command
 
@@ -143,11 +143,11 @@ def learn(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Train a controller by reinforcement (PPO), on many worms at once.
+    """Train a controller by reinforcement learning (PPO).
 
-    For each episode, of the scene's duration, the keys given by --vary are drawn anew. Prints the mean reward as it
-    goes. Needs the optional part 'learn'; the policy that is written needs numpy only (control/README.md says how to
-    use it). Ctrl-C ends the training early, and keeps what was learned.
+    Trains on many worms at once. For each episode, with the duration of the scene, new values of the keys in --vary are
+    drawn. Prints the mean reward during the training. Needs the optional part 'learn'; the trained policy needs only
+    numpy (see control/README.md for use). Ctrl-C ends the training early, and keeps the trained policy.
     """
     from scenes.studies.learn.command import Options, run
 

@@ -1,6 +1,6 @@
-"""Entry point of the command line `worm3d`: what goes wrong becomes a sentence and an exit code.
+"""Entry point of the command line `worm3d`: errors become a sentence and an exit code.
 
-Imports nothing slow before it listens for Ctrl-C.
+No slow module is imported before the handler for Ctrl-C is set.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from types import FrameType
 from scenes.language.errors import SceneError
 
 INTERRUPTED = 130
-"""What a command ends with that was stopped by Ctrl-C."""
+"""Exit code of a command that was stopped by Ctrl-C."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: the entry point of the console script."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # and not what a test put in its place
-            stream.reconfigure(errors="backslashreplace")  # what the terminal's encoding lacks is shown as an escape
+        if isinstance(stream, io.TextIOWrapper):  # but not a replacement in a test
+            stream.reconfigure(errors="backslashreplace")  # characters outside the encoding are escaped
     with _listening() as pressed:
         try:
             from scenes.running.packages import require_own_packages
@@ -36,18 +36,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except KeyboardInterrupt:  # during the imports; while a command runs, typer ends with the same code
             sys.exit(INTERRUPTED)
         except Exception as error:
-            if pressed:  # in compiled libraries: CasADi, for one, makes a RuntimeError or a SystemError of it
+            if pressed:  # compiled libraries, such as CasADi, raise a RuntimeError or SystemError
                 sys.exit(INTERRUPTED)
             if not isinstance(error, SceneError):
                 raise
             for line in error.lines:
-                print(line, file=sys.stderr)  # noqa: T201 - typer may not be there
+                print(line, file=sys.stderr)  # noqa: T201 - typer may be missing
             sys.exit(error.exit_code)
 
 
 @contextmanager
 def _listening() -> Iterator[list[int]]:
-    """Raise KeyboardInterrupt at Ctrl-C, as Python does, and note it in the list that is given."""
+    """Raise KeyboardInterrupt at Ctrl-C, as Python does, and append the signal to the yielded list."""
     pressed: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:
@@ -56,10 +56,10 @@ def _listening() -> Iterator[list[int]]:
 
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
-        yield pressed  # it is ignored, or somebody else's
+        yield pressed  # the signal is ignored, or has another handler
         return
     signal.signal(signal.SIGINT, note)
-    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # Ctrl-C as Python ends would change the exit code
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # a late Ctrl-C would change the exit code
     try:
         yield pressed
     finally:

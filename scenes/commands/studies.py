@@ -1,4 +1,4 @@
-"""The commands of `worm3d study`: studies that are sweeps, and those that are programs of their own."""
+"""The commands of `worm3d study`: studies that are sweeps, and studies that are separate programs."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from scenes.commands.arguments import (
 from scenes.language.errors import SceneError
 
 SWEPT = "swept"
-"""Command of the studies that are sweeps, which are scenes and no commands."""
+"""Command for the studies that are sweeps; these are scenes and not commands."""
 
 
 class _Studies(TyperGroup):
-    """Hands to `SWEPT` what names no command."""
+    """Group that passes names without a command to `SWEPT`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         named = args and args[0] in {*self.commands, *self.get_help_option_names(ctx)}
@@ -41,10 +41,9 @@ study = typer.Typer(cls=_Studies, rich_markup_mode=None)
 
 @study.callback(epilog="Options of the studies that are sweeps: 'worm3d study friction --help'.")
 def _studies() -> None:
-    """Run a study; without a name they are listed.
+    """Run a study; without a name, list the studies.
 
-    A study is a sweep with its table, its figure and what a designer learns from it in sentences, or one of the
-    programs below.
+    A study is a sweep with a table, a figure and conclusions for a designer, or one of the programs below.
     """
 
 
@@ -67,11 +66,11 @@ def swept(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Run a study: a sweep, its table and figure, and what a designer learns from it in sentences.
+    """Run a study: a sweep with a table, a figure and conclusions for a designer.
 
-    Without a name the studies are listed. A scene with a section [sweep] is run too; [study] says what it is to tell.
-    Beside what 'worm3d sweep' writes there are study.md, study.csv and study.png. Each number has an error: a case runs
-    with run.accuracy=0.01 unless the scene or -o says otherwise.
+    Without a name, the studies are listed. A scene with a section [sweep] can also be run; its section [study] defines
+    the conclusions. In addition to the files of 'worm3d sweep', the study writes study.md, study.csv and study.png.
+    Each number has an error: a case runs with run.accuracy=0.01 unless the scene or -o sets another value.
     """
     from scenes.studies.study import command
     from scenes.sweep.command import Options
@@ -93,7 +92,7 @@ def swept(
 def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     """Reproduce the paper's tables and figures.
 
-    With the verdict on each of its claims, and the differences between its text and its program.
+    Includes a verdict on each claim of the paper, and the differences between the text and the program of the paper.
     """
     from scenes.studies.paper import report
 
@@ -109,8 +108,8 @@ def validate(
 ) -> None:
     """Compare the models with published numbers.
 
-    Closed forms, and what was measured on robots and animals, a scene each: what the model gives, what was published,
-    the ratio, and whether trends have the right sign. What the model misses is said, and is no failure of the command.
+    Closed forms, and measurements on robots and animals, with a scene for each: the model's value, the published value,
+    the ratio, and whether trends have the right sign. Differences are reported, and do not make the command fail.
     """
     from scenes.studies.validate import report
 
@@ -131,9 +130,10 @@ def technologies(
 ) -> None:
     """Run the worm of a scene, with its gait, on each actuator technology.
 
-    Speed, cost of transport, energy drawn, the best period, and what limits each (speed, force, stroke, heat), found by
-    taking one limit after the other away. Writes technologies.csv, technologies.md, also with the sources of the
-    numbers, and technologies.png. Takes half a minute. Keys of the section [actuator] hold for all of them.
+    Reports speed, cost of transport, energy drawn, the best period, and the limit of each technology (speed, force,
+    stroke, heat), found by removing one limit after the other. Writes technologies.csv, technologies.md (with the
+    sources of the numbers) and technologies.png. Takes half a minute. Keys of the section [actuator] apply to all
+    technologies.
     """
     from scenes.studies.technologies import command
 
@@ -149,10 +149,10 @@ def identify(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Find out how the worm of a scene crawls and turns.
+    """Measure how the worm of a scene crawls and turns.
 
-    Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
-    controllers need, kept for them, with its error and a figure. Takes a minute or two.
+    Runs short simulations on level ground, over amplitude, frequency and steering by hinges and by unequal chambers.
+    Stores the map for the controllers, with the error of the map and a figure. Takes a minute or two.
     """
     from scenes.models.loading import load_scene
     from scenes.studies.identify import command
@@ -181,12 +181,13 @@ def control(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Measure the controllers.
+    """Compare the controllers on random trials.
 
-    Tasks, worms, grounds and sensors are drawn from a seed. Model predictive control, the baselines and controllers of
-    yours all run the same trials, and get a score by how far the worm is from where it ought to be, with one line for
-    each (rules: scenes/studies/bench/CONTROL.md). Started again on the same --out it goes on with what the same
-    programs, scenes and map of the worm have not run yet. Ends with 5 if a trial was lost.
+    Tasks, worms, grounds and sensors are drawn from a seed. Model predictive control, the baselines and your own
+    controllers all run the same trials. The score depends on the distance of the worm from the desired position; each
+    controller gets one line (rules: scenes/studies/bench/CONTROL.md). Started again with the same --out, the command
+    runs only the trials that are missing for these programs, scenes and map of the worm. The exit code is 5 if a trial
+    was lost.
     """
     from scenes.studies.bench import control_report as report
 
@@ -207,9 +208,9 @@ def gait(
 ) -> None:
     """Fit a chain of neurons to the waves of recorded animals.
 
-    Finds the waves in a recording and their delays from band to band, and a chain, gait 'ei_chain', with these delays
-    that noise in its constants disturbs little. Writes gait.toml, a scene of it, gait.csv and gait.json, its delays
-    beside those of the recordings and of a uniform wave, and gait.png. Takes a minute or two.
+    Finds the waves in a recording and their delays from band to band. Fits a chain (gait 'ei_chain') with these delays,
+    on which noise in the constants has little effect. Writes gait.toml (a scene with the chain), gait.csv and gait.json
+    (the delays of the chain, of the recordings and of a uniform wave), and gait.png. Takes a minute or two.
     """
     from scenes.studies.gait_fit import command
 

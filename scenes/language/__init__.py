@@ -1,1 +1,1 @@
-"""The language of scene files: read, checked, overridden and explained; nothing here knows of worms."""
+"""The language of scene files: parsing, checks, overrides and explanations, without any knowledge of worms."""

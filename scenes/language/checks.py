@@ -1,7 +1,7 @@
-"""Checks across keys, for mistakes in scenes each key of which is right on its own.
+"""Checks across keys, for scenes whose keys are each valid but do not fit together.
 
-A check declares the keys that it reads, so that it still runs when others are wrong, and stays silent when
-one of its own is.
+A check declares the keys that it reads. The check therefore still runs when other keys are wrong, and stays silent when
+a declared key is wrong.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scenes.language.toml import KeyPath, path_of
 from worm3d.values import named
 
 Found = str | Mapping[str, str] | None
-"""Finding of a check: a text about its first key, texts by key of which one is told, or nothing."""
+"""Finding of a check: a text about the first key, or texts by key, of which only one is reported, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -27,30 +27,30 @@ class Check:
     """One rule that ties keys together."""
 
     needs: tuple[str, ...]
-    """Dotted keys, or sections, that it reads; the first is the one to complain about. A section comes as an object."""
+    """Dotted keys or sections that the check reads, the key to blame first. Sections are passed as objects."""
     test: Callable[..., Found]
-    """Called with their values in that order; returns what is wrong, or None. Where it returns texts by key, that
-    of the first key is told that the user wrote, in an override or else in the file."""
+    """Function of the values of these keys, in order; returns the error, or None. If the function returns texts by key,
+    the error is the text of the first key that the user wrote: in an override, or else in the file."""
     builds: bool = False
-    """Whether the test makes an object of whole sections. Wrong keys of these sections then have their defaults, and so
-    has each key that was refused: the test is repeated until nothing is refused."""
+    """Whether the test builds an object from whole sections. Wrong keys of these sections are replaced by their
+    defaults. Each refused key is replaced too, and the test is repeated until no key is refused."""
 
     @cached_property
     def paths(self) -> tuple[tuple[str, ...], ...]:
-        """Paths of its keys."""
+        """Paths of the keys that the check reads."""
         return tuple(tuple(need.split(".")) for need in self.needs)
 
     @cached_property
     def sections(self) -> tuple[str, ...]:
-        """Sections that its keys are in, or keys that are in none."""
+        """Sections that contain the keys, and keys outside all sections."""
         return tuple(dict.fromkeys(path[0] for path in self.paths))
 
 
 LACKING = object()
-"""Stands for a section without a key that must be given."""
+"""Placeholder for a section in which a mandatory key is missing."""
 
 Passed = dict[Check, tuple[Any, ...]]
-"""Check -> the data of its sections in which it found nothing."""
+"""Check -> the data of its sections for which the check passed."""
 
 
 def cross_mistakes(
@@ -62,12 +62,12 @@ def cross_mistakes(
     passed: Passed | None = None,
     filled: Mapping[str, Any] | None = None,
 ) -> Iterator[Mistake]:
-    """Yield what the checks find; a check that reads a key already known to be wrong stays silent.
+    """Yield the mistakes found by the checks; a check that reads a key already known to be wrong stays silent.
 
     A check also stays silent if its written keys include all keys of another failing check: correcting the other
-    mistake may correct this one too. A check is not made again that has `passed` in the very same data of its
-    sections, and is noted there if it passes now. `filled` are the data with what keys are by default in the kinds
-    that were chosen (`with_own_defaults`).
+    mistake may correct this one too. A check in `passed` is skipped as long as the data of its sections are the same
+    objects; a check that passes now is added to `passed`. `filled` are the data with the defaults of the chosen kinds
+    (`with_own_defaults`).
     """
     filled = data if filled is None else filled
     passed = {} if passed is None else passed
@@ -89,13 +89,13 @@ def cross_mistakes(
         if any(blamed and blamed <= _written(data, paths) for blamed, _ in failing):
             continue
         if any(key_at(schema, path) is None for path in paths):
-            continue  # a key of a kind that a part of the user's own takes the place of
+            continue  # a key of a kind that the user's own part replaces
         told = [*_told(check, schema, data, filled, wrong, overrides)]
         if not (told or (check.builds and wrong)):
             passed[check] = read
         for written, mistake in told:
             if any(mistake.text == other.text and (own or mistake.path == other.path) for _, other in failing):
-                continue  # what a part of the user's own raised there too
+                continue  # the same error, raised by the user's own part in another check
             failing = [(blamed, other) for blamed, other in failing if not (written and written <= blamed)]
             failing.append((written, mistake))
     return (mistake for _, mistake in failing)
@@ -109,14 +109,14 @@ def _told(
     wrong: set[KeyPath],
     overrides: tuple[KeyPath, ...],
 ) -> Iterator[tuple[frozenset[KeyPath], Mistake]]:
-    """Yield the mistakes that a check finds, each with the written keys that are to blame (see `Check.builds`)."""
+    """Yield the mistakes that a check finds, each with the written keys that may cause the mistake (see `builds`)."""
     known = _without(filled, wrong) if check.builds else filled
     partly = check.builds and any(path[:1] in check.paths for path in wrong)
     while (text := _tested(check, schema, known, data)) is not None:
         mistake = _mistake(text, check.paths, data, overrides)
         blamed = check.paths if isinstance(text, str) or not check.builds else [path_of(key) for key in text]
         if partly and (isinstance(text, str) or not (_is_written(known, mistake.path) and wrong.isdisjoint(blamed))):
-            return  # a default in the place of a wrong value is to blame
+            return  # the cause is a default that replaces a wrong value
         yield _written(data, blamed), mistake
         if not check.builds or mistake.path in check.paths or not _is_written(known, mistake.path):
             return
@@ -125,7 +125,7 @@ def _told(
 
 
 def _without(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any]:
-    """Return the data without some keys of sections."""
+    """Return the data without the given keys of sections."""
     gone = {path[:2] for path in paths}
     return {
         section: {key: value for key, value in given.items() if (section, key) not in gone}
@@ -136,9 +136,9 @@ def _without(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any
 
 
 def _tested(check: Check, schema: type[Section], known: Mapping[str, Any], data: Mapping[str, Any]) -> Found:
-    """Return what a check finds; what a part of the user's own raises in it is a mistake.
+    """Return the finding of a check; an error raised by the user's own part in the check is a mistake.
 
-    Nothing is found where a section lacks a key that must be given.
+    If a mandatory key of a section is missing, the check finds nothing.
     """
     values = [_value(schema, known, path) for path in check.paths]
     if LACKING in values:
@@ -158,7 +158,7 @@ def _written(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> frozenset[Key
 def _mistake(
     text: str | Mapping[str, str], paths: Sequence[KeyPath], data: Mapping[str, Any], overrides: Any
 ) -> Mistake:
-    """Return the mistake at the key that the user wrote: in an override, in the file, else the first."""
+    """Return the mistake at the key that the user wrote: in an override, else in the file, else at the first key."""
 
     def rank(path: KeyPath) -> int:
         if not isinstance(text, str) and any(_touch(path, override) for override in overrides):
@@ -184,7 +184,7 @@ def _is_written(data: Mapping[str, Any], path: KeyPath) -> bool:
 
 
 def _written_below(data: Any, path: KeyPath) -> Iterator[KeyPath]:
-    """Yield the path of each key that the data have at, or below, `path`."""
+    """Yield the paths of all keys in the data at or below `path`."""
     here = data
     for key in path:
         if not isinstance(here, Mapping) or key not in here:
@@ -219,7 +219,7 @@ def _key(schema: type[Section], path: KeyPath) -> Key:
 
 
 def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
-    """Return the checks that no key is set that is for other values of the section's key `by`."""
+    """Return the checks that each key set in a section is for the value of the section's key `by`."""
     tests = {name: [of_this_kind] * bool(known.only) for name, known in keys_in(schema).items()}
     for name, known in keys_in(schema).items():
         tests[name] += [_word_of_this_kind] * bool(known.kinds_by_word and name != by)
@@ -234,14 +234,14 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
 
 def _word_of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
     allowed = known.words_for(kind)
-    # A kind without the key has no words; `of_this_kind` tells. A part of the user's own is for all.
+    # A kind without the key has no words; `of_this_kind` reports the mistake. The user's own part allows all words.
     if not allowed or value in allowed or value not in known.choices:
         return None
     return f"got {value!r}: not for {by} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
 
 
 def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
-    """Tell of a key that is set but is for other kinds, values of the key `by`; at its default a key does nothing."""
+    """Report a key that is set but is for other kinds (values of the key `by`), unless the key is at its default."""
     defaults = (known.default, *known.defaults_by_kind.values())  # resolved scenes and templates hold all keys
     if known.is_for(kind) or (tuple(value) if isinstance(value, list) else value) in defaults:
         return None

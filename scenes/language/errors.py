@@ -1,31 +1,31 @@
-"""Mistakes of the user and failures of the machine, as sentences; nobody sees a traceback for one of these."""
+"""Mistakes of the user and failures of the machine, reported as sentences without a traceback."""
 
 from __future__ import annotations
 
 LONGEST = 1000
-"""Largest number of characters of a line of output; a longer one loses its middle."""
+"""Largest number of characters of a line of output; the middle of a longer line is left out."""
 
 
 def printable(text: str) -> str:
-    """Return a text of one line as a terminal may show it: control characters and the like as escapes, not too long."""
+    """Return a line of text made safe for a terminal: control characters are escaped, and long text is shortened."""
     shown = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
     return shown if len(shown) <= LONGEST else f"{shown[: LONGEST // 2]} ... {shown[-LONGEST // 2 :]}"
 
 
 class SceneError(Exception):
-    """A mistake that the user can mend: a bad scene, a bad argument, a file that is not a result."""
+    """A mistake that the user can correct: a bad scene, a bad argument, or a file that is not a result."""
 
     exit_code = 2
     """Exit code of the command line."""
 
     def __init__(self, *lines: str) -> None:
         self.lines = tuple(map(printable, lines))
-        """Sentences to print, `printable` whatever of a file's content is in them."""
+        """Sentences to print. The function `printable` makes any file content in the sentences safe to print."""
         super().__init__("\n".join(self.lines))
 
 
 class DiscError(SceneError):
-    """A file or folder cannot be written (or read): no space, no permission."""
+    """A file or folder cannot be written or read, for example for lack of space or permission."""
 
     exit_code = 1
 
@@ -36,6 +36,6 @@ class DiscError(SceneError):
 
 
 class MissingPartError(SceneError):
-    """An optional program or package is missing; the sentence says how to get it."""
+    """An optional program or package is missing; the sentence tells the user how to install it."""
 
     exit_code = 4

@@ -1,4 +1,4 @@
-"""Formulas in scene files: arithmetic and comparisons of numbers by name, such as `= 0.1 * worm.segments / 6`."""
+"""Formulas in scene files: arithmetic and comparisons of named numbers, such as `= 0.1 * worm.segments / 6`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def is_formula(value: object) -> bool:
 
 
 def names_in(formula: str) -> set[str]:
-    """Return the names in a formula, dotted ones whole; SceneError if it cannot be read."""
+    """Return the names in a formula, dotted names as a whole; SceneError if the formula cannot be read."""
     return set(_names(_parsed(formula)))
 
 
@@ -47,14 +47,14 @@ def evaluated(formula: str, value_of: Callable[[str], Any]) -> Any:
     Parameters
     ----------
     formula : str
-        With or without the mark before it.
+        With or without the leading mark.
     value_of : callable
-        Value of a name: a number, or an array, for which the formula then holds element by element.
+        Function that returns the value of a name: a number, or an array, for which the formula is evaluated by element.
 
     Raises
     ------
     SceneError
-        It cannot be read, or has no value: a division by 0, a number too large.
+        The formula cannot be read, or has no value: a division by 0, a number too large.
     """
     try:
         value = _value(_parsed(formula), value_of, formula)

@@ -1,4 +1,4 @@
-"""Scenes from disc: found by name or path, read, overridden, checked; all mistakes are reported at once."""
+"""Loading of scenes by name or path: read, override and check; all mistakes are reported together."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ SHIPPED = Path(__file__).parents[1]
 """Folder of the scenes that come with the program."""
 
 LARGEST_FILE = 4_000_000
-"""Largest scene file [byte]: a pipe through 50,000 points."""
+"""Largest scene file [byte]: enough for a pipe through 50,000 points."""
 
 _EMPTY: dict[str, Any] = {}
-"""A section that was left out."""
+"""Data of a section that the file leaves out."""
 
 
 class Model(Protocol):
-    """Model as the language sees it."""
+    """Interface of a model for the scene language."""
 
     @property
     def name(self) -> str:
-        """Value of a scene's `model`."""
+        """Name of the model: the value of `model` in a scene."""
 
     @property
     def title(self) -> str:
-        """Noun phrase for people."""
+        """Noun phrase that describes the model to users."""
 
     @property
     def schema(self) -> type[Section]:
-        """The whole scene."""
+        """Schema of the whole scene."""
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -62,23 +62,23 @@ class Models(Protocol[M_co]):
         """Return the names of all models."""
 
     def get(self, name: str) -> M_co:
-        """Return a model by its name."""
+        """Return a model by name."""
 
 
 @dataclass(frozen=True)
 class Scene(Generic[M]):
-    """A checked scene: its name, its model and its settings, every default filled in."""
+    """A checked scene: name, model and settings, with every default filled in."""
 
     name: str
     model: M
     settings: Any
     sweep: Mapping[str, Any] = field(default_factory=dict)
-    """Its section [sweep], if it has one (`scenes.language.sweep_section`)."""
+    """The section [sweep], if the scene has one (`scenes.language.sweep_section`)."""
     study: Mapping[str, Any] = field(default_factory=dict)
-    """Its section [study], if it has one."""
+    """The section [study], if the scene has one."""
 
     def to_toml(self) -> str:
-        """Return the resolved scene as TOML, without [sweep] and [study]; it can be loaded again."""
+        """Return the resolved scene as TOML that can be loaded again, without [sweep] and [study]."""
         return self._toml
 
     @cached_property
@@ -87,7 +87,7 @@ class Scene(Generic[M]):
 
 
 class ImpossibleError(SceneError):
-    """A scene that cannot be although each of its keys is right: they do not fit together, or the plant refuses it."""
+    """A scene whose keys are each valid, but do not fit together or are refused by the plant."""
 
     def __init__(self, scene: Scene[Any], lines: Iterable[str]) -> None:
         super().__init__(*lines)
@@ -100,16 +100,16 @@ def load_scene(models: Models[M], name_or_path: str | Path, overrides: Iterable[
     Parameters
     ----------
     models : Models
-        The models that it may choose.
+        Models from which the scene may choose.
     name_or_path : str or Path
-        Name of a shipped scene, or a TOML file. A file named in it is looked up beside it first.
+        Name of a shipped scene, or a TOML file. Files named in a TOML file are first looked up in the same folder.
     overrides : iterable of str
-        `section.key=value` each; the value is TOML, a bare word is a text.
+        Items of the form `section.key=value`; the value is TOML, and a bare word is a text.
 
     Raises
     ------
     SceneError
-        With one line for each mistake.
+        One line per mistake.
     """
     path = find_scene(str(name_or_path))
     return parse_scene(models, read_text(path), path.stem, overrides, path.parent)
@@ -118,14 +118,14 @@ def load_scene(models: Models[M], name_or_path: str | Path, overrides: Iterable[
 def parse_scene(
     models: Models[M], text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None
 ) -> Scene[M]:
-    """Check a scene given as TOML text; see `load_scene`. Files that it names are looked up in a folder first."""
+    """Check a scene given as TOML text; see `load_scene`. Files named in the text are first looked up in `folder`."""
     return Draft(models, text, name, overrides, folder).checked()
 
 
 class Draft(Generic[M]):
-    """A scene as it is written, to be checked with many further overrides; what they do not touch is tested once.
+    """A scene as written, to be checked with many sets of overrides; checks that the overrides do not affect run once.
 
-    Parameters as of `parse_scene`, which see.
+    The parameters are the same as in `parse_scene`.
     """
 
     def __init__(
@@ -139,9 +139,9 @@ class Draft(Generic[M]):
         self._passed: dict[type[Section], Passed] = {}
 
     def checked(self, overrides: Iterable[str] = ()) -> Scene[M]:
-        """Return the scene with further overrides; SceneError with one line for each mistake.
+        """Return the scene with further overrides; SceneError with one line per mistake.
 
-        It is an ImpossibleError where no key is wrong on its own.
+        The error is an ImpossibleError if each key is valid on its own.
         """
         data, overridden, mistakes = apply_overrides(self._data, overrides)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
@@ -166,7 +166,7 @@ class Draft(Generic[M]):
 
 
 def with_own_parts(model: M, data: Mapping[str, Any]) -> tuple[M, dict[str, Any], list[Mistake]]:
-    """Return a model with the keys of the user's own parts that a scene names; the rest as of `own.completed`."""
+    """Return a model extended by the keys of the user's own parts in a scene; see `own.completed` for the rest."""
     schema, filled, mistakes = own.completed(model.schema, data)
     known: Any = model
     return known if schema is model.schema else replace(known, schema=schema), filled, mistakes
@@ -174,7 +174,7 @@ def with_own_parts(model: M, data: Mapping[str, Any]) -> tuple[M, dict[str, Any]
 
 @cache
 def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
-    """Return the checks that no key of a section is set that is for other kinds than the section chooses."""
+    """Return the checks that each key set in a section is for the kind that the section chooses."""
     sections = {name: known.section for name, known in keys_in(schema).items()}
     chosen = {name: (each, key) for name, each in sections.items() for key in [*getattr(each, "holds", ())][:1]}
     return tuple(
@@ -183,13 +183,13 @@ def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
 
 
 def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:
-    """Return whether a key is wrong whatever the others are: no other one is suspected, or it names a wrong file."""
+    """Return whether a key is wrong whatever the other keys are: no other key is suspected, or the file is wrong."""
     key = key_at(schema, mistake.path)
     return not mistake.suspects or key is None or key.is_file
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:
-    """Give each file that a scene names its whole path, if it is in a folder."""
+    """Replace each file name in a scene by the full path of the file in a folder, if the folder contains the file."""
     for name, known in keys_in(schema).items():
         given = data.get(name)
         if isinstance(given, dict) and known.section is not None:
@@ -199,12 +199,12 @@ def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> N
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Return the files of the scenes that come with the program, by name."""
+    """Return the files of the shipped scenes by name."""
     return {path.stem: path for path in sorted(SHIPPED.glob("*.toml"))}
 
 
 def find_scene(name_or_path: str) -> Path:
-    """Return the file that a name or path means.
+    """Return the file of a scene, given by name or path.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def find_scene(name_or_path: str) -> Path:
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether there is such a file, or something that keeps one from looking: reading it will tell."""
+    """Return whether the path exists, or cannot be examined; in the latter case, reading the file raises the error."""
     try:
         os.stat(path)
     except (OSError, ValueError) as error:
@@ -235,9 +235,9 @@ def _is_there(path: Path) -> bool:
 
 
 def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to start from") -> str:
-    """Return the text of a file, of a scene or of what it needs; a byte order mark is dropped.
+    """Return the text of a scene or of a file that a scene needs, without a byte order mark.
 
-    Of an empty file it is told what to do `instead`.
+    If the file is empty, the error says what to do `instead`.
     """
     try:
         text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
@@ -252,7 +252,7 @@ def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to s
 
 
 def _model_of(models: Models[M], data: Mapping[str, Any]) -> tuple[M, list[Mistake]]:
-    """Return the scene's model; if that is wrong, the likeliest one, so that the rest can be checked."""
+    """Return the scene's model; if the name is wrong, the likeliest model, so that the rest can be checked."""
     given, known = data.get("model"), models.names()
     if isinstance(given, str) and given in known:
         return models.get(given), []
@@ -274,11 +274,11 @@ def _models_with(models: Models[Model], section: str) -> list[str]:
 
 
 def _with_every_section(model: Model, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Write out sections that were left out, so that each of their mandatory keys is missed by name."""
+    """Add the sections that the data leave out, so that each missing mandatory key is reported by name."""
     sections = [name for name, known in keys_in(model.schema).items() if known.section]
     return {**dict.fromkeys(sections, _EMPTY), **data}
 
 
 def says(path: Path) -> str:
-    """Return the line by which a scene introduces itself, without checking the scene."""
+    """Return the line of a scene file that describes the scene, without checking the scene."""
     return str(tomllib.loads(read_text(path)).get("says", ""))

@@ -1,4 +1,4 @@
-"""Mistakes in a scene, each as one line for the user."""
+"""Mistakes in a scene, each reported as one line."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from worm3d.values.spelling import did_you_mean, unknown
 S = TypeVar("S", bound=Section)
 
 MOST_LINES = 100
-"""Largest number of mistakes that are explained; a file with more is no scene, or repeats one mistake."""
+"""Largest number of mistakes that are explained; a file with more is not a scene, or repeats one mistake."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """One thing that is wrong."""
+    """One mistake."""
 
     path: KeyPath
-    """Key or section that is wrong."""
+    """Wrong key or section."""
     text: str
-    """What was found, what is allowed."""
+    """The value found, and the values allowed."""
     suspects: tuple[KeyPath, ...] = ()
-    """Further keys that may be to blame: where to point if `path` is not written down."""
+    """Further keys that may cause the mistake; the report points to one if `path` is not written in the scene."""
     intended: KeyPath = ()
-    """Key that a misspelt key probably means."""
+    """Key that the user probably meant by a misspelt key."""
 
     @property
     def untrusted(self) -> KeyPath:
-        """The key whose value cannot be trusted."""
+        """The key whose value is not reliable."""
         return self.intended or self.path
 
 
 Models = Callable[[str], Sequence[str]]
-"""Name of a section -> names of the models that have it."""
+"""Name of a section -> names of the models with this section."""
 
 
 def schema_mistakes(schema: type[Section], data: Mapping[str, Any], models: Models = lambda name: ()) -> list[Mistake]:
-    """Return what is wrong with each key on its own: unknown, missing, of the wrong type, out of range."""
+    """Return the mistakes of each key on its own: unknown, missing, of the wrong type, or out of range."""
     return validated(schema, data, models)[1]
 
 
 def validated(
     schema: type[S], data: Mapping[str, Any], models: Models = lambda name: ()
 ) -> tuple[S | None, list[Mistake]]:
-    """Return the data as a section, and what is wrong with each key on its own (`schema_mistakes`)."""
+    """Return the data as a section, and the mistakes of each key on its own (`schema_mistakes`)."""
     section, wrong = read(schema, data)
     explained = [_explained(schema, each, models) for each in wrong[:MOST_LINES]]
     return section, explained + [Mistake(each.path, "wrong too") for each in wrong[MOST_LINES:]]
@@ -72,7 +72,7 @@ def _explained(schema: type[Section], wrong: Wrong, models: Models) -> Mistake:
 
 
 def meant_key(schema: type[Section], path: KeyPath) -> str | None:
-    """Return the dotted key that an unknown path was probably meant to be, None if there is no such key."""
+    """Return the dotted key that the user probably meant by an unknown path, or None if no key is similar."""
     known: KeyPath = ()
     for part in path:
         if key_at(schema, (*known, part)) is None:
@@ -83,7 +83,7 @@ def meant_key(schema: type[Section], path: KeyPath) -> str | None:
 
 
 def _home(schema: type[Section], path: KeyPath) -> type[Section]:
-    """Return the section at a path, the whole scene if there is none."""
+    """Return the section at a path, or the whole scene if the path has no section."""
     known = key_at(schema, path) if path else None
     return (known and (known.section or known.table)) or schema
 
@@ -104,7 +104,7 @@ def _suggestion(word: str, known: Iterable[tuple[str, str]]) -> str:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a path as it is written in a scene: `gait.period_s`, `obstacle[1].radius_m`."""
+    """Return a path in the notation of a scene: `gait.period_s`, `obstacle[1].radius_m`."""
     text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
     return text.removeprefix(".")
 
@@ -114,7 +114,7 @@ def _header(path: KeyPath) -> str:
 
 
 def report(mistakes: Iterable[Mistake], lines: Mapping[KeyPath, int], overridden: Iterable[KeyPath]) -> tuple[str, ...]:
-    """Return one line per mistake, those of the file by line number, then those of the overrides; not of too many."""
+    """Return one line per mistake: first the file by line number, then the overrides; at most `MOST_LINES` of them."""
     overrides, found = list(overridden), list(mistakes)
     placed = [(*_place(mistake, lines, overrides), mistake) for mistake in found[:MOST_LINES]]
     told = [_line(label, mistake) for _, label, mistake in sorted(placed, key=lambda item: item[0])]
@@ -122,7 +122,7 @@ def report(mistakes: Iterable[Mistake], lines: Mapping[KeyPath, int], overridden
 
 
 def _place(mistake: Mistake, lines: Mapping[KeyPath, int], overrides: list[KeyPath]) -> tuple[tuple[int, int], str]:
-    """Return the rank of a mistake among the others, and the label that says where it stands."""
+    """Return the rank of a mistake, for sorting, and a label with the place of the mistake."""
     candidates = (mistake.path, *mistake.suspects)
     for path in candidates:
         for rank, override in enumerate(overrides):
@@ -133,7 +133,7 @@ def _place(mistake: Mistake, lines: Mapping[KeyPath, int], overrides: list[KeyPa
 
 
 def _stems_from(path: KeyPath, override: KeyPath, lines: Mapping[KeyPath, int]) -> bool:
-    """Tell whether an override set `path` or something around it, or made a section that the file does not have."""
+    """Return whether an override set `path` or a section around it, or created a section missing in the file."""
     sets_it = path[: len(override)] == override
     made_it = override[: len(path)] == path and path not in lines
     return sets_it or made_it

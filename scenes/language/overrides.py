@@ -1,4 +1,4 @@
-"""Overrides from the command line, `section.key=value`, put into a scene's data."""
+"""Overrides from the command line, `section.key=value`, applied to the data of a scene."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from scenes.language.toml import DEEPEST, KeyPath, path_of, require_shallow
 from worm3d.values.named import is_own
 
 MOST = 1000
-"""Largest number of overrides of a scene; more belong into its file."""
+"""Largest number of overrides of a scene; larger changes belong in the scene file."""
 
 
 def apply_overrides(
     data: Mapping[str, Any], overrides: Iterable[str]
 ) -> tuple[dict[str, Any], list[KeyPath], list[Mistake]]:
-    """Return a copy of the data with the overrides in it, their paths, and the overrides that cannot be used.
+    """Return a copy of the data with the overrides applied, the paths of the overrides, and the unusable overrides.
 
     Raises
     ------
     SceneError
-        Too many of them, or one nested deeper than a scene may be.
+        There are too many overrides, or an override is nested too deeply for a scene.
     """
     overrides = tuple(overrides)
     if len(overrides) > MOST:
@@ -69,5 +69,5 @@ def _with(data: Mapping[str, Any], path: tuple[str, ...], value: Any) -> dict[st
 
 
 def _is_switch(key: str | int, value: Any) -> bool:
-    """Return whether a part of a user's own is asked for without any parameters, of which it gets some now."""
+    """Return whether the value switches on a user's own part without parameters, which now gets parameters."""
     return value is True and is_own(str(key))

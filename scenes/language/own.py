@@ -1,8 +1,8 @@
-"""Parts of a user's own in a scene, `module:NAME`: the schema of such a scene, and a scene without them.
+"""Users' own parts in a scene, `module:NAME`: the schema extended by their keys, and the scene without the parts.
 
-Where a key names one, as gait.kind, the parameters of the part are keys of the section. Where a section lists several,
-as cost.parts, or has the parts themselves, as [fault], each has a sub-section, [fault."my_robot:Slip"]; such a part may
-also be switched, fault."my_robot:Slip" = true.
+If a key names one part, such as gait.kind, the parameters of the part are keys of the section. If a section lists
+several parts, such as cost.parts, or contains the parts directly, such as [fault], each part has a sub-section,
+[fault."my_robot:Slip"]; such a part may also be a switch, fault."my_robot:Slip" = true.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ S = TypeVar("S", bound=Section)
 
 
 class _Named(NamedTuple):
-    """A part of a user's own that a section names."""
+    """A user's own part that a section names."""
 
     key: str
     """Key of `PartSection.holds`."""
@@ -32,20 +32,20 @@ class _Named(NamedTuple):
     """`module:NAME`."""
     kind: Kind
     parts: tuple[Any, ...] = ()
-    """The part, once it has been found."""
+    """The imported part, in a tuple; empty before the import."""
 
     def __hash__(self) -> int:
         return hash((self.key, self.name, *map(id, self.parts)))
 
     def in_a_section(self, section: type[Section]) -> bool:
-        """Return whether its parameters stand in a section of their own: it is one of several in a section."""
+        """Return whether the part has a sub-section for the parameters, since the section can have several parts."""
         return self.key == ITSELF or isinstance(keys_in(section)[self.key].default, tuple)
 
 
 def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[str, Any], list[Mistake]]:
-    """Return the schema of a scene with the keys of the parts that it names, its data, and what is wrong with these.
+    """Return the schema of a scene extended by the keys of the named parts, the data of the scene, and the mistakes.
 
-    Their modules are imported. In the data, a switch becomes a sub-section.
+    The modules of the parts are imported. In the data, a switch becomes a sub-section.
     """
     filled, mistakes, changed = dict(data), list[Mistake](), dict[str, type[Section]]()
     for name, section, given, asked in _sections(schema, data):
@@ -55,7 +55,7 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
         asked_for = {each.name: given.get(each.name, True) for each in found if each.in_a_section(section)}
         kept = {key: value for key, value in given.items() if key not in lost | off}
         kept |= {each: {} if value is True else value for each, value in asked_for.items()}
-        if lost:  # whose keys are not known
+        if lost:  # the keys of these parts are not known
             kept = {key: value for key, value in kept.items() if key in {*keys_in(section), *asked_for}}
         if found:
             changed[name], clashes = _extended(section, tuple(found))
@@ -72,7 +72,7 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
 
 
 def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> tuple[list[_Named], set[str]]:
-    """Return the parts of a section with what their names mean, and the names that mean none, which are mistakes."""
+    """Return the parts of a section, imported, and the names without a part; these names are added to the mistakes."""
     found, lost = list[_Named](), set[str]()
     for each in asked:
         try:
@@ -86,7 +86,7 @@ def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> tuple[lis
 def _of_other_kinds(
     name: str, section: type[Section], extended: type[Section], own: _Named, kept: dict[str, Any]
 ) -> Iterator[Mistake]:
-    """Take keys out of the data of a section that the kinds that ship have alone; yield those that are set."""
+    """Remove from a section's data the keys that only shipped kinds have; yield a mistake for each key that is set."""
     for key in keys_in(section).keys() - keys_in(extended).keys() & kept.keys():
         known = keys_in(section)[key]
         known = replace(known, only=known.only or keys_in(section)[own.key].choices)
@@ -98,7 +98,7 @@ def _of_other_kinds(
 def _with_tables(
     name: str, section: type[Section], given: Mapping[str, Any]
 ) -> tuple[type[Section], Mapping[str, Any], list[Mistake]]:
-    """Return a section, its data and mistakes; its arrays of tables have the keys of the parts that the tables name."""
+    """Return a section with the keys of the parts named in its arrays of tables, the data, and the mistakes."""
     mistakes = list[Mistake]()
     for key, by, kind, items in _tables(section, given):
         parts, lost = dict[str, Any](), set[int]()
@@ -108,7 +108,7 @@ def _with_tables(
             except ValueError as error:
                 lost.add(n)
                 mistakes.append(Mistake((name, key, n, by), str(error)))
-        if lost:  # whose keys are not known
+        if lost:  # the keys of these parts are not known
             given = {**given, key: [item for n, item in enumerate(items) if n not in lost]}
         if parts:
             section = _with_table(section, key, tuple(parts.items()))
@@ -116,7 +116,7 @@ def _with_tables(
 
 
 def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[str, str, Kind, list[Any]]]:
-    """Yield each key of a section with tables of parts, the key that names one in a table, its kind, and the tables."""
+    """Yield each key of a section with tables of parts, the key that names the part, the kind, and the tables."""
     for key, known in keys_in(section).items():
         items = given.get(key)
         for by, kind in getattr(known.table, "holds", {}).items() if isinstance(items, list | tuple) else ():
@@ -124,9 +124,10 @@ def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[
 
 
 def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Any]:
-    """Return the data of a scene without parts of a user's own, none of which is imported.
+    """Return the data of a scene without users' own parts; no module is imported.
 
-    A section whose key names such a part is dropped, or in the sections of `but` kept without the keys of the part.
+    If a key of a section names such a part, the section is dropped. The sections of `but` are kept without the part's
+    keys.
     """
     filled = dict(data)
     for name, section, given, there in _sections(schema, data):
@@ -143,7 +144,7 @@ def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str]
 def _sections(
     schema: type[Section], data: Mapping[str, Any]
 ) -> Iterator[tuple[str, type[PartSection], Mapping[str, Any], list[_Named]]]:
-    """Yield name, schema and data of each section that names parts of a user's own, and these."""
+    """Yield the name, schema and data of each section that names users' own parts, and these parts."""
     for name, known in keys_in(schema).items():
         section, given = known.section, data.get(name)
         if section is not None and issubclass(section, PartSection) and isinstance(given, Mapping):
@@ -164,7 +165,7 @@ def _own_names(given: Any, key: str) -> list[str]:
 def _extended(
     section: type[PartSection], own: tuple[_Named, ...]
 ) -> tuple[type[Section], tuple[tuple[_Named, str], ...]]:
-    """Return a section with the keys of parts of a user's own, and which of these parts clash with other keys."""
+    """Return a section with the keys of users' own parts, and the parts whose keys clash with other keys."""
     first = next(iter(section.holds))
     is_chosen = any(each.key == first and not each.in_a_section(section) for each in own)
     keys: Keys = {
@@ -191,7 +192,7 @@ def _extended(
 
 
 def _section_of(name: str, keys: Keys, doc: str | None, base: type[Section] = PartSection) -> Any:
-    """Return a class of sections with some keys, beside those of its base."""
+    """Return a section class with the given keys in addition to the keys of the base class."""
     space: dict[str, Any] = {
         "__annotations__": {key: known.hint for key, known in keys.items()},
         "__doc__": doc or "Parameters of a part.",
@@ -201,14 +202,14 @@ def _section_of(name: str, keys: Keys, doc: str | None, base: type[Section] = Pa
 
 
 def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
-    """Return the keys of the parameters of a part, as those that ship would have them."""
+    """Return the keys of the parameters of a user's own part, named in the same way as for shipped parts."""
     made = section.source({each.name: part}) if hasattr(section, "source") else keys_of({each.name: part})
     return {key: declared for key, declared in made.items() if key not in section.holds}
 
 
 @cache
 def _with_table(section: type[Section], key: str, parts: tuple[tuple[str, Any], ...]) -> type[Section]:
-    """Return a section whose array of tables at a key has the keys of parts of a user's own, by `module:NAME`."""
+    """Return a section whose array of tables has the keys of users' own parts, given by `module:NAME`."""
     known = keys_in(section)[key]
     table: Any = known.table
     ((by, kind),) = table.holds.items()
@@ -224,7 +225,7 @@ def _with_table(section: type[Section], key: str, parts: tuple[tuple[str, Any], 
 
 @cache
 def _with(schema: type[S], sections: tuple[tuple[str, type[Section]], ...]) -> type[S]:
-    """Return a schema with other sections, by name."""
+    """Return a schema with some sections replaced, by name."""
     keys = {name: Key(meaning="", hint=section, default=section()) for name, section in sections}
     made: type[S] = _section_of(schema.__name__, keys, schema.__doc__, schema)
     return made

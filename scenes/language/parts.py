@@ -1,4 +1,4 @@
-"""Sections whose keys follow from the parameters of dataclasses, `worm3d.values.parameters`.
+"""Sections whose keys are derived from the parameters of dataclasses, `worm3d.values.parameters`.
 
     class Worm(PartSection, keys=keys_of(worm3d.Worm, without=("flat",))):
         \"\"\"The body.\"\"\"
@@ -9,11 +9,11 @@
     worm = part_of(worm3d.Worm, scene.worm)
     gait = part_of(gaits.GAITS[scene.gait.kind], scene.gait)
 
-A registry (a mapping of names to dataclasses) makes the key `by`, which names one of them, and the keys of all; a key
-that only some of them have is refused where another is chosen (`scenes.language.checks.kind_checks`). A key that
-several have is declared by the first of them, or has the default of each kind (`own_defaults`). Keys end in their
-unit, angles are in degrees; a parameter that may be infinite, or None, is left out instead. `prefix` puts a word before
-each key, for several parts of one class in one section.
+A registry (a mapping of names to dataclasses) makes the key `by`, which names a dataclass, and the keys of all
+dataclasses. A key of only some dataclasses is refused if the scene chooses another one
+(`scenes.language.checks.kind_checks`). A key of several dataclasses is declared by the first, or has the default of
+each kind (`own_defaults`). Keys end in their unit, and angles are in degrees; a parameter that may be infinite, or
+None, is left out instead. `prefix` adds a word before each key, for several parts of one class in one section.
 """
 
 from __future__ import annotations
@@ -40,29 +40,30 @@ Keys = dict[str, Key]
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 ITSELF = ""
-"""Stands, in `PartSection.holds`, for the keys of a section that has the parts themselves."""
+"""Key in `PartSection.holds` for a section that contains the parts themselves."""
 
 UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
-"""Units that a key ends in."""
+"""Units that can end a key."""
 
 
 Source = Callable[[Mapping[str, Any]], Keys]
-"""From classes by name to the keys of a section."""
+"""Function from classes by name to the keys of a section."""
 
 
 class PartSection(Section):
-    """A section with `keys`, and `more` of them, beside those that its class writes out; those that it writes out win.
+    """A section with the keys written in the class, `keys` and `more`; the written keys take precedence.
 
-    `holds` says which kinds of parts its keys name (`control.parts`): one by a key, or several by a key with a list. A
-    section that `holds` a kind by no key has the parts themselves as sub-sections or switches. If the argument `keys`
-    is a function, it makes the keys of the parts that ship, and in `scenes.language.own` those of users' parts.
+    `holds` maps keys of the section to the kinds of parts that they name (`control.parts`): one key names a part, or a
+    key with a list names several. A section that `holds` a kind without a key contains the parts themselves, as
+    sub-sections or switches. If the argument `keys` is a function, the function makes the keys of the shipped parts,
+    and in `scenes.language.own` the keys of users' own parts.
     """
 
     holds: ClassVar[Mapping[str, Kind]] = NOTHING
     source: ClassVar[Source]
-    """Makes the keys of parts of the kind that it holds first."""
+    """Function that makes the keys of the first kind in `holds`."""
     of_parts: ClassVar[frozenset[str]] = frozenset()
-    """Keys that `source` made for the parts that ship."""
+    """Keys made by `source` for the shipped parts."""
 
     @classmethod
     def each(cls, name: str, part: Any) -> Keys:
@@ -114,21 +115,22 @@ def keys_of(
     Parameters
     ----------
     parts : type or mapping
-        A dataclass, or several by name.
+        A dataclass, or several dataclasses by name.
     by, meaning, aka : str
-        Of several, the key that names the one (by default the first), its meaning, and its aliases.
+        For several dataclasses: the key that names one (the first by default), its meaning, and its aliases.
     these, without : collection of str
-        Parameters that alone have a key (all, if there are none), and those that have none.
+        Parameters that get a key (if empty, all), and parameters that do not.
     bounds, defaults, units : mapping
-        Ranges (in the units of the section), defaults and units that differ from those of the dataclass, by parameter.
+        Ranges (in the units of the section), defaults and units that replace the values of the dataclass, by parameter.
     prefix, about : str
-        What stands before each key, and before each meaning.
+        Text before each key, and before each meaning.
     only : tuple of str
-        Kinds of the section that the keys are for; empty for all.
+        Kinds of the section with these keys; empty for all.
     own_defaults : bool
-        Whether a key whose defaults differ among the kinds has that of its kind, and not that of the first.
+        Whether a key whose default differs among the kinds has the default of the chosen kind instead of the first
+        kind.
     own : bool
-        Whether the key `by` also names parts of a user's own, `module:NAME`.
+        Whether the key `by` also names users' own parts, `module:NAME`.
     """
     registry = parts if isinstance(parts, Mapping) else {"": parts}
     found: dict[str, dict[str, Parameter]] = {}
@@ -149,35 +151,35 @@ def keys_of(
 
 
 chosen: Callable[..., Keys] = partial(keys_of, by="kind", own=True)
-"""Return the keys of a section that chooses a part, a user's own too."""
+"""Return the keys of a section that chooses a part, shipped or the user's own."""
 
 
 def meanings(registry: Mapping[str, type]) -> str:
-    """Return what the parts of a registry are: by name, the first sentences of their docstrings."""
+    """Return the first sentences of the docstrings of the parts of a registry, by name."""
     return "; ".join(f"{name}: {head(part)[:1].lower()}{head(part)[1:]}" for name, part in registry.items())
 
 
 def head(part: Any) -> str:
-    """Return the meaning of a part, or the first sentence about it without its full stop."""
+    """Return the meaning of a part, or the first sentence of its docstring, without the full stop."""
     return getattr(part, "meaning", "") or (part.__doc__ or "").split(".")[0]
 
 
 def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING, **given: Any) -> T:
-    """Return the part that a section describes, or several sections together.
+    """Return the part described by a section, or by several sections together.
 
     Parameters
     ----------
     part : type
-        Its dataclass.
+        Dataclass of the part.
     prefix, units
-        As of `keys_of`.
+        The same as in `keys_of`.
     given
-        Fields that are not taken from the section; those that the dataclass does not have are passed over.
+        Fields that are given directly; fields that the dataclass does not have are ignored.
 
     Raises
     ------
     ValueError
-        What the dataclass refuses.
+        The dataclass refuses the values.
     """
     own: Any = part
     names = {field.name for field in fields(own)} if is_dataclass(own) else ()
@@ -186,7 +188,7 @@ def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str,
 
 
 def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING) -> dict[str, Any]:
-    """Return the values that sections give to the parameters of a part; arguments as of `part_of`."""
+    """Return the values of the parameters of a part in the sections; the arguments are those in `part_of`."""
     values: dict[str, Any] = {}
     for name, said in declared(part).items():
         known = _replaced(said, _changes(name, unit=units))
@@ -198,17 +200,17 @@ def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, s
 
 
 def class_named(kind: Kind, name: str) -> Any:
-    """Return the class of a name, or the object that it is; ValueError where there is none."""
+    """Return a class, or an object, by name; ValueError if there is none."""
     return kind.registry[name] if name in kind.registry else named.own(name, kind)
 
 
 def part_named(kind: Kind, name: str, *sections: Any, **how: Any) -> Any:
-    """Return the part of a name: one of those that ship, or a user's own as `module:NAME`; the rest as of `part_of`.
+    """Return a part by name: shipped, or the user's own as `module:NAME`; see `part_of` for the other arguments.
 
     Raises
     ------
     ValueError
-        There is no such part, or it refuses its parameters.
+        There is no such part, or the part refuses its parameters.
     """
     if name in kind.registry:
         return part_of(kind.registry[name], *sections, **how)
@@ -216,7 +218,7 @@ def part_named(kind: Kind, name: str, *sections: Any, **how: Any) -> Any:
 
 
 def key_of(known: Parameter) -> str:
-    """Return the key of a parameter in a section: its name, and its unit if that is of SI."""
+    """Return the key of a parameter in a section: the name and the unit, if all parts of the unit are in `UNITS`."""
     unit = in_degrees(known).unit
     words = unit.replace("/", " ").split()
     if known.key or not all(word in UNITS for word in words):
@@ -225,7 +227,7 @@ def key_of(known: Parameter) -> str:
 
 
 def keys_by_parameter(part: type, section: type[Section]) -> dict[str, str]:
-    """Return the key of each parameter of a dataclass that a section has, to put keys into its errors."""
+    """Return the key of each parameter of a dataclass in a section, for use in error messages."""
     keys = {name: key_of(known) for name, known in parameters_of(part).items()}
     return {name: key for name, key in keys.items() if key in keys_in(section)}
 
@@ -243,7 +245,7 @@ def _is_value(default: Any) -> bool:
 
 
 def _of_kinds(owners: Mapping[str, Parameter]) -> str:
-    """Return what holds where each kind has a default of its own: the kinds of each, where there are few."""
+    """Return the words for a default that depends on the kind: up to four values, each with its kinds."""
     kinds: dict[str, list[str]] = {}
     for owner, own in owners.items():
         text = f"{own.default:.4g}" if type(own.default) is float else toml.shown(own.default)
@@ -253,7 +255,7 @@ def _of_kinds(owners: Mapping[str, Parameter]) -> str:
 
 
 def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> Key:
-    """Return the key of a parameter, from what is known of it in each part that has it."""
+    """Return the key of a parameter, combined from the declarations in all parts with this parameter."""
     known = next(iter(owners.values()))
     agree = not own_defaults or len({own.default for own in owners.values()}) == 1
     is_finite = agree and _is_value(known.default)
@@ -277,7 +279,7 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaul
 
 
 def _hint(known: Parameter, words: tuple[str, ...], *, optional: bool) -> Any:
-    """Return the type of the key of a parameter, with the words that any of its owners takes."""
+    """Return the type of the key of a parameter; the choices of all parts with this parameter are allowed."""
     if words:
         return Literal[words]
     each: Any = Each

@@ -1,7 +1,7 @@
-"""Data of a scene as its sections: each value in the type of its key, and what is wrong with the others.
+"""Conversion of scene data to sections: each value is checked against the type of its key, and errors are collected.
 
-Nothing is converted, nothing unknown passes: True is no number, 1 is not true, "1" is no number. A whole number will do
-for any number, and a list becomes a tuple, so that nothing in a scene can change.
+No value is converted, and no unknown key is accepted: True is no number, 1 is not true, "1" is no number. A whole
+number is accepted as any number, and a list becomes a tuple, so that a scene is immutable.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from worm3d.values import named
 S = TypeVar("S", bound=Section)
 
 UNKNOWN, MISSING = "unknown", "missing"
-"""Texts of keys that a section does not have, and of those that must be given."""
+"""Error texts for keys that a section does not have, and for missing mandatory keys."""
 
 RULES = {"gt": "greater than", "ge": "greater than or equal to", "lt": "less than", "le": "less than or equal to"}
 
@@ -29,11 +29,11 @@ TYPES: Mapping[Any, tuple[Any, str]] = {
     bool: (bool, "a valid boolean"),
     str: (str, "a valid string"),
 }
-"""What Python's TOML has for a type, and its name in an error."""
+"""Python types of TOML values, and their names in an error."""
 
 
 class Wrong(NamedTuple):
-    """A value that is wrong on its own."""
+    """A value that is invalid on its own."""
 
     path: KeyPath
     found: Any
@@ -41,21 +41,21 @@ class Wrong(NamedTuple):
 
 
 def read(schema: type[S], data: Any) -> tuple[S | None, list[Wrong]]:
-    """Return the data as a section, None if something is wrong, and what is wrong."""
+    """Return the data as a section, or None if there are errors, and the errors."""
     reader = _Reader()
     found = reader.section(schema, data, ())
     return (None if reader.wrong else found), reader.wrong
 
 
 def trusted(schema: type[S], data: Any) -> S:
-    """Return data that have been checked before as a section."""
+    """Return data as a section, without checks; the data have been checked before."""
     found, wrong = read(schema, data)
     assert found is not None, wrong
     return found
 
 
 class _Reader:
-    """Walks over data, and collects what is wrong in them."""
+    """Reader that walks over data and collects the errors."""
 
     def __init__(self) -> None:
         self.wrong: list[Wrong] = []
@@ -91,7 +91,7 @@ class _Reader:
             wanted = [each for each in types if (get_origin(each) is tuple) == isinstance(value, list | tuple)]
             if value is None and NoneType in inner:
                 return None
-            return self._value(key, (wanted or types)[-1], value, path)  # of lists the last takes lists in lists too
+            return self._value(key, (wanted or types)[-1], value, path)  # the last list type also takes nested lists
         elif hint is not Any:
             return self._plain(key, hint, value, path)
         return value
@@ -142,6 +142,6 @@ def _is_finite(number: float) -> bool:
 
 
 def _listed(words: tuple[Any, ...]) -> str:
-    """Return a choice in words: 'a', 'b' or 'c'."""
+    """Return the choices in words: 'a', 'b' or 'c'."""
     *first, last = map(repr, words)
     return f"{', '.join(first)} or {last}" if first else last

@@ -1,4 +1,4 @@
-"""How a scene's sections are declared: frozen dataclasses, each field a `Parameter` with unit, range, default, meaning.
+"""Declaration of sections: frozen dataclasses, each field a `Parameter` with unit, range, default and meaning.
 
     class Push(Section):
         \"\"\"A force on one joint.\"\"\"
@@ -6,7 +6,7 @@
         joint: int = setting(0, ge=0, meaning="which joint")
         force_N: Triple = setting((0.0, 0.0, 0.0), unit="N", meaning="x, y, z of the force")
 
-`scenes.language.reading` makes a section of the data of a scene.
+`scenes.language.reading` converts the data of a scene to sections.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from worm3d.values.parameters import EACH, PARAMETER, Parameter, parameter, para
 N = TypeVar("N")
 
 OWN = "module:NAME"
-"""Stands, among the kinds that a key is for, for all kinds of the user's own."""
+"""Entry of `only` for all of a user's own kinds."""
 
 Each = Union[N, tuple[N, ...]]  # noqa: UP007  # `|` takes no type variable here
-"""A number for all, or a list with one for each."""
+"""One number for all, or a list with a number for each."""
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 Points = tuple[Triple, ...]
-"""A list of places, [x, y, z] each."""
+"""A list of positions, [x, y, z] each."""
 
 Tables = tuple[N, ...]
 """An array of tables: `Tables[Patch]` are sections under headers [[world.patches]]."""
@@ -45,57 +45,57 @@ class Key(Parameter):
     """A parameter as a key of a section."""
 
     only: tuple[str, ...] = ()
-    """Kinds of its section that it is for; empty for all."""
+    """Kinds of the section that have the key; empty for all."""
     defaults_by_kind: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     """Default for each kind of the section, where the kinds differ."""
     kinds_by_word: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
-    """Kinds of the section that accept a word of a choice; every kind accepts a word without an entry."""
+    """Kinds of the section that accept a given choice; a choice without an entry is accepted by every kind."""
     names: tuple[str, ...] | None = None
-    """Names of the parts that ship and that it takes beside `module:NAME`; None: it names no parts."""
+    """Names of the shipped parts that the key accepts besides `module:NAME`; None if the key does not name parts."""
     is_file: bool = False
-    """Whether it is the path of a file."""
+    """Whether the value is the path of a file."""
     parameters: tuple[str, ...] = ()
-    """Names of the parameters of parts that it sets."""
+    """Names of the part parameters that the key sets."""
 
     @property
     def is_required(self) -> bool:
-        """Whether it must be given."""
+        """Whether the key is mandatory."""
         return self.default is None and not self.left_out
 
     @property
     def choices(self) -> tuple[Any, ...]:
-        """The values of a choice, or the names of parts that ship; empty for anything else."""
+        """The values of a choice, or the names of shipped parts; empty for other keys."""
         return self.names or super().choices
 
     @property
     def section(self) -> type[Section] | None:
-        """The section that it holds, or None if it is a plain key."""
+        """The class of the section at this key, or None for a plain key."""
         return self.hint if isinstance(self.hint, type) and issubclass(self.hint, Section) else None
 
     @property
     def table(self) -> type[Section] | None:
-        """The section of which it holds an array, or None if it holds something else."""
+        """The class of the sections in an array of tables, or None for other keys."""
         inner = next(iter(get_args(self.hint)), None) if get_origin(self.hint) is tuple else None
         return inner if isinstance(inner, type) and issubclass(inner, Section) else None
 
     @property
     def is_number(self) -> bool:
-        """Whether it is a number, or several."""
+        """Whether the value is a number, or several."""
         return _innermost(self.hint) in (float, int)
 
     @property
     def is_whole(self) -> bool:
-        """Whether it is one whole number."""
+        """Whether the value is one whole number."""
         return self.hint is int or set(get_args(self.hint)) == {int, NoneType}
 
     @property
     def unit_or_one(self) -> str:
-        """The unit of a number, "1" for a pure one; empty for anything else."""
+        """The unit of a number, "1" for a dimensionless number; empty for other keys."""
         return (self.unit or "1") if self.is_number else ""
 
     @property
     def span(self) -> str:
-        """The range of a number, `0 < … <= 100`; empty if it has none."""
+        """The range of a number, `0 < … <= 100`; empty without bounds."""
         known = self.bounds
         low = next((f"{short(known[name])} {sign} " for name, sign in (("gt", "<"), ("ge", "<=")) if name in known), "")
         high = next(
@@ -105,12 +105,12 @@ class Key(Parameter):
 
     @property
     def default_text(self) -> str:
-        """The default, or the words for a key that is left out."""
+        """The default, or the text that describes a missing value."""
         return self.left_out or toml.shown(self.default)
 
     @property
     def meaning_in_section(self) -> str:
-        """The meaning, after the kinds of the section that have the key, if not all have it."""
+        """The meaning, preceded by the kinds of the section that have the key, unless all kinds have the key."""
         only = ", ".join(few(self.only))
         return f"{only} only: {self.meaning}" if only else self.meaning
 
@@ -122,15 +122,15 @@ class Key(Parameter):
         return text + (f" (default {self.default_text})" if known else "")
 
     def words_for(self, kind: str) -> tuple[Any, ...]:
-        """Return the words of a choice that a kind of its section allows."""
+        """Return the choices that a kind of the section allows."""
         return tuple(word for word in self.choices if kind in self.kinds_by_word.get(word, (kind,)))
 
     def is_for(self, kind: Any) -> bool:
-        """Return whether a kind of its section has it."""
+        """Return whether a kind of the section has the key."""
         return not self.only or kind in self.only or (OWN in self.only and isinstance(kind, str) and named.is_own(kind))
 
     def as_field(self) -> Any:
-        """Return it as a field of a dataclass."""
+        """Return the key as a field of a dataclass."""
         default = MISSING if self.is_required else self.default
         if isinstance(default, dict):
             return dataclasses.field(default_factory=default.copy, metadata={PARAMETER: self})
@@ -138,11 +138,11 @@ class Key(Parameter):
 
 
 class Section:
-    """Keys of one section of a scene, a frozen dataclass; nothing is checked when one is made."""
+    """A section of a scene, as a frozen dataclass of keys; creating a section checks nothing."""
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Any]]
-        __hash__: ClassVar[Any]  # mypy takes the hash of an instance for that of the class
+        __hash__: ClassVar[Any]  # mypy confuses the hash of an instance with the hash of the class
     else:
 
         def __hash__(self) -> int:
@@ -151,9 +151,9 @@ class Section:
     def __init_subclass__(cls) -> None:
         for name, hint in inspect.get_annotations(cls).items():
             default = cls.__dict__.get(name)
-            if isinstance(default, Section | None) and not str(hint).startswith("ClassVar"):  # a section in it
+            if isinstance(default, Section | None) and not str(hint).startswith("ClassVar"):  # a nested section
                 setattr(cls, name, Key(meaning="", default=default).as_field())
-        dataclass(init=False, repr=False, eq=False)(cls)  # a key may be no name of Python, such as my_robot:Slip
+        dataclass(init=False, repr=False, eq=False)(cls)  # a key need not be a Python name, such as my_robot:Slip
 
     def __init__(self, **given: Any) -> None:
         keys = keys_in(type(self))
@@ -175,19 +175,19 @@ class Section:
 
 
 def keys_in(schema: type[Section]) -> Mapping[str, Key]:
-    """Return the keys of a section, and the sections in it, by name."""
+    """Return the keys and the nested sections of a section, by name."""
     return cast(Mapping[str, Key], parameters_of(schema))
 
 
 def setting(default: Any = None, *, only: str | tuple[str, ...] = (), **said: Any) -> Any:
-    """Return a field of a section; without a default, or `left_out`, it must be given.
+    """Return a field of a section; the key is mandatory without a default or `left_out`.
 
     Parameters
     ----------
     default : object, optional
         Default.
     only : str or tuple of str
-        The `kind`, or kinds, of its section that the key is for; empty for all.
+        The `kind`, or kinds, of the section that have the key; empty for all.
     said
         Bounds (gt, ge, lt, le) and attributes of `Key`: `meaning`, `unit`, `aka`, `left_out`, `each` and others.
     """
@@ -196,26 +196,26 @@ def setting(default: Any = None, *, only: str | tuple[str, ...] = (), **said: An
 
 
 def new_key(default: Any = None, **said: Any) -> Key:
-    """Return a key that no class writes out; arguments as for `setting`, and `hint`, its type."""
+    """Return a key without a field in a class; the arguments are those in `setting`, and the type as `hint`."""
     known: Key = parameter(made=Key, **said).metadata[PARAMETER]
     return dataclasses.replace(known, default=default)
 
 
 def part_key(names: Sequence[str], **said: Any) -> Key:
-    """Return a key that names a part: one of `names`, the first by default, or `module:NAME`.
+    """Return a key that names a part: an item of `names` (by default the first), or `module:NAME`.
 
-    See `worm3d.values.named`. With `OWN` among the kinds that a key is `only` for, it is for a user's own kinds too.
+    See `worm3d.values.named`. If `only` contains `OWN`, users' own kinds also have the key.
     """
     return new_key(names[0], hint=str, names=tuple(names), **said)
 
 
 def parts_key(names: Sequence[str], **said: Any) -> Key:
-    """Return a key that lists parts, all of `names` by default. See `part_key`."""
+    """Return a key that lists parts, by default all of `names`. See `part_key`."""
     return new_key(tuple(names), hint=tuple[str, ...], names=tuple(names), **said)
 
 
 def key_at(schema: type[Section], path: KeyPath) -> Key | None:
-    """Return the key or section at a path, or None if there is none; indices in the path are passed over."""
+    """Return the key or section at a path, or None if there is none; indices in the path are ignored."""
     names = [name for name in path if isinstance(name, str)]
     known = keys_in(schema).get(names[0])
     if known is None or len(names) == 1:
@@ -225,22 +225,22 @@ def key_at(schema: type[Section], path: KeyPath) -> Key | None:
 
 
 def names(schema: type[Section]) -> Iterator[tuple[str, str]]:
-    """Yield each name that may be tried for a key, with the key it means."""
+    """Yield each name that a user may try for a key, with the key."""
     for name, known in keys_in(schema).items():
         yield name, name
         yield from ((other, name) for other in known.aka)
 
 
 def few(words: Sequence[str]) -> list[str]:
-    """Return words, or of more than four the first two and how many others there are."""
+    """Return the words; of more than four words, the first two and the number of the others."""
     return [*words] if len(words) <= 4 else [*words[:2], f"{len(words) - 2} others"]
 
 
 def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the data of a scene with the defaults that keys have in the kinds that its sections choose.
+    """Return the data of a scene with the defaults of the kinds that its sections choose.
 
-    A kind of the user's own has those of `OWN`, if there are any; a kind that is wrong, of which others tell, counts as
-    the first.
+    A user's own kind has the defaults of `OWN`, if there are any. An invalid kind, which other checks report, counts as
+    the first kind.
     """
     filled = dict(data)
     for name, declared in keys_in(schema).items():
@@ -260,11 +260,11 @@ def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[st
 
 
 def _innermost(hint: Any) -> Any:
-    """Return the type of the items of a type, or the type itself."""
+    """Return the item type of a type, or the type itself."""
     inner = [each for each in get_args(hint) if each not in (NoneType, Ellipsis)]
     return _innermost(inner[0]) if inner and get_origin(hint) is not Literal else hint
 
 
 def short(number: float) -> str:
-    """Return a bound as a line shows it."""
+    """Return a bound as text for an error line."""
     return str(number) if isinstance(number, int) else f"{number:g}"

@@ -1,4 +1,4 @@
-"""Sections of a scene that is not run once: [sweep], what is varied, and [study], what is learnt from it."""
+"""Sections of a scene that is run many times: [sweep], with the varied keys, and [study], with the conclusions."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ SWEEP, STUDY = "sweep", "study"
 
 
 CASE_LIMIT = 3600.0
-"""Default of the longest time of a case, from its first step on [s]. Cases take seconds to minutes. With half of it
-long ones fail on slow machines, with double a case that never ends holds up the others longer."""
+"""Default time limit of a case, counted from the first step [s]. Cases take seconds to minutes. With half this limit,
+long cases fail on slow machines; with double, a case that never ends delays the other cases longer."""
 LONGEST_CASE_LIMIT = 1e7
-"""Longest time limit of a case that can be given [s]: 16 weeks. Timers overflow at some hundred times as much, and
-half or double of it makes no difference to sweeps."""
+"""Largest time limit of a case that can be given [s]: 16 weeks. Timers overflow at some hundred times this value, and a
+value of half or double makes no difference to sweeps."""
 
 
 class Sweep(Section):
-    """Keys that are varied, and how many cases are drawn."""
+    """The keys to vary, and the number of cases to draw."""
 
     vary: dict[str, Any] = setting(
         meaning='keys and their values: { "gait.period_s" = [2, 3], "worm.segments" = "3:7:5" }', aka=("values", "keys")
@@ -40,7 +40,7 @@ class Sweep(Section):
 
 
 class Study(Section):
-    """What a sweep is to tell."""
+    """The results that a sweep is to report."""
 
     question: str = setting("", meaning="the question that it answers")
     held: str = setting("", meaning="what is the same in all cases")
@@ -67,16 +67,16 @@ class _Outside(Section):
 
 
 OUTSIDE = tuple(keys_in(_Outside))
-"""Sections of a scene's file that do not belong to the scene itself."""
+"""Sections of a scene file that do not belong to the scene itself."""
 
 
 def outside_mistakes(given: Mapping[str, object]) -> list[Mistake]:
-    """Return what is wrong with these sections."""
+    """Return the mistakes in these sections."""
     return schema_mistakes(_Outside, given)
 
 
 def varied_keys(vary: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Return the values of each varied key; those of a table `gait` with a key `period_s` are of `gait.period_s`."""
+    """Return the values of each varied key, by dotted name: a key `period_s` in a table `gait` is `gait.period_s`."""
     found: dict[str, Any] = {}
     for name, values in vary.items():
         inner = isinstance(values, Mapping)

@@ -1,4 +1,4 @@
-"""A commented scene to start from, written from the schema, so that it cannot go stale."""
+"""A commented scene as a starting point, generated from the schema and therefore always up to date."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from scenes.language.toml import key, value
 
 
 def template(model: Model, overrides: Iterable[str] = ()) -> str:
-    """Return a scene of a model with every key at its default, its meaning, unit and range as a comment.
+    """Return a scene of a model with every key at its default, and with meaning, unit and range as comments.
 
-    Overrides, `section.key=value`, take the place of defaults; they may name parts of a user's own.
+    Overrides, `section.key=value`, replace defaults; the overrides may name users' own parts.
 
     Raises
     ------
     SceneError
-        With one line for each mistake in these.
+        One line for each mistake in the overrides.
     """
     data, paths, mistakes = apply_overrides({}, overrides)
     model, given, wrong = with_own_parts(model, data)

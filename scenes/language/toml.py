@@ -1,6 +1,6 @@
-"""TOML: parsed, with the line of each key; errors of syntax as a picture; settings and values written.
+"""TOML: parsing, the line of each key, pictures of syntax errors, and writing of settings and values.
 
-tomllib keeps no positions, and an error line needs one: `key_lines` scans texts that tomllib has accepted.
+An error line needs a position, but tomllib keeps none: `key_lines` scans texts that tomllib has accepted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 from scenes.language.errors import SceneError
 
 KeyPath = tuple[str | int, ...]
-"""Path to a key, with the index of an element of an array of tables: ("obstacle", 1, "radius_m")."""
+"""Path to a key, including the index in an array of tables: ("obstacle", 1, "radius_m")."""
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _KEY = r"""(?:[A-Za-z0-9_-]+|"(?:\\.|[^"\\])*"|'[^']*')"""
@@ -37,16 +37,16 @@ _TOKEN = re.compile(
 )
 
 SHOWN = 160
-"""Number of characters of a line that are shown about a mistake."""
+"""Number of characters of a source line shown with a mistake."""
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 _KEYS = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
-"""A path as the messages show it: a tuple of Python."""
+"""A path in the messages of tomllib: a tuple in Python notation."""
 
 
 DEEPEST = 20
-"""Largest depth of sections, tables and lists within each other; no scene needs more than 5."""
+"""Largest nesting depth of sections, tables and lists; no scene needs more than 5."""
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -55,7 +55,8 @@ def parse(text: str) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        Broken TOML: what and where, the source line, a caret under the column. Or nested deeper than `DEEPEST`.
+        The TOML is invalid, or nested deeper than `DEEPEST`. The error shows the source line and a caret under the
+        column.
     """
     try:
         data = tomllib.loads(text)
@@ -70,7 +71,7 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def require_shallow(data: Any) -> None:
-    """Raise SceneError for what is nested deeper than `DEEPEST`: all that walks through it does so by recursion."""
+    """Raise SceneError if data are nested deeper than `DEEPEST`, as functions walk through the data by recursion."""
     level = [data]
     for _ in range(DEEPEST):
         level = [item for outer in level for item in _items(outer)]
@@ -111,12 +112,12 @@ def key_lines(text: str) -> dict[KeyPath, int]:
 
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
-    """Return the line of `path`, or of the nearest thing around it that has one; 1 if nothing has."""
+    """Return the line of `path`, or of the nearest enclosing table with a line; 1 if there is none."""
     return next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), 1)
 
 
 class _Scanner:
-    """Walks over headers and `key = value` statements; values are skipped."""
+    """Scanner of headers and `key = value` statements; values are skipped."""
 
     def __init__(self, text: str) -> None:
         self.lines: dict[KeyPath, int] = {}
@@ -162,7 +163,7 @@ class _Scanner:
         return (*array, self._last_element[array])
 
     def _resolved(self, keys: KeyPath) -> KeyPath:
-        """Put in the index of the last element wherever a header passes through an array of tables."""
+        """Insert the index of the last element after each array of tables in a header."""
         path: KeyPath = ()
         for key in keys:
             path = (*path, key)
@@ -187,17 +188,17 @@ def _unquoted(part: str) -> str:
 
 
 def path_of(dotted: str) -> tuple[str, ...]:
-    """Return the path of a key as users write it, `gait.period_s` or `fault."my.robot:Slip".begin_s`."""
+    """Return the path of a key in the user's notation, `gait.period_s` or `fault."my.robot:Slip".begin_s`."""
     return tuple(part.strip().strip("\"'") for part in _DOT.split(dotted))
 
 
 def key(name: str) -> str:
-    """Return a name as TOML writes it: in quotes, where it is not of letters, digits, _ and - alone."""
+    """Return a name in TOML: quoted, unless the name consists of letters, digits, _ and - only."""
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else value(name)
 
 
 def value(item: Any) -> str:
-    """Return a value as TOML writes it."""
+    """Return a value in TOML."""
     match item:
         case bool():
             return "true" if item else "false"
@@ -208,18 +209,18 @@ def value(item: Any) -> str:
         case dict():
             return f"{{{', '.join(f'{key(name)} = {value(inner)}' for name, inner in item.items())}}}"
         case _:
-            # JSON's escapes are TOML's, save for the one control character that JSON lets pass.
+            # TOML accepts the escapes of JSON, and needs an escape for one control character that JSON does not escape.
             return json.dumps(str(item), ensure_ascii=False).replace("\x7f", "\\u007F")
 
 
 def shown(item: Any) -> str:
-    """Return a value as an error line shows it: short, strings in single quotes."""
+    """Return a value for an error line: shortened, with strings in single quotes."""
     text = repr(item) if isinstance(item, str) else value(item)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def document(settings: Any) -> str:
-    """Return all settings as a TOML text, every default written out; what has no value (None) is left out."""
+    """Return all settings as TOML text, with every default; keys without a value (None) are left out."""
     return "\n".join(_lines(settings, "")).strip() + "\n"
 
 

@@ -1,4 +1,4 @@
-"""The models that a scene can choose by `model = "..."`; each is imported when it is asked for."""
+"""The models that a scene can choose by `model = "..."`; a model is imported on first use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACES = {
     "planar_published": ("scenes.models.planar.published", "MODEL"),
     "planar_linkage": ("scenes.models.planar.linkage", "MODEL"),
 }
-"""Module of each model, and its name there."""
+"""Module of each model, and the name of the model in the module."""
 
 
 def names() -> tuple[str, ...]:
@@ -25,7 +25,7 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> Model[Any]:
-    """Return a model by its name; KeyError if there is none."""
+    """Return a model by name; KeyError if there is none."""
     module, attribute = _PLACES[name]
     model: Model[Any] = getattr(import_module(module), attribute)
     return model

@@ -1,4 +1,4 @@
-"""Models as the command line sees them: schema, checks, run, pictures."""
+"""Models as the command line uses them: schema, checks, runs and pictures."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ if TYPE_CHECKING:
     import worm3d
 
 Draw = Callable[[Record], "tuple[Picture, Axes]"]
-"""Draws a picture of a record."""
+"""Function that draws a picture of a record."""
 
 S = TypeVar("S", bound=Settings)
 
 Rows = NDArray[np.bool_] | slice
-"""Stored instants among those of a record."""
+"""Selection of the stored instants of a record."""
 
 MOVIE_S = 30.0
-"""Longest part of a run that is animated [s]."""
+"""Longest part of a run in an animation [s]."""
 
 Observer = Callable[[int], bool]
-"""Function of the number of finished steps; where it returns False, the run ends."""
+"""Function of the number of finished steps; the run ends when the function returns False."""
 
 Status = Literal["done", "interrupted", "diverged"]
 
 
 class Movie(Protocol):
-    """An animation ready to be written."""
+    """An animation, ready for writing."""
 
     def save(self, path: Path, fps: int = 20) -> None:
-        """Write a GIF or MP4; FileNotFoundError if a program for that is missing."""
+        """Write a GIF or MP4; FileNotFoundError if a required program is missing."""
 
 
 class View(Protocol):
-    """Writes the page of a record."""
+    """Writer of the browser page of a record."""
 
     def __call__(self, record: Record, path: Path, *, skin: bool = True) -> None:
         """Write the page that shows a record in a browser."""
@@ -58,16 +58,16 @@ class View(Protocol):
 
 @dataclass(frozen=True)
 class Watch:
-    """How a run is watched while it goes on."""
+    """Options for watching a run live."""
 
     speed: float
-    """Simulated over real time [1]."""
+    """Simulated time over real time [1]."""
     began: Callable[[str], None]
-    """Called with the address to visit, once there is something to see."""
+    """Function that is called with the address of the page as soon as the page can be opened."""
 
 
 def status_word(status: worm3d.Status | planar.status.Status) -> Status:
-    """Return how a run ended, in a word."""
+    """Return the status of a run as one word."""
     if status.diverged:
         return "diverged"
     return "done" if status.name == "DONE" else "interrupted"
@@ -75,32 +75,32 @@ def status_word(status: worm3d.Status | planar.status.Status) -> Status:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run, complete up to the last finished step, however it ended."""
+    """Outcome of a run, complete up to the last finished step, also after an early end."""
 
     status: Status
     sentence: str
-    """How the run ended, in a word and in a sentence (with step, time and place if it diverged)."""
+    """End of the run, in a word and in a sentence (with step, time and place of a divergence)."""
     variables: tuple[Variable, ...]
     """Variables of the record; solver statistics of each step have the dimension "step"."""
     summary: Mapping[str, Metric]
-    """The figures of `summary.json`; None, NaN and infinity need a reason."""
+    """Entries of `summary.json`; None, NaN and infinity need a reason."""
     reasons: Mapping[str, str]
-    """Why a figure of the summary has no value."""
+    """Reasons for entries of the summary without a value."""
     wall_s: float
     """Wall time of the simulation alone [s]."""
     checkpoint: tuple[Variable, ...] = ()
-    """State from which the run can go on; empty if this model cannot."""
+    """State from which the run can be continued; empty if the model does not support this."""
     timing: tuple[Variable, ...] = ()
-    """Further wall-clock figures; single numbers stand in `summary.json`."""
+    """Further wall-clock values; single numbers are written to `summary.json`."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """Errors of the figures of the summary, by name; empty for a run without an accuracy."""
+    """Errors of entries of the summary, by name; empty for a run without a given accuracy."""
     run: str = ""
     parts: tuple[Variable, ...] = ()
-    """Worm, world and end of the run, and their arrays, as in `Record`."""
+    """Worm, world and end of the run (`run`), and their arrays, as in `Record`."""
 
 
 def pictures(module: str, **functions: str) -> dict[str, Draw]:
-    """Return the functions of a module that draw pictures, by file stem; it is imported when one is drawn."""
+    """Return the functions that draw pictures, by file stem; the module is imported for the first picture."""
 
     def draw(function: str, record: Record) -> tuple[Picture, Axes]:
         drawn: tuple[Picture, Axes] = getattr(import_module(module), function)(record)
@@ -111,49 +111,49 @@ def pictures(module: str, **functions: str) -> dict[str, Draw]:
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """What can be drawn of records of a kind."""
+    """Pictures that can be drawn of records of one kind."""
 
     name: str
     title: str
-    """Noun phrase for people; `name` is the value of a scene's `model`."""
+    """Noun phrase for users; `name` is the value of a scene's `model`."""
     figures: Mapping[str, Draw]
-    """File stem -> function drawing it from a record."""
+    """File stem -> function that draws the figure from a record."""
     overview: Callable[[Record], Image] | None
-    """Draws the one figure that every run writes (`scenes.records.overview`)."""
+    """Function that draws the figure written by every run (`scenes.records.overview`)."""
     animate: Callable[[Record], Movie] | None = None
-    """Returns the movie of a record."""
+    """Function that returns the movie of a record."""
     view: View | None = None
-    """Writes the page that shows a record in a browser, given its path; with `skin=True`, one with a smooth skin. A
-    run then writes no animation, which would show less and take longer."""
+    """Function that writes the page of a record for a browser to a path; with `skin=True`, the worm has a smooth skin.
+    A run then writes no animation, which would show less and take longer."""
     mesh: Callable[[Record, float | None], bytes] | None = None
-    """Returns the mesh of a record at an instant [s] (None: the end), as a GLB file."""
+    """Function that returns a mesh of a record at an instant [s] (None: the end), as a GLB file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Model(Pictures, Generic[S]):
-    """A model that scenes can choose."""
+    """A model that can be chosen in scenes."""
 
     schema: type[S]
     """Schema of the whole scene."""
     checks: tuple[Check, ...]
     """Checks across keys."""
     run: Callable[[S, Observer], Outcome]
-    """Simulates a scene, calling the observer after each step."""
+    """Function that simulates a scene, and calls the observer after each step."""
     advice: str
-    """What to try when a run diverges."""
+    """Advice for a run that diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
-    """Figures of the summary, beyond those of every worm that moves, that end a run's report."""
+    """Entries of the summary at the end of a run's report, in addition to those for every moving worm."""
     moves: bool = True
     """Whether a worm moves."""
     inputs: tuple[str, ...] = ()
-    """Variables of its records that a scene imposes: of a measurement they are nothing to fit to."""
+    """Variables of a record that a scene prescribes: a fit ignores these variables in a measurement."""
     abscissa: str = "time"
-    """Variable of its records, one number at each instant, over which a fit is drawn."""
+    """Variable of a record, one number per instant, for the horizontal axis of the figures of fits."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
-    """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
+    """Function that continues from a record's checkpoint to the end of the scene; the outcome covers the whole run."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
-    """Runs a scene in a live view."""
+    """Function that runs a scene in a live view."""
     beside: Callable[[S, Record, Rows], Mapping[str, Any]] | None = None
-    """Returns arguments of `worm3d.results.pictures.arrays`: the period, and what to draw beside a worm at instants."""
+    """Function that returns arguments of `worm3d.results.pictures.arrays`: the period, and objects beside the worm."""
     refers_to: Callable[[S], object] | None = None
-    """What a run depends on that stands neither in its scene nor in a file that the scene names, as data for JSON."""
+    """Function that returns the dependencies of a run outside the scene and its named files, as data for JSON."""

@@ -1,4 +1,4 @@
-"""Checks that the scenes of several models share: time steps, gait, memory."""
+"""Checks for the scenes of several models: time steps, gait, memory."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from worm3d.values.arguments import MOST_MEMORY
 AMPLITUDE = "gait.amplitude"
 
 BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
-"""Keys that say how far the links of a chamber reach."""
+"""Keys that determine the reach of the links of a chamber."""
 
 ASKED = {"worm.segments": "require_body", "run.dt_s": "require_steps", "worm.stroke": "require_stroke"}
-"""Methods of a gait that refuse values of keys."""
+"""Methods of a gait that raise an error about the value of a key."""
 
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:
@@ -42,7 +42,7 @@ def _step_fits_run(dt_s: float, duration_s: float) -> Found:
 def _recorded_to_the_end(record_every: int, duration_s: float, dt_s: float) -> Found:
     ratio = duration_s / dt_s
     if ratio < 0.5 or ratio > 1e12:
-        return None  # other checks tell
+        return None  # other checks report this
     steps = max(1, round(ratio))
     if record_every > steps:
         text = f"must be at most run.duration_s / run.dt_s, the {steps} steps of the run"
@@ -63,7 +63,7 @@ def _recorded_to_the_end(record_every: int, duration_s: float, dt_s: float) -> F
 
 
 def _greatest_divisor(number: int, most: int) -> int:
-    """Return the greatest divisor of a number of at most 1e12 that is no greater than `most`."""
+    """Return the largest divisor of a number of at most 1e12 that is not larger than `most`."""
     small = [n for n in range(1, min(most, math.isqrt(number)) + 1) if number % n == 0]
     return max(divisor for n in small for divisor in (n, number // n) if divisor <= most)
 
@@ -74,7 +74,7 @@ def too_much_memory(
     segments: int,
     remedy: str = "a shorter run.duration_s, a longer run.dt_s or fewer worm.segments",
 ) -> Found:
-    """Tell of a scene that would not fit into memory; `needed` in bytes."""
+    """Report a scene that would not fit into memory; `needed` in bytes."""
     if needed <= MOST_MEMORY:
         return None
     text = (
@@ -86,7 +86,7 @@ def too_much_memory(
 
 
 def memory_check(bytes_per_step: Callable[[int], float]) -> Check:
-    """Return the check that a run, every step of which is kept until its end, fits into memory."""
+    """Return the check that a run fits into memory, if every step is kept until the end of the run."""
 
     def fits(dt_s: float, duration_s: float, segments: int) -> Found:
         steps = duration_s / dt_s
@@ -107,7 +107,7 @@ Refusals = tuple[type[Exception], ...]
 def building(make: Callable[..., object], *needs: str, refusals: Refusals = (ValueError,)) -> Check:
     """Return the check that an object can be made of sections and keys.
 
-    A refusal is told at the keys that its sentence names, or else at the first key of `needs`.
+    An error is reported at the keys that the sentence names, or else at the first key of `needs`.
     """
     return Check(needs, partial(_refused, make=make, needs=needs, refusals=refusals), builds=True)
 
@@ -119,7 +119,7 @@ def _refused(*values: Any, make: Callable[..., object], needs: tuple[str, ...], 
     except refusals as error:
         own = any(named.is_own(str(getattr(value, "kind", ""))) for value in values)
         if own and str(error).partition(":")[0] not in _keys(zip(needs, values, strict=True)):
-            raise  # of code of the user's own: it is told whose
+            raise  # the error of a user's own part names the part
         single = [need for need, value in zip(needs, values, strict=True) if not isinstance(value, Section)]
         return by_key(str(error), _keys(zip(needs, values, strict=True)), single)
     return None
@@ -144,7 +144,7 @@ def gait_checks(
 ) -> tuple[Check, ...]:
     """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow.
 
-    The model limits the numbers `unlimited` itself. `can_sense` says whether the model has anything to sense.
+    The model itself limits the numbers `unlimited`. `can_sense` says whether the model has sensor signals.
     """
 
     def ask(limit: Any, section: Any, *, method: str) -> None:
@@ -162,14 +162,14 @@ def gait_checks(
 
 
 def _asked(section: Any) -> Gait | None:
-    """Return the gait of a section; None where it is refused, of which the first of `gait_checks` tells."""
+    """Return the gait of a section; None if the gait is refused, which the first of `gait_checks` reports."""
     with suppress(ValueError):
         return gait_from(section, dt=1.0)
     return None
 
 
 def _senses_nothing(section: Any) -> Found:
-    """Tell of a gait that senses, where there is nothing to sense."""
+    """Report a gait that needs sensor signals, in a model without sensors."""
     gait = _asked(section)
     if not isinstance(gait, FeedbackGait) or not gait.senses:
         return None
@@ -177,7 +177,7 @@ def _senses_nothing(section: Any) -> Found:
 
 
 def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
-    """Tell of a gait that lengthens a chamber beyond its links."""
+    """Report a gait that lengthens a chamber beyond the reach of its links."""
     given = dict(zip(body, values, strict=False))
     half_height_m, length_m, segments = (given[key] for key in BODY)
     gait = _asked(values[-1])
@@ -204,7 +204,7 @@ def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
 
 
 def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
-    """Return a sentence of a part with the keys of the scene in place of its parameters."""
+    """Return the sentence of a part with parameters replaced by the keys of the scene."""
     for parameter, key in keys.items():
         if "_" in parameter:
             sentence = sentence.replace(parameter, key)
@@ -212,9 +212,9 @@ def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
 
 
 def by_key(sentence: str, keys: Mapping[str, str], single: Collection[str] = ()) -> Found:
-    """Return a refusal of a part, `parameter: got ...`, told at the key of each parameter that it names.
+    """Return an error of a part, `parameter: got ...`, at the key of each parameter that the sentence names.
 
-    Beside a key of a section, only others of the section count, and `single` ones, which stand for themselves.
+    If the parameter belongs to a section, only other keys of the section and `single` keys are considered.
     """
     subject, _, rest = sentence.partition(": ")
     if subject not in keys:

@@ -1,4 +1,4 @@
-"""Parts by kind, as `worm3d list KIND` names them: those that ship, and the keys of scenes that take one."""
+"""Parts by kind, for `worm3d list KIND`: the shipped parts, and the keys of scenes that name a part."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from worm3d.values.spelling import unknown
 
 
 def lines(name: str) -> list[str]:
-    """Return a line for each key that takes a part of a kind, and one for each part of this kind that ships.
+    """Return a line for each key that names a part of a kind, and a line for each shipped part of this kind.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def lines(name: str) -> list[str]:
 
 
 def _keys(schema: type, kind: Kind) -> Iterator[tuple[str, Key | None]]:
-    """Yield what is written in a scene to take a part of a kind, and its key; None where a section has the parts."""
+    """Yield the notation of a part of a kind in a scene, and the key; None if a section contains the parts."""
     for name, declared in keys_in(schema).items():
         if declared.section is None:
             continue
@@ -59,6 +59,6 @@ def _keys(schema: type, kind: Kind) -> Iterator[tuple[str, Key | None]]:
 
 
 def _said(known: Key | None, name: str) -> str:
-    """Return what the meaning of a key says of one of its choices."""
+    """Return the description of a choice, taken from the meaning of the key."""
     found = re.search(rf"\b{name}: ([^;]*)", known.meaning) if known else None
     return found[1] if found else ""

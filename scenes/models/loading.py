@@ -1,4 +1,4 @@
-"""Scenes read and checked: `scenes.language.loader` with the models of this program."""
+"""Loading and checking of scenes: `scenes.language.loader` with the models of this program."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Pat
 
 
 def draft(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> loader.Draft[Model[Any]]:
-    """Return a scene given as TOML text that is checked many times; see `scenes.language.loader.Draft`."""
+    """Return a scene given as TOML text, for many checks; see `scenes.language.loader.Draft`."""
     return loader.Draft(models, text, name, overrides, folder)
 
 
 def trusted_scene(data: Mapping[str, Any], name: str) -> Scene:
-    """Return a resolved scene that has been checked before, given as data: many times as fast as `parse_scene`."""
+    """Return a resolved scene from data that have been checked before; many times as fast as `parse_scene`."""
     model, data, _ = loader.with_own_parts(models.get(data["model"]), data)
     return loader.Scene(name, model, trusted(model.schema, data))

@@ -1,4 +1,4 @@
-"""Sections that the scenes of several models share."""
+"""Sections that are used in the scenes of several models."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BODY_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
 
 
 class Run(Section):
-    """How long, in what steps, and how much of it is stored."""
+    """Duration and time step of a run, and which steps are stored."""
 
     duration_s: float = setting(
         10.0, unit="s", gt=0, meaning="simulated time, rounded to whole steps", aka=("time_s", "t_end_s")
@@ -36,9 +36,9 @@ class Run(Section):
 
 
 def gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defaults: Any) -> Keys:
-    """Return the keys of gaits, but for some parameters; a dirac pulse lasts one time step.
+    """Return the keys of gaits, without some parameters; a dirac pulse lasts one time step.
 
-    The paper's wave is the gait of a scene that names none. A key whose default differs among gaits has that of its.
+    The default gait is the paper's wave. A key whose default differs among gaits has the default of the chosen gait.
     """
     return keys_of(
         {WAVE: registry[WAVE], **registry} if WAVE in registry else registry,
@@ -53,13 +53,13 @@ def gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defa
 
 
 def planar_gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defaults: Any) -> Keys:
-    """Return the keys of gaits of a worm that cannot turn, but for some parameters."""
+    """Return the keys of gaits for a worm that cannot turn, without some parameters."""
     turning = {name for gait in registry.values() for name in getattr(gait, "turning", ())}
     return gait_keys(registry, (*turning, *without), **defaults)
 
 
 def gait_from(section: Any, dt: float, **given: Any) -> Gait:
-    """Return the gait of a section; `given` are parameters that the section does not have, dt is the time step [s]."""
+    """Return the gait of a section; `given` are parameters outside the section, and dt is the time step [s]."""
     gait: Gait = part_named(GAIT, section.kind, section, impulse=dt, **given)
     return gait
 
@@ -75,5 +75,5 @@ class Settings(Section):
 
     @property
     def steps(self) -> int:
-        """Number of time steps of all that the scene runs."""
+        """Total number of time steps in the scene."""
         return self.run.steps

@@ -1,4 +1,4 @@
-"""Keys for the quality of sensors, channel by channel, and the sensors that they describe."""
+"""Keys for the quality of sensors, channel by channel, and the sensors described by the keys."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from worm3d.values.named import is_own
 
 
 def _units(quantity: Quantity) -> dict[str, str]:
-    """Return the units of the parameters of a channel that have that of its quantity."""
+    """Return the units of those parameters of a channel that have the unit of the measured quantity."""
     return dict.fromkeys(("noise", "bias"), quantity.unit)
 
 
 def channel_keys(*, exact: bool = False) -> Keys:
-    """Return the keys of all channels, those of usual sensors by default, or of `exact` ones.
+    """Return the keys of all channels, with the defaults of usual sensors or, with `exact`, of exact sensors.
 
-    A usual sensor that a robot need not have is asked for by its name.
+    A usual sensor that a robot need not have is switched on by name.
     """
     keys: Keys = {}
     for name, what in QUANTITIES.items():
@@ -38,21 +38,21 @@ class ChannelSection(PartSection, holds={ITSELF: CHANNEL}):
 
     @classmethod
     def each(cls, name: str, part: Any) -> Keys:
-        """Return the keys of the sub-section of a channel of a user's own, which is known by its name from now on."""
+        """Return the keys of the sub-section of a user's own channel; the name of the channel is registered."""
         QUANTITIES.setdefault(own_name(name), part)
         return keys_of(Channel, defaults=asdict(part.default), units=_units(part))
 
 
 def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
-    """Return the channels of some names, as a section describes them, and those of a user's own that it has.
+    """Return the named channels as described by a section, and the user's own channels in the section.
 
-    One without keys there is a usual sensor. Such a channel was added to `QUANTITIES` by a module that was imported
-    later, as that of a controller.
+    A channel without keys in the section is a usual sensor. Such a channel was added to `QUANTITIES` by a module that
+    was imported later, for example the module of a controller.
 
     Raises
     ------
     ValueError
-        There is no channel of a name.
+        A name is not the name of a channel.
     """
     own = {name: QUANTITIES[channel] for name, channel in own_channels(section).items()}
     require_known(names)
@@ -68,14 +68,14 @@ def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
 
 
 def own_channels(section: Any) -> dict[str, str]:
-    """Return the name of each channel of a user's own that a section has, by `module:NAME`: NAME alone.
+    """Return the name of each user's own channel in a section, by `module:NAME`; the name is NAME alone.
 
-    Controllers see it under that name; it is entered in `QUANTITIES`.
+    Controllers use this name for the channel; the name is registered in `QUANTITIES`.
 
     Raises
     ------
     ValueError
-        Another channel has the name.
+        Another channel has the same name.
     """
     found = {}
     for name in (name for name, _ in section if is_own(name)):
@@ -87,5 +87,5 @@ def own_channels(section: Any) -> dict[str, str]:
 
 
 def own_name(name: str) -> str:
-    """Return the name by which controllers see a channel of a user's own, `module:NAME`."""
+    """Return the name that controllers use for a user's own channel, `module:NAME`."""
     return name.partition(":")[2]

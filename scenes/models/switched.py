@@ -1,4 +1,4 @@
-"""Sections in which any parts of a registry are asked for by name: `name = true`, and keys that begin with the name."""
+"""Sections that switch on parts of a registry by name: `name = true`, and keys that begin with the name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from worm3d.values.named import Kind, is_own
 
 
 def switched_keys(registry: Mapping[str, type]) -> Keys:
-    """Return the keys of all parts; one is there if it is asked for by its name."""
+    """Return the keys of all parts: a switch with the name of each part, and the keys of its parameters."""
     keys: Keys = {}
     for name, part in registry.items():
         what = head(part).split(", (")[0]
@@ -23,14 +23,14 @@ def switched_keys(registry: Mapping[str, type]) -> Keys:
 
 
 def switched_parts(kind: Kind, section: Any) -> list[Any]:
-    """Return the parts that a section asks for, in the order of the registry, then a user's own.
+    """Return the parts that a section switches on: shipped parts in the order of the registry, then users' own.
 
-    A part that was registered after the section was made has no key there.
+    A part that was registered after the section was made has no key in the section.
 
     Raises
     ------
     ValueError
-        One refuses its keys.
+        A part refuses its keys.
     """
     asked = [name for name in kind.registry if getattr(section, name, False)]
     own = [name for name, _ in section if is_own(name)]
@@ -39,7 +39,7 @@ def switched_parts(kind: Kind, section: Any) -> list[Any]:
 
 
 def parts_listed(kind: Kind, section: Any) -> list[Any]:
-    """Return the parts that a section lists as `parts`; ValueError as of `switched_parts`."""
+    """Return the parts that a section lists as `parts`; ValueError as in `switched_parts`."""
     return [
         part_of(kind.registry[name], section, prefix=f"{name}_")
         if name in kind.registry
@@ -49,7 +49,7 @@ def parts_listed(kind: Kind, section: Any) -> list[Any]:
 
 
 def switched_checks(names: Iterable[str], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:
-    """Return the checks that no key is set of a part that is not asked for; `what` is a word for a part."""
+    """Return the checks that keys are set only for switched-on parts; `what` is a word for a part."""
     return tuple(
         Check(
             (f"{section}.{each}", f"{section}.{name}"),
@@ -62,5 +62,5 @@ def switched_checks(names: Iterable[str], section: str, schema: type[Section], w
 
 
 def _is_asked_for(value: Any, asked: bool, *, key: str, default: Any, what: str) -> Found:
-    """Tell of a parameter of a part that is not asked for; at its default it says nothing, as in resolved scenes."""
+    """Report a parameter of a part that is not switched on, unless at its default, as in resolved scenes."""
     return None if asked or value == default else f"there is no such {what}: set {key} = true, or leave it out"

@@ -1,7 +1,7 @@
 """Columns of tables of measurements: `name[_index...][_axis][_unit]`, such as `joints_0_x_m` or `force_N`.
 
-They are named as `worm3d export --csv` names them, with more units: each number becomes one in SI units. A pure number
-has no unit (or `1`), an axis is x, y or z, and an index counts from 0.
+The names are the same as in `worm3d export --csv`, with more units: all numbers are converted to SI units. A
+dimensionless number has no unit (or `1`), an axis is x, y or z, and an index counts from 0.
 """
 
 from __future__ import annotations
@@ -31,39 +31,39 @@ UNITS = {
     **{unit.replace("/", "_per_").replace("^", ""): (unit, 1.0) for unit in ("kg m/s", "kg m^2/s", "J/m", "Hz", "kg")},
     "percent": ("1", 0.01),
 }
-"""SI unit and factor of each unit that a column may end in."""
+"""SI unit and factor of each unit that can end the name of a column."""
 
 MOST_NUMBERS = 20_000_000
-"""Largest number of entries of the array of a quantity, of which indices that are left out are entries too."""
+"""Largest number of entries in the array of a quantity; missing indices also count as entries."""
 
 PURE = {"strain", "waves"} | {name for name, series in series_of(Recorded).items() if series.unit == "1"}
-"""Quantities that are pure numbers, whose columns need not end in a unit."""
+"""Dimensionless quantities, whose columns do not need a unit."""
 INDEXED = {"strain"} | {name for name, series in series_of(Recorded).items() if set(series.dims) - {"time", "axis"}}
-"""Quantities that have an index, so that `strain_1` is the strain of segment 1 and not a pure number."""
+"""Quantities with an index, so that `strain_1` is the strain of segment 1 and not a dimensionless number."""
 
 MARKER = "marker_"
-"""First letters of the name of a marker's position."""
+"""Prefix of the name of a marker's position."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """What a column holds."""
+    """Content of a column."""
 
     title: str
-    """Name of the column, as the file says it."""
+    """Name of the column in the file."""
     name: str
     """Name of the quantity."""
     index: tuple[int, ...]
     axis: int | None
-    """0, 1, 2 for x, y, z; None if it has none."""
+    """0, 1, 2 for x, y, z; None for a column without an axis."""
     unit: str
     """SI unit."""
     factor: float
-    """SI units in one unit of the column."""
+    """SI units per unit of the column."""
 
 
 def parsed(title: str) -> Column:
-    """Return what the name of a column says; a SceneError where its unit is not known or its quantity has no name."""
+    """Return the column described by a name; SceneError if the unit is unknown or the quantity has no name."""
     suffix = max((each for each in UNITS if title.endswith(f"_{each}")), key=len, default="")
     unit, factor = UNITS[suffix] if suffix else ("1", 1.0)
     tokens = title.removesuffix(f"_{suffix}").split("_")
@@ -87,14 +87,14 @@ def parsed(title: str) -> Column:
 
 
 def variables_of(titles: Sequence[str], table: FloatArray) -> tuple[Variable, ...]:
-    """Return the quantities in the columns of a table, shape (T, K), as variables in SI units; one of them is `time`.
+    """Return the quantities in the columns of a table, shape (T, K), as variables in SI units, including `time`.
 
-    What has no column, such as z where only x and y were measured beside a quantity with z, is NaN.
+    Entries without a column are NaN, such as z if only x and y of a quantity were measured, but z of another quantity.
 
     Raises
     ------
     SceneError
-        A column that is not understood, is there twice or does not fit the others of its quantity.
+        A column name cannot be parsed, appears twice, or does not fit the other columns of the quantity.
     """
     columns = [parsed(title.strip()) for title in titles]
     axes = 3 if any(column.axis == 2 for column in columns) else 2
@@ -105,7 +105,7 @@ def variables_of(titles: Sequence[str], table: FloatArray) -> tuple[Variable, ..
 
 
 def _variable(name: str, group: Mapping[int, Column], table: FloatArray, axes: int) -> Variable:
-    """Return the variable of the columns of one quantity, by their place in the table."""
+    """Return the variable for the columns of one quantity, given by their positions in the table."""
     first = next(iter(group.values()))
     seen: dict[tuple[int, ...], Column] = {}
     for column in group.values():

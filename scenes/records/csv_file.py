@@ -1,4 +1,4 @@
-"""Tables in CSV files: lines `# name: text`, a row of column names, rows of numbers."""
+"""Tables in CSV files: lines `# name: text`, a row of column names, and rows of numbers."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from worm3d.values import regular_file
 from worm3d.values.arrays import FloatArray
 
 LARGEST_FILE = 1_000_000_000
-"""Largest size of a file that is read [byte]."""
+"""Largest size of a file that can be read [byte]."""
 
 LARGEST_NUMBER = 1e100
-"""Largest number of a cell: its square and its products with units are finite."""
+"""Largest number in a cell: the square and products with units are finite."""
 
 PACKED = ".gz"
-"""Ending of the name of a file that gzip has packed."""
+"""Suffix of gzip files."""
 
 _HEADER = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
 
 Rows = list[tuple[int, list[str]]]
-"""Cells of rows, each with the number of its line."""
+"""Cells of rows, each with a line number."""
 
 
 def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
-    """Return the header by name, the column names, and the rows with the numbers of their lines.
+    """Return the header by name, the column names, and the rows with line numbers.
 
     Raises
     ------
     SceneError
-        No such file, no text, or no row of column names.
+        The file does not exist, is not text, or has no row of column names.
     DiscError
-        The file may not be read.
+        The file cannot be read.
     """
     try:
         text = _unpacked(regular_file.read(path, LARGEST_FILE), path).decode("utf-8-sig")
@@ -67,7 +67,7 @@ def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
 
 
 def _unpacked(data: bytes, path: Path) -> bytes:
-    """Return data, unpacked if the name ends in .gz; SceneError if it is damaged or too large."""
+    """Return data, unpacked if the name ends in .gz; SceneError if the data are damaged or too large."""
     if path.suffix.lower() != PACKED:
         return data
     try:
@@ -81,12 +81,12 @@ def _unpacked(data: bytes, path: Path) -> bytes:
 
 
 def table(titles: list[str], rows: Rows) -> FloatArray:
-    """Return the cells as numbers, shape (T, K), NaN where they are blank.
+    """Return the cells as numbers, shape (T, K), with NaN for blank cells.
 
     Raises
     ------
     SceneError
-        Fewer than two rows, one of another length, or a cell that is no number.
+        There are fewer than two rows, a row has a different length, or a cell is not a number.
     """
     if len(rows) < 2:
         raise SceneError(f"got {len(rows)} rows of numbers, must be two or more")

@@ -1,7 +1,7 @@
-"""The folder of a run: where it is, whether it may be written, and how its files are written.
+"""The folder of a run: path, checks before writing, and writing of files.
 
-Its files are written whole or not at all, and one process at a time writes to a folder. The lock belongs to an open
-file, so that it ends with the process, however that ends; a file that a killed process left behind locks nothing.
+Files are written completely or not at all, and one process at a time writes to a folder. The lock belongs to an open
+file and ends with the process, even if the process is killed; a lock file left by a killed process locks nothing.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from pathlib import Path
 from scenes.language.errors import DiscError, SceneError
 
 RUNS = Path("runs")
-"""Folder of the runs without --out."""
+"""Folder for runs without --out."""
 
 RESULT = "result.nc"
 SUMMARY = "summary.json"
 OVERVIEW = "overview.png"
 ANIMATION = "animation.gif"
-"""Animation of a planar worm; 3D worms have one by `worm3d export --film`."""
+"""Animation of a planar worm; for 3D worms, `worm3d export --film` makes an animation."""
 VIEWER = "viewer.html"
-"""Page of a 3D worm, which plays in any browser without a network."""
+"""Page of a 3D worm that plays in any browser without a network."""
 
 PREFIX = ".worm3d-"
-"""First letters of the names of files that are there while something is written."""
+"""Prefix of the names of temporary files."""
 LOCK = f"{PREFIX}lock"
 LOCKED_BYTE = 1 << 20
-"""Byte that is locked on Windows, where others cannot read what is locked."""
+"""Byte that is locked on Windows, because other processes cannot read locked bytes."""
 
 if sys.platform == "win32":
     import msvcrt
@@ -51,19 +51,19 @@ else:
 
 @contextmanager
 def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path]:
-    """Give the folder to write to, made and found writable before anything is computed; nobody else writes to it.
+    """Yield the folder to write to, created, checked and locked before the computation starts.
 
     Raises
     ------
     SceneError
-        It is a file, it has something in it and `force` is not set, or another process writes to it.
+        The path is a file, the folder is not empty and `force` is not set, or another process writes to the folder.
     DiscError
-        It cannot be made or written.
+        The folder cannot be created or written.
     """
     folder = out if out is not None else _fresh(scene_name)
     _require_empty(folder, force=force)
     with locked(made(folder)):
-        _require_empty(folder, force=force)  # or else another run has come to its end meanwhile
+        _require_empty(folder, force=force)  # another run may have finished in the meantime
         yield folder
 
 
@@ -78,14 +78,14 @@ def _require_empty(folder: Path, *, force: bool) -> None:
 
 
 def made(folder: Path) -> Path:
-    """Make a folder, if need be, and return it.
+    """Return a folder, created if necessary.
 
     Raises
     ------
     SceneError
-        It is a file.
+        The path is a file.
     DiscError
-        It cannot be made or written.
+        The folder cannot be created or written.
     """
     try:
         if folder.exists() and not folder.is_dir():
@@ -98,12 +98,12 @@ def made(folder: Path) -> Path:
 
 
 def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
-    """Check that files may be written, before anything is computed.
+    """Check that files can be written, before the computation starts.
 
     Raises
     ------
     SceneError
-        Two of them are one file, one is the result itself, or one exists and `force` is not set.
+        Two targets are the same file, a target is the result itself, or a target exists and `force` is not set.
     """
     source = (result / RESULT if result.is_dir() else result).resolve()
     real = [target.resolve() for target in targets]
@@ -118,12 +118,12 @@ def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give a path ending in `.part` to write to, of this call alone; it becomes `path` only if all went well.
+    """Yield a unique path ending in `.part` to write to, which becomes `path` only after success.
 
     Raises
     ------
     DiscError
-        The disc refused; the previous file, if any, stands as it was.
+        The file system reported an error; the previous file, if any, is unchanged.
     """
     part = path.with_name(f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
@@ -137,13 +137,13 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file completely or not at all."""
     with written_whole(path) as part:
         part.write_bytes(content)
 
 
 def _fresh(scene_name: str) -> Path:
-    """Make a folder of its own for a run without --out."""
+    """Create a new folder for a run without --out."""
     stem = f"{scene_name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     for n in itertools.count(1):
         name = stem if n == 1 else f"{stem}-{n}"
@@ -161,14 +161,14 @@ def _fresh(scene_name: str) -> Path:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other processes, and threads, from writing to a folder.
+    """Prevent other processes, and threads, from writing to a folder.
 
-    Where no lock can be had, on a file system without locks or a folder that cannot be written, there is none.
+    Without support for locks, on some file systems or in a read-only folder, no lock is set.
 
     Raises
     ------
     SceneError
-        Another one holds it.
+        Another process holds the lock.
     """
     handle = _acquired(folder)
     try:
@@ -181,7 +181,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _acquired(folder: Path) -> int | None:
-    """Return the handle of the locked file, or None where there are no locks."""
+    """Return the handle of the locked file, or None if locks are not supported."""
     while True:
         try:
             handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
@@ -195,7 +195,7 @@ def _acquired(folder: Path) -> int | None:
                 raise SceneError(_explained(handle, folder)) from error
             except OSError:
                 return None
-            if _is_there(handle, folder / LOCK):  # or the one that held it has just removed the file
+            if _is_there(handle, folder / LOCK):  # otherwise the previous owner has just removed it
                 os.ftruncate(handle, 0)
                 os.write(handle, f"{os.getpid()}\n".encode())
                 undo.pop_all()

@@ -1,4 +1,4 @@
-"""Markers on the body of a robot: where on the line of joints they sit, as a measurement's header says it."""
+"""Markers on the body of a robot: positions on the line of joints, from the header of a measurement."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ _PLACE = re.compile(r"(?P<kind>joint|body)\s+(?P<number>\d+(\.\d*)?([eE][-+]?\d+
 
 
 class Place(NamedTuple):
-    """A place on the line of joints."""
+    """A position on the line of joints."""
 
     kind: str
-    """`joint`, or `body` for the share of the segments behind it."""
+    """`joint`, or `body` for a position given as the share of the segments behind the marker."""
     number: float
-    """Number of the joint, 0 for the tail; or share, 0 for the tail and 1 for the head."""
+    """Number of the joint, with 0 for the tail; or the share, with 0 for the tail and 1 for the head."""
 
 
 def places(header: Mapping[str, str]) -> dict[str, Place]:
-    """Return the places of the markers in a header, whose lines are `marker head: joint 6` or `marker m: body 0.5`.
+    """Return the positions of markers from header lines such as `marker head: joint 6` or `marker m: body 0.5`.
 
     Raises
     ------
     SceneError
-        One of them is not understood.
+        A line cannot be parsed.
     """
     return {
         match["name"]: _place(match["name"], text) for name, text in header.items() if (match := _LINE.fullmatch(name))
@@ -47,7 +47,7 @@ def _place(name: str, text: str) -> Place:
 
 
 def require_same(said: Mapping[str, Place], columns: set[str]) -> None:
-    """Refuse markers without a place on the body, and places without columns."""
+    """Raise an error for markers without a position on the body, and for positions without columns."""
     for name in sorted(columns - said.keys()):
         raise SceneError(
             f"marker {name}: not said where on the body it sits, must have a line such as '# marker {name}: joint 0' "
@@ -58,12 +58,12 @@ def require_same(said: Mapping[str, Place], columns: set[str]) -> None:
 
 
 def positions(joints: FloatArray, place: Place) -> FloatArray:
-    """Return where a marker is, shape (T, D) [m], on the line of joints, shape (T, N+1, D) [m].
+    """Return the position of a marker, shape (T, D) [m], on the line of joints, shape (T, N+1, D) [m].
 
     Raises
     ------
     SceneError
-        There is no such joint.
+        The joint does not exist.
     """
     last = joints.shape[1] - 1
     if place.kind == "joint" and place.number > last:

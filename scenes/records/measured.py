@@ -1,8 +1,9 @@
-"""Measured trajectories: CSV files read as records, and what a simulation says at the instants of a measurement.
+"""Measured trajectories: CSV files as records, and values of a simulation at the instants of a measurement.
 
-A file has lines `# name: text`, such as title, source and licence, and a line for each marker on the body, such as
-`# marker head: joint 6` or `# marker m2: body 0.5` (the share of the segments behind it: tail 0, head 1). A row of
-column names follows (`scenes.records.columns`) and a row for each instant. Blank cells and `nan` are missing values.
+A file begins with lines `# name: text`, such as title, source and licence, and a line for each marker on the body, such
+as `# marker head: joint 6` or `# marker m2: body 0.5` (the share of the segments behind the marker: tail 0, head 1). A
+row of column names follows (`scenes.records.columns`), and then a row for each instant. Blank cells and `nan` are
+missing values.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
 MODEL = "measured"
-"""Value of `Record.model` of a measurement."""
+"""Value of `Record.model` for a measurement."""
 ENDING = ".csv"
-"""Ending of the name of its file."""
+"""Suffix of the file name of a measurement."""
 
 JOINTS = ("joints", "joint", "main_node")
-"""Variables that are the joints of a worm, from tail to head, in the records of different models."""
+"""Variables with the joints of a worm, from tail to head, in the records of different models."""
 
 ROUNDING = 1e-9
-"""Part of the duration by which an instant may lie outside of a simulation."""
+"""Fraction of the duration by which an instant may lie outside the simulation."""
 
 
 def load(path: Path) -> Record:
@@ -40,9 +41,9 @@ def load(path: Path) -> Record:
     Raises
     ------
     SceneError
-        Not a table of numbers with names and units, without two instants, or with instants that do not ascend.
+        Not a table of numbers with names and units, fewer than two instants, or instants not in ascending order.
     DiscError
-        The file may not be read.
+        The file cannot be read.
     """
     header, titles, rows = csv_file.split(path)
     try:
@@ -66,15 +67,16 @@ def load(path: Path) -> Record:
 
 
 def is_measured(record: Record) -> bool:
-    """Return whether a record was measured, not simulated."""
+    """Return whether a record is a measurement, not a simulation."""
     return record.model == MODEL
 
 
 def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]:
-    """Return what a simulation says where and when something was measured: arrays like those of the measurement.
+    """Return the values of a simulation for each measured quantity and instant, in arrays like the measurement's.
 
-    Between the stored instants of the simulation it moves on straight lines. Markers are places on the line of joints,
-    `strain` is the strain of each segment between its joints, a heading is taken in the turn nearest to the measured.
+    Between stored instants, the simulation is interpolated linearly. Markers are positions on the line of joints, and
+    `strain` is the strain of each segment between its joints. Whole turns are added to a heading to bring it nearest to
+    the measured heading.
 
     Parameters
     ----------
@@ -83,13 +85,13 @@ def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]
     Returns
     -------
     dict of str to ndarray
-        By the measured quantity, each of the measured shape, in SI units; NaN at instants outside of the simulation.
-        Quantities that the simulation does not have are left out (`unmatched` says why).
+        Arrays by measured quantity, with the measured shapes, in SI units; NaN at instants outside the simulation.
+        Quantities that the simulation does not have are left out (`unmatched` gives the reasons).
 
     Raises
     ------
     SceneError
-        They have no quantity in common.
+        The records have no quantity in common.
     """
     found, reasons = matched(simulated, measured)
     if not found:
@@ -100,12 +102,12 @@ def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]
 
 
 def unmatched(simulated: Record, measured: Record) -> dict[str, str]:
-    """Return why measured quantities have no counterpart in a simulation, by their names."""
+    """Return the reasons for measured quantities without a counterpart in a simulation, by name."""
     return matched(simulated, measured)[1]
 
 
 def matched(simulated: Record, measured: Record) -> tuple[dict[str, FloatArray], dict[str, str]]:
-    """Return what `simulated_like` and `unmatched` return; neither needs to have anything in it."""
+    """Return the results of `simulated_like` and of `unmatched`; both may be empty."""
     found: dict[str, FloatArray] = {}
     reasons: dict[str, str] = {}
     for name, variable in series_of(measured).items():
@@ -120,14 +122,14 @@ def matched(simulated: Record, measured: Record) -> tuple[dict[str, FloatArray],
 
 
 def series_of(record: Record) -> dict[str, Variable]:
-    """Return what a record has at each of its stored instants, by name; of a simulation also the strain of segments."""
+    """Return the variables of a record over the stored instants, by name; for a simulation, also segment strains."""
     names = [v.name for v in record.variables if _is_series(v)]
     own = {name: one_series(record, name) for name in (*names, "strain")}
     return {name: variable for name, variable in own.items() if variable is not None}
 
 
 def one_series(record: Record, name: str) -> Variable | None:
-    """Return one of `series_of`, None if there is none of this name."""
+    """Return an entry of `series_of`, or None if no entry has this name."""
     own = {v.name: v for v in record.variables if _is_series(v)}
     if name in own or name != "strain" or is_measured(record) or not any(each in own for each in JOINTS):
         return own.get(name)
@@ -140,7 +142,7 @@ def _is_series(variable: Variable) -> bool:
 
 
 def counterpart(simulated: Record, measured: Record, variable: Variable) -> FloatArray:
-    """Return what a simulation has of a measured quantity at its own instants; a SceneError if it has none."""
+    """Return the simulated counterpart of a measured quantity, at the simulation's instants; SceneError if none."""
     name = variable.name
     if (own := one_series(simulated, name)) is not None:
         values, unit = own.values, own.units
@@ -162,7 +164,7 @@ def counterpart(simulated: Record, measured: Record, variable: Variable) -> Floa
 
 
 def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatArray) -> FloatArray:
-    """Return series, shape (T, ...), at ascending times, (T,), at other instants, (K,); NaN outside, shape (K, ...)."""
+    """Return a series, shape (T, ...), from ascending times, (T,), at instants, (K,); NaN outside, shape (K, ...)."""
     if np.array_equal(time, instants):
         return values.astype(float)
     slack = ROUNDING * float(time[-1] - time[0])
@@ -171,7 +173,7 @@ def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatA
     after = np.minimum(k + 1, len(time) - 1)
     span = np.where(after > k, time[after] - time[k], 1.0)
     share = ((t - time[k]) / span).reshape(-1, *(1,) * (values.ndim - 1))
-    # At a stored instant its neighbour does not matter, even if it is NaN.
+    # At a stored instant the other interpolation point does not matter, even if the value there is NaN.
     found = np.where(
         share == 0.0,
         values[k],
@@ -182,7 +184,7 @@ def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatA
 
 
 def segment_strain(record: Record) -> FloatArray:
-    """Return the distance of neighbouring joints over the rest length l0 of a segment, less 1, shape (T, N)."""
+    """Return the distance of neighbouring joints divided by the rest length l0 of a segment, minus 1, shape (T, N)."""
     joints = next(record[name] for name in JOINTS if name in record)
     if record.scene:
         length = tomllib.loads(record.scene)["worm"]["length_m"]
@@ -193,7 +195,7 @@ def segment_strain(record: Record) -> FloatArray:
 
 
 def _fitted(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return the leading part of an array in another shape, NaN where it has nothing: axes and first indices."""
+    """Return the leading part of an array in another shape, with NaN for missing axes and indices."""
     fitted = np.full(shape, np.nan)
     part = tuple(slice(0, min(sizes)) for sizes in zip(values.shape, shape, strict=True))
     fitted[part] = values[part]
@@ -201,7 +203,7 @@ def _fitted(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def _turned(heading: FloatArray, towards: FloatArray) -> FloatArray:
-    """Return a heading by whole turns nearer to another one [rad]."""
+    """Return a heading, shifted by whole turns to be nearest to another heading [rad]."""
     turns = np.round((towards - heading) / (2.0 * np.pi))
     turned: FloatArray = heading + 2.0 * np.pi * np.where(np.isfinite(turns), turns, 0.0)
     return turned
@@ -224,7 +226,7 @@ def _instants(variables: tuple[Variable, ...], lines: list[int]) -> FloatArray:
 
 
 def _scene(header: dict[str, str]) -> str:
-    """Return the header as TOML: what stands for the scene of a record."""
+    """Return the header as TOML, in place of the scene of a record."""
     title = [f"title = {toml_value(header['title'])}"] if "title" in header else []
     lines = (f"{toml_value(name)} = {toml_value(text)}" for name, text in header.items())
     return "\n".join([f"model = {toml_value(MODEL)}", *title, "", "[header]", *lines]) + "\n"

@@ -1,7 +1,7 @@
-"""The one figure that every run draws: the worm and how far it came.
+"""The figure that every run draws: the worm and the distance covered.
 
-It is drawn by Pillow alone, since importing matplotlib takes longer than a run of ten seconds; `worm3d plot` draws all
-figures of a result.
+The figure is drawn with Pillow only, since importing matplotlib takes longer than a run of ten seconds; `worm3d plot`
+draws all figures of a result.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from worm3d.viewer import colours
 Colour = tuple[int, int, int] | str
 
 SCALE = 3
-"""Pictures are drawn so many times larger and averaged: Pillow's edges are not smooth."""
+"""Factor by which pictures are drawn larger and then averaged down, since the edges of Pillow are not smooth."""
 
 TICKS = 6
-"""Numbers along an axis, at most."""
+"""Largest number of labels on an axis."""
 
 INK, GRID = "#333333", "#dddddd"
 
 WIDTH, LEFT, RIGHT, ABOVE, BELOW, HEADER = 720, 62, 16, 24, 36, 46
-"""Width of the picture, margins around each panel, and height of the head line [pixels]."""
+"""Width of the picture, margins around each panel, and height of the header [pixels]."""
 
 BODY_HIGH, CURVES_HIGH = 190, 150
 """Heights of panels with a body (at most) and with curves [pixels]."""
 
 MOST_LENGTHS = 4.0
-"""A body that went further than so many of its own lengths is shown where it ended."""
+"""Largest distance, in body lengths, at which both start and end are shown; beyond, only the end is shown."""
 
 SHORTER, REST, LONGER = (
     tuple(round(255 * part) for part in each) for each in (colours.SHORTER, colours.REST, colours.LONGER)
 )
 START = "#a8a8a8"
 INVALID = "white"
-"""Where a run diverged to what is no number."""
+"""Colour for values that are not numbers because the run diverged."""
 
 COLOURS = ("#1f6fb4", "#e08214", "#3a923a", "#8c2d83")
 
@@ -53,17 +53,17 @@ class Side:
 
     title: str
     along: str
-    """What lies along the horizontal axis."""
+    """Label of the horizontal axis."""
     bodies: FloatArray
     """Corners of the polygons at the start and at the end, shape (2, K, C, 2) [m]."""
     shortening: FloatArray
     """Shortening of each polygon at the end, from -1 to 1, shape (K,)."""
     trail: FloatArray
-    """Way of the centre of mass, shape (T, 2) [m]."""
+    """Path of the centre of mass, shape (T, 2) [m]."""
 
 
 def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArray]) -> Image.Image:
-    """Return the overview of a run: its views, and curves [m], each of shape (T,), over its time."""
+    """Return the overview of a run: views, and curves [m], each of shape (T,), over time."""
     heights = [_height(side) for side in sides]
     canvas = headed(record, record.sentence, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (ABOVE + BELOW))
     top = HEADER
@@ -75,12 +75,12 @@ def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArra
 
 
 def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArray) -> Image.Image:
-    """Return the overview of a planar worm; the names are those of its joints, top and bottom apexes.
+    """Return the overview of a planar worm; `names` are the names of joints, top apexes and bottom apexes.
 
     Parameters
     ----------
     activation : ndarray, shape (N,)
-        Of each segment at the end.
+        Activation of each segment at the end.
     """
     joints, top, bottom = (record[name][[0, -1]] for name in names)
     bodies = np.stack([joints[:, :-1], top, joints[:, 1:], bottom], axis=2)
@@ -90,7 +90,7 @@ def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArra
 
 
 def headed(record: Record, sentence: str, height: int) -> Canvas:
-    """Return a canvas with the title and a sentence over panels of a height [pixels]."""
+    """Return a canvas with the title and a sentence above panels with a total height [pixels]."""
     canvas = Canvas(WIDTH, HEADER + height)
     canvas.text(12, 16, record.title, size=15, width=WIDTH - 24)
     canvas.text(12, 36, sentence, width=WIDTH - 24)
@@ -98,7 +98,7 @@ def headed(record: Record, sentence: str, height: int) -> Canvas:
 
 
 def _window(side: Side) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of what is shown of a view."""
+    """Return the lower left and upper right corner of the visible part of a view."""
     places = side.bodies.reshape(2, -1, 2)
     with np.errstate(invalid="ignore"):
         length = float(np.ptp(places[0, :, 0]))
@@ -114,7 +114,7 @@ def _height(side: Side) -> int:
 
 
 def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
-    """Draw a view in one scale: what is too high for its place is made narrower."""
+    """Draw a view to one scale; the panel is made narrower if the view would be too high."""
     low, high = _window(side)
     scale = min((WIDTH - LEFT - RIGHT) / (high[0] - low[0]), height / (high[1] - low[1]))
     right = LEFT + scale * float(high[0] - low[0])
@@ -126,7 +126,7 @@ def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
 
 
 def _shade(share: float) -> Colour:
-    """Return red for what is shortened, blue for what is lengthened, skin-coloured at rest."""
+    """Return red for a shortened polygon, blue for a lengthened polygon, and the skin colour at rest."""
     if not math.isfinite(share):
         return INVALID
     far, size = (SHORTER, min(share, 1.0)) if share > 0.0 else (LONGER, min(-share, 1.0))
@@ -149,14 +149,14 @@ def _draw_curves(canvas: Canvas, time: FloatArray, curves: Mapping[str, FloatArr
 
 
 class Canvas:
-    """A white picture of a width and a height in pixels."""
+    """A white picture with a width and a height in pixels."""
 
     def __init__(self, width: int, height: int) -> None:
         self._image = Image.new("RGB", (SCALE * width, SCALE * height), "white")
         self.draw = ImageDraw.Draw(self._image)
 
     def text(self, x: float, y: float, words: str, *, size: int = 11, anchor: str = "lm", width: float = 0.0) -> None:
-        """Write a line of text; `anchor` is Pillow's, and with a width [pixels] a longer line gets a smaller size."""
+        """Write a line of text with Pillow's `anchor`; with a width [pixels], a longer line gets a smaller font."""
         font = ImageFont.load_default(SCALE * size)
         while width and size > 1 and font.getlength(words) > SCALE * width:
             size -= 1
@@ -165,24 +165,24 @@ class Canvas:
 
     @property
     def image(self) -> Image.Image:
-        """The picture as it is now."""
+        """The current picture."""
         return self._image.reduce(SCALE)
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A rectangle of a canvas with axes of its own."""
+    """A rectangle of a canvas with its own axes."""
 
     canvas: Canvas
     box: tuple[float, float, float, float]
     """Left, top, right and bottom [pixels]."""
     low: FloatArray
-    """What is at the lower left corner, shape (2,)."""
+    """Coordinates of the lower left corner, shape (2,)."""
     high: FloatArray
-    """What is at the upper right corner, shape (2,)."""
+    """Coordinates of the upper right corner, shape (2,)."""
 
     def frame(self, title: str, xlabel: str = "") -> None:
-        """Draw border, grid and numbers, the title above, and what lies along x below."""
+        """Draw border, grid and numbers, the title above, and the label of the x axis below."""
         left, top, right, bottom = self.box
         for x, number in ticks(self.low[0], self.high[0]):
             self._segment([[x, self.low[1]], [x, self.high[1]]], GRID, 1.0)
@@ -195,7 +195,7 @@ class Panel:
         self.canvas.text(right, bottom + 24, xlabel, anchor="rm")
 
     def line(self, points: ArrayLike, colour: Colour, width: float = 1.5) -> None:
-        """Draw a line through points, shape (P, 2); it is broken where they are not finite or lie outside."""
+        """Draw a line through points, shape (P, 2), with gaps at points that are not finite or outside."""
         places = np.asarray(points, dtype=float)
         seen = self._inside(places)
         for run in np.split(np.arange(len(places)), np.flatnonzero(~seen)):
@@ -204,7 +204,7 @@ class Panel:
                 self._segment(places[inside], colour, width)
 
     def areas(self, corners: ArrayLike, fills: Iterable[Colour | None], edge: Colour = INK) -> None:
-        """Draw polygons, shape (K, C, 2), one after the other; those with a corner outside are left out."""
+        """Draw polygons, shape (K, C, 2), one after the other; polygons with a corner outside are left out."""
         polygons = np.asarray(corners, dtype=float)
         for polygon, fill in zip(polygons, fills, strict=True):
             if self._inside(polygon).all():
@@ -227,7 +227,7 @@ class Panel:
 
 
 def limits(values: ArrayLike, least: float, margin: float = 0.06) -> tuple[float, float]:
-    """Return a range that all finite values are in, with a margin, at least so wide."""
+    """Return a range that contains all finite values, with a margin and a minimum width."""
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
@@ -236,7 +236,7 @@ def limits(values: ArrayLike, least: float, margin: float = 0.06) -> tuple[float
 
 
 def ticks(low: float, high: float, most: int = TICKS) -> list[tuple[float, str]]:
-    """Return round numbers between two, at most so many, each with its digits."""
+    """Return round numbers between two limits, at most `most`, each as text with the digits needed."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * nice for nice in (1.0, 2.0, 5.0, 10.0) if power * nice >= rough * (1.0 - 1e-9))

@@ -1,4 +1,4 @@
-"""What a run leaves behind: its metrics, named arrays with dimensions and units, and how they came about."""
+"""Results of a run: metrics, named arrays with dimensions and units, and the origin of the results."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from worm3d.values.variable import Variable
 Cell = float | int | str | None
 
 Metric = Cell | list[dict[str, Cell]]
-"""A number of the summary, or a table of them, such as the faults of a run."""
+"""A number of the summary, or a table, such as the faults of a run."""
 
 
 def fault_row(time: float, kind: str, what: str, advice: str) -> dict[str, Cell]:
-    """Return a fault of a run, found at a time [s], as a row of its summary."""
+    """Return a fault of a run, detected at a time [s], as a row of the summary."""
     return {"time_s": time, "kind": kind, "what": what, "advice": advice}
 
 
 class MissingVariableError(SceneError, KeyError):
-    """A result lacks a variable."""
+    """A result does not contain a variable."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Metrics of a run by name; one that is None, NaN or infinite becomes None and needs a reason."""
+    """Metrics of a run by name; a metric that is None, NaN or infinite becomes None and needs a reason."""
 
     metrics: Mapping[str, Metric]
     reasons: Mapping[str, str] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
-    """Errors of the metrics, by name, where these are known."""
+    """Errors of the metrics by name, if known."""
 
     def __post_init__(self) -> None:
         metrics = {name: metric if _has_value(metric) else None for name, metric in self.metrics.items()}
@@ -49,17 +49,17 @@ class Summary:
         object.__setattr__(self, "reasons", MappingProxyType({name: self.reasons[name] for name in absent}))
 
     def __getitem__(self, name: str) -> Metric:
-        """Return a metric by its name."""
+        """Return a metric by name."""
         return self.metrics[name]
 
     @property
     def faults(self) -> list[dict[str, Cell]]:
-        """Faults of a run as they came, each as of `fault_row`."""
+        """Faults of a run in the order of detection, each as in `fault_row`."""
         found = self.metrics.get("faults")
         return found if isinstance(found, list) else []
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the metrics, the reasons under `reasons` and any errors under `errors`, as JSON can hold them."""
+        """Return the metrics, the reasons under `reasons` and any errors under `errors`, as data for JSON."""
         return {**self.metrics, "reasons": dict(self.reasons), **({"errors": dict(self.errors)} if self.errors else {})}
 
 
@@ -69,28 +69,28 @@ def _has_value(metric: Metric) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A finished run; everything but `timing` is the same, bit for bit, when the scene is run again."""
+    """A finished run; when the scene is run again, all fields but `timing` are the same, bit for bit."""
 
     name: str
     """Name of the scene."""
     model: str
     scene: str
-    """The resolved scene as TOML, every default written out."""
+    """The resolved scene as TOML, with every default."""
     status: str
     sentence: str
-    """How the run ended."""
+    """Sentence about the end of the run."""
     seed: int
     versions: Mapping[str, str]
-    """Versions of the programs that made it."""
+    """Versions of the programs that made the record."""
     summary: Summary
     variables: tuple[Variable, ...]
-    """Their names are unique; a dimension has one length throughout."""
+    """Variables with unique names; a dimension has the same length in all variables."""
     timing: tuple[Variable, ...] = ()
-    """Wall-clock figures."""
+    """Wall-clock values."""
     checkpoint: tuple[Variable, ...] = ()
-    """State from which the run can go on, bit for bit."""
+    """State from which the run can be continued, bit for bit."""
     run: str = ""
-    """Worm, world and end of the run, as `worm3d.load` takes them; empty for a planar one."""
+    """Worm, world and end of the run, in the format of `worm3d.load`; empty for a planar worm."""
     parts: tuple[Variable, ...] = ()
     """Arrays of worm and world."""
 
@@ -104,11 +104,11 @@ class Record:
         return self.variable(name).values
 
     def __contains__(self, name: str) -> bool:
-        """Return whether there is a variable of this name."""
+        """Return whether there is a variable with this name."""
         return any(variable.name == name for variable in self.variables)
 
     def variable(self, name: str) -> Variable:
-        """Return a variable; a KeyError with a sentence names those that there are."""
+        """Return a variable; the sentence of the KeyError lists the existing variables."""
         for variable in self.variables:
             if variable.name == name:
                 return variable
@@ -119,7 +119,7 @@ class Record:
 
     @cached_property
     def title(self) -> str:
-        """Title of the scene for people, its name if it has none."""
+        """Title of the scene for users, or the name of the scene if there is no title."""
         return str(tomllib.loads(self.scene).get("title") or self.name)
 
     @cached_property
@@ -129,7 +129,7 @@ class Record:
 
 
 def _require_consistent(variables: tuple[Variable, ...]) -> None:
-    """Refuse variables of the same name, or with different lengths of one dimension."""
+    """Raise an error for variables with the same name, or with different lengths of one dimension."""
     names = [variable.name for variable in variables]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ValueError(f"variables: {', '.join(twice)} given more than once, names must be unique")

@@ -1,6 +1,6 @@
-"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, CSV for spreadsheets and NPZ for NumPy.
+"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, CSV for spreadsheets, and NPZ for NumPy.
 
-Files of earlier versions have no digest of what they say; they are accepted with a warning.
+Files of earlier versions have no digest of the content; they are accepted with a warning.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from worm3d.values.netcdf import Content, FileError
 from worm3d.values.variable import write_csv
 
 WITHOUT_DIGEST = "worm3d result 1"
-"""Attribute `format` of files of earlier versions."""
+"""Value of the attribute `format` in files of earlier versions."""
 
 
 def save(record: Record, path: Path) -> None:
-    """Write a record as NetCDF4, whole or not at all.
+    """Write a record as NetCDF4, completely or not at all.
 
     Raises
     ------
@@ -40,20 +40,20 @@ def _to_standard_error(warning: str) -> None:
 
 
 def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record:
-    """Read a record; a folder means the `result.nc` in it, a file ending in .csv is a measurement.
+    """Read a record; for a folder, the file `result.nc` in the folder; a file ending in .csv is a measurement.
 
     Parameters
     ----------
     path : Path
     warn : callable
-        Called with a sentence if damage to the file could not be noticed, because an earlier version wrote it.
+        Function that gets a sentence if damage could not be detected, because an earlier version wrote the file.
 
     Raises
     ------
     SceneError
-        No such file, not one of ours, cut short, damaged, or changed by another program.
+        The file does not exist, is not a worm3d file, or is cut short, damaged, or changed by another program.
     DiscError
-        The file may not be read.
+        The file cannot be read.
     """
     if path.suffix.lower() == measured.ENDING and not path.is_dir():
         return measured.load(path)
@@ -76,9 +76,9 @@ def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record
 
 
 def export_csv(record: Record, path: Path) -> None:
-    """Write one row per stored instant, one column per number that is known then: `com_x_m`, `main_node_3_y_m`.
+    """Write one row per stored instant and one column per number at this instant: `com_x_m`, `main_node_3_y_m`.
 
-    Left out is what has no instant: statistics of each solver step, single numbers, wall-clock figures and all text.
+    Values without an instant are left out: statistics of solver steps, single numbers, wall-clock values and all text.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def export_csv(record: Record, path: Path) -> None:
 
 
 def export_npz(record: Record, path: Path) -> None:
-    """Write every variable by its name, and the resolved scene as the text `scene`; no pickles inside.
+    """Write every variable by name, and the resolved scene as the text `scene`; without pickles.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def export_npz(record: Record, path: Path) -> None:
 
 
 def content_of(record: Record) -> Content:
-    """Return a record as what its file says."""
+    """Return a record as the content of a file."""
     attributes = {name: getattr(record, name) for name in ("name", "model", "scene", "status", "sentence", "seed")}
     attributes |= {"versions": json.dumps(dict(record.versions)), "summary": json.dumps(record.summary.to_dict())}
     groups = {netcdf.ROOT: record.variables, netcdf.TIMING: record.timing}

@@ -13,15 +13,15 @@ Cells = tuple[str, ...]
 
 
 class Column(NamedTuple):
-    """How an attribute of a row is written."""
+    """Format of an attribute of a row."""
 
     attribute: str
     form: str = ""
-    """Format, as after the colon in an f-string."""
+    """Format specification, as after the colon in an f-string."""
     scale: float = 1.0
     """Factor of the value."""
     none: str = ""
-    """Text in place of None and NaN."""
+    """Text for None and NaN."""
 
     def cell(self, row: object) -> str:
         """Return the attribute of a row as text."""
@@ -32,7 +32,7 @@ class Column(NamedTuple):
 
 
 def table(columns: Mapping[str, Column], rows: Iterable[object]) -> tuple[Cells, list[Cells]]:
-    """Return the header and the rows of a table; `columns` by title."""
+    """Return the header and the rows of a table; the keys of `columns` are the titles."""
     return tuple(columns), [tuple(column.cell(row) for column in columns.values()) for row in rows]
 
 
@@ -52,20 +52,20 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iter
 
 
 def csv_bytes(rows: Iterable[Iterable[Any]]) -> bytes:
-    """Return rows, titles too, as the bytes of a CSV file; None and numbers that are not finite are empty."""
+    """Return rows, including titles, as the bytes of a CSV file; None and non-finite numbers are empty."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(map(finite, row) for row in rows)
     return text.getvalue().encode()
 
 
 def json_bytes(content: Any, indent: int | None = 2) -> bytes:
-    """Return content as the bytes of a JSON file; numbers that are not finite become null."""
+    """Return content as the bytes of a JSON file; non-finite numbers become null."""
     text = json.dumps(finite(content), indent=indent, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode()
 
 
 def finite(content: Any) -> Any:
-    """Return content as JSON can hold it: mappings as dicts, sequences as lists, None for what is not finite."""
+    """Return content as data for JSON: mappings as dicts, sequences as lists, None for non-finite numbers."""
     if isinstance(content, Mapping):
         return {key: finite(item) for key, item in content.items()}
     if isinstance(content, list | tuple):

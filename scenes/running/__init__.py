@@ -1,1 +1,1 @@
-"""Runs of a scene: their progress and end at a terminal, and their pictures."""
+"""Runs of a scene: progress, report at a terminal, and pictures."""

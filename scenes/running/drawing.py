@@ -1,4 +1,4 @@
-"""Figures, animation, page and mesh of a record, as files."""
+"""Figures, animation, page and mesh of a record, written as files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def model_of(record: Record) -> Model[Any]:
     Raises
     ------
     SceneError
-        This version of the program does not know it, it was measured, or it is a whole sweep.
+        This version of the program does not know the model, or the record is a measurement or a whole sweep.
     """
     if measured.is_measured(record):
         raise SceneError(f"{record.name}: a measurement, not a run; 'worm3d plot' and 'worm3d compare' draw it")
@@ -39,24 +39,24 @@ def model_of(record: Record) -> Model[Any]:
 
 
 def pictures_of(record: Record) -> Pictures:
-    """Return what can be drawn of a record; errors as of `model_of`."""
+    """Return the pictures for records of this kind; the errors are those in `model_of`."""
     if measured.is_measured(record):
         return measured_pictures(record)
     return model_of(record)
 
 
 def is_drawable(record: Record) -> bool:
-    """Return whether at least one step was finished, or something was measured."""
+    """Return whether at least one step was finished, or the record is a measurement."""
     return record.sizes.get("step", 0) > 0 or measured.is_measured(record)
 
 
 def plot(record: Record, model: Pictures, folder: Path) -> list[Path]:
-    """Write the overview, if there is one, and all figures of the model as PNG into a folder and return their paths.
+    """Write the overview, if any, and all figures of the model as PNG into a folder, and return the paths.
 
     Raises
     ------
     SceneError
-        The record has no finished step to draw.
+        The record has no finished step.
     DiscError
         The folder cannot be written.
     """
@@ -71,7 +71,7 @@ def plot(record: Record, model: Pictures, folder: Path) -> list[Path]:
 
 
 def draw_overview(record: Record, model: Pictures, folder: Path) -> Path:
-    """Write the one figure that every run draws into a folder and return its path; errors as of `plot`."""
+    """Write the figure that every run draws into a folder, and return the path; the errors are those in `plot`."""
     _require_steps(record)
     assert model.overview is not None
     path = folder / OVERVIEW
@@ -81,14 +81,14 @@ def draw_overview(record: Record, model: Pictures, folder: Path) -> Path:
 
 
 def animate(record: Record, model: Pictures, path: Path, fps: int = 20) -> Path:
-    """Write the animation, GIF or MP4 by the ending of `path`, and return the path.
+    """Write the animation as GIF or MP4, chosen by the suffix of `path`, and return the path.
 
     Raises
     ------
     MissingPartError
-        MP4 needs ffmpeg, which is not there.
+        MP4 needs ffmpeg, which is missing.
     SceneError
-        Another ending, no finished step to draw, or a model without animation.
+        The suffix is different, no step was finished, or the model has no animation.
     DiscError
         The file cannot be written.
     """
@@ -102,7 +102,7 @@ def animate(record: Record, model: Pictures, path: Path, fps: int = 20) -> Path:
 
 
 def view(record: Record, model: Pictures, path: Path, *, skin: bool = True) -> Path:
-    """Write the page that plays a record in a browser, whole or not at all, and return its path.
+    """Write the page that plays a record in a browser, completely or not at all, and return the path.
 
     Raises
     ------
@@ -121,12 +121,12 @@ def view(record: Record, model: Pictures, path: Path, *, skin: bool = True) -> P
 
 
 def mesh(record: Record, model: Pictures, at: float | None, path: Path) -> Path:
-    """Write the worm and its world at an instant [s] (None: the end) as a GLB file, and return the path.
+    """Write the worm and the world at an instant [s] (None: the end) as a GLB file, and return the path.
 
     Raises
     ------
     SceneError
-        Another ending, an instant that the run does not have, no finished step, or a model without mesh.
+        The suffix is different, the instant is not in the run, no step was finished, or the model has no mesh.
     DiscError
         The file cannot be written.
     """
@@ -144,7 +144,7 @@ def mesh(record: Record, model: Pictures, at: float | None, path: Path) -> Path:
 
 
 def clear_pictures(folder: Path) -> None:
-    """Remove the summary and pictures of an earlier run, of whatever model, and unfinished files; others stay.
+    """Remove the summary and pictures of an earlier run, of any model, and unfinished files; keep other files.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def clear_pictures(folder: Path) -> None:
         A file cannot be removed.
     """
     found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
-    # Only where there are pictures: it imports every model.
+    # Only if there are pictures, since this imports every model.
     stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
     unfinished = [path.name for path in folder.glob(f"{PREFIX}*.part*")]
     for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
@@ -163,7 +163,7 @@ def clear_pictures(folder: Path) -> None:
 
 
 def cut_short(record: Record) -> str | None:
-    """Return the line that says so if the animation does not show the whole run."""
+    """Return a line for the user if the animation does not show the whole run."""
     simulated = float(record["time"][-1])
     if not is_drawable(record) or pictures_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
         return None
@@ -171,25 +171,25 @@ def cut_short(record: Record) -> str | None:
 
 
 def save_figure(figure: Picture, path: Path) -> None:
-    """Write a figure as PNG, whole or not at all."""
+    """Write a figure as PNG, completely or not at all."""
     for title in (*figure.texts, *(axes.title for axes in figure.axes)):
-        title.set_wrap(True)  # the names of scenes are as long as people like
+        title.set_wrap(True)  # the names of scenes can be long
     with written_whole(path) as part:
-        # Without the version of matplotlib in it the file is the same on every machine.
+        # Without the version of matplotlib in the file, the file is the same on every machine.
         figure.savefig(part, format="png", metadata={"Software": None})
 
 
 def save_movie(movie: Movie, path: Path, fps: int = 20) -> None:
-    """Write a movie by the ending of `path`, whole or not at all.
+    """Write a movie in the format given by the suffix of `path`, completely or not at all.
 
     Raises
     ------
     MissingPartError
-        MP4 needs ffmpeg, which is not there.
+        MP4 needs ffmpeg, which is missing.
     DiscError
         The file cannot be written.
     """
-    # The writers choose the format by the ending, so the unfinished file keeps it.
+    # The writers choose the format by the suffix, so the unfinished file has the same suffix.
     with written_whole(path) as part:
         unfinished = part.with_name(f"{part.name}{path.suffix}")
         try:

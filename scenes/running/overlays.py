@@ -1,7 +1,7 @@
-"""Figures of several records laid over one another; of one measurement they are its figures.
+"""Figures that compare several records; for a single measurement, the figures show only the measurement.
 
-Each function takes records by label and returns (figure, axes), or None where no record has anything to draw there.
-Simulations are lines, measurements dots; the first record is the reference.
+Each function takes records by label and returns (figure, axes), or None if no record has data for the figure.
+Simulations are drawn as lines, measurements as dots; the first record is the reference.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 Records = Mapping[str, Record]
 Overlay = Callable[[Records], "tuple[Figure, Axes] | None"]
 Curves = dict[str, tuple[FloatArray, FloatArray]]
-"""Curves by the label of their record: instants, shape (T,) [s], and values, shape (T,)."""
+"""Curves by the label of the record: instants, shape (T,) [s], and values, shape (T,)."""
 
 MOST_ROWS = 12
 """Largest number of panels one above the other."""
 LEAST_RANGE = 1e-11
-"""Smallest range of an axis over time: what is smaller is rounding, in all units that are drawn."""
+"""Smallest range of an axis over time: smaller ranges are rounding errors, in all drawn units."""
 ENERGIES = (
     "work_contract",
     "work_external",
@@ -43,13 +43,13 @@ ENERGIES = (
     "impact",
     "numerical_loss",
 )
-"""Terms of the ledger that are drawn, summed over the run."""
+"""Drawn terms of the energy ledger, summed over the run."""
 APART = ("strain", "heading", "com", *ENERGIES)
-"""Quantities that have figures of their own."""
+"""Quantities with separate figures."""
 
 
 def path(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw the ways of centres of mass and markers in the plane of x and y."""
+    """Draw the paths of centres of mass and markers in the plane of x and y."""
     tracks = {label: _tracks(record, records) for label, record in records.items()}
     if not any(tracks.values()):
         return None
@@ -77,7 +77,7 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def centre_of_mass_and_heading(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw the centre of mass, from each record's first place, and the heading over time."""
+    """Draw the centre of mass, relative to the first position in each record, and the heading over time."""
     com, heading = _series(records, "com"), _series(records, "heading")
     rows: dict[str, Curves] = {
         f"centre of mass,\n{name} from the start [m]": {
@@ -90,7 +90,7 @@ def centre_of_mass_and_heading(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def strain(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw the strain of each segment over time, the head on top."""
+    """Draw the strain of each segment over time, with the head at the top."""
     known = _series(records, "strain")
     most = max((each.shape[1] for _, each in known.values()), default=0)
     shown = sorted(set(np.linspace(0, most - 1, min(most, MOST_ROWS)).round().astype(int).tolist()), reverse=True)
@@ -120,7 +120,7 @@ def energy(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def single_numbers(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw what is one number at each instant of a measurement, such as a force, in all records that have it."""
+    """Draw quantities that are one number per instant of a measurement, such as a force, for all records with them."""
     rows = {
         f"{name.replace('_', ' ')} [{unit}]": {
             label: (time, each) for label, (time, each) in _series(records, name).items() if each.ndim == 1
@@ -131,7 +131,7 @@ def single_numbers(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def force_and_cable(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw a cable's force over the length of cable that was taken in."""
+    """Draw the force in a cable over the length of cable taken in."""
     known = {
         label: (1e3 * cable, force)
         for label, record in records.items()
@@ -153,18 +153,18 @@ OVERLAYS: dict[str, Overlay] = {
     each.__name__: each
     for each in (path, centre_of_mass_and_heading, strain, markers, energy, single_numbers, force_and_cable)
 }
-"""Figures by the stem of their files."""
+"""Figures by file stem."""
 
 
 def drawn(records: Records) -> Iterator[tuple[str, Figure]]:
-    """Yield the figures that the records have something for, by the stem of their files."""
+    """Yield the figures for which the records have data, by file stem."""
     for stem, draw in OVERLAYS.items():
         if (found := draw(records)) is not None:
             yield stem, found[0]
 
 
 def measured_pictures(record: Record) -> Pictures:
-    """Return the figures of a measurement, as far as it has something for them."""
+    """Return the figures of a measurement for which the measurement has data."""
     present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
     figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
     return Pictures(name=measured.MODEL, title="a measurement", figures=figures, overview=None)
@@ -177,19 +177,19 @@ def _of_one(draw: Overlay, record: Record) -> tuple[Figure, Axes]:
 
 
 def _values(record: Record, name: str) -> FloatArray | None:
-    """Return what a record has of a quantity at its stored instants."""
+    """Return the values of a quantity at the stored instants of a record."""
     found = measured.series_of(record).get(name)
     return None if found is None else np.asarray(found.values, dtype=float)
 
 
 def _series(records: Records, name: str) -> Curves:
-    """Return a quantity of the records that have it over time, its values of shape (T, ...)."""
+    """Return a quantity over time, with values of shape (T, ...), for the records with this quantity."""
     found = {label: _values(record, name) for label, record in records.items()}
     return {label: (records[label]["time"], values) for label, values in found.items() if values is not None}
 
 
 def _component(curves: Curves, k: int) -> Curves:
-    """Return a component of curves with values of shape (T, K), where it is there and known at some time."""
+    """Return a component of curves with values of shape (T, K), for curves with known values of this component."""
     return {
         label: (time, values[:, k])
         for label, (time, values) in curves.items()
@@ -198,7 +198,7 @@ def _component(curves: Curves, k: int) -> Curves:
 
 
 def _numbers(records: Records) -> dict[str, str]:
-    """Return quantities that are one number at each instant of a measurement, with their units."""
+    """Return the quantities that are one number per instant of a measurement, with units."""
     return {
         name: variable.units
         for record in records.values()
@@ -209,7 +209,7 @@ def _numbers(records: Records) -> dict[str, str]:
 
 
 def _tracks(record: Record, records: Records) -> dict[str, FloatArray]:
-    """Return the places over time, shape (T, 2 or 3) [m], of a record's centre of mass and of the measured markers."""
+    """Return the positions over time, shape (T, 2 or 3) [m], of a record's centre of mass and measured markers."""
     own = measured.series_of(record)
     found = {"com": np.asarray(own["com"].values, dtype=float)} if "com" in own else {}
     for other in records.values():
@@ -230,7 +230,7 @@ def _figure(wide: float, high: float) -> tuple[Figure, Axes]:
 
 
 def _style(record: Record, number: int) -> dict[str, Any]:
-    """Return how the curves of a record are drawn, given its number."""
+    """Return the line style of the curves of a record, by the number of the record."""
     dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3} if measured.is_measured(record) else {"lw": 1.4}
     return {"color": f"C{number}", **dots}
 

@@ -1,7 +1,7 @@
-"""What the program runs on: that our packages are ours, the versions of all, and the machine.
+"""The environment of the program: a check of the imported packages, the versions of packages, and the machine.
 
-The import name `control` is also that of python-control, and pip lays the two over one another without a
-word; then `import control` gets the other one, or a mixture.
+The import name `control` is also the name of python-control, and pip installs both into the same folder without a
+warning; then `import control` imports the other package, or a mixture.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from scenes.language.errors import SceneError
 LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "h5netcdf", "h5py", "matplotlib")
 OURS = ("control", "planar", "worm3d")
 MARK = 'DISTRIBUTION = "worm3d"'
-"""Line of our `control` that the other one lacks."""
+"""Line that only our `control` contains."""
 HOME = Path(__file__).resolve().parents[2]
 
 
@@ -34,7 +34,7 @@ def require_own_packages() -> None:
     Raises
     ------
     SceneError
-        Which file was found instead, and what to do.
+        Another file was found; the sentence names the file and the remedy.
     """
     for name in OURS:
         found, own = _found(name), HOME / name / "__init__.py"
@@ -46,7 +46,7 @@ def require_own_packages() -> None:
 
 
 _version = cache(metadata.version)
-"""Returns the version of a package; asked for each of many runs it would take longer than a short one."""
+"""Function that returns the version of a package; cached, because the search would take longer than a short run."""
 
 
 def versions() -> dict[str, str]:
@@ -77,7 +77,7 @@ def machine() -> dict[str, Any]:
 
 
 def cpu_name(listing: Path = Path("/proc/cpuinfo")) -> str:
-    """Return the processor's name, as far as the system tells."""
+    """Return the name of the processor, as given by the system."""
     with suppress(OSError):
         for line in listing.read_text().splitlines():
             key, _, value = line.partition(":")

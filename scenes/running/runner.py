@@ -1,4 +1,4 @@
-"""From a scene, or the first part of its run, to a folder of results, whatever happens on the way."""
+"""Runs of a scene, or of the rest of a run, into a folder of results, also after errors."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ from worm3d.values import named
 from worm3d.values.variable import Variable
 
 EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
-"""What a run ends the program with, by its status; a sweep is incomplete if a case failed."""
+"""Exit code of the program for each status of a run; a sweep is incomplete if a case failed."""
 
 
 def run_scene(
     scene: Scene, out: Path | None = None, *, force: bool = False, quiet: bool = False, earlier: Record | None = None
 ) -> int:
-    """Run a scene, or the rest of it, write everything that was computed, and return the exit code.
+    """Run a scene, or the rest of a run, write all computed results, and return the exit code.
 
-    Without a folder to write to it is `runs/<scene>-<time>`; `earlier` is a first part of this run, to go on from
-    (`lengthened`); other options as of the command.
+    The default folder is `runs/<scene>-<time>`; `earlier` is the first part of this run, from which the run continues
+    (`lengthened`); the other options are those of the command.
 
     Raises
     ------
     SceneError
-        The folder cannot be used, or the disc refused a file.
+        The folder cannot be used, or a file could not be written.
     """
     with folders.prepared(out, scene.name, force=force) as folder:
         return _run_into(folder, scene, earlier, quiet=quiet)
 
 
 def lengthened(earlier: Record, more: float | None = None) -> Scene:
-    """Return the scene of a run that goes on after its first part, for `more` seconds or to its planned end.
+    """Return the scene of a run that continues after the first part, for `more` seconds or to the planned end.
 
     Raises
     ------
     SceneError
-        It cannot go on, or there is nothing more to do.
+        The run cannot be continued, or is already complete.
     """
     model = model_of(earlier)
     if model.resume is None or not earlier.checkpoint:
@@ -77,7 +77,7 @@ def lengthened(earlier: Record, more: float | None = None) -> Scene:
         raise SceneError(f"--duration: got {more} s, must be finite and above 0")
     if round(more / run.dt_s) < 1:
         raise SceneError(f"--duration: got {more} s, must be at least a time step (run.dt_s = {run.dt_s} s)")
-    total = float(f"{done * run.dt_s + more:.12g}")  # 0.1 + 0.2 s are 0.3 s
+    total = float(f"{done * run.dt_s + more:.12g}")  # 0.1 s + 0.2 s is 0.3 s
     return parse_scene(earlier.scene, earlier.name, [f"run.duration_s={total!r}"])
 
 
@@ -100,7 +100,7 @@ def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool
 
 
 def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) -> Record:
-    """Simulate until the end or the first Ctrl-C; the second one is a KeyboardInterrupt."""
+    """Simulate until the end or the first Ctrl-C; a second Ctrl-C raises KeyboardInterrupt."""
     steps = scene.settings.steps - (earlier.sizes["step"] if earlier else 0)
     with Interruption() as interruption, progress(scene.name, steps, quiet=quiet) as show:
 
@@ -112,7 +112,7 @@ def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) ->
 
 
 def _keep(record: Record, folder: Path) -> None:
-    """Write the result and only then remove what an earlier run left."""
+    """Write the result, and only then remove the files of an earlier run."""
     save(record, folder / RESULT)
     clear_pictures(folder)
     write_bytes(folder / folders.SUMMARY, json_bytes({**record.summary.to_dict(), **terminal.timing(record)}))
@@ -121,19 +121,19 @@ def _keep(record: Record, folder: Path) -> None:
 def simulate(
     scene: Scene, observer: Observer = lambda done: True, earlier: Record | None = None, how: Watch | None = None
 ) -> Record:
-    """Run a scene and return its record; the observer is called with the number of finished steps.
+    """Run a scene and return the record; the observer is called with the number of finished steps.
 
-    With a first part of the run the simulation goes on from its end, and the record is that of the whole run. With
-    `how` it is seen in a live view, where the model has one.
+    With a first part of the run, the simulation continues from the end of this part, and the record covers the whole
+    run. With `how`, the run is shown in a live view, if the model has one.
 
     Raises
     ------
     SceneError
-        The plant or a part of the user's own refuses the scene.
+        The plant or the user's own part refuses the scene.
     """
     try:
         outcome = _outcome(scene, observer, earlier, how)
-    except SystemExit as error:  # of a part of the user's own, whose mistake it is: nothing of ours ends so in a run
+    except SystemExit as error:  # a mistake in the user's own part: our programs never exit during a run
         raise SceneError(f"{scene.name}: a part of your own raised SystemExit({error.code!r})") from error
     except Exception as error:
         own = [] if isinstance(error, SceneError) else named.names_in(tomllib.loads(scene.to_toml()))
@@ -159,13 +159,13 @@ def simulate(
 
 def _outcome(scene: Scene, observer: Observer, earlier: Record | None, how: Watch | None) -> Outcome:
     if how is not None:
-        assert scene.model.watch is not None  # `scenes.running.viewing` refuses the others
+        assert scene.model.watch is not None  # checked in `scenes.running.viewing`
         watched: Outcome = scene.model.watch(scene.settings, observer, how)
         return watched
     if earlier is None:
         outcome: Outcome = scene.model.run(scene.settings, observer)
         return outcome
-    assert scene.model.resume is not None  # `lengthened` refuses the others
+    assert scene.model.resume is not None  # checked in `lengthened`
     return scene.model.resume(scene.settings, earlier, observer)
 
 
@@ -183,7 +183,7 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
     if not is_drawable(record):
         return
     draw_overview(record, scene.model, folder)
-    if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d export --film` draws it
+    if record.status != "interrupted":  # after Ctrl-C users do not want to wait; see `worm3d export --film`
         if scene.model.view is not None:
             view(record, scene.model, folder / folders.VIEWER)
         elif scene.model.animate is not None:

@@ -1,4 +1,4 @@
-"""What a person at a terminal sees of a run, and does to it: its progress, Ctrl-C, and how it ended."""
+"""A run at a terminal: progress, Ctrl-C, and the report at the end."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ HEADLINES = (
 )
 
 USES = ("friction", "hysteresis", "damping", "impact", "numerical", "gained")
-"""What the work goes into, in the names of the summary: `work_friction_J` and so on."""
+"""Uses of the work, by their names in the summary: `work_friction_J` and so on."""
 
 NOT_IN_ALL = "hysteresis"
-"""Uses of the work among `USES` that not all models have, and that most worms are without."""
+"""Use of the work that some models do not have and that is zero for most worms."""
 
 DOUBTS = {
     "unconverged_steps": "Newton's iteration left {} above its tolerance: try a smaller run.dt_s",
     "inverted_steps": "a segment is inside out after {}: these are shapes that no worm has",
 }
-"""Counts in the summary that must be 0, and what to say if one is not."""
+"""Counts in the summary that must be 0, and the warnings if they are not."""
 
 
 @contextmanager
 def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
-    """Give a function to call with the number of finished steps, or whatever; all goes to standard error."""
+    """Yield a function of the number of finished steps, or other items; the progress is written to standard error."""
     if quiet or not sys.stderr.isatty():
         if not quiet:
             typer.echo(f"{title}: {counted(total, what)}", err=True)
@@ -62,7 +62,7 @@ def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iter
 
 
 def each(title: str, keys: Iterable[K], go: Callable[[K], R], what: str, *, quiet: bool) -> dict[K, R]:
-    """Return what a function makes of each key, one after the other, and show how far it has come."""
+    """Return the results of a function for each key, computed one after the other with a display of the progress."""
     wanted, found = list(keys), {}
     with progress(title, len(wanted), quiet=quiet, what=what) as show:
         for done, key in enumerate(wanted, start=1):
@@ -77,7 +77,7 @@ def counted(number: int, what: str) -> str:
 
 
 def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
-    """Say on a terminal what takes a while; nothing elsewhere."""
+    """Show on a terminal that a task takes a while; without a terminal, show nothing."""
     if quiet or not sys.stderr.isatty():
         return nullcontext()
     from rich.console import Console
@@ -86,11 +86,11 @@ def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
 
 
 class Interruption:
-    """While entered, the first SIGINT or SIGTERM only sets `requested`; after it the old behaviour is back."""
+    """Context in which the first SIGINT or SIGTERM only sets `requested`, and a second one has the usual effect."""
 
     def __init__(self) -> None:
         self.requested = False
-        """Whether the user wants the run to stop."""
+        """Whether the user wants to stop the run."""
         self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interruption:
@@ -108,7 +108,7 @@ class Interruption:
         self._restore()
 
     def _restore(self) -> None:
-        # An ignored SIGINT (a background job) would make the second Ctrl-C powerless.
+        # An ignored SIGINT (in a background job) would make the second Ctrl-C ineffective.
         for number, handler in self._previous.items():
             ignored = number == signal.SIGINT and handler in (signal.SIG_IGN, None)
             signal.signal(number, signal.default_int_handler if ignored else handler or signal.SIG_DFL)
@@ -116,7 +116,7 @@ class Interruption:
 
 
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
-    """Return the lines that end a run: the metrics that matter, and where the files are."""
+    """Return the lines at the end of a run: the most important metrics, and the location of the files."""
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
@@ -129,7 +129,7 @@ def ending(record: Record, model: Model[Any], folder: Path) -> str:
 
 
 def failure(record: Record, model: Model[Any]) -> str:
-    """Return the line about a run that failed: the failure, its time and place, and the advice of the model."""
+    """Return the line about a failed run: the failure, the time and place, and the advice of the model."""
     return f"{record.status}: {record.sentence}; {model.advice}"
 
 
@@ -139,7 +139,7 @@ def failed(record: Record) -> bool:
 
 
 def warnings(record: Record) -> list[str]:
-    """Return what makes the figures of a run doubtful though it reached its end, its faults included."""
+    """Return reasons why the results of a finished run are doubtful, including the faults of the run."""
     found = ((record.summary.metrics.get(name), text) for name, text in DOUBTS.items())
     doubts = [text.format(counted(number, "step")) for number, text in found if isinstance(number, int) and number]
     return [*doubts, *map(_fault, record.summary.faults)]
@@ -157,7 +157,7 @@ def _metrics(record: Record, model: Model[Any]) -> list[str]:
 
 
 def _error(record: Record) -> list[tuple[str, str, str]]:
-    """Return the headline of the error of the distance where there is one, or a single distance means little."""
+    """Return the headline with the error of the distance, if there is an error or if single distances mean little."""
     from worm3d.measures.spread import ROUGH
 
     name = "distance_error_m"
@@ -166,7 +166,7 @@ def _error(record: Record) -> list[tuple[str, str, str]]:
 
 
 def _uses(record: Record) -> list[str]:
-    """Return a line that says which parts of the work, and so of the cost of transport, went where; none without."""
+    """Return a line with the shares of the work, and thus of the cost of transport; no line if there is no work."""
     parts = {name: record.summary.metrics.get(f"work_{name}_J") for name in USES}
     joules = {name: float(part) for name, part in parts.items() if isinstance(part, float | int)}
     work = sum(joules.values())
@@ -177,7 +177,7 @@ def _uses(record: Record) -> list[str]:
 
 
 def timing(record: Record) -> dict[str, float]:
-    """Return the wall-clock figures that are single numbers."""
+    """Return the wall-clock values that are single numbers."""
     return {v.name: float(v.values) for v in record.timing if not v.dims}
 
 
@@ -189,7 +189,7 @@ def _sentence(record: Record) -> str:
 
 
 def _metric(record: Record, key: str, unit: str) -> str:
-    from worm3d.values.metrics import written  # a check of a scene prints none
+    from worm3d.values.metrics import written  # not needed for the check of a scene
 
     value = record.summary[key]
     return (

@@ -1,4 +1,4 @@
-"""Runs in a browser: a page opened, and a run that is seen while it goes on."""
+"""Runs in a browser: opening a page, and watching a run live."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scenes.running.terminal import Interruption
 
 
 def open_in_browser(address: str) -> bool:
-    """Open an address where there is a screen; a browser in the terminal would only be in the way."""
+    """Open an address if there is a screen; a browser in the terminal would be a nuisance."""
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     if sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in screens):
         return webbrowser.open(address, new=2)
@@ -26,12 +26,12 @@ def open_in_browser(address: str) -> bool:
 
 
 def watch(scene: Scene, *, speed: float, opens: bool) -> int:
-    """Run a scene in a live view, keep nothing, and return the exit code.
+    """Run a scene in a live view without storing the run, and return the exit code.
 
     Raises
     ------
     SceneError
-        The model cannot be watched, or the view does not start.
+        The model has no live view, or the view does not start.
     """
     if scene.model.watch is None:
         raise SceneError(f"{scene.name}: the model '{scene.model.name}' cannot be watched; 'worm3d run' animates it")

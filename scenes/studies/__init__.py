@@ -1,1 +1,1 @@
-"""Studies: many runs compared with each other, with measurements and with published numbers; none knows another."""
+"""Independent studies: many runs compared with each other, with measurements and with published numbers."""

@@ -1,1 +1,1 @@
-"""Sweeps: one scene many times, some of its keys varied; case by case in files, so that nothing finished is lost."""
+"""Sweeps: many runs of one scene with varied keys; each case has a file, so that finished cases are never lost."""

@@ -1,7 +1,8 @@
-"""The file of a case: what it came to, with all that is needed to run it again.
+"""The file of a case: the results, and the data needed to run the case again.
 
-It is `<key>.json` in the folder `cases`, small and readable; where whole records are kept it is `<key>.nc`, the very
-`result.nc` of `worm3d run`. A case that has no record, because the plant refused it, has the JSON file in any event.
+The file is `<key>.json` in the folder `cases`, small and readable. If whole records are stored, the file is `<key>.nc`,
+identical to the `result.nc` of `worm3d run`. A case without a record, because the plant refused the scene, always has
+the JSON file.
 """
 
 from __future__ import annotations
@@ -25,40 +26,40 @@ CASES = "cases"
 """Folder of the files of the cases, in the folder of a sweep."""
 FORMAT = "worm3d case 1"
 FAILED = "failed"
-"""Status of a case without a record: refused by the plant, or ended by an error or the death of its worker."""
+"""Status of a case without a record: refused by the plant, or ended by an error or the death of the worker."""
 NOT_RUN = "not run"
-"""Status of a case that has no file: the sweep was interrupted before."""
+"""Status of a case without a file: the sweep was interrupted before the case."""
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What a case came to."""
+    """Result of a case."""
 
     key: str
-    """Key of its job, the stem of its file."""
+    """Key of the job, which is the stem of the file."""
     name: str
     """Name of the scene."""
     model: str
     status: str
-    """`done`, `diverged`, `failed`; `not run` where there is no file."""
+    """`done`, `diverged`, `failed`; `not run` if there is no file."""
     sentence: str
-    """How it ended."""
+    """Sentence about the end of the case."""
     seed: int
     summary: Mapping[str, Metric] = field(default_factory=dict)
-    """Figures of `summary.json` by name; empty if it failed."""
+    """Entries of `summary.json` by name; empty if the case failed."""
     reasons: Mapping[str, str] = field(default_factory=dict)
-    """Why a figure has no value."""
+    """Reasons for missing values."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """Errors of the figures, by name, where these are known."""
+    """Errors of the entries by name, if known."""
     timing: Mapping[str, float] = field(default_factory=dict)
-    """Wall-clock figures, which differ when the case is run again."""
+    """Wall-clock values, which differ when the case is run again."""
     versions: Mapping[str, str] = field(default_factory=dict)
     scene: Mapping[str, Any] = field(default_factory=dict)
     """The resolved scene as data: section -> key -> value."""
 
 
 def result_of(key: str, record: Record, scene: Mapping[str, Any]) -> CaseResult:
-    """Return what a case came to, given the record of its run and its resolved scene as data."""
+    """Return the result of a case, given the record of the run and the resolved scene as data."""
     return CaseResult(
         key=key,
         name=record.name,
@@ -76,7 +77,7 @@ def result_of(key: str, record: Record, scene: Mapping[str, Any]) -> CaseResult:
 
 
 def write(result: CaseResult, path: Path) -> None:
-    """Write the JSON file of a case, whole or not at all.
+    """Write the JSON file of a case, completely or not at all.
 
     Raises
     ------
@@ -89,7 +90,7 @@ def write(result: CaseResult, path: Path) -> None:
 
 
 def read(path: Path) -> CaseResult | None:
-    """Return what the file of a case says, JSON or NetCDF; None if there is none, or it is damaged or another's."""
+    """Return the content of a case file, JSON or NetCDF; None if the file is missing, damaged or not a case file."""
     with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
         result = _of_record(path) if path.suffix == ".nc" else _of_json(path)
         return result if result.key == path.stem else None

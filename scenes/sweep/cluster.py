@@ -1,4 +1,4 @@
-"""The workers of a sweep: processes of this machine, or those of a Dask scheduler that is running."""
+"""The workers of a sweep: processes of this machine, or the workers of a running Dask scheduler."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from scenes.sweep.flight import PATIENCE, Flight
 from scenes.sweep.job import Ended, Job
 
 CONNECT = 5.0
-"""Longest time in which a scheduler answers [s]."""
+"""Longest time for the response of a scheduler [s]."""
 SETTINGS = {
-    "distributed.scheduler.allowed-failures": 0,  # which cases are tried again is decided in `scenes.sweep.flight`
-    "distributed.deploy.lost-worker-timeout": f"{PATIENCE}s",  # on a busy machine a worker takes long to come back
+    "distributed.scheduler.allowed-failures": 0,  # `scenes.sweep.flight` decides which cases are tried again
+    "distributed.deploy.lost-worker-timeout": f"{PATIENCE}s",  # on a busy machine a worker is slow to return
     "distributed.worker.profile.enabled": False,  # takes time of the cases
     "distributed.admin.system-monitor.interval": "10s",  # so does this
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,  # a worker that pauses is waited for without end
+    "distributed.worker.memory.pause": False,  # a paused worker would never finish
     "distributed.worker.memory.terminate": False,
 }
-"""Settings of a scheduler of our own, and of its workers."""
+"""Settings of the scheduler and the workers that this program starts."""
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-"""Program of each worker as it starts: a terminal's Ctrl-C reaches all processes, and is for the driver."""
+"""Code that each worker runs at the start: a terminal's Ctrl-C reaches all processes, but is meant for the driver."""
 WARNING = (
     "warning: the scheduler listens on {}: whoever reaches that address can run programs as you do; use it only in a "
     "network that you trust"
@@ -43,11 +43,11 @@ WARNING = (
 
 @dataclass(frozen=True)
 class Local:
-    """Worker processes of this machine, started for the sweep; an `Executor`."""
+    """Worker processes on this machine, started for the sweep; an `Executor`."""
 
     workers: int
     bind: str = LOOPBACK
-    """Address that the scheduler and its workers listen on."""
+    """Listening address of the scheduler and the workers."""
 
     def __post_init__(self) -> None:
         if self.workers < 1:
@@ -86,7 +86,7 @@ class Local:
 
 @dataclass(frozen=True)
 class Remote:
-    """Workers of a scheduler that is running; an `Executor`."""
+    """Workers of a running scheduler; an `Executor`."""
 
     address: str
 
@@ -104,7 +104,7 @@ class Remote:
 
     @contextmanager
     def _connected(self) -> Iterator[Client]:
-        with silence_logging_cmgr("CRITICAL"):  # what is wrong is told in sentences
+        with silence_logging_cmgr("CRITICAL"):  # errors are reported as sentences
             try:
                 client = Client(self.address, timeout=CONNECT, set_as_default=False)
             except (OSError, ValueError, TypeError) as error:
@@ -117,7 +117,7 @@ class Remote:
 
 
 def _require_single(threads: dict[str, int]) -> None:
-    """Check that workers have one thread: of a process, only one case is run at a time."""
+    """Check that workers have one thread, since only one case runs at a time in a process."""
     if many := sorted(address for address, number in threads.items() if number != 1):
         raise SceneError(
             f"the worker at {many[0]} has {threads[many[0]]} threads, must have 1: start workers by 'dask worker "
@@ -126,7 +126,7 @@ def _require_single(threads: dict[str, int]) -> None:
 
 
 def _require_folder(client: Client, folder: Path) -> None:
-    """Check that all workers have worm3d, and see the folder of the cases."""
+    """Check that all workers have worm3d, and access to the folder of the cases."""
     probe = folder / f"{PREFIX}{secrets.token_hex(8)}.part"
     try:
         probe.write_text(probe.name)
@@ -146,7 +146,7 @@ def _require_folder(client: Client, folder: Path) -> None:
 
 
 def _sees(probe: str) -> bool:
-    """Return whether a file of the driver is here, in a folder that can be written."""
+    """Return whether this process sees a file of the driver, in a writable folder."""
     path = Path(probe)
     with suppress(OSError), tempfile.TemporaryFile(dir=path.parent):
         return path.read_text() == path.name

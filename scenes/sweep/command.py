@@ -1,4 +1,4 @@
-"""`worm3d sweep`: from a scene and the keys that are varied to a folder of cases and what they show together."""
+"""`worm3d sweep`: from a scene and varied keys to a folder with the cases and the outputs of the sweep."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from scenes.sweep.vary import cases_of, texts
 
 INTERRUPTED = EXIT_CODES["interrupted"]
 MOST_TOLD = 20
-"""Number of failed cases that are told one by one."""
+"""Largest number of failed cases that are reported individually."""
 QUICKLY_CHECKED = 500
-"""Number of cases from which on the progress of their check is shown."""
+"""Number of cases from which on the check shows the progress."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the command, as `worm3d sweep --help` explains them."""
+    """Options of the command, described in `worm3d sweep --help`."""
 
     vary: Sequence[str] = ()
     random: int | None = None
@@ -50,20 +50,21 @@ class Options:
 
 
 Then = Callable[[Path, Scene, Table], Iterable[str]]
-"""Writes more about the cases of a sweep into its folder, given its scene, and returns lines that end its report."""
+"""Function that writes further files about the cases into the folder of a sweep, and returns lines for the report."""
 
 
 def run(
     scene: str | Path, overrides: Sequence[str], out: Path | None, options: Options, then: Then = lambda *told: ()
 ) -> int:
-    """Run a sweep, or what is missing of it, write what it shows, and return the exit code.
+    """Run a sweep, or the missing cases of a sweep, write the outputs, and return the exit code.
 
-    Without a folder to write to it is `runs/<scene>-<time>`. What is done `then` is left out if the sweep was stopped.
+    The default folder is `runs/<scene>-<time>`. The function `then` is not called if the sweep was stopped.
 
     Raises
     ------
     SceneError
-        A mistake in the scene, the varied keys or the options; the folder cannot be used; a package is missing.
+        There is a mistake in the scene, the varied keys or the options, the folder cannot be used, or a package is
+        missing.
     """
     executor = chosen(options.workers, options.scheduler, options.bind)
     source = Source.of(scene, overrides)
@@ -76,7 +77,7 @@ def run(
 
 
 def checked(source: Source, options: Options) -> Plan:
-    """Return the plan of a sweep; the check of many cases shows how far it has come."""
+    """Return the plan of a sweep; the check of many cases shows the progress."""
     listed = cases_of(options.listed) if options.listed else ()
     with ExitStack() as stack:
         shows: list[Callable[[int], None]] = []
@@ -107,7 +108,7 @@ def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options, th
 def _run_and_write(
     folder: Path, plan: Plan, executor: Executor, options: Options, then: Then
 ) -> tuple[bool, Sequence[str], int]:
-    """Return whether Ctrl-C stopped it, the lines that end its report, and the exit code."""
+    """Return whether Ctrl-C stopped the sweep, the lines at the end of the report, and the exit code."""
     sweep, name, begun = (
         Sweep(plan, folder, options.results, options.case_limit_s or CASE_LIMIT),
         plan.base.name,
@@ -130,7 +131,7 @@ def _run_and_write(
 
 
 def failures(design: Design, table: Table) -> Iterator[str]:
-    """Yield a line for each case that failed, the first ones if they are many."""
+    """Yield a line for each failed case; if there are many, only for the first cases."""
     failed = [(row, values) for row, values in enumerate(design.cases()) if table.failed[row]]
     for row, values in failed[:MOST_TOLD]:
         yield f"with {told(values)}: {table.status[row]}: {table.reasons[row]}"

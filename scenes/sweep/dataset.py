@@ -1,4 +1,4 @@
-"""`worm3d.sweep`: a sweep from Python, as a data set."""
+"""`worm3d.sweep`: a sweep from Python, with a data set as the result."""
 
 from __future__ import annotations
 
@@ -36,49 +36,50 @@ def sweep(
     results: bool = False,
     retry_failed: bool = False,
 ) -> xarray.Dataset:
-    """Run a scene many times, some of its keys varied, and return what all cases came to.
+    """Run a scene many times with varied keys, and return the results of all cases.
 
     Parameters
     ----------
     scene : str or Path
         Name of a shipped scene, or a TOML file.
     vary : mapping, optional
-        Values by key of the scene: a sequence, or a text as on the command line, such as "1:3:5" (five values from 1 to
-        3), "1:100:5:log", or with `random` "1:3" to draw from. Several sequences make a grid. Left out: as the scene's
-        section [sweep] says.
+        Values by key of the scene: a sequence, or a text in the format of the command line, such as "1:3:5" (five
+        values from 1 to 3), "1:100:5:log", or with `random` "1:3" for random values. Several sequences make a grid.
+        Default: the scene's section [sweep].
     random : int, optional
-        Number of cases to draw.
+        Number of random cases.
     cases : sequence of mappings, or a CSV file, optional
-        Cases one by one: values by key, the same keys in each.
+        List of cases: values by key, with the same keys in each case.
     overrides : iterable of str
-        `section.key=value` each, for all cases.
+        Items `section.key=value`, for all cases.
     workers : int, optional
-        Number of processes; left out, the cases run one after the other in this one.
+        Number of processes; by default, the cases run one after the other in the current process.
     scheduler : str, optional
         Address of a Dask scheduler whose workers run the cases.
     bind : str
-        Address on which the scheduler of `workers` listens.
+        Listening address of the scheduler of `workers`.
     case_limit_s : float, optional
-        Longest time of a case from its first step on [s]; one that takes longer fails. Left out: as the section [sweep]
-        says, or an hour.
+        Time limit of a case, counted from the first step [s]; a case that exceeds the limit fails. Default: the limit
+        in the section [sweep], or an hour.
     out : str or Path, optional
-        Folder of the cases and of what they show together, as `worm3d sweep` writes it; with the same folder only
-        missing cases are run. Left out: nothing is kept.
+        Folder for the cases and the outputs of the sweep, as in `worm3d sweep`; with an existing folder, only missing
+        cases run. By default, nothing is stored.
     results : bool
-        Whether whole records are kept, as `worm3d run` writes them.
+        Whether whole records are stored, as in `worm3d run`.
     retry_failed : bool
-        Whether cases are run again that failed before.
+        Whether cases that failed before are run again.
 
     Returns
     -------
     xarray.Dataset
-        Dimensions are the varied keys, and `case` (or `sample`, beside others) of drawn or listed cases; variables are
-        the figures of the summary, `status`, `reason` and `seed`. Figures of cases that failed are NaN.
+        The dimensions are the varied keys, and `case` (or `sample`, in addition to other dimensions) for random or
+        listed cases; the variables are the entries of the summary, `status`, `reason` and `seed`. Entries of failed
+        cases are NaN.
 
     Raises
     ------
     SceneError
-        A mistake in the scene or the varied keys, with a line for each; a folder that cannot be used.
+        There are mistakes in the scene or the varied keys, with one line each, or the folder cannot be used.
     MissingPartError
         xarray is not installed.
     """

@@ -1,4 +1,4 @@
-"""Design of a sweep: which keys of a scene are varied, over which values, and so which cases there are."""
+"""Design of a sweep: the varied keys of a scene, their values, and the resulting cases."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from dataclasses import dataclass
 from typing import Any
 
 CASE, SAMPLE = "case", "sample"
-"""Dimension of values that are drawn or listed: the only one of a sweep, and the one beside those of a grid."""
+"""Dimension of random or listed values: alone, or in addition to the dimensions of a grid."""
 
 
 @dataclass(frozen=True)
 class Varied:
-    """A key of the scene that is varied."""
+    """A varied key of the scene."""
 
     key: str
     """Dotted name, such as `gait.period_s`."""
     dim: str
-    """Dimension along which it varies: its own name in a grid, else `case` or `sample`, which others share."""
+    """Dimension along which the key varies: the key itself in a grid, else the shared `case` or `sample`."""
     values: tuple[Any, ...]
-    """Value at each place of the dimension, as TOML has them: numbers, texts, truth values, lists, tables."""
+    """Value at each position along the dimension, as in TOML: numbers, texts, truth values, lists, tables."""
     unit: str = ""
-    """Unit of the values, "1" for a pure number; empty where they are no numbers."""
+    """Unit of the values, "1" for dimensionless numbers; empty if the values are not numbers."""
     title: str = ""
-    """What it is, in a few words."""
+    """Short description of the key."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """Keys that are varied; its cases are all combinations of the places along its dimensions."""
+    """Varied keys; the cases are all combinations of the positions along the dimensions."""
 
     scene: str
     """Name of the scene."""
@@ -38,7 +38,7 @@ class Design:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Length of each dimension, in order; the last one varies fastest from case to case."""
+        """Length of each dimension, in order; the last dimension varies fastest from case to case."""
         return {each.dim: len(each.values) for each in self.varied}
 
     def __len__(self) -> int:
@@ -46,7 +46,7 @@ class Design:
         return math.prod(self.sizes.values())
 
     def cases(self) -> Iterator[dict[str, Any]]:
-        """Yield the values of each case by key, in the order of its dimensions."""
+        """Yield the values of each case by key, in the order of the dimensions."""
         sizes = self.sizes
         for places in itertools.product(*map(range, sizes.values())):
             at = dict(zip(sizes, places, strict=True))
@@ -54,7 +54,7 @@ class Design:
 
 
 def told(values: Mapping[str, Any]) -> str:
-    """Return the values of a case as a person reads them: `gait.period_s = 3, worm.segments = 5`."""
+    """Return the values of a case as text for users: `gait.period_s = 3, worm.segments = 5`."""
     from scenes.language.toml import shown
 
     return ", ".join(f"{key} = {value if isinstance(value, str) else shown(value)}" for key, value in values.items())

@@ -1,4 +1,4 @@
-"""Engine of a sweep: finds which cases are missing in its folder, has them run, and gives what all came to."""
+"""Engine of a sweep: finds the missing cases in a folder, runs them, and returns the results of all cases."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from scenes.sweep.plan import Case, Jobs, Plan
 
 @dataclass
 class Progress:
-    """How far a sweep has come."""
+    """Progress of a sweep."""
 
     total: int
-    """Number of cases, each counted once."""
+    """Number of cases, without duplicates."""
     kept: int
-    """Number of those that were in the folder already."""
+    """Number of cases that were already in the folder."""
     ran: int = 0
-    """Number of those that have come to their end since."""
+    """Number of cases that have ended since."""
     failed: int = 0
-    """Number of those that diverged or failed, earlier and refused ones among them."""
+    """Number of cases that diverged or failed, including earlier and refused cases."""
     refused: int = 0
-    """Number of those that cannot be, and failed without being run; neither kept nor run."""
+    """Number of impossible cases, which failed without a run; these count as neither kept nor run."""
 
     @property
     def ended(self) -> int:
-        """Number of cases that need not be run any more."""
+        """Number of cases that do not need a run any more."""
         return self.kept + self.refused + self.ran
 
 
 @dataclass
 class Sweep:
-    """A sweep in its folder."""
+    """A sweep in a folder."""
 
     plan: Plan
     folder: Path
     results: bool = False
-    """Whether the files of the cases hold whole records."""
+    """Whether the files of the cases contain whole records."""
     limit_s: float = CASE_LIMIT
-    """Longest time of a case from its first step on [s]."""
+    """Time limit of a case, counted from the first step [s]."""
     _lost: dict[str, str] = field(default_factory=dict)
-    """Why a case that has no file failed, by key."""
+    """Reasons why cases without a file failed, by key."""
 
     def run(
         self,
@@ -60,22 +60,22 @@ class Sweep:
         anew: bool = False,
         retry_failed: bool = False,
     ) -> Progress:
-        """Run the cases that the folder lacks and return how far it came.
+        """Run the cases that are missing in the folder, and return the progress.
 
         Parameters
         ----------
         executor : Executor
         stopped : callable
-            Asked now and then; where it returns True, no further case is begun.
+            Called now and then; after the function returns True, no further case is started.
         watch : callable
-            Called at the begin and after each case.
+            Called at the beginning and after each case.
         anew, retry_failed : bool
-            Run all cases again, or those that diverged or failed.
+            Run all cases again, or the cases that diverged or failed.
 
         Raises
         ------
         SceneError
-            The disc refused a file, or a package is missing where the cases run.
+            A file could not be written, or a package is missing in a worker.
         """
         made(self.cases_folder)
         self._remove_parts()
@@ -97,7 +97,7 @@ class Sweep:
         return progress
 
     def ended(self) -> Iterator[CaseResult]:
-        """Yield what each case of the design came to, in its order."""
+        """Yield the result of each case, in the order of the design."""
         jobs = self._jobs(self.plan.cases)
         for case, job in zip(self.plan.cases, jobs, strict=True):
             yield found(job) or self._without_file(case)
@@ -111,7 +111,7 @@ class Sweep:
         return Jobs(self.plan.base.name, cases, self.cases_folder, self.results, self.limit_s)
 
     def _missing(self, jobs: Jobs, *, anew: bool, retry_failed: bool) -> tuple[Jobs, int]:
-        """Return the jobs that are to be run, and how many others have failed; what is outdated is removed."""
+        """Return the jobs to run, and the number of other jobs that failed; remove outdated files."""
         missing, failed = [], 0
         for case, job in zip(jobs.cases, jobs, strict=True):
             earlier = found(job)
@@ -124,7 +124,7 @@ class Sweep:
         return replace(jobs, cases=tuple(missing)), failed
 
     def _refuse(self, jobs: Jobs) -> None:
-        """Write the files of cases that cannot be."""
+        """Write the files of impossible cases."""
         for case, job in zip(jobs.cases, jobs, strict=True):
             if found(job) is None:
                 refused(job, self.plan.base.model.name, case.seed, tomllib.loads(job.scene), case.refused)
@@ -141,7 +141,7 @@ class Sweep:
         return CaseResult(case.key, self.plan.base.name, self.plan.base.model.name, status, sentence, case.seed)
 
     def _remove_parts(self) -> None:
-        """Remove what killed workers left of files that they were writing."""
+        """Remove unfinished files of killed workers."""
         with suppress(OSError):
             for path in self.cases_folder.glob(f"{PREFIX}*.part"):
                 _remove(path)
@@ -155,14 +155,14 @@ def _remove(path: Path) -> None:
 
 
 def require_place(folder: Path, *, force: bool) -> None:
-    """Check that a folder may hold a sweep: there is none, it is empty, holds a sweep already, or `force` is set.
+    """Check that a folder can hold a sweep: the folder is missing, empty or a sweep's, or `force` is set.
 
     Raises
     ------
     SceneError
-        It holds something else.
+        The folder contains other files.
     DiscError
-        It cannot be read.
+        The folder cannot be read.
     """
     try:
         there = [path for path in folder.iterdir() if not path.name.startswith(PREFIX)] if folder.is_dir() else []
@@ -175,21 +175,21 @@ def require_place(folder: Path, *, force: bool) -> None:
 
 
 def chosen(workers: int | None = None, scheduler: str | None = None, bind: str = LOOPBACK) -> Executor:
-    """Return the executor that a user asks for; this process if nothing is asked for.
+    """Return the executor that the user chose; by default, this process.
 
     Parameters
     ----------
     workers : int, optional
-        Processes to start on this machine, which Dask looks after.
+        Number of processes to start on this machine, managed by Dask.
     scheduler : str, optional
-        Address of a Dask scheduler that is running, such as tcp://127.0.0.1:8786.
+        Address of a running Dask scheduler, such as tcp://127.0.0.1:8786.
     bind : str
-        Address that the scheduler started for `workers` listens on. Beyond 127.0.0.1 others can reach it.
+        Listening address of the scheduler started for `workers`. An address other than 127.0.0.1 is open to others.
 
     Raises
     ------
     SceneError
-        Both are given, or one makes no sense.
+        Both `workers` and `scheduler` are given, or a value is invalid.
     """
     if workers is not None and scheduler is not None:
         raise SceneError(

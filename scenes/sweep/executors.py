@@ -1,4 +1,4 @@
-"""Who runs the cases of a sweep: this process, processes of its own, or the workers of a Dask scheduler."""
+"""Executors of the cases of a sweep: this process, new processes, or the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from scenes.sweep.job import INTERRUPTED, Ended, Job
 Stopped = Callable[[], bool]
 
 LOOPBACK = "127.0.0.1"
-"""Address that only programs of the same machine reach."""
+"""Address that is reachable only from the same machine."""
 
 
 class Perform(Protocol):
-    """Runs a job, unless its file is there, and may end it early where it is stopped (`scenes.sweep.job.perform`)."""
+    """Function that runs a job without a file, and may end the job early when stopped (`scenes.sweep.job.perform`)."""
 
     def __call__(self, job: Job, stopped: Stopped = ...) -> Ended:
-        """Return how it ended."""
+        """Return how the job ended."""
         ...
 
 
 class Executor(Protocol):
-    """Runs jobs, in whatever order and place."""
+    """Executor of jobs, in any order and place."""
 
     def run(self, jobs: Sequence[Job], perform: Perform, stopped: Stopped) -> Iterator[Ended]:
-        """Yield how each job ended, as they end; where `stopped` returns True, no more are begun, and it returns.
+        """Yield how each job ended, as soon as the job ends; no new jobs start after `stopped` returns True.
 
-        `perform` is a function of a module, which all workers can import. Jobs that were under way when it was stopped
-        may have been run and not be yielded: their files tell.
+        `perform` is a function in a module, so that all workers can import the function. Jobs that are running at a
+        stop may finish without being yielded; the files of the jobs show this.
 
         Raises
         ------
         SceneError
-            The executor cannot go on, or `perform` raised one, as where a disc is full.
+            The executor cannot continue, or `perform` raised the error, for example because a disc is full.
         """
         ...
 
 
 class InProcess:
-    """Runs jobs one after the other in this process."""
+    """Executor that runs jobs one after the other in this process."""
 
     def run(self, jobs: Sequence[Job], perform: Perform, stopped: Stopped) -> Iterator[Ended]:
         """Yield how each job ended; see `Executor.run`."""

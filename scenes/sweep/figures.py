@@ -1,4 +1,4 @@
-"""Figures of a sweep: a metric over one or two varied keys; cases that failed are marked."""
+"""Figures of a sweep: a metric over one or two varied keys, with marks for failed cases."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from worm3d.values.arrays import FloatArray
 FAILED: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
 
 MOST_TICKS = 12
-"""Largest number of values that are all named along an axis."""
+"""Largest number of values on an axis that are all labelled."""
 NARROWEST_GAP = 0.06
-"""Smallest distance between two values that are both named, as a share of the axis."""
+"""Smallest distance between two labelled values, as a share of the axis."""
 MOST_NUMBERS = 64
-"""Largest number of cells of a map that have their numbers in them."""
+"""Largest number of cells in a map with a number in each cell."""
 MOST_CURVES = 12
-"""Largest number of curves that a legend names."""
+"""Largest number of curves in a legend."""
 LEAST_DECADES = 8.0
-"""Ratio of the largest to the smallest value from which on an axis may be logarithmic."""
+"""Smallest ratio of the largest to the smallest value for a logarithmic axis."""
 CATEGORIES = ("seed",)
-"""Keys whose numbers are mere names."""
+"""Keys whose numbers are only names."""
 
 
 def draw(table: Table, metric: str, label: str, title: str) -> Figure:
     """Return the figure of a metric of a sweep over one or two keys.
 
-    One key gives a curve (points, if its values were drawn), two numbers a map (coloured points), a number and a
-    category a curve for each category, a category and seeds bars with a point for each seed.
+    One key gives a curve (points, if the values are random). Two numbers give a map (coloured points), a number and a
+    category give a curve for each category, and a category and seeds give bars with a point for each seed.
     """
     figure = Figure(figsize=(6.4, 4.4), layout="constrained", dpi=120)
     axes = figure.subplots()
@@ -80,7 +80,7 @@ def _draw_curves(
     for name, chosen in _groups(table, others):
         order = np.flatnonzero(chosen)[np.argsort(x[chosen], kind="stable")]
         axes.plot(x[order], values[order], style, ms=4, label=name)
-    axes.plot(x, np.full(len(x), np.nanmean(values)), linestyle="none")  # all cases have a place along the axis
+    axes.plot(x, np.full(len(x), np.nanmean(values)), linestyle="none")  # the axis covers all cases
     _mark_absent(axes, table, x, values)
     if others and len(axes.lines) <= MOST_CURVES:
         axes.legend(title=others[0].key, fontsize=8, title_fontsize=8)
@@ -89,7 +89,7 @@ def _draw_curves(
 
 
 def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    """Yield the cases that have each value of a key, if there is one, and else all cases."""
+    """Yield the cases with each value of a key, or all cases if there is no key."""
     if not others:
         yield "", np.ones(len(table), dtype=bool)
     for key in others:
@@ -99,7 +99,7 @@ def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[n
 
 
 def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, label: str) -> None:
-    """Draw a metric for each value of a category; cases that share one are points, and their mean is the bar."""
+    """Draw a metric for each value of a category: points for the cases with this value, and a bar for their mean."""
     names = _along(table, varied).tolist()
     places = {name: place for place, name in enumerate(dict.fromkeys(names))}
     x = np.array([places[name] for name in names], dtype=float)
@@ -157,12 +157,12 @@ def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, 
 
 
 def _marks(varied: Varied) -> FloatArray:
-    """Return where the values of a key stand along its axis."""
+    """Return the positions of the values of a key along the axis."""
     return np.array(varied.values if _is_axis(varied) else range(len(varied.values)), dtype=float)
 
 
 def edges(marks: FloatArray) -> FloatArray:
-    """Return the edges of cells about ascending marks: half-way, on a logarithmic axis as it is seen there."""
+    """Return the edges of cells around ascending positions, half-way as seen on the axis, linear or logarithmic."""
     if len(marks) == 1:
         half = 0.5 * abs(float(marks[0])) or 0.5
         return np.array([marks[0] - half, marks[0] + half])
@@ -175,7 +175,7 @@ def edges(marks: FloatArray) -> FloatArray:
 
 
 def is_logarithmic(values: FloatArray) -> bool:
-    """Return whether values span much, and their middle is nearer to the geometric mean of the ends."""
+    """Return whether values span a wide range, with their middle nearer to the geometric mean of the ends."""
     low, high = float(values.min()), float(values.max())
     if low <= 0.0 or high < LEAST_DECADES * low:
         return False
@@ -184,7 +184,7 @@ def is_logarithmic(values: FloatArray) -> bool:
 
 
 def _scale(axes: Axes, which: str, values: FloatArray) -> None:
-    """Choose the scale of an axis, and name all values along it if they are few and apart."""
+    """Choose the scale of an axis, and label all values along the axis if they are few and far enough apart."""
     distinct, logarithmic = np.unique(values), is_logarithmic(values)
     places = np.log(distinct) if logarithmic else distinct
     if logarithmic:
@@ -195,7 +195,7 @@ def _scale(axes: Axes, which: str, values: FloatArray) -> None:
 
 
 def _ticks(axes: Axes, which: str, names: list[str]) -> None:
-    """Name categories along an axis, the first ones if they are many."""
+    """Label categories along an axis; if there are many, only the first categories."""
     step = 1 + (len(names) - 1) // (3 * MOST_TICKS)
     turned = which == "x" and sum(map(len, names)) > 60
     getattr(axes, f"set_{which}ticks")(range(0, len(names), step), names[::step], rotation=30 if turned else 0)
@@ -205,7 +205,7 @@ def _ticks(axes: Axes, which: str, names: list[str]) -> None:
 
 
 def colours(values: FloatArray) -> dict[str, Any]:
-    """Return colours that tell signs apart where a metric has both."""
+    """Return colours that distinguish signs if a metric has both signs."""
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())
     if low < 0.0 < high:
@@ -220,7 +220,7 @@ def _ink(mesh: Any, value: float) -> str:
 
 
 def _mark_absent(axes: Axes, table: Table, x: FloatArray, values: FloatArray) -> None:
-    """Mark cases that failed, and those without a value, at the foot of a panel."""
+    """Mark cases that failed, and cases without a value, at the bottom of a panel."""
     foot = axes.get_xaxis_transform()
     failed = np.unique(x[table.failed])
     axes.scatter(failed, np.full(len(failed), 0.03), transform=foot, **FAILED)

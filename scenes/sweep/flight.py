@@ -1,11 +1,11 @@
-"""Cases under way on the workers of a Dask scheduler, and what becomes of those whose worker dies.
+"""Running cases on the workers of a Dask scheduler, with retries if a worker dies.
 
-A worker that dies takes with it the case that it ran, and those that waited for it. Which of them killed it, if any
-did, comes out in further tries: the lost cases wait until the others have ended; then there is one at a time on a
-worker, and in the last try one at a time on all of them. A case that has lost its worker in every try is reported as
+If a worker dies, the running case and the waiting cases of the worker are lost. Further tries show which case killed
+the worker, if any did. The lost cases wait until the others have ended; then they run one at a time on each worker, and
+in the last try one at a time on all workers together. A case that has lost its worker in every try is reported as
 failed.
 
-A worker reports the end of a case by an event of the scheduler, which costs two thirds of a fetched result.
+A worker reports the end of a case by an event of the scheduler, which costs two thirds as much as fetching a result.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from scenes.sweep.job import Ended, Job, too_late
 from scenes.sweep.limit import ended_when_stuck
 
 COMPANY = (2, 1, 0)
-"""Cases under way for each worker, in the first try and in the further ones; 0 is one on all workers together."""
+"""Number of running cases for each worker, in the first and in the further tries; 0 is one on all workers together."""
 POLL = 0.2
-"""Longest time until it is seen that the user stops the sweep [s]."""
+"""Longest time until the program notices that the user stopped the sweep [s]."""
 TASK = 0.5
-"""Time that a task takes, about: short cases go to a worker together, as each task costs what a short case does [s]."""
+"""Approximate duration of a task [s]: short cases are sent together, since a task costs as much as a short case."""
 LOOK = 1.0
-"""Time between two looks at who works [s]."""
+"""Time between two counts of the workers [s]."""
 NOTICE = 10.0
-"""Time without a worker after which the user is told [s]."""
+"""Time without a worker after which the user is notified [s]."""
 PATIENCE = 600.0
 """Time without a worker after which the sweep ends [s]."""
 DEATH = f"its worker died in each of {len(COMPANY)} tries: killed, out of memory, or a crash of compiled code"
@@ -52,24 +52,24 @@ _alone = threading.Lock()
 
 
 class SchedulerError(SceneError):
-    """The scheduler has ended, or nobody works for it."""
+    """The scheduler has ended, or has no worker."""
 
     exit_code = 1
 
 
 class _Report(NamedTuple):
-    """What a worker says of a task."""
+    """Report of a worker about a task."""
 
     first: str
-    """Key of its first job."""
+    """Key of the first job."""
     seconds: float
-    """Time that it took [s]."""
+    """Duration of the task [s]."""
     ended: Sequence[tuple[str, ...]]
-    """How each of its jobs ended, as fields of `Ended`."""
+    """How each job ended, as fields of `Ended`."""
 
 
 class Flight:
-    """Runs jobs on the workers of a client; the hint says how a worker is started, where that is for the user."""
+    """Runner of jobs on the workers of a client; the hint tells the user how to start a worker, if necessary."""
 
     def __init__(self, client: Client, perform: Perform, stopped: Stopped, hint: str = "") -> None:
         self._client, self._perform, self._stopped, self._hint = client, perform, stopped, hint
@@ -83,14 +83,14 @@ class Flight:
         client.subscribe_topic(self._topic, lambda event: self._news.put(_Report(*event[1])))
 
     def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
-        """Yield how each job ended, as they end.
+        """Yield how each job ended, as soon as the job ends.
 
         Raises
         ------
         SchedulerError
             The scheduler has ended, or there is no worker for `PATIENCE`.
         SceneError
-            As a worker raised it.
+            A worker raised the error.
         """
         rest = jobs
         for number, company in enumerate(COMPANY):
@@ -101,7 +101,7 @@ class Flight:
             yield from (Ended(job.key, FAILED, DEATH) for job in rest)
 
     def wait_for_workers(self) -> bool:
-        """Wait for a first worker; return False if the user stops the sweep before one comes."""
+        """Wait for the first worker; return False if the user stops the sweep before a worker is there."""
         while not self._stopped():
             self._look()
             if self._workers:
@@ -110,7 +110,7 @@ class Flight:
         return False
 
     def _try(self, number: int, jobs: Sequence[Job], company: int) -> Iterator[Ended]:
-        waiting, left = iter(jobs), len(jobs)  # all at once may be more than there is memory for
+        waiting, left = iter(jobs), len(jobs)  # all jobs at once may not fit into memory
         while (left or self._under_way) and not self._stopped():
             self._look()
             places = max(1, company * self._workers)
@@ -124,14 +124,14 @@ class Flight:
             self._client.cancel(list(self._under_way.values()))
 
     def _send(self, batch: Batch, number: int) -> None:
-        """Have jobs run; one that a driver sent which was killed is waited for, not run a second time."""
+        """Submit jobs; jobs that a killed driver has submitted before are awaited, not run a second time."""
         key = ("case", number, *(job.path for job in batch))
         future = self._client.submit(_perform, self._perform, batch, self._topic, key=key)
         self._under_way[batch[0].key] = future
         future.add_done_callback(lambda future: self._news.put((batch, future)))
 
     def _arrived(self) -> Iterator[Ended]:
-        """Yield the cases that have ended; wait for some, if need be, no longer than `POLL`."""
+        """Yield the cases that have ended; if there are none, wait no longer than `POLL`."""
         with suppress(Empty):
             news = self._news.get(timeout=POLL)
             while True:
@@ -143,7 +143,7 @@ class Flight:
                 news = self._news.get_nowait()
 
     def _verdict(self, batch: Batch, future: Future) -> _Report | None:
-        """Return how jobs ended of which the scheduler says so; None if it was told, or they are tried again."""
+        """Return the scheduler's report about jobs; None if a report came before, or the jobs are tried again."""
         if batch[0].key not in self._under_way:
             return None
         if future.status == "finished":
@@ -153,14 +153,14 @@ class Flight:
         error = future.exception()
         if isinstance(error, SceneError):
             raise error
-        if isinstance(error, KilledWorker) or len(batch) > 1:  # one of them is to blame
+        if isinstance(error, KilledWorker) or len(batch) > 1:  # one of the jobs is the cause
             del self._under_way[batch[0].key]
             self._lost.extend(batch)
             return None
         return _Report(batch[0].key, TASK, [(batch[0].key, FAILED, f"{type(error).__name__}: {error}")])
 
     def _look(self) -> None:
-        """Count the workers, now and then."""
+        """Count the workers now and then."""
         now = time.monotonic()
         if now < self._looked + LOOK:
             return
@@ -179,7 +179,7 @@ class Flight:
 
 
 def _perform(perform: Perform, batch: Batch, topic: str) -> _Report:
-    """Run jobs on a worker and tell the driver; one at a time in a process."""
+    """Run jobs on a worker, one at a time in a process, and report to the driver."""
     with _alone:
         begun = time.monotonic()
         ended = [astuple(_performed(perform, job)) for job in batch]
@@ -189,6 +189,6 @@ def _perform(perform: Perform, batch: Batch, topic: str) -> _Report:
 
 
 def _performed(perform: Perform, job: Job) -> Ended:
-    """Run a job, or end this process if it never ends; a job that ended one in another try is not tried again."""
+    """Run a job, and end this process if the job never ends; a job that ended a process before is not tried again."""
     with ended_when_stuck(Path(job.path), job.limit_s) as was_stuck:
         return too_late(job) if was_stuck else perform(job)

@@ -1,4 +1,4 @@
-"""One case of a sweep as a worker runs it, in whatever process: a text in, a file out."""
+"""One case of a sweep in a worker of any kind: the input is a text, the output is a file."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ INTERRUPTED = "interrupted"
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker needs to run a case: plain texts."""
+    """Input of a worker for a case: plain texts."""
 
     key: str
     """Key of the case (`scenes.sweep.key`)."""
     name: str
     """Name of the scene."""
     scene: str
-    """The resolved scene as TOML, checked before."""
+    """The resolved and checked scene as TOML."""
     path: str
-    """Absolute path of the case's file, `<key>.json`, or `<key>.nc` where the whole record is kept."""
+    """Absolute path of the case's file, `<key>.json`, or `<key>.nc` if the whole record is stored."""
     results: bool = False
-    """Whether the file holds the whole record."""
+    """Whether the file contains the whole record."""
     limit_s: float = CASE_LIMIT
-    """Longest time from its first step on [s]."""
+    """Time limit, counted from the first step [s]."""
 
 
 @dataclass(frozen=True)
@@ -45,19 +45,19 @@ class Ended:
 
     key: str
     status: str
-    """`done`, `diverged` or `failed`; `interrupted` if it was stopped and has no file."""
+    """`done`, `diverged` or `failed`; `interrupted` if the case was stopped and has no file."""
     reason: str = ""
-    """Why it is not done."""
+    """Reason why the case is not done."""
 
 
 def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
-    """Run a case and write its file, whole or not at all; one whose file is there already is not run again.
+    """Run a case and write the file, completely or not at all; a case with a file is not run again.
 
     Parameters
     ----------
     job : Job
     stopped : callable
-        Asked now and then while the case runs; where it returns True, the case ends without a file.
+        Called now and then while the case runs; if the function returns True, the case ends without a file.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     MissingPartError
         A package is missing.
     SceneError
-        The programs, or what the scene refers to, are not those that the driver has.
+        The programs, or the data that the scene refers to, differ from the driver's.
     """
     if (earlier := found(job)) is not None:
         return _ended(earlier)
@@ -82,7 +82,7 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
         record = simulate(scene, lambda done: clock.looks() and not stopped())
     except (DiscError, MissingPartError):
         raise
-    except Exception as error:  # whatever a case does, the others go on
+    except Exception as error:  # the other cases continue after any error
         return _failed(job, scene, data, error)
     if record.status == INTERRUPTED:
         return too_late(job) if clock.is_over else Ended(job.key, INTERRUPTED)
@@ -95,12 +95,12 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
 
 
 def too_late(job: Job) -> Ended:
-    """Return the end of a case that took longer than its limit: without a file, since elsewhere it may be in time."""
+    """Return how a case ended that exceeded the limit: without a file, since the case may be in time elsewhere."""
     return Ended(job.key, FAILED, told(job.limit_s))
 
 
 def found(job: Job) -> CaseResult | None:
-    """Return what an earlier run of a case came to; None without a file, or if it is damaged or says too little."""
+    """Return the result of an earlier run of a case; None if the file is missing, damaged or incomplete."""
     whole, short = Path(job.path).with_suffix(".nc"), Path(job.path).with_suffix(".json")
     if (earlier := read(whole)) is not None:
         return earlier
@@ -117,7 +117,7 @@ def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -
 
 
 def refused(job: Job, model: str, seed: int, scene: Mapping[str, Any], sentence: str) -> CaseResult:
-    """Write the file of a case without a record, which failed for a reason, and return what it came to."""
+    """Write the file of a case that failed without a record, and return the result of the case."""
     result = CaseResult(job.key, job.name, model, FAILED, sentence, seed, versions=versions(), scene=scene)
     write(result, Path(job.path).with_suffix(".json"))
     return result

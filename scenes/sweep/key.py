@@ -1,4 +1,4 @@
-"""Key of a case: a digest of all that its result depends on."""
+"""Key of a case: a digest of everything that affects the result."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from scenes.running.packages import sources, versions
 from worm3d.values import named
 
 LENGTH = 20
-"""Number of characters of a key: 80 bits, so that a million cases hardly ever share one."""
+"""Number of characters of a key: 80 bits, so that two of a million cases hardly ever have the same key."""
 
 
 def key_of(scene: Scene, *, possible: bool = True) -> str:
-    """Return the key of a checked scene: of its settings, seed included, of what they refer to, and of the programs.
+    """Return the key of a checked scene: a digest of settings with seed, of referenced data, and of the programs.
 
-    A scene refers to the content of its files and to additions of its model (`Model.refers_to`), such as the identified
-    map of a controller. A scene that is not `possible` refers to nothing.
+    A scene refers to the content of files and to additions of the model (`Model.refers_to`), such as the identified map
+    of a controller. A scene that is not `possible` refers to nothing.
     """
     refers = scene.model.refers_to if possible else None
     basis = {
@@ -40,7 +40,7 @@ def key_of(scene: Scene, *, possible: bool = True) -> str:
 
 
 def _modules(text: str) -> list[Path]:
-    """Return the files of the modules of a user's own that a scene names."""
+    """Return the files of the modules of users' own parts in a scene."""
     modules = [
         sys.modules.get(name.partition(":")[0]) for name in named.names_in(tomllib.loads(text) if ":" in text else {})
     ]
@@ -48,7 +48,7 @@ def _modules(text: str) -> list[Path]:
 
 
 def _files(section: Section) -> Iterator[Path]:
-    """Yield the files that a scene names, or that come with the program under the name."""
+    """Yield the files that a scene names, including shipped files."""
     for path in _named(type(section)):
         value: Any = section
         for name in path:
@@ -59,7 +59,7 @@ def _files(section: Section) -> Iterator[Path]:
 
 @cache
 def _named(section: type[Section]) -> tuple[tuple[str, ...], ...]:
-    """Return the path of each key that holds the path of a file."""
+    """Return the path of each key whose value is the path of a file."""
     found: list[tuple[str, ...]] = []
     for name, known in keys_in(section).items():
         if known.section:
@@ -76,5 +76,5 @@ def _digest_of(path: Path) -> str:
 
 @cache
 def _digest_at(path: Path, changed: int, size: int) -> str:
-    """Return a digest of a file as it was changed last."""
+    """Return a digest of a file; cached for the same time of change and size."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

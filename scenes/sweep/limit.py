@@ -1,9 +1,9 @@
-"""Time limit of a case: one that never ends keeps no others from being run.
+"""Time limit of a case, so that a case that never ends does not block the other cases.
 
-A case is ended between two steps where it has taken longer. On a worker even a step that never ends is ended, by ending
-the process, which Dask replaces: `faulthandler` does so in a thread that needs nothing of Python. What it writes before
-tells the next try of the case that it has had its time. The time counts from the first step on, so that compiling is no
-part of it.
+A case that exceeds the limit is ended between two steps. On a worker, even a step that never ends is ended, by ending
+the process, which Dask replaces: `faulthandler` does this in a thread that works without Python. The file written
+before shows the next try of the case that the time has been used up. The time counts from the first step on, so that
+compilation is not included.
 """
 
 from __future__ import annotations
@@ -20,29 +20,30 @@ from scenes.language.sweep_section import CASE_LIMIT, LONGEST_CASE_LIMIT
 from scenes.records.folder import PREFIX
 
 LONGEST_START = 600.0
-"""Time from the begin of a case to its first step after which a worker counts as stuck [s]: compiling all kernels takes
-up to 120 s on a busy machine. With half of it slow machines fail, with double stuck cases hold up a worker longer."""
+"""Time from the beginning of a case to the first step after which a worker counts as stuck [s]: compiling all kernels
+takes up to 120 s on a busy machine. With half this time slow machines fail, with double stuck cases block a worker
+longer."""
 LONGEST_STEP = 5.0
-"""Time beyond its limit that a case on a worker has to end its step and write its file [s]. With half of it large files
-on a slow disc fail, with double a stuck case holds up a worker longer."""
+"""Time beyond the limit for a case on a worker to finish a step and write the file [s]. With half this time large files
+on a slow disc fail, with double a stuck case blocks a worker longer."""
 
 _witness: IO[Any] | None = None
-"""File of the case that this worker runs, to be written as the process is ended."""
+"""File of the case on this worker, to be written when the process is ended."""
 
 
 class Clock:
-    """Time of a case, from its first step on."""
+    """Time of a case, counted from the first step."""
 
     def __init__(self, limit_s: float) -> None:
         self._limit, self._begun = limit_s, 0.0
 
     @property
     def is_over(self) -> bool:
-        """Whether the case has taken longer than its limit [s]."""
+        """Whether the time has exceeded the limit [s]."""
         return bool(self._begun) and time.monotonic() > self._begun + self._limit
 
     def looks(self) -> bool:
-        """Take note of a step; return whether the case may go on."""
+        """Record a step, and return whether the case may continue."""
         if not self._begun:
             self._begun = time.monotonic()
             _end_process_after(self._limit + LONGEST_STEP)
@@ -50,17 +51,17 @@ class Clock:
 
 
 def told(limit_s: float) -> str:
-    """Return why a case failed that took longer than its limit."""
+    """Return the reason for the failure of a case that exceeded the limit."""
     return f"took longer than {limit_s:g} s, the time limit of a case: give it longer by --case-limit-s"
 
 
 def limit_of(sweep: Any, asked: float | None) -> float:
-    """Return the time limit of the cases [s]: as asked for, or as the section [sweep] of the scene says.
+    """Return the time limit of the cases [s]: the given limit, or the limit in the section [sweep].
 
     Raises
     ------
     SceneError
-        It is not above 0, or too long.
+        The limit is not above 0, or too long.
     """
     limit = float(sweep.get("case_limit_s", CASE_LIMIT) if asked is None else asked)
     if not 0.0 < limit <= LONGEST_CASE_LIMIT:
@@ -70,9 +71,9 @@ def limit_of(sweep: Any, asked: float | None) -> float:
 
 @contextmanager
 def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
-    """Have this process ended if a case, of which the file is `path`, never ends; gives whether one was before.
+    """End this process if the case with the file `path` never ends; yield whether an earlier try was ended.
 
-    For processes of a worker only, in which one case is run at a time. DiscError where nothing can be written there.
+    Only for worker processes that run one case at a time. DiscError if the folder is not writable.
     """
     global _witness
     witness = path.with_name(f"{PREFIX}{path.stem}.late.part")
@@ -94,6 +95,6 @@ def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
 
 
 def _end_process_after(seconds: float) -> None:
-    """Have a worker's process ended after some time from now, instead of what was said before."""
+    """End the worker's process after a time, which replaces the time set before."""
     if _witness is not None:
         faulthandler.dump_traceback_later(seconds, exit=True, file=_witness)

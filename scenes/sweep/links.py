@@ -1,4 +1,4 @@
-"""Keys of a sweep that follow from others: choices, names for values of several keys, and keys given by formulas."""
+"""Keys of a sweep that depend on other keys: choices, names for values of several keys, and keys given by formulas."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from scenes.sweep.vary import DIGITS
 
 @dataclass(frozen=True)
 class Links:
-    """What a section [sweep] says beside the varied keys."""
+    """Content of a section [sweep] apart from the varied keys."""
 
     choices: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    """Axis -> name of a choice -> keys and their values; a text that begins with `=` is a formula."""
+    """Axis -> name of a choice -> keys and values; a text that begins with `=` is a formula."""
     always: Mapping[str, Any]
-    """Keys of all cases, but for those whose choice says otherwise, and their formulas."""
+    """Keys and values or formulas for all cases; the choice of a case takes precedence."""
     settings: Section
-    """Settings of the scene, which names that are not varied mean."""
+    """Settings of the scene, for names in formulas that are not varied."""
 
     def axes(self, vary: Mapping[str, Any]) -> dict[str, Any]:
         """Return all axes of the sweep: the varied keys, then the choices."""
@@ -33,14 +33,14 @@ class Links:
         return {**vary, **{axis: list(names) for axis, names in self.choices.items()}}
 
     def keys_of(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the keys of a case and their values, given its places along the axes.
+        """Return the keys and values of a case, given the position of the case along the axes.
 
-        A varied name that is no key of the scene, but stands in a formula, is a variable, and no key of the case.
+        A varied name that is not a key of the scene, but occurs in a formula, is a variable and not a key of the case.
 
         Raises
         ------
         SceneError
-            A formula that cannot be read, or with a name that means no number.
+            A formula cannot be read, or has a name that is not a number.
         """
         given = dict(self.always)
         for axis, choices in self.choices.items():
@@ -56,7 +56,7 @@ class Links:
 
     @cached_property
     def _variables(self) -> set[str]:
-        """Axes that are no keys of the scene: the choices, and names that stand in formulas alone."""
+        """Axes that are not keys of the scene: the choices, and names that occur only in formulas."""
         given = [*self.always.values()]
         for choices in self.choices.values():
             given += [value for keys in choices.values() for value in varied_keys(keys).values()]
@@ -64,7 +64,7 @@ class Links:
         return {*self.choices, *(name for name in named if _is_no_key(self.settings, path_of(name)[0]))}
 
     def _settled(self, value: Any, known: Mapping[str, Any]) -> Any:
-        """Return a value, or what its formulas give, one for each item of a list."""
+        """Return a value with formulas replaced by their results, also within a list."""
         if isinstance(value, list):
             return [self._settled(item, known) for item in value]
         return _plain(evaluated(value, partial(self._number, known, value))) if is_formula(value) else value
@@ -78,20 +78,20 @@ class Links:
 
 
 def given_keys(sweep: Mapping[str, Any]) -> set[str]:
-    """Return the keys that a section [sweep] gives to its cases."""
+    """Return the keys that a section [sweep] sets in the cases."""
     choices = [keys for axis in sweep.get("choices", {}).values() for keys in axis.values()]
     return set().union(*map(varied_keys, (sweep.get("vary", {}), sweep.get("set", {}), *choices)))
 
 
 def _names(value: Any) -> set[str]:
-    """Return the names in the formula that a value is, or in those of its items."""
+    """Return the names in the formula, or in the formulas of a list."""
     if isinstance(value, list):
         return set().union(*map(_names, value))
     return names_in(value) if is_formula(value) else set()
 
 
 def value_at(settings: Section, key: str, otherwise: Any) -> Any:
-    """Return the resolved value of a key, by which 2 and 2.0 seconds are the same; `otherwise` if there is no key."""
+    """Return the resolved value of a key, so that 2 and 2.0 seconds are equal; `otherwise` if the key is unknown."""
     here: Any = settings
     for name in path_of(key):
         if _is_no_key(here, name):
@@ -105,6 +105,6 @@ def _is_no_key(section: Any, name: str) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a number as it is written: a whole one without a point, others with `DIGITS` digits."""
+    """Return a number as written: a whole number without a point, other numbers with `DIGITS` digits."""
     number = float(f"{value:.{DIGITS}g}")
     return int(number) if number.is_integer() else number

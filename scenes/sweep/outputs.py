@@ -1,8 +1,8 @@
-"""What a sweep leaves behind beside its cases: a table, a data set, a summary, and figures.
+"""Outputs of a sweep in addition to the cases: a table, a data set, a summary, and figures.
 
-`sweep.csv` has a row for each case, `sweep.nc` an array for each figure over the varied keys (NetCDF4, in the format of
-`worm3d.values.netcdf`). Neither depends on the order in which the cases were run, nor on where: wall-clock figures are
-in the group `timing` of `sweep.nc` only.
+`sweep.csv` has a row for each case, and `sweep.nc` has an array for each quantity over the varied keys (NetCDF4, in the
+format of `worm3d.values.netcdf`). Neither depends on the order or the place of the runs: wall-clock values are only in
+the group `timing` of `sweep.nc`.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ from worm3d.values.variable import Variable
 
 CSV, DATASET = "sweep.csv", "sweep.nc"
 FIGURE = "sweep_{}.png"
-"""Name of the figure of a metric."""
+"""File name of the figure of a metric."""
 
 NOT_DRAWN = ("energy_balance_error",)
-"""Headlines that say how good a run is numerically, not what it came to."""
+"""Headlines about the numerical accuracy of a run; these have no figure."""
 
 MOST_ROWS = 1000
-"""Largest number of cases, and of failures, that `summary.json` lists; `sweep.csv` has all."""
+"""Largest number of cases, and of failures, that `summary.json` lists; `sweep.csv` lists all."""
 MOST_LINES = 20
 """Largest number of cases in the report at the end."""
 REPORTED = ("distance_m", "cost_of_transport")
-"""Headlines of every model that the report has."""
+"""Headlines in the report for every model."""
 OF_THE_MODEL = 3
-"""Largest number of headlines of the model that it has."""
+"""Largest number of further headlines of the model in the report."""
 
 SEED = "seed"
-"""Column of the seeds, and the key of a scene where it is varied."""
+"""Column of the seeds, and the key of a scene if the seed is varied."""
 
 PER_CASE = "a sweep has one for each case: see sweep.csv"
 NONE_DONE = "no case came to its end"
@@ -59,7 +59,7 @@ NO_SINGLE_VALUE = (
     *("distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "work_friction_J"),
     *("cost_of_transport", "real_time_factor"),
 )
-"""Figures of every `summary.json` that a sweep has one of for each case."""
+"""Entries of every `summary.json` that a sweep has for each case."""
 
 
 Status = Literal["done", "incomplete", "interrupted"]
@@ -67,26 +67,26 @@ Status = Literal["done", "incomplete", "interrupted"]
 
 @dataclass(frozen=True)
 class Written:
-    """What was written, and how the sweep ended."""
+    """Written files, and the status of the sweep."""
 
     status: Status
-    """`done`, `incomplete` if a case failed, `interrupted` if one was not run."""
+    """`done`, `incomplete` if a case failed, `interrupted` if a case was not run."""
     table: Table
     summary: Summary
     paths: tuple[Path, ...]
 
 
 def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[CaseResult]) -> Written:
-    """Write the outputs of a sweep into its folder, each whole or not at all.
+    """Write the outputs of a sweep into the folder of the sweep, each file completely or not at all.
 
     Parameters
     ----------
     folder : Path
     base : Scene
-        Scene of which keys are varied.
+        Scene whose keys are varied.
     design : Design
     results : iterable of CaseResult
-        What each case came to, in the order of `design.cases()`; of those without a file with the status `not run`.
+        Result of each case, in the order of `design.cases()`; cases without a file have the status `not run`.
 
     Raises
     ------
@@ -106,13 +106,13 @@ def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[C
 
 
 def headlines(base: Scene) -> dict[str, tuple[str, str]]:
-    """Return the figures that matter most, by their names in the summary: label and unit."""
+    """Return the most important entries of the summary by name: label and unit."""
     given = (*HEADLINES, *base.model.headlines)
     return {name: (label, unit) for name, label, unit in given if name not in NOT_DRAWN}
 
 
 def report(base: Scene, table: Table) -> list[str]:
-    """Return the lines of the cases for a terminal, the first ones if they are many: values and headlines."""
+    """Return the lines of the first cases for a terminal: values and headlines."""
     own = [name for name, _, _ in base.model.headlines][:OF_THE_MODEL]
     known = {name for name, column in table.figures.items() if np.isfinite(column).any()}
     shown = {name: each for name, each in headlines(base).items() if name in {*REPORTED, *own} & known}
@@ -137,14 +137,14 @@ def _write_csv(table: Table, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         keys = [varied.key for varied in table.design.varied]
         case, *others = OF_A_CASE
-        columns = dict.fromkeys([case, *keys, *others, *table.figures])  # the seed may be varied
+        columns = dict.fromkeys([case, *keys, *others, *table.figures])  # the seed can be a varied key
         writer = csv.DictWriter(file, list(columns), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table.rows())
 
 
 def _summary(table: Table) -> Summary:
-    """Return how the sweep ended, and its cases and failures, as far as these are not too many."""
+    """Return the status of the sweep, and the lists of cases and failures unless they are too long."""
     done, failed, skipped = int(table.done.sum()), int(table.failed.sum()), table.status.count(NOT_RUN)
     rows = [dict(row) for row in table.rows()] if len(table) <= MOST_ROWS else None
     failures = [row for row, lost in zip(table.rows(), table.failed, strict=True) if lost][:MOST_ROWS]
@@ -176,7 +176,7 @@ def _merged(table: Table, name: str, merge: Any) -> float | None:
 
 
 def _content(base: Scene, table: Table, summary: Summary) -> Content:
-    """Return a sweep as what its file says."""
+    """Return a sweep as the content of a file."""
     sizes = table.design.sizes
     keys, seeds = [varied.key for varied in table.design.varied], np.array(table.seeds)
     texts = {"case": "key of the case", "status": "how it ended", "reason": "why"}

@@ -1,4 +1,4 @@
-"""Plan of a sweep: the scene of each case, checked before anything runs, its seed and its job."""
+"""Plan of a sweep: the scene of each case, checked before the first run, with a seed and a job."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from scenes.sweep.links import Links, value_at
 from scenes.sweep.vary import design_of, with_meaning
 
 SEED = "seed"
-"""Key of a scene that seeds everything random in it."""
+"""Key of a scene that seeds all random numbers."""
 LARGEST_SEED = 2**53 - 1
-"""Largest seed of a case: every program reads it exactly."""
+"""Largest seed of a case: all programs can represent this number exactly."""
 _NUMBERS = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 MOST_WRONG = 20
-"""Number of cases with mistakes after which no more cases are checked."""
+"""Number of cases with mistakes after which the check of cases stops."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A scene before it is varied."""
+    """A scene before the variation of keys."""
 
     text: str
-    """TOML."""
+    """The scene as TOML."""
     name: str
     folder: Path | None = None
-    """Folder in which files are looked up that it names."""
+    """Folder of the files that the scene names."""
     overrides: tuple[str, ...] = ()
-    """`section.key=value` each, for all cases."""
+    """Items `section.key=value`, for all cases."""
 
     @classmethod
     def of(cls, scene: str | Path, overrides: Iterable[str] = ()) -> Source:
-        """Return the scene of a name or a file; SceneError if there is none."""
+        """Return a scene by name or file; SceneError if there is none."""
         path = find_scene(str(scene))
         return cls(read_text(path), path.stem, path.parent, tuple(overrides))
 
@@ -59,7 +59,7 @@ class Source:
         return self._draft.checked(overrides)
 
     def base(self) -> Scene:
-        """Return the scene, each of whose keys must be right; what is varied may be what makes it possible."""
+        """Return the scene, whose keys must each be valid; the scene may be possible only with varied keys."""
         try:
             return self.parse()
         except ImpossibleError as error:
@@ -80,30 +80,30 @@ class Case:
     key: str
     seed: int
     packed: bytes
-    """Its resolved scene as TOML, compressed."""
+    """The resolved scene as TOML, compressed."""
     refused: str = ""
-    """Why it cannot be, although each of its keys is right; empty if it can."""
+    """Reason why the case is impossible, although each key is valid; empty for a possible case."""
 
     def job(self, name: str, folder: Path, *, results: bool, limit_s: float) -> Job:
-        """Return the job that runs it into a folder."""
+        """Return the job that runs the case, with a folder for the file."""
         path = folder / f"{self.key}{'.nc' if results else '.json'}"
         return Job(self.key, name, zlib.decompress(self.packed).decode(), str(path), results, limit_s)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A design whose cases have all been checked; those that cannot be are refused, not run."""
+    """A design whose cases have all been checked; impossible cases are refused, not run."""
 
     base: Scene
-    """Scene of which keys are varied."""
+    """Scene whose keys are varied."""
     design: Design
     cases: tuple[Case, ...]
-    """In the order of the design; those with the same scene have the same key."""
+    """Cases in the order of the design; cases with the same scene have the same key."""
 
 
 @dataclass(frozen=True)
 class Jobs(Sequence[Job]):
-    """Jobs of cases, each made when it is asked for: the scenes of many cases would fill the memory."""
+    """Jobs of cases, each created on access, since the scenes of many cases would fill the memory."""
 
     name: str
     """Name of the scene."""
@@ -112,14 +112,14 @@ class Jobs(Sequence[Job]):
     """Folder of the files of the cases."""
     results: bool
     limit_s: float = CASE_LIMIT
-    """Longest time of a case from its first step on [s]."""
+    """Time limit of a case, counted from the first step [s]."""
 
     def __len__(self) -> int:
-        """Return their number."""
+        """Return the number of jobs."""
         return len(self.cases)
 
     def __getitem__(self, place: Any) -> Any:
-        """Return the job at a place, or the jobs of a slice."""
+        """Return the job at an index, or the jobs of a slice."""
         if isinstance(place, slice):
             return replace(self, cases=self.cases[place])
         return self.cases[place].job(self.name, self.folder, results=self.results, limit_s=self.limit_s)
@@ -133,21 +133,21 @@ def planned(
     listed: Sequence[Mapping[str, Any]] = (),
     watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> Plan:
-    """Return the plan of a sweep; with nothing to vary, that of the scene's section [sweep].
+    """Return the plan of a sweep; with no varied keys, the plan of the scene's section [sweep].
 
     Parameters
     ----------
     source : Source
     vary, random, listed
-        As of `scenes.sweep.vary.design_of`.
+        The same as in `scenes.sweep.vary.design_of`.
     watch : callable
-        Called with the number of checked cases, and of all.
+        Called with the number of checked cases, and the number of all cases.
 
     Raises
     ------
     SceneError
-        With one line for each mistake, and the values of the first case that has it: a key is wrong on its own, or
-        all cases are refused.
+        A key is wrong on its own, or all cases are refused. The error has one line for each mistake, with the values of
+        the first case with this mistake.
     """
     base = source.base()
     if not vary and not listed:
@@ -186,7 +186,7 @@ def planned(
 
 
 def _explained(design: Design, scene: Scene) -> Design:
-    """Return a design with what a case's scene knows of keys that the base has not: of parts that are varied."""
+    """Return a design with units and meanings of keys that only a case's scene has, such as keys of parts."""
     if all(each.title for each in design.varied):
         return design
     schema = scene.model.schema
@@ -199,24 +199,24 @@ def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:
 
 
 def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, Any]) -> Scene:
-    """Return a case's scene with a seed that follows from that of the sweep and the case's values alone."""
+    """Return a case's scene with a seed that depends only on the seed of the sweep and the values of the case."""
     said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
     return replace(scene, settings=replace(scene.settings, **{SEED: seed}))
 
 
 class _Mistakes:
-    """Mistakes of the cases; those that differ in numbers alone are told once."""
+    """Mistakes of the cases; mistakes that differ only in numbers are reported once."""
 
     def __init__(self, keys: Sequence[str]) -> None:
         self.number = 0
         """Number of cases with mistakes."""
         self._keys = keys
         self._found: dict[str, tuple[str, str, int]] = {}
-        """Kind of mistake -> values of the first case with it, its line there, and the number of such cases."""
+        """Kind of mistake -> values of the first such case, the line of this case, and the number of such cases."""
 
     def add(self, values: Mapping[str, Any], lines: Iterable[str]) -> list[str]:
-        """Take note of the mistakes of a case, and return them as they are told."""
+        """Record the mistakes of a case, and return their texts."""
         self.number += 1
         texts = []
         for line in lines:
@@ -229,7 +229,7 @@ class _Mistakes:
         return texts
 
     def report(self, total: int, checked: int) -> Iterator[str]:
-        """Yield a line for each kind of mistake; one that every checked case has needs no values."""
+        """Yield a line for each kind of mistake; a mistake in every checked case is reported without values."""
         for kind, (first, line, number) in self._found.items():
             more = f" (and {counted(number - 1, 'case')} more)" if number > 1 else ""
             in_all = number == checked > 1 and "#" not in kind

@@ -15,12 +15,12 @@ from scenes.sweep.engine import Progress
 Watch = Callable[[Progress], None]
 
 BETWEEN_LINES_S = 30.0
-"""Shortest time between two lines where there is no terminal [s]."""
+"""Shortest time between two lines if there is no terminal [s]."""
 
 
 @contextmanager
 def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
-    """Give a function to call with the progress at the begin and after each case: rate, time left, failures."""
+    """Yield a function that shows the progress at the beginning and after each case: rate, time left, failures."""
     if quiet:
         yield lambda progress: None
     elif sys.stderr.isatty():
@@ -30,7 +30,7 @@ def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
 
 
 def summed_up(progress: Progress, seconds: float) -> str:
-    """Return how far a sweep has come: `57 of 200 cases, 3 failed, 1.9 cases/s, 75 s left`."""
+    """Return the progress of a sweep as text: `57 of 200 cases, 3 failed, 1.9 cases/s, 75 s left`."""
     done = progress.ended
     parts = [f"{done} of {counted(progress.total, 'case')}"]
     if progress.kept:
@@ -57,7 +57,7 @@ class _Lines:
         self._title, self._begun, self._told = title, time.monotonic(), 0.0
 
     def __call__(self, progress: Progress) -> None:
-        """Print a line, unless the last one is recent."""
+        """Print a line, unless the previous line is recent."""
         now = time.monotonic()
         if progress.ran == 0:
             self._begun = now

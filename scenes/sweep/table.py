@@ -1,4 +1,4 @@
-"""What the cases of a sweep came to, as columns: varied values, status, and every figure of their summaries."""
+"""Results of the cases of a sweep as columns: varied values, status, and every entry of the summaries."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from worm3d.values.arrays import FloatArray
 DONE = "done"
 
 OF_A_CASE = ("case", "status", "reason", "seed")
-"""Columns that every table has, beside the varied keys and the figures."""
+"""Columns of every table, in addition to the varied keys and the entries of the summaries."""
 
 
 @dataclass
@@ -29,23 +29,23 @@ class Table:
 
     design: Design
     keys: list[str] = field(default_factory=list)
-    """Key of each case, the stem of its file."""
+    """Key of each case, which is the stem of the file."""
     status: list[str] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
-    """Why a case did not come to its end, or why figures of it have no value; empty if nothing is missing."""
+    """Reason why a case did not finish, or why values are missing; empty if nothing is missing."""
     seeds: list[int] = field(default_factory=list)
     figures: dict[str, FloatArray] = field(default_factory=dict)
-    """Numbers of the summaries by name, and lengths of their lists, each of shape (C,), NaN where a case has none."""
+    """Numbers of the summaries by name, and lengths of lists, each of shape (C,), NaN for cases without a value."""
     errors: dict[str, FloatArray] = field(default_factory=dict)
-    """Errors of these numbers, likewise, NaN where a case knows none."""
+    """Errors of these numbers, each of shape (C,), NaN for cases without a known error."""
     segments_per_wave: list[float] = field(default_factory=list)
-    """Wavelength that is commanded [segments], NaN for a gait without."""
+    """Commanded wavelength [segments], NaN for a gait without a wavelength."""
     timing: dict[str, FloatArray] = field(default_factory=dict)
-    """Wall-clock figures likewise: they differ when a case is run again."""
+    """Wall-clock values, each of shape (C,): these differ when a case is run again."""
 
     @classmethod
     def of(cls, design: Design, results: Iterable[CaseResult]) -> Table:
-        """Return the table of results, one for each case of a design, which are taken one at a time."""
+        """Return the table of results, one for each case of a design; the results are read one at a time."""
         table = cls(design)
         for result in results:
             table._add(result)
@@ -79,23 +79,23 @@ class Table:
 
     @property
     def done(self) -> NDArray[np.bool_]:
-        """Whether each case came to its end, shape (C,)."""
+        """Whether each case finished, shape (C,)."""
         done: NDArray[np.bool_] = np.array(self.status) == DONE
         return done
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Whether each case was run and did not come to its end, shape (C,)."""
+        """Whether each case was run and did not finish, shape (C,)."""
         failed: NDArray[np.bool_] = ~self.done & (np.array(self.status) != NOT_RUN)
         return failed
 
     def values(self) -> Iterator[dict[str, Cell]]:
-        """Yield the varied values of each case by key, as `cell` gives them."""
+        """Yield the varied values of each case by key, converted by `cell`."""
         for case in self.design.cases():
             yield {key: cell(value) for key, value in case.items()}
 
     def rows(self) -> Iterator[dict[str, Cell]]:
-        """Yield each case: its key, values, status, reason, seed and figures by name."""
+        """Yield each case: key, values, status, reason, seed and entries of the summary by name."""
         for row, values in enumerate(self.values()):
             yield {
                 "case": self.keys[row],
@@ -108,7 +108,7 @@ class Table:
 
 
 def cell(value: Any) -> Cell:
-    """Return a value of a scene as a table can hold it: a number, or a text; lists as TOML has them."""
+    """Return a value of a scene for a table: a number or a text; lists become TOML text."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return toml_value(value)
     return value

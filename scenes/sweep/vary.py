@@ -1,4 +1,4 @@
-"""Varied keys as they are written: `v1,v2,...`, `lo:hi:n[:log]`, `lo:hi[:log]` to draw from, and tables of cases."""
+"""Notation of varied keys: `v1,v2,...`, `lo:hi:n[:log]`, `lo:hi[:log]` for random values, and tables of cases."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from scenes.sweep.design import CASE, SAMPLE, Design, Varied
 from worm3d.values.spelling import did_you_mean
 
 MOST_CASES = 100_000
-"""Largest number of cases of a sweep: each has a file."""
+"""Largest number of cases of a sweep, since each case has a file."""
 DIGITS = 12
-"""Significant digits of values between two limits: a tenth of the way from 0 to 3 is 0.3."""
+"""Number of significant digits of values between two limits: a tenth of the way from 0 to 3 is 0.3."""
 
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _RANGE = re.compile(rf"{_NUMBER}:{_NUMBER}(?::\s*(\d+)\s*)?(?::\s*(log|lin)\s*)?")
 _ITEM = re.compile(r"""(?:"(?:\\.|[^"\\])*"|'[^']*'|[^,\[\]{}"'])+|[\[\]{},"']""")
 
 _NEARLY = re.compile(rf"{_NUMBER}:{_NUMBER}:\s*([^:,]*?)\s*(?::\s*([^:,]*?)\s*)?")
-"""What was meant as a range; `_RANGE` says which ones are."""
+"""Pattern of a text that was probably meant as a range; `_RANGE` is the pattern of valid ranges."""
 
 SPACINGS = (("log", "log"), ("lin", "lin"))
 LISTED = "write a row of keys, such as gait.period_s,seed, then a row of values for each case"
@@ -55,20 +55,20 @@ def design_of(
     scene : str
         Name of the scene.
     schema : type of Section
-        Schema of its model, which knows units and meanings.
+        Schema of the model, with units and meanings.
     vary : mapping
-        Values by key: a text as on the command line, or a sequence.
+        Values by key: a text in the format of the command line, or a sequence.
     random : int, optional
-        Number of cases to draw, from keys that are given as `lo:hi` or `lo:hi:log`.
+        Number of random cases, for keys given as `lo:hi` or `lo:hi:log`.
     listed : sequence of mappings
-        Cases one by one: values by key, the same keys in each.
+        List of cases: values by key, with the same keys in each case.
     seed : int
-        Seed of what is drawn; with the same seed, more cases begin with the same ones.
+        Seed of the random values; with the same seed, a larger number of cases begins with the same cases.
 
     Raises
     ------
     SceneError
-        A key whose values cannot be read, no values, too many cases.
+        The values of a key cannot be read, there are no values, or there are too many cases.
     """
     if random is not None and not 1 <= random <= MOST_CASES:
         raise SceneError(f"--random: got {random}, must be from 1 to {MOST_CASES}")
@@ -107,7 +107,7 @@ def texts(given: Iterable[str]) -> dict[str, str]:
     Raises
     ------
     SceneError
-        No key, no values, or a key that is varied twice.
+        A key or its values are missing, or a key is varied twice.
     """
     found: dict[str, str] = {}
     for text in given:
@@ -122,12 +122,12 @@ def texts(given: Iterable[str]) -> dict[str, str]:
 
 
 def cases_of(path: Path) -> list[dict[str, Any]]:
-    """Return the cases of a CSV file: a row of keys, then a row of values for each case.
+    """Return the cases in a CSV file: a row of keys, then a row of values for each case.
 
     Raises
     ------
     SceneError
-        It cannot be read, has no cases, or a row with too few or too many values.
+        The file cannot be read, has no cases, or has a row with too few or too many values.
     """
     rows = [(n, row) for n, row in enumerate(csv.reader(io.StringIO(read_text(path, LISTED))), start=1) if any(row)]
     keys = [key.strip() for key in rows[0][1]] if rows else []
@@ -144,7 +144,7 @@ def cases_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _columns(listed: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Return the values of each key of cases that are listed."""
+    """Return the values of each key for a list of cases."""
     keys = list(listed[0]) if listed else []
     for number, row in enumerate(listed, start=1):
         if set(row) != set(keys):
@@ -169,18 +169,18 @@ def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any])
 
 
 def with_meaning(varied: Varied, schema: type[Section]) -> Varied:
-    """Return a varied key with the unit and the meaning that a schema has for it, if the schema has the key."""
+    """Return a varied key with unit and meaning from the schema, if the schema has the key."""
     known = key_at(schema, path_of(varied.key))
     return varied if known is None else replace(varied, unit=known.unit_or_one, title=known.meaning)
 
 
 def is_drawn(given: Any) -> bool:
-    """Return whether values of a key are given as limits to draw between, `lo:hi` or `lo:hi:log`."""
+    """Return whether the values of a key are limits for random values, `lo:hi` or `lo:hi:log`."""
     return _limits(given) is not None
 
 
 def _limits(given: Any) -> tuple[str, str, bool] | None:
-    """Return the limits between which a key is drawn, and whether by its logarithm; None if it is not."""
+    """Return the limits for random values of a key, and whether the scale is logarithmic; None without limits."""
     match = _RANGE.fullmatch(given) if isinstance(given, str) else None
     return (match[1], match[2], match[4] == "log") if match and not match[3] else None
 
@@ -209,7 +209,7 @@ def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
 
 
 def _told_of_range(low: str, high: str, number: str, spacing: str | None) -> str:
-    """Return what is wrong with a range, and which one was meant."""
+    """Return the error in a range, and the range that was probably meant."""
     if not number.isdecimal() and (spacing is not None or did_you_mean(number, SPACINGS) is None):
         return f"the number of values must be a whole one, {low}:{high}:5"
     last = number if spacing is None else spacing
@@ -224,7 +224,7 @@ def _require_few(key: str, number: int) -> None:
 
 
 def _plain(given: Any) -> Any:
-    """Return values of Python or NumPy as TOML has them."""
+    """Return Python or NumPy values as TOML values."""
     if isinstance(given, np.ndarray | np.generic):
         return given.tolist()
     if isinstance(given, tuple | list | range):
@@ -233,7 +233,7 @@ def _plain(given: Any) -> Any:
 
 
 def _items(text: str) -> list[str]:
-    """Return the parts of a text between commas that stand outside of brackets and quotes."""
+    """Return the parts of a text between commas outside brackets and quotes."""
     parts, depth = [""], 0
     for token in _ITEM.findall(text):
         depth += (token in ("[", "{")) - (token in ("]", "}"))
@@ -245,7 +245,7 @@ def _items(text: str) -> list[str]:
 
 
 def _value(text: str) -> Any:
-    """Return a value as TOML reads it; what is no TOML is a text."""
+    """Return a TOML value; a text that is not TOML is returned as text."""
     try:
         parsed = tomllib.loads(f"value = {text.strip()}")
     except (ValueError, RecursionError):

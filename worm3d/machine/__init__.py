@@ -1,1 +1,1 @@
-"""Code generation, compilation, its cache on disc and banded algebra; nothing here knows of worms."""
+"""Code generation, compilation, the cache of compiled code on disc and banded algebra; independent of worms."""

@@ -1,8 +1,9 @@
-"""What Numba is needed for: a function's object code, and the C function around it.
+"""The part that needs Numba: the object code of a function, and the C wrapper of the function.
 
-The C function is `SYMBOL`. With the type of a result it takes the function's numbers and returns such a number. Without
-one it takes the addresses of the results and of the numbers of which the arguments consist, 8 bytes each: of an array
-its address and sizes. It returns 0, or anything else where the function has raised an error.
+The C wrapper is `SYMBOL`. With a result type, the wrapper takes the function's numbers and returns a number of this
+type. Without a result type, the wrapper takes the address of the results and the address of the numbers that make up
+the arguments, 8 bytes each; the numbers of an array are the address and sizes. The wrapper then returns 0, or any other
+value if the function has raised an error.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _POINTERS = {"float64": "doubles_at", "int64": "integers_at", "float32": "single
 
 
 def dispatcher(function: Callable[..., Any]) -> Any:
-    """Return what Numba makes of a function: without what Python needs to call it."""
+    """Return Numba's dispatcher of a function, without the wrappers for calls from Python."""
     options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(error_model="numpy", nogil=True, **options)(function)
 
@@ -33,9 +34,9 @@ def dispatcher(function: Callable[..., Any]) -> Any:
 def objects_of(
     function: Callable[..., Any], args: Any, level: int, result: Any, host: native.Host
 ) -> tuple[bytes, bytes, set[str]]:
-    """Return the object code of a function for arguments of such structure, and that of the C function around it.
+    """Return the object code of a function for arguments of such structure, and the object code of the C wrapper.
 
-    Third are the names that Numba's code calls and the two do not define.
+    The third result holds the names that Numba's code calls and that neither object defines.
     """
     _aim_at(host)
     ready()
@@ -54,18 +55,18 @@ def objects_of(
 
 
 def _declared(module: Any, declared: bool = True) -> set[str]:
-    """Return the names of functions that a module declares, or of those that it defines."""
+    """Return the names of the functions that a module declares, or else defines."""
     names = {each.name for each in module.functions if each.is_declaration is declared}
     return {name for name in names if not name.startswith("llvm.")}
 
 
 def _aim_at(host: native.Host) -> None:
-    """Let Numba compile for a kind of processor, where one is named: it looks when it is first used.
+    """Make Numba compile for a kind of processor, if a kind is named; Numba reads the setting on first use.
 
     Raises
     ------
     RuntimeError
-        It was used before, for another processor.
+        Numba was used before, for another processor.
     """
     if host.cpu not in native.KINDS:
         return
@@ -89,7 +90,7 @@ def _places(arg: Any) -> Iterator[Any]:
 
 
 def _shim(function: Callable[..., Any], args: Any) -> Callable[..., Any]:
-    """Return the function of the numbers of which the arguments consist."""
+    """Return the function with the single numbers of the arguments as arguments."""
     known: dict[str, Any] = {"function": function, "carray": numba.carray}  # type: ignore[attr-defined]
     count = 0
 
@@ -117,7 +118,7 @@ def _shim(function: Callable[..., Any], args: Any) -> Callable[..., Any]:
 
 
 def _around(name: str, kinds: list[Any], result: Any) -> str:
-    """Return the module of the C function, and of the memory that Numba's code asks for."""
+    """Return the module of the C wrapper, with the memory functions that Numba's code calls."""
     values = [f"{'double' if kind == types.float64 else 'i64'} %x{k}" for k, kind in enumerate(kinds)]
     declared = ", ".join(["ptr", "ptr", *(value.split()[0] for value in values)])
     call = f'%s = call i32 @"{name}"({", ".join(["ptr %r", "ptr %e", *values])})'
@@ -183,6 +184,5 @@ define void @NRT_MemInfo_call_dtor(ptr %info) {
   ret void
 }
 """
-"""Numba's memory, without Numba: the count of references stands first, the address and size of the data at 3 and 4.
-Memory of lists, which only messages of errors are made with, is not given back. A name that is missing here would be
-called at address 0."""
+"""Numba's memory functions, without Numba: the reference count comes first, address and size of the data are at 3 and
+4. Memory of lists, which only error messages use, is never freed. A missing name would be called at address 0."""

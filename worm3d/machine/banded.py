@@ -1,18 +1,19 @@
 """Banded linear systems in compiled code: root-free Cholesky, and LU factors block by block without pivoting.
 
-A matrix of size n with half bandwidth B stands by rows: entry (i, j) at [i, B + j - i], in an array (n + B, WIDTH)
-whose other entries are zero: with columns to spare and B rows below the end every inner loop has the same length, so
-that it is a few vector instructions. The cost is linear in n.
+A matrix of size n with half bandwidth B is stored by rows: entry (i, j) at [i, B + j - i], in an array (n + B, WIDTH)
+whose other entries are zero. With the spare columns and B rows below the end, every inner loop has the same length and
+becomes a few vector instructions. The cost is linear in n.
 
-LU is for the unsymmetric matrices of Newton's steps. Coordinates come in blocks of five; what couples them are groups
-of 13 that begin with a block, and entries outside of all these must be zero. So a block concerns itself and 8
-coordinates behind it. With A as the blocks before have left it,
+LU is for the unsymmetric matrices of Newton's steps. Coordinates come in blocks of five. Groups of 13 coordinates that
+begin with a block are coupled; entries outside all these groups must be zero. Thus elimination of a block affects only
+the block and the next 8 coordinates. With A after elimination of the earlier blocks,
 
     [A11 A12]   A11 (5, 5)   H = A11^-1 A12
-    [A21 A22]   A22 (8, 8)   G = A21 A11^-1   A22 - A21 H is left to the next block
+    [A21 A22]   A22 (8, 8)   G = A21 A11^-1   A22 - A21 H remains for the next block
 
-Rows of 8 numbers stay in registers. In a solution, too, little waits for the block before: forwards the 8 numbers
-behind a block lose G y, y being its own; backwards these become A11^-1 y - H x with the 8 numbers x behind it.
+Rows of 8 numbers stay in registers. In a solution, too, few operations wait for the block before. Forwards, G y is
+subtracted from the 8 numbers behind a block, y being the numbers of the block. Backwards, the numbers of the block
+become A11^-1 y - H x with the 8 numbers x behind the block.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from worm3d.values.arrays import FloatArray
 B = 12
 """Half bandwidth: a joint couples 13 coordinates."""
 WIDTH = 40
-"""Columns: 2 B + 1, some that vector instructions read beyond, and up to a multiple of 8."""
+"""Columns: 2 B + 1 and spare columns that vector instructions read, rounded up to a multiple of 8."""
 SMALLEST_PIVOT = 1e-14
 """Least pivot of a positive definite matrix, as a fraction of the diagonal entry."""
 BLOCK = 5
 """Coordinates of a block."""
 _SHARED = LANES - BLOCK
-"""Coordinates that a block shares with the second block behind it."""
+"""Coordinates that a block shares with the second next block."""
 _ROOM = BLOCK * WIDTH
 """Numbers of a block in the array of the factors."""
 _INVERSE, _H, _G, _CORNER, _Y = (LANES * k for k in (0, 5, 10, 15, 23))
@@ -48,7 +49,7 @@ of G, the first 8 rows and columns of A, and the block's right-hand side."""
 
 @njit
 def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
-    """Solve A x = b in place for a symmetric A, of which the upper triangle is used; x holds b.
+    """Solve A x = b in place for a symmetric A; x holds b, and only the upper triangle of A is used.
 
     Parameters
     ----------
@@ -59,11 +60,11 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
     Returns
     -------
     bool
-        Whether A is positive definite; otherwise x means nothing.
+        Whether A is positive definite; otherwise x has no meaning.
     """
     n, start = len(x), band.ctypes.data + 8 * B
     for j in range(n):
-        band[j, 0] = band[j, B]  # below the diagonal nothing is read
+        band[j, 0] = band[j, B]  # entries below the diagonal are not read
     for j in range(n):
         last, pivot = min(B, n - 1 - j), band[j, B]
         if not pivot > SMALLEST_PIVOT * band[j, 0]:
@@ -83,28 +84,28 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
 
 
 def _of_matrix(row: int, column: int) -> int:
-    """Return where an entry stands, counted from one on the diagonal."""
+    """Return the offset of an entry from an entry on the diagonal."""
     return row * (WIDTH - 1) + column
 
 
 def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
-    """Return 1/pivot, zero where the pivot has vanished."""
+    """Return 1/pivot, or zero for a vanished pivot."""
     least = w.builder.fmul(w.size(diagonal), ir.Constant(DOUBLE, SMALLEST_PIVOT))
     one, zero = (ir.Constant(DOUBLE, value) for value in (1.0, 0.0))
-    return w.select(w.compare("ole", w.size(pivot), least), zero, w.div(one, pivot))  # a NaN has not vanished
+    return w.select(w.compare("ole", w.size(pivot), least), zero, w.div(one, pivot))  # a NaN does not count as vanished
 
 
 def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], None]) -> tuple[list[Any], list[Any]]:
-    """Return the rows of A11^-1, with the first columns of H, and of H, by Gauss-Jordan elimination.
+    """Return the rows of A11^-1 with the first columns of H, and the rows of H, by Gauss-Jordan elimination.
 
-    What `between` writes after each pivot is done while that waits for the next one.
+    The instructions that `between` writes after each pivot run while the elimination waits for the next pivot.
     """
     near = [w.load(factors, _CORNER + LANES * r) for r in range(BLOCK)]
     far = [w.load(band, _of_matrix(r, LANES)) for r in range(BLOCK)]
     pivot = w.lane(near[0], 0)
     for k in range(BLOCK):
         inverse = _inverse(w, pivot, w.number(band, _of_matrix(k, k)))
-        if k + 1 < BLOCK:  # ahead of the rows, for the next inverse takes longest
+        if k + 1 < BLOCK:  # before the rows, since the next inverse takes longest
             product = w.mul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
             pivot = w.less(w.lane(near[k + 1], k + 1), product, inverse)
         own = [w.mul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], w.splat(1.0), k), far[k])]
@@ -126,7 +127,7 @@ def _below(w: Writer, factors: Any, band: Any, r: int) -> list[Any]:
 
 
 def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
-    """Return a row of A22; of the first three rows three numbers are in the corner."""
+    """Return a row of A22; three numbers of the first three rows are in the corner."""
     row = w.load(band, _of_matrix(BLOCK + r, BLOCK))
     if r >= _SHARED:
         return row
@@ -134,7 +135,7 @@ def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
 
 
 def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
-    """Write what is left to the next block."""
+    """Write the corner of the next block."""
     for r in range(LANES):
         row = w.less_sum(_behind(w, factors, band, r), _below(w, factors, band, r), h)
         w.store(row, factors, _ROOM + _CORNER + LANES * r)
@@ -142,20 +143,20 @@ def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
 
 @on_addresses()
 def _begin(w: Writer, factors: Any, band: Any) -> None:
-    """Write the corner of a block as it is in the matrix."""
+    """Write the corner of a block from the matrix."""
     for r in range(LANES):
         w.store(w.load(band, _of_matrix(r, 0)), factors, _CORNER + LANES * r)
 
 
 @on_addresses()
 def _again(w: Writer, factors: Any, band: Any) -> None:
-    """Write what is left to the next block by one whose factors are there."""
+    """Write the corner of the next block, from a block with known factors."""
     _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK)])
 
 
 @on_addresses()
 def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
-    """Write A11^-1 and H of a block, its corner for the next one, and meanwhile G of the block before."""
+    """Write A11^-1 and H of a block, the corner of the next block, and meanwhile G of the previous block."""
     places = [(before, _CORNER + LANES * (BLOCK + r)) for r in range(_SHARED)]
     places += [(band_before, _of_matrix(BLOCK + r, 0)) for r in range(_SHARED, LANES)]
     below = w.transposed([w.load(*place) for place in places])[:BLOCK]
@@ -202,11 +203,11 @@ def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
 _ODD = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
 _HALVES = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
 _QUARTERS = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
-"""Lanes of two vectors that are added to each other, to sum them up."""
+"""Lanes of two vectors that are added to each other in a sum over lanes."""
 
 
 def _totals(w: Writer, rows: list[Any], rest: Any) -> Any:
-    """Return the sums of the lanes of five vectors, and the first three lanes of another one."""
+    """Return the sums of the lanes of five vectors, and the first three lanes of another vector."""
     a, b, c = (_folded(w, x, y, _ODD) for x, y in ((rows[0], rows[1]), (rows[2], rows[3]), (rows[4], rows[4])))
     low = w.lanes(c, w.lanes(rest, w.splat(0.0), [8, 0, 8, 8, 1, 2, 8, 8]), [0, 9, 2, 11, 12, 13, 14, 15])
     c = w.add(low, w.lanes(c, w.splat(0.0), [4, 8, 6, 8, 8, 8, 8, 8]))
@@ -229,27 +230,28 @@ def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
 def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
     """Factorise A by elimination without pivoting.
 
-    The matrices of a step are close to positive definite ones; what is lost where they are not, Newton's next residual
-    shows. A coordinate with neither mass nor stiffness left, such as the roll of a body without apex masses, stays.
+    The matrices of a step are close to positive definite matrices; Newton's next residual shows any loss of accuracy in
+    other cases. A coordinate with neither mass nor stiffness, such as the roll of a body without apex masses, does not
+    change.
 
     Parameters
     ----------
     band : ndarray, shape (n + B, WIDTH)
     factors : ndarray, shape (n + B, WIDTH)
-        Overwritten by the factors, in an order of their own.
+        Overwritten by the factors, in a special order.
     start : int
-        The first coordinate of a block: those of the blocks before it are there already; A is as it was then, but for
-        rows and columns from here on.
+        First coordinate of a block. The factors of the earlier blocks are kept from the last factorisation; since then
+        A has changed only in rows and columns from `start` on.
     """
     blocks, first = (len(band) - B + BLOCK - 1) // BLOCK, start // BLOCK
     to, source = factors.ctypes.data, band.ctypes.data + 8 * B
     room, rows = 8 * _ROOM, 8 * BLOCK * WIDTH
-    known = max(0, first - 2)  # with no more than its last rows right, which alone count for the block after it
+    known = max(0, first - 2)  # only the last rows are right, and only they affect the next block
     _begin(to + known * room, source + known * rows)
     for k in range(known, first):
         _again(to + k * room, source + k * rows)
     for k in range(first, blocks):
-        before = max(k - 1, first)  # G of the first one is made twice: no other block is to be touched
+        before = max(k - 1, first)  # G of the first block is made twice, so that no other block changes
         _eliminate(to + k * room, source + k * rows, to + before * room, source + before * rows)
 
 
@@ -260,7 +262,7 @@ def lu_solve(factors: FloatArray, x: FloatArray) -> None:
     Parameters
     ----------
     factors : ndarray, shape (n + B, WIDTH)
-        Working memory too.
+        Factors; also used as working memory.
     x : ndarray, shape (n,)
     """
     _forwards(factors.ctypes.data, x.ctypes.data, len(x))

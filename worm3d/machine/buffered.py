@@ -10,7 +10,7 @@ from worm3d.values.arrays import FloatArray
 
 
 class Buffered:
-    """A function of dense arguments and results with memory of its own; not to be called by two threads at once."""
+    """A function of dense arguments and results with preallocated memory; two threads must not call it at once."""
 
     def __init__(self, function: ca.Function) -> None:
         self._buffer, self._run = function.buffer()

@@ -1,6 +1,6 @@
-"""Numba's compiler with a cache of its own: functions are kept under a digest of all sources they are made of.
+"""Numba's compiler with a separate cache: compiled functions are kept under a digest of all their sources.
 
-Any change makes them other functions. Where nothing can be written nothing is kept.
+Any change of a source gives a new digest. If the cache cannot be written, nothing is kept.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from worm3d.machine.later import later
 F = TypeVar("F", bound=Callable[..., Any])
 
 COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds", "recorded/energy.py"), "planar": (".",)}
-"""Folders and files, by package, of the modules that a compiled function of the package is made of."""
+"""Folders and files, by package, of the source modules of a package's compiled functions."""
 
 OPTIMISATION = 1
-"""Numba's optimisation level for C functions; a higher one compiles a quarter longer and makes no step faster."""
+"""Numba's optimisation level for C functions; a higher level compiles a quarter longer and makes no step faster."""
 
 
 def njit(function: F) -> F:
-    """Compile a function by Numba, without Python objects and their lock, and keep the result on disk."""
+    """Compile a function by Numba, without Python objects and without the interpreter lock; keep the result on disk."""
     return cast(F, Function(function, _version_of(function), OPTIMISATION, lambda: None))
 
 
 def inner(function: F) -> F:
-    """Let compiled code call a function; it is compiled with its caller."""
+    """Let compiled code call a function; the function is compiled together with the caller."""
     return cast(F, later(function, functools.partial(_dispatcher, function)))
 
 
 def cfunc(
     function: Callable[..., Any], optimisation: int = OPTIMISATION, missed: Callable[[], None] = lambda: None
 ) -> Function:
-    """Return a function as a C function with an `address`, of numbers as in its annotations, kept on disk.
+    """Return a function as a C function with an `address`, for numbers as in the annotations, kept on disk.
 
-    `missed` is called before the function is compiled because it is not on disk.
+    `missed` is called before a compilation, if the function is not on disk.
     """
     return Function(function, _version_of(function), optimisation, missed)
 
 
 @functools.cache
 def announce() -> None:
-    """Say on stderr, once, that the solver is compiled, for half a minute."""
-    from worm3d.machine import packed  # imports what unpacks
+    """Print on stderr, once, that compiling the solver takes half a minute."""
+    from worm3d.machine import packed  # imports modules that unpack
 
     folder = cache.folder(FOLDER)
     why = cache.obstacle(folder)
@@ -66,7 +66,7 @@ def _version_of(function: Callable[..., Any]) -> Callable[[], str]:
 
 @functools.cache
 def version(package: str = "worm3d") -> str:
-    """Return a digest of all that compiled functions of a package are made of, besides their own file."""
+    """Return a digest of all sources of a package's compiled functions, besides the functions' own files."""
     root = Path(__file__).parents[2] / package
     parts = [root / name for name in COMPILED[package]]
     sources = sorted(path for part in parts for path in (part.rglob("*.py") if part.is_dir() else [part]))

@@ -1,4 +1,4 @@
-"""Functions that Numba compiles, kept on disk as object code: what is found there is called without Numba."""
+"""Functions that Numba compiles, kept on disk as object code: code from disk is called without Numba."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from worm3d.machine.later import later
 from worm3d.machine.symbols import missing
 
 Objects = tuple[bytes, bytes]
-"""Object code of a function, and that of the C function around it."""
+"""Object code of a function, and object code of the C wrapper of the function."""
 FOLDER = "compiled"
 """Folder of compiled functions in the cache."""
 _LOCK = threading.RLock()
@@ -34,20 +34,20 @@ _HEAD = 8
 
 
 class Function:
-    """A function that is compiled when it is first called, once for each structure of its arguments.
+    """A function that is compiled on the first call, once for each structure of the arguments.
 
-    From Python it takes numbers, C-contiguous arrays and tuples of them, and returns numbers, or a tuple of some, as
-    its annotation says.
+    From Python the function takes numbers, C-contiguous arrays and tuples of numbers and arrays. The function returns a
+    number or a tuple of numbers, as the annotation states.
 
     Parameters
     ----------
     function : function
     version : callable
-        Returns a digest of what the function is made of besides its own file.
+        Returns a digest of the sources of the function besides the function's own file.
     level : int
         Numba's optimisation level.
     missed : callable
-        Called before the function is compiled because it is not on disk.
+        Called before a compilation, if the function is not on disk.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Function:
         return call(b"".join([numbers for _, _, numbers in given]))
 
     def _given(self, place: int, arg: Any) -> tuple[Any, Any, bytes]:
-        """Return an argument with its structure and numbers; of a tuple, which often is that of the last call, kept."""
+        """Return an argument with structure and numbers; the result for a tuple, which calls often repeat, is kept."""
         known = self._tuples.get(place)
         if known is None or known[0] is not arg:
             known = arg, *_read(arg)
@@ -80,19 +80,19 @@ class Function:
 
     @functools.cached_property
     def address(self) -> int:
-        """Address of the C function that takes and returns the numbers of the annotation."""
+        """Address of the C function, with the annotated types of arguments and result."""
         hints = get_type_hints(self._function)
         return self._built([hints[name](0) for name in inspect.signature(self._function).parameters], hints["return"])
 
     def _built(self, args: Any, result: Any = None) -> int:
-        """Return the address of the function for such arguments, as `worm3d.machine.back_end` describes it."""
+        """Return the address of the function for such arguments, as described in `worm3d.machine.back_end`."""
         with _LOCK:
             folder, host = cache.folder(FOLDER), native.this_host()
             key = self.key(args, result, host)
             objects = _objects(cache.load(folder, key))
             if objects is None:
                 with cache.alone(folder, key):
-                    objects = _objects(cache.load(folder, key))  # what another process has compiled meanwhile
+                    objects = _objects(cache.load(folder, key))  # another process may have compiled it
                     if objects is None:
                         objects, lacking = self._made(args, result, host)
                         if lacking:
@@ -111,16 +111,16 @@ class Function:
         return self.compiled(args, result, host)
 
     def _packed(self, args: Any, result: Any, host: native.Host) -> Objects | None:
-        """Return what the package has for such a processor, made of the same sources."""
+        """Return the packed objects for such a processor, made from the same sources."""
         if os.environ.get(native.SWITCH):
             return None
-        from worm3d.machine import packed  # imports what unpacks
+        from worm3d.machine import packed  # imports modules that unpack
 
         kind = packed.kind_of(host)
         return None if kind is None else _objects(packed.load(self.key(args, result, kind), kind))
 
     def compiled(self, args: Any, result: Any, host: native.Host) -> tuple[Objects, tuple[str, ...]]:
-        """Return the two objects, and the names that they need and a fresh process lacks."""
+        """Return the two objects, and the names that the objects need and a fresh process lacks."""
         from worm3d.machine.back_end import objects_of  # imports Numba
 
         function, around, named = objects_of(self, args, self._level, result, host)
@@ -135,7 +135,7 @@ class Function:
         sys.stderr.flush()
 
     def key(self, args: Any, result: Any, host: native.Host) -> str:
-        """Return the key of the object code in the cache; a version of llvmlite belongs to one of Numba's."""
+        """Return the key of the object code in the cache; each version of llvmlite belongs to a version of Numba."""
         function = self._function
         own = hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
         parts: list[Any] = [self._version(), own, function.__module__, function.__qualname__, self._level, host]
@@ -143,7 +143,7 @@ class Function:
         return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()
 
     def _prepared(self, args: Any) -> Callable[..., Any]:
-        """Return what calls the function with arguments of this structure."""
+        """Return a callable that calls the function with arguments of this structure."""
         result = get_type_hints(self._function).get("return", type(None))
         parts = get_args(result) or ((result,) if result is not type(None) else ())
         function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_char_p)(self._built(args))
@@ -162,12 +162,12 @@ _OF: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64, bool: ctypes
 
 
 def joined(objects: Objects) -> bytes:
-    """Return two objects as they are kept."""
+    """Return two objects in the form kept on disk."""
     return len(objects[0]).to_bytes(_HEAD, "little") + b"".join(objects)
 
 
 def _objects(code: bytes | None) -> Objects | None:
-    """Return the two objects that are kept, where this process has all names that they need."""
+    """Return the two objects kept on disk; None unless this process has all the names that the objects need."""
     if code is None:
         return None
     end = _HEAD + int.from_bytes(code[:_HEAD], "little")
@@ -182,9 +182,9 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
 
 
 def _read(value: Any) -> tuple[Any, bytes]:
-    """Return what values of the same structure have in common, and the numbers that are handed over for this one.
+    """Return a key that all values of the same structure share, and the numbers that are passed for this value.
 
-    These are 8 bytes each; of an array they are its address and sizes.
+    Each number has 8 bytes; the numbers of an array are the address and sizes.
     """
     if isinstance(value, np.ndarray):
         if not value.flags.c_contiguous:

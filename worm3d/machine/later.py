@@ -1,6 +1,6 @@
-"""What stands for objects of Numba's until something has to be compiled: Numba is not imported before.
+"""Stand-ins for Numba's objects until the first compilation: Numba is not imported earlier.
 
-Its import takes half a second, longer than to load what is kept on disk.
+Importing Numba takes half a second, longer than loading code from disk.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ _made: list[Any] = []
 
 
 def later(stand_in: Any, make: Callable[[], Any]) -> Any:
-    """Let compiled code take a Python object for what `make` returns, an object of Numba's; return the first."""
+    """Make compiled code use Numba's object returned by `make` in place of `stand_in`; return `stand_in`."""
     _waiting.append((stand_in, make))
     return stand_in
 
 
 def placeholder(make: Callable[[], Any]) -> Any:
-    """Return what compiled code takes for an object of Numba's."""
+    """Return a stand-in for an object of Numba's in compiled code."""
 
     def stand_in(*_: Any) -> Any:
         raise TypeError("this is for compiled code")
@@ -28,7 +28,7 @@ def placeholder(make: Callable[[], Any]) -> Any:
 
 
 def ready() -> None:
-    """Make all that waits."""
+    """Make all waiting objects."""
     from numba.core.registry import cpu_target
 
     cpu_target.target_context.refresh()
@@ -36,11 +36,11 @@ def ready() -> None:
         stand_in, make = _waiting.pop(0)
         _made.append(make())
         cpu_target.typing_context.refresh()
-        stand_in._numba_type_ = cpu_target.typing_context.resolve_value_type(_made[-1])  # where Numba looks for types
+        stand_in._numba_type_ = cpu_target.typing_context.resolve_value_type(_made[-1])  # Numba reads types here
 
 
 class _Utils:
-    """Numba's helpers to write code, which have no types."""
+    """Numba's helpers for writing code, which have no types."""
 
     def __getattr__(self, name: str) -> Any:
         from numba.core import cgutils

@@ -1,7 +1,7 @@
-"""Object code that comes with the package, for processors of a kind: who has it need not compile at the first start.
+"""Object code in the package for some kinds of processors, which need not compile at the first start.
 
-It is made by `python tests/worm3d/packing.py`. Code is found under the digest of its sources, as in the cache, and
-verified by a checksum: of other sources it is ignored.
+`python tests/worm3d/packing.py` makes this code. Code is found under the digest of the sources, as in the cache, and
+verified by a checksum: code from other sources is ignored.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from worm3d.machine.cache import files
 from worm3d.machine.codegen import native
 
 KINDS = ("x86-64-v4", "x86-64-v3")
-"""Kinds of processors that there is code for, the best one first."""
+"""Kinds of processors with packed code, the best kind first."""
 FOLDER = Path(__file__).with_name("packed")
 MADE_WITH = "made_with"
-"""Entry of an archive that lists the versions it was made with, as `llvmlite 0.50.0`, a line each."""
+"""Entry of an archive that lists the versions of the tools, such as `llvmlite 0.50.0`, a line each."""
 
 
 def kind_of(host: native.Host) -> native.Host | None:
-    """Return the best kind of processor for which a host's code may be made, None for another family."""
+    """Return the best kind of processor that a host includes; None for another family."""
     known = set(host.features.split(","))
     for name in KINDS:
         if known.issuperset(f"+{each}" for each in native.FEATURES[name]) and sys.platform == "linux":
@@ -43,7 +43,7 @@ def load(key: str, kind: native.Host) -> bytes | None:
 
 
 def reason() -> str:
-    """Return why nothing that comes with the package is used, as far as versions say it; else ""."""
+    """Return the reason why packed code is not used, if versions are the reason; else ""."""
     kind = kind_of(native.this_host())
     made = content_of(archive(kind.cpu)).get(MADE_WITH, b"").decode().splitlines() if kind else []
     others = [line for line in made if line.startswith("llvmlite ") and line != f"llvmlite {llvmlite.__version__}"]
@@ -57,7 +57,7 @@ def archive(kind: str) -> Path:
 
 @cache
 def content_of(place: Path) -> dict[str, bytes]:
-    """Return the files of an archive by name, none where it cannot be read."""
+    """Return the files of an archive by name; empty if the archive cannot be read."""
     try:
         with tarfile.open(place) as opened:
             return {each.name: file.read() for each in opened if (file := opened.extractfile(each)) is not None}

@@ -1,7 +1,7 @@
-"""Names that object code takes from the process that loads it: one that lacks a name would call address 0.
+"""Names that object code takes from the loading process: a process without a name would call address 0.
 
-A compiling Numba registers names of its own, as `numba_attempt_nocopy_reshape`. A fresh process, which reads the code
-from disk and never imports Numba, does not have them.
+A compiling Numba registers additional names, such as `numba_attempt_nocopy_reshape`. A fresh process reads the code
+from disk, never imports Numba, and does not have these names.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 _ELF = b"\x7fELF\2\1"
-"""Beginning of an object for Linux, of 64 bits, its least byte first."""
+"""Beginning of a 64-bit object for Linux, with the least byte first."""
 _SYMBOL_TABLE = 2
 _UNDEFINED = 0
 
 
 def missing(objects: Iterable[bytes], named: Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the names that objects need, and neither they nor a fresh process have.
+    """Return the names that objects need, and that neither the objects nor a fresh process have.
 
     Parameters
     ----------
     objects : iterable of bytes
-        Objects that are loaded together. Their own tables of names are read where the format is ELF, as on Linux.
+        Objects that are loaded together. The tables of names are read if the format is ELF, as on Linux.
     named : iterable of str
-        Other names that they need.
+        Other names that the objects need.
     """
     found = [each for code in objects if code.startswith(_ELF) for each in _symbols(code)]
     needed = {name for name, section in found if section == _UNDEFINED} | set(named)
@@ -37,7 +37,7 @@ def missing(objects: Iterable[bytes], named: Iterable[str] = ()) -> tuple[str, .
 
 @functools.cache
 def c_library() -> Any:
-    """Return the C library, and on Linux and macOS all else that a fresh process has by name."""
+    """Return the C library, on Linux and macOS with all other names of a fresh process."""
     return ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
 
 

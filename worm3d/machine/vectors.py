@@ -1,6 +1,6 @@
-"""Pointers and vector instructions for compiled code, on addresses; strides and counts are those of doubles.
+"""Pointers and vector instructions for compiled code, on addresses; strides and counts are in doubles.
 
-Numba makes of loops over eight doubles what is several times slower.
+Numba compiles loops over eight doubles to code that is several times slower.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ def _pointer(name: str) -> Any:
 
 
 doubles_at: Any = placeholder(lambda: _pointer("float64"))
-"""(address): the pointer to doubles there, for `carray`."""
+"""(address): pointer to doubles at the address, for `carray`."""
 singles_at: Any = placeholder(lambda: _pointer("float32"))
-"""(address): the pointer to numbers of single precision there."""
+"""(address): pointer to numbers of single precision at the address."""
 integers_at: Any = placeholder(lambda: _pointer("int64"))
-"""(address): the pointer to whole numbers there."""
+"""(address): pointer to whole numbers at the address."""
 indices_at: Any = placeholder(lambda: _pointer("int32"))
-"""(address): the pointer to whole numbers of 32 bits there."""
+"""(address): pointer to whole numbers of 32 bits at the address."""
 
 
 def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, order: Sequence[int]) -> None:
-    """Write rows that are read in this order, a multiple of eight, as columns."""
+    """Write rows, read in the given order, as columns; the number of rows is a multiple of eight."""
     for first in range(0, len(order), WIDTH):
         rows = [w.load(w.shifted(source, k, stride)) for k in order[first : first + WIDTH]]
         for k, row in enumerate(w.transposed(rows)):
@@ -61,7 +61,7 @@ def transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> N
 
 @on_addresses()
 def transpose_places(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> None:
-    """Write 24 rows, 8 of each axis, as 8 rows of 8 places, each x, y, z."""
+    """Write 24 rows, 8 of each axis, as 8 rows of 8 positions, each x, y, z."""
     _transpose(w, to, to_stride, source, stride, [WIDTH * (k % 3) + k // 3 for k in range(3 * WIDTH)])
 
 
@@ -75,7 +75,7 @@ def repeat_8(w: Writer, to: Any, stride: Any, source: Any) -> None:
 
 @on_addresses()
 def add_rows(w: Writer, to: Any, pitch: Any, source: Any, stride: Any, count: Any) -> None:
-    """Add rows of 8 doubles, `stride` apart, to those at an address, `pitch` apart."""
+    """Add rows of 8 doubles, `stride` apart, to rows at an address, `pitch` apart."""
     with utils.for_range(w.builder, count) as loop:
         there = w.shifted(to, loop.index, pitch)
         w.store(w.add(w.load(there), w.load(w.shifted(source, loop.index, stride))), there)
@@ -83,7 +83,7 @@ def add_rows(w: Writer, to: Any, pitch: Any, source: Any, stride: Any, count: An
 
 @on_addresses()
 def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
-    """Subtract from 16 doubles a factor times those at another address."""
+    """Subtract a factor times the 16 doubles at `source` from 16 doubles."""
     minus = w.neg(w.spread_number(factor))
     for shift in (0, WIDTH):
         w.store(w.fma(minus, w.load(source, shift), w.load(to, shift)), to, shift)
@@ -91,7 +91,7 @@ def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
 
 @on_addresses()
 def all_equal(w: Writer, source: Any, value: Any) -> Any:
-    """Return 1 where 8 doubles are all this number, else 0."""
+    """Return 1 if all 8 doubles equal `value`, else 0."""
     equal = w.compare("oeq", w.load(source), w.spread_number(value))
     every = w.builder.icmp_signed("==", w.builder.bitcast(equal, ir.IntType(WIDTH)), ir.Constant(ir.IntType(WIDTH), -1))
     return w.builder.zext(every, ir.IntType(64))
@@ -101,7 +101,7 @@ def all_equal(w: Writer, source: Any, value: Any) -> Any:
 def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any, stride: Any) -> None:
     """Add J^T K J to 8 rows of 8 doubles that begin a pitch apart [byte].
 
-    J are 3 rows of 8 doubles at an address; the 9 doubles of K stand, row by row, a stride apart [byte].
+    J consists of 3 rows of 8 doubles at an address; the 9 doubles of K are stored row by row, a stride apart [byte].
     """
     axes = range(3)
     J = [w.load(jacobian, WIDTH * axis) for axis in axes]
@@ -118,7 +118,7 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
 
 @on_addresses()
 def add_squares(w: Writer, to: Any, pitch: Any, roots: Any) -> None:
-    """Add J^T J to 13 rows of 16 doubles that begin a pitch apart [byte]; J are 3 rows of 16 doubles at an address."""
+    """Add J^T J to 13 rows of 16 doubles that begin a pitch apart [byte]; J has 3 rows of 16 doubles at an address."""
     halves = range(0, 2 * WIDTH, WIDTH)
     J = [[w.load(roots, 2 * WIDTH * k + half) for k in range(3)] for half in halves]
     for r in range(13):
@@ -130,7 +130,7 @@ def add_squares(w: Writer, to: Any, pitch: Any, roots: Any) -> None:
 
 @on_addresses()
 def move(w: Writer, to: Any, source: Any, count: Any) -> None:
-    """Copy doubles to an address; the two do not overlap."""
+    """Copy doubles to an address; source and target do not overlap."""
     byte = ir.IntType(8)
     utils.raw_memcpy(w.builder, w.pointer(to, byte), w.pointer(source, byte), count, w.count(BYTES))
 
@@ -142,7 +142,7 @@ def clear(w: Writer, to: Any, count: Any) -> None:
 
 
 def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
-    """Return, lane by lane, the sums of the vectors that stand at each address, as far as they count."""
+    """Return, lane by lane, the sums of the vectors at each address, over the first `count` numbers."""
     zero = w.splat(0.0)
     places = [utils.alloca_once_value(w.builder, zero) for _ in sources]
     counts = w.spread_number(count)
@@ -157,7 +157,7 @@ def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
 
 @on_addresses(float)
 def total(w: Writer, source: Any, count: Any) -> Any:
-    """Return the sum of doubles; up to seven more behind them are read, and ignored."""
+    """Return the sum of doubles; up to seven doubles behind them are read and ignored."""
     (lanes,) = _sums(w, [source], count)
     for apart in (4, 2, 1):
         lanes = w.add(lanes, w.lanes(lanes, lanes, [k + apart if k < apart else k for k in range(WIDTH)]))
@@ -175,7 +175,7 @@ def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
 
 @on_addresses(float)
 def greatest(w: Writer, source: Any, count: Any) -> Any:
-    """Return the greatest of doubles, a multiple of eight, and 0."""
+    """Return the greatest of some doubles, or 0 if all are negative; the count is a multiple of eight."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
         here, most = w.load(w.shifted(source, k)), w.builder.load(place)
@@ -184,7 +184,7 @@ def greatest(w: Writer, source: Any, count: Any) -> Any:
 
 
 def _greatest_lane(w: Writer, lanes: Any) -> Any:
-    """Return the greatest number, or NaN where one is."""
+    """Return the greatest number, or NaN if a lane is NaN."""
     for apart in (4, 2, 1):
         other = w.lanes(lanes, lanes, [(k + apart) % WIDTH for k in range(WIDTH)])
         lanes = w.select(w.compare("ugt", other, lanes), other, lanes)
@@ -193,7 +193,7 @@ def _greatest_lane(w: Writer, lanes: Any) -> Any:
 
 @on_addresses(float)
 def largest(w: Writer, source: Any, count: Any, lever: Any) -> Any:
-    """Return the largest size of doubles in blocks of five, the last two of each times a lever; NaN where one is."""
+    """Return the largest size of doubles in blocks of five, the last two of each times a lever; NaN if any is NaN."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     bad, lever = utils.alloca_once_value(w.builder, w.splat(0.0)), w.spread_number(lever)
     with utils.for_range_slice(w.builder, w.count(0), count, w.count(_BLOCK * WIDTH)) as (k, _):

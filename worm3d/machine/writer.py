@@ -1,6 +1,6 @@
-"""The writer of LLVM's intermediate language: straight code on vectors of doubles, for kernels and Numba's intrinsics.
+"""Writer of LLVM's intermediate language: straight-line code on vectors of doubles, for kernels and Numba's intrinsics.
 
-A vector longer than the processor's own is split by LLVM.
+LLVM splits vectors that are longer than the processor's vectors.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ INT, INDEX, BOOL, DOUBLE = ir.IntType(64), ir.IntType(32), ir.IntType(1), ir.Dou
 
 
 class Writer:
-    """Writes instructions where a builder of llvmlite stands; methods return the values of the results.
+    """Writes instructions at the position of an llvmlite builder; methods return the values of the results.
 
-    Of pure instructions that a block has already the value is taken again: derivatives repeat many subexpressions.
-    Addresses are whole numbers; a shift is counted in doubles from there.
+    If a block already has a pure instruction, the value is reused, since derivatives repeat many subexpressions.
+    Addresses are whole numbers; shifts from an address are in doubles.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Writer:
     width : int
         Doubles in a vector.
     flags : sequence of str
-        Fast-math flags of the arithmetic, as "contract".
+        Fast-math flags of the arithmetic, such as "contract".
     """
 
     def __init__(self, builder: Any, width: int = LANES, flags: Sequence[str] = ()) -> None:
@@ -44,7 +44,7 @@ class Writer:
         self._written = 0
 
     def once(self, op: str, *args: Any, **given: Any) -> Any:
-        """Return the value of the builder's `op`, which is written unless the block has it already."""
+        """Return the value of the builder's `op`, which is written unless the block already has this instruction."""
         if self.builder.block is not self._block:
             self._known, self._block = {}, self.builder.block
         key = (op, *(tuple(map(_identity, arg)) if isinstance(arg, tuple) else _identity(arg) for arg in args))
@@ -54,17 +54,17 @@ class Writer:
         return self._known[key]
 
     def do(self, op: str, *args: Any, **given: Any) -> None:
-        """Write an instruction without result."""
+        """Write an instruction without a result."""
         getattr(self.builder, op)(*args, **given)
         self._written += 1
 
     def begin(self, block: Any) -> None:
-        """Go on in another block."""
+        """Continue in another block."""
         self.builder.position_at_end(block)
         self._written += 1
 
     def call(self, function: str, result: Any, *args: Any) -> Any:
-        """Call a pure function of the module, which is declared if need be."""
+        """Call a pure function of the module; declare the function if needed."""
         kind = ir.FunctionType(result, [arg.type for arg in args])
         return self.once("call", utils.get_or_insert_function(self.builder.module, kind, function), args)
 
@@ -96,7 +96,7 @@ class Writer:
         return self.once("fneg", a, flags=self.flags)
 
     def compare(self, how: str, a: Any, b: Any) -> Any:
-        """Return a mask; `how` is LLVM's, "o.." is false and "u.." true where an argument is NaN."""
+        """Return a mask; `how` is LLVM's condition: for NaN arguments "o.." is false and "u.." is true."""
         return self.once("fcmp_ordered", how, a, b)
 
     def count(self, value: int) -> Any:
@@ -117,7 +117,7 @@ class Writer:
         return self.builder.call(self.builder.inttoptr(address, kind.as_pointer()), args)
 
     def intrinsic(self, name: str, *args: Any) -> Any:
-        """Call one of LLVM's own functions of doubles or vectors, as "sqrt"."""
+        """Call one of LLVM's own functions of doubles or vectors, such as "sqrt"."""
         kind = args[0].type
         size = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         return self.call(f"llvm.{name}.{size}", kind, *args)
@@ -138,7 +138,7 @@ class Writer:
         return value
 
     def less_sum(self, value: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
-        """Return value - the sum of five products, in two chains that do not wait for each other."""
+        """Return a value minus the sum of five products, in two independent chains."""
         for x, y in zip(xs[:2], ys[:2], strict=True):
             value = self.less(value, x, y)
         return self.sub(value, self.sum(xs[2:], ys[2:]))
@@ -155,7 +155,7 @@ class Writer:
         return self.intrinsic("fabs", x)
 
     def lanes(self, x: Any, y: Any, lanes: Sequence[int]) -> Any:
-        """Return a vector of these lanes of two; those of the second count from the width on."""
+        """Return a vector of the given lanes of two vectors; lanes of the second vector count from the width on."""
         return self.builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(INDEX, len(lanes)), list(lanes)))
 
     def lane(self, x: Any, lane: int) -> Any:
@@ -177,7 +177,7 @@ class Writer:
         return self.once("shuffle_vector", one, empty, ir.Constant(ir.VectorType(INDEX, self.width), None))
 
     def transposed(self, rows: list[Any]) -> list[Any]:
-        """Return the columns of as many rows as lanes: exchange lanes of rows 1, 2, 4, ... apart."""
+        """Return the columns of `width` rows: exchange lanes of rows 1, 2, 4, ... apart."""
         rows, width = list(rows), self.width
         for apart in (1 << k for k in range(width.bit_length() - 1)):
             low = [lane if not lane & apart else width + lane - apart for lane in range(width)]
@@ -189,7 +189,7 @@ class Writer:
         return rows
 
     def shifted(self, address: Any, count: Any, by: Any = 1) -> Any:
-        """Return the address that lies `count` times `by` doubles behind another; each is a number or a value."""
+        """Return the address that lies `count` times `by` doubles behind another; both may be numbers or values."""
         count, by = (ir.Constant(INT, n) if isinstance(n, int) else n for n in (count, by))
         doubles = self.builder.mul(count, self.builder.mul(by, ir.Constant(INT, BYTES)))
         return self.builder.add(address, doubles)
@@ -199,7 +199,7 @@ class Writer:
         return self.builder.inttoptr(address, kind.as_pointer())
 
     def load(self, address: Any, shift: int = 0) -> Any:
-        """Return the vector that stands there."""
+        """Return the vector at an address."""
         return self.builder.load(self.pointer(self.shifted(address, shift), self.vector), align=BYTES)
 
     def store(self, value: Any, address: Any, shift: int = 0) -> None:
@@ -207,16 +207,16 @@ class Writer:
         self.builder.store(value, self.pointer(self.shifted(address, shift), self.vector), align=BYTES)
 
     def number(self, address: Any, shift: int) -> Any:
-        """Return the double that stands there."""
+        """Return the double at an address."""
         return self.builder.load(self.pointer(self.shifted(address, shift), DOUBLE), align=BYTES)
 
     def load_some(self, address: Any, count: Any) -> Any:
-        """Return the first doubles, at most so many, and zeros."""
+        """Return a vector of at most the first `count` doubles, followed by zeros."""
         args = [self.pointer(address, self.vector), ir.Constant(INDEX, BYTES), self._first(count), self.splat(0.0)]
         return self._masked("load", self.vector, args)
 
     def store_some(self, value: Any, address: Any, count: Any) -> None:
-        """Write the first doubles, at most so many."""
+        """Write at most the first `count` doubles."""
         args = [value, self.pointer(address, self.vector), ir.Constant(INDEX, BYTES), self._first(count)]
         self._masked("store", ir.VoidType(), args)
 
@@ -231,22 +231,22 @@ class Writer:
 
 
 def _identity(arg: Any) -> Any:
-    """Return what tells an argument of an instruction from others; the instruction keeps its operands alive."""
+    """Return a key that identifies an argument of an instruction; the instruction keeps the operands alive."""
     return arg if isinstance(arg, str | int | ir.Type) else id(arg)
 
 
 def _order(value: Any) -> str:
-    """Return what operands of a sum or product are sorted by: with a b and b a only one of them is written."""
+    """Return a key to sort the operands of a sum or product, so that only one of a b and b a is written."""
     if isinstance(value, ir.Constant):
         return f"<{value.constant[0]}"
     return f"%{value.name}"
 
 
 def on_addresses(result: type = int) -> Callable[[Callable[..., Any]], Any]:
-    """Make an intrinsic of Numba, for compiled code, of a function that writes its code.
+    """Turn a function that writes code into an intrinsic of Numba, for compiled code.
 
     The function gets a `Writer` and the arguments of the call, doubles or whole numbers (addresses, strides, counts);
-    it returns the value of the call, of the type `result`, or None for 0.
+    the function returns the value of the call, of the type `result`, or None for 0.
     """
 
     def make(write: Callable[..., Any]) -> Any:

@@ -1,4 +1,4 @@
-"""What a run is judged by: the table of measures, and the functions behind it.
+"""Measures of a run: the table of measures, and the functions of the measures.
 
 The order of the imports is the order of a summary.
 """

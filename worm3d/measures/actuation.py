@@ -1,4 +1,4 @@
-"""Measures of what actuators do and draw."""
+"""Measures of the work and the energy input of actuators."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from worm3d.recorded.finished import FinishedRun
 
 @measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")
 def _effort(result: FinishedRun) -> float:
-    """Root mean square of c + f/(k/2), over the greatest stroke; an extra force f counts as contraction."""
+    """Return the rms of c + f/(k/2) over the greatest stroke; an extra force f counts as contraction."""
     waves, worm = waves_of(result), result.worm
     rows = slice(waves.first + 1, None)
     stiffness = np.asarray(worm.k_spring, dtype=float)[:, None] / 2.0
@@ -25,7 +25,7 @@ def _effort(result: FinishedRun) -> float:
 
 @measure("commands_at_limit", "recorded instants at which the contraction asked of a chamber met an end of its stroke")
 def _at_limit(result: FinishedRun) -> float:
-    """Count rows, of commands within the stroke; an end of 0, at which a chamber rests, is none."""
+    """Return the number of rows with a command at an end of the stroke, except an end at 0, the rest position."""
     worm = result.worm
     acting = worm.actuator.values(worm, hinge=False)
     least, greatest = (

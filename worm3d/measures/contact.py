@@ -1,7 +1,7 @@
-"""Measures of contact: how far loaded contacts slide, how long segments stand, how hard they press, how far they roll.
+"""Measures of contact: slip of loaded contacts, anchoring of segments, wall load, penetration and roll.
 
-Between two rows each contact point p slides by s_p and bears the mean N_p of its normal loads at both. Over the last
-whole waves, in which the worm makes the way D (`worm3d.measures.waves`):
+Between two rows each contact point p slides by s_p and bears the mean N_p of the normal loads at both rows. The
+measures use the last whole waves, in which the worm travels the distance D (`worm3d.measures.waves`):
 
     slip_per_metre      = sum over rows of (sum_p N_p s_p / sum_p N_p) / D                          (J4)
     backslide_per_metre = the same with s_p max(0, -cos a_p), a_p the angle between the point's displacement and its
@@ -9,7 +9,7 @@ whole waves, in which the worm makes the way D (`worm3d.measures.waves`):
     anchoring_duty      = share of time in which a segment is anchored: bears load and slides by no more than
                           `AT_REST` of the body length a period, mean over segments                (J6)
 
-A worm that is dragged along has a slip of 1 m/m, one whose loaded contacts all stick has none.
+A worm that is dragged along has a slip of 1 m/m; a worm whose loaded contacts all stick has no slip.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
 
 AT_REST = 1e-3
-"""Slide of an anchored segment at most [body lengths a period]: what anchors yield elastically is no slide at all, and
-a worm that slides makes some 0.05 of it a period; half and double give the same anchoring duty of the default worm."""
+"""Largest slide of an anchored segment [body lengths a period]. Elastic motion of anchors does not count as slide. A
+worm that slides has a slide of about 0.05; half and double this limit give the same anchoring duty of the default
+worm."""
 NO_WALL = "there is no world in which it could sink"
 NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
 
 
 class Contacts(NamedTuple):
-    """What contact points do in the time before each of R rows; P points: apexes, then end faces and inner joints."""
+    """Contact points in the time before each of R rows; P points: apexes, then end faces and inner joints."""
 
     load: FloatArray
     """Mean normal load, shape (R, P) [N]."""
@@ -48,7 +49,7 @@ class Contacts(NamedTuple):
 
 
 def contacts(result: FinishedRun, waves: Waves) -> Contacts:
-    """Return loads and slides of the rows that the waves have."""
+    """Return loads and slides of the rows in the waves."""
     rows = slice(waves.first, None)
     apexes, joints = result.normal_load[rows].reshape(-1, 6 * result.worm.segments), result.joint_load[rows]
     load = np.hstack([apexes, joints])

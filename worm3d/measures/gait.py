@@ -1,15 +1,15 @@
 """Measures of a gait, over the last whole periods of a run (`worm3d.measures.waves`): stride, turn and drift.
 
-With the displacement d_k of the centre of mass in period k, along the ground, the mean heading e_k there (unit vectors
-in the tangent plane; n_k to the left of it), the turn phi_k, body length L and period T:
+Let d_k be the displacement of the centre of mass along the ground in period k, e_k the mean heading in period k (a unit
+vector in the tangent plane, with n_k to the left), phi_k the turn, L the body length and T the period:
 
     stride_bl           = mean d_k.e_k / L                                                        (J1)
     degrees_per_wave    = mean phi_k
     turning_radius_bl   = mean |d_k| / (2 L |sin(phi/2)|),  phi = mean phi_k                       (J2)
     drift_per_metre     = sum d_k.n_k / sum |d_k|                                                 (J3)
 
-(J2) is the distance of the centre of mass from the point about which it turns: a chord of its circle. In a pipe d_k.e_k
-and |d_k| count along the centre line.
+(J2) is the radius of the circle of the centre of mass, computed from a chord. In a pipe d_k.e_k and |d_k| are measured
+along the centre line.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _drift(result: FinishedRun) -> float:
 
 
 def way_made(result: FinishedRun, waves: Waves) -> float:
-    """Return the way of the centre of mass in the waves [m]; NoValueError where it made none."""
+    """Return the path length of the centre of mass in the waves [m]; NoValueError if the worm did not move."""
     made = float(waves.path.sum())
     if made <= NO_WAY * result.worm.length * waves.count:
         raise NoValueError(f"the worm made no way in its last waves ({made:.4g} m)")

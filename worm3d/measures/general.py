@@ -1,4 +1,4 @@
-"""Measures of every run: how it ended, how far the worm came, and what became of the work."""
+"""Measures of every run: the end of the run, the distance of the worm, and the uses of the work."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NO_STEP = "no step was finished"
 NO_PAYLOAD = "the worm carries no payload"
 
 USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
-"""Names of what work goes into."""
+"""Names of the uses of work."""
 
 
 @measure("status", "how the run ended")
@@ -137,7 +137,7 @@ def _use(result: FinishedRun, name: str) -> float:
 
 
 def _share(result: FinishedRun, name: str) -> float:
-    _cost(result)  # where there is none, its parts have no value either
+    _cost(result)  # without a cost of transport, the parts have no value either
     return result.energy.uses[name] / carried(result)
 
 
@@ -196,7 +196,7 @@ def _cost_with_load(result: FinishedRun) -> float:
 
 
 def carried(result: FinishedRun) -> float:
-    """Return weight times distance, by which costs of transport divide [J].
+    """Return weight times distance, the divisor of costs of transport [J].
 
     Raises
     ------
@@ -222,6 +222,6 @@ def _sparse(result: FinishedRun) -> bool:
 
 
 def _rounding(result: FinishedRun) -> float:
-    """Return the work that may be rounding alone [J]."""
+    """Return the largest work that may be only rounding [J]."""
     stored = float(np.sum(result.worm.k_spring)) * result.worm.l0  # the scale of the springs' energy
     return 1e-12 * float(np.abs(result.energy.work_contract).sum()) + 1e-15 * stored

@@ -1,4 +1,4 @@
-"""How a worm lies: its roll, and whether it lies on its side."""
+"""Posture of a worm: the roll, and whether the worm lies on its side."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ if TYPE_CHECKING:
     from worm3d.worlds import World
 
 ON_ITS_SIDE = float(np.deg2rad(35.0))
-"""Roll from which a worm lies on its side [rad]; lying there the default worm has 45 degrees. Crawling it has at most 5
-on the level and on slopes, 20 in the bend of a pipe, and for moments 18 on rubble and 30 in a tunnel."""
+"""Roll from which a worm counts as lying on its side [rad]. The default worm has a roll of 45 degrees when it lies on
+its side. When crawling, the roll is at most 5 degrees on level ground and on slopes, 20 in the bend of a pipe, and for
+moments 18 on rubble and 30 in a tunnel."""
 
 LASTING = 0.5
-"""Time for which it has to, so that it does not merely rock [s]."""
+"""Shortest time on the side that counts, so that a rocking worm does not count [s]."""
 
 GROUND = 0.5
-"""Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
+"""Smallest cosine between a normal and up for which a surface is ground: a pipe's wall beside the worm is no ground."""
 
 
 def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
-    """Return by how much a worm is rolled to its left, the median of its segments, at rows of a result, (T,) [rad].
+    """Return the roll of a worm to its left, the median of the segments, at rows of a result, (T,) [rad].
 
-    NaN where it touches nothing, and where what it touches is no ground: a wall, or without gravity.
+    NaN if the worm touches nothing, or touches no ground: a wall, or any surface without gravity.
     """
     joints, directors = result.joints[rows], result.directors[rows]
     rolls, weight = np.full(len(joints), np.nan), float(np.linalg.norm(result.gravity))
@@ -50,9 +51,9 @@ class Rolled:
     time: FloatArray
     """Instants, shape (R,) [s]."""
     roll: FloatArray
-    """Roll, shape (R,) [rad]; NaN as of `roll`."""
+    """Roll, shape (R,) [rad]; NaN as in the function `roll`."""
     step: int
-    """Number of these rows from one to the next a tenth of a second later."""
+    """Number of these rows in a tenth of a second."""
 
     @property
     def largest(self) -> float | None:
@@ -72,7 +73,7 @@ def rolled(result: FinishedRun) -> Rolled:
 
 @kept
 def on_its_side(result: FinishedRun) -> float | None:
-    """Return the first time from which a worm lies on its side for half a second [s]; None if it never does."""
+    """Return the first time from which a worm lies on its side for half a second [s]; None if there is no such time."""
     if len(result.time) < 2:
         return None
     found = rolled(result)

@@ -1,4 +1,4 @@
-"""Spread of runs that start at different places: on uneven ground the place of the start decides the distance."""
+"""Spread of runs with different start positions: on uneven ground the start position decides the distance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from worm3d.values import arguments
 from worm3d.values.documented import with_fields
 
 ENOUGH = 24
-"""Number of starts from which a mean is told: its error is then a fifth of the spread."""
+"""Smallest number of starts for a mean: the error of the mean is then a fifth of the spread."""
 ROUGH = (
     "on uneven ground every stone decides, and a single distance means little: take the mean over "
     f"{ENOUGH} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
@@ -22,18 +22,18 @@ ROUGH = (
 ROUGH_FROM = 0.01
 """Height of bumps, as a fraction of the length of a segment, from which ground is uneven in this sense."""
 SHIFT = 1e-3
-"""Distance by which starts differ at most, as a fraction of the body length: small against what a worm can feel."""
+"""Largest distance between starts, as a fraction of the body length; a worm can feel only much larger lengths."""
 
 
 @with_fields
 @dataclass(frozen=True)
 class Spread:
-    """Distance of many runs that differ in what nobody knows, such as the very place of the start."""
+    """Distance of many runs that differ in unknown details, such as the exact start position."""
 
     mean: float
     """Mean [m]."""
     standard_error: float
-    """Standard deviation of the mean [m]; of a single run it is the root of `count` times as much."""
+    """Standard deviation of the mean [m]; for a single run, multiply by the square root of `count`."""
     count: int
 
     @classmethod
@@ -43,7 +43,7 @@ class Spread:
         Raises
         ------
         ValueError
-            Fewer than 24 runs, or one that did not reach its end.
+            Fewer than 24 runs, or a run that did not reach the end.
         """
         arguments.whole("results", len(results), ge=ENOUGH)
         for k, each in enumerate(results):
@@ -54,13 +54,13 @@ class Spread:
 
 
 def rough(result: FinishedRun) -> bool:
-    """Return whether the ground of a run has bumps within the length of a segment: the start decides the distance."""
+    """Return whether the ground of a run has bumps within a segment length, so that the start decides the distance."""
     length = result.worm.l0
     return result.world is not None and result.world.bumps(length) > ROUGH_FROM * length
 
 
 def scattered(state: State, count: int = ENOUGH, within: float | None = None, seed: int = 0) -> list[State]:
-    """Return states that differ from one by small horizontal shifts, for runs on uneven ground.
+    """Return copies of a state with small horizontal shifts, for runs on uneven ground.
 
     Parameters
     ----------

@@ -1,16 +1,17 @@
-"""Measures of how a run settles: its return map, and how soon it has its speed.
+"""Measures of how a run settles: the return map, and the time to reach the final speed.
 
-**Return map.** At instants a period apart, back from the end, the shape x_k is that of the joints relative to the
-centre of mass, and on level ground turned back by the heading: place and heading take no part, since a gait has none.
-Where the worm nears a limit cycle, |x_(k+1) - x_k| shrinks from period to period by the largest modulus of the
-multipliers that its start excites:
+**Return map.** The shape x_k is sampled at instants a period apart, back from the end. x_k contains the positions of
+the joints relative to the centre of mass, and on level ground is turned back by the heading: position and heading are
+left out, since a gait does not determine them. As the worm approaches a limit cycle, |x_(k+1) - x_k| shrinks from
+period to period by the largest modulus of the multipliers that the start excites:
 
     return_map_radius = exp(slope of log |x_(k+1) - x_k| over k, least squares)                          (J7)
 
-over the later half of the differences that are above rounding, `REPEATS`, and two at least; 0 where there is one at
-most.
+over the later half of the differences above rounding, `REPEATS`, and at least two differences; 0 if there is at most
+one difference.
 
-**Response.** With the way w(t) in the period before t (at rest before the start), that of the last waves being D:
+**Response.** Let w(t) be the distance in the period before t (at rest before the start), and D the value of w in the
+last waves:
 
     response_time = first t from which w >= 0.9 D for a period                                       (J8)
 """
@@ -27,11 +28,11 @@ from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray, IntArray
 
 REPEATS = 1e-10
-"""Change of shape from period to period that is rounding, root mean square over the joints [body lengths]."""
+"""Change of shape from period to period that counts as rounding, rms over the joints [body lengths]."""
 RISEN = 0.9
 """Share of a new speed or heading at which a worm has responded."""
 ROWS_IN_A_PIPE = 32
-"""Rows of a period at which the place along a pipe is looked up, which takes long."""
+"""Rows of a period at which the position along a pipe is computed, which takes long."""
 FEW_PERIODS = "the run has fewer than three whole periods"
 UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
 
@@ -49,9 +50,9 @@ def _return_map(result: FinishedRun) -> float:
 
 
 def shapes(result: FinishedRun, rows: IntArray) -> FloatArray:
-    """Return the shape of the body at R rows, without its place, and on the level without its heading.
+    """Return the shape of the body at R rows, without the position, and on level ground without the heading.
 
-    Joints relative to the centre of mass, shape (R, N+1, 3) [body lengths].
+    The shape has the joints relative to the centre of mass, shape (R, N+1, 3) [body lengths].
     """
     shape: FloatArray = (result.joints[rows] - result.com[rows, None]) / result.worm.length
     heading = result.heading[rows]
@@ -63,7 +64,7 @@ def shapes(result: FinishedRun, rows: IntArray) -> FloatArray:
 
 
 def decay(changes: FloatArray) -> float:
-    """Return the factor (J7) by which changes of shape, (K, N+1, 3), shrink; 0 where one at most is above rounding."""
+    """Return the factor (J7) of the changes of shape, (K, N+1, 3); 0 if at most one change is above rounding."""
     size = np.sqrt((changes**2).sum(axis=2).mean(axis=1))
     large = np.flatnonzero(size > REPEATS)
     if len(large) < 2:
@@ -99,26 +100,26 @@ def _response(result: FinishedRun) -> float:
 
 
 def _earlier(time: FloatArray, values: FloatArray, by: float) -> FloatArray:
-    """Return values (T, D) a time earlier, those of the start where that is before it."""
+    """Return values (T, D) at times earlier by `by`; the first values for times before the start."""
     return np.column_stack([np.interp(time - by, time, column) for column in values.T])
 
 
 def rise_time(time: FloatArray, values: FloatArray, before: float, after: float, lasting: float) -> float:
-    """Return how long after time[0] values have covered 90 % of the way from one value to another, and stay there.
+    """Return the time after time[0] from which values stay beyond 90 % of the change from one value to another.
 
     Parameters
     ----------
     time, values : ndarray, shape (T,)
-        Ascending times [s], and the values there.
+        Ascending times [s], and the values at these times.
     before, after : float
-        Value from which, and to which, they go.
+        Initial value and final value.
     lasting : float
-        Time for which they have to stay [s]; the last of it may be beyond the end.
+        Time for which the values have to stay [s]; the last part of this time may be beyond the end.
 
     Raises
     ------
     NoValueError
-        They never get there.
+        The values never stay beyond 90 %.
     """
     share = (values - before) / (after - before)
     risen = share >= RISEN

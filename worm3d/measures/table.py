@@ -1,13 +1,13 @@
-"""The table of measures: what a run is judged by, each declared once, with its name, its meaning and its function.
+"""The table of measures of a run; each measure is declared once, with name, meaning and function.
 
-Every summary of a run has all of them, and so have `summary.json`, `sweep.csv` and figures of sweeps. One of your own:
+All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in figures of sweeps. A new measure:
 
     @measure("lift_m", "how far the head is above the tail at the end")
     def lift(result):
         return float(result.joints[-1, -1, 2] - result.joints[-1, 0, 2])
 
-One with parameters is a class below `Measure`, with `name` and `meaning` as fields and a method `of`. Scenes name such
-functions and classes as `measures.parts = ["my_robot:lift"]`.
+A measure with parameters is a subclass of `Measure`, with the fields `name` and `meaning` and a method `of`. Scenes
+name such functions and classes as `measures.parts = ["my_robot:lift"]`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from worm3d.values.named import marked
 from worm3d.values.read_only import kept
 
 Metric = tuple[float | str | None, str]
-"""A value, and why there is none if it is None."""
+"""A value, and the reason if the value is None."""
 
 Value = float | str
 Function = Callable[[Any], Value]
@@ -35,7 +35,7 @@ OVERFLOW = "it is too large for a number"
 
 
 class NoValueError(Exception):
-    """A run has no value of a measure; says why."""
+    """A run has no value of a measure; the message is the reason."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class Measure:
     """A measure of a run."""
 
     name: str = ""
-    """Name, which ends in its unit as `worm3d.values.metrics.UNITS` has them."""
+    """Name, which ends in a unit of `worm3d.values.metrics.UNITS`."""
     meaning: str = ""
-    """What it is, in a few words."""
+    """Meaning of the measure, in a few words."""
     function: Function | None = None
-    """Returns the value of a run, or raises NoValueError; None where `of` does."""
+    """Function that returns the value of a run, or raises NoValueError; None if a subclass overrides `of`."""
 
     def of(self, result: FinishedRun) -> Value:
         """Return the value of a run, or raise NoValueError."""
@@ -55,7 +55,7 @@ class Measure:
         return self.function(result)
 
     def __call__(self, result: FinishedRun) -> Metric:
-        """Return the value of a run, None if it has none, and why; a measure of a user's own that raises has none."""
+        """Return the value of a run, or None and the reason; a user's measure that raises also has the value None."""
         try:
             value = self.of(result)
         except NoValueError as none:
@@ -95,15 +95,15 @@ def _measured(result: FinishedRun) -> dict[str, Metric]:
 
 
 def enter_figures(result: FinishedRun, figures: Mapping[str, Metric]) -> None:
-    """Let a run have measures as they were computed before: of a world or a part whose code is not here."""
+    """Give a run the measures computed earlier, for a world or a part whose code is not available."""
     _measured(result).update(figures)
 
 
 def summary(result: FinishedRun) -> Summary:
-    """Return the measures of a run by name, None where one has no value."""
+    """Return the measures of a run by name, None for a measure without a value."""
     return Summary({name: value for name, (value, _) in _measured(result).items()})
 
 
 def reasons(result: FinishedRun) -> dict[str, str]:
-    """Return why measures of a run have no value."""
+    """Return the reasons why measures of a run have no value, by name."""
     return {name: why for name, (value, why) in _measured(result).items() if value is None}

@@ -1,4 +1,4 @@
-"""The last whole periods of a run, over which measures of a gait are taken."""
+"""The last whole periods of a run, for measures of a gait."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from worm3d.values.period_means import SHORT_RUN, integrals
 from worm3d.values.read_only import kept
 
 FEWEST_ROWS = 8
-"""Recorded instants in a period from which what happens within it shows."""
+"""Smallest number of recorded instants in a period that resolves the motion within the period."""
 SPARSE_IN_PERIOD = f"the result has fewer than {FEWEST_ROWS} rows in a period of the gait: record more of them"
 
 
 class Waves:
-    """The last whole periods that the second half of a run holds, one at least; K of them.
+    """The last whole periods in the second half of a run, at least one; K periods.
 
-    The first half is left out since a worm that starts at rest needs some waves until each is as the one before.
+    The first half is left out since a worm that starts at rest needs some waves until the waves repeat.
 
     Raises
     ------
     NoValueError
-        The run has no period or is shorter, or has too few rows.
+        The run has no period, is shorter than a period, or has too few rows.
     """
 
     def __init__(self, result: FinishedRun) -> None:
@@ -46,14 +46,14 @@ class Waves:
         self._share = (self.edges - time[self._k]) / (time[self._k + 1] - time[self._k])
 
     def at_edges(self, values: FloatArray) -> FloatArray:
-        """Return a series, shape (T, ...), between the periods, shape (K+1, ...)."""
+        """Return a series, shape (T, ...), at the instants between the periods, shape (K+1, ...)."""
         share = self._share.reshape(-1, *(1,) * (values.ndim - 1))
         found: FloatArray = values[self._k] + share * (values[self._k + 1] - values[self._k])
         return found
 
     @cached_property
     def first(self) -> int:
-        """Row before the first period, or at its beginning."""
+        """Row before the first period, or at the start of the first period."""
         return int(self._k[0])
 
     @cached_property
@@ -64,7 +64,7 @@ class Waves:
         return weights
 
     def mean(self, values: FloatArray) -> float:
-        """Return the mean over the periods of what holds in the time before each row after `first`."""
+        """Return the mean over the periods of values for the time before each row after `first`."""
         return float(self.weights @ values / self.weights.sum())
 
     @cached_property
@@ -92,7 +92,7 @@ class Waves:
 
     @cached_property
     def course(self) -> FloatArray | None:
-        """How much further along the world's own course (a pipe's) it is after each period, shape (K,) [m]."""
+        """Progress of the worm along the course of the world (a pipe) in each period, shape (K,) [m]."""
         result = self._result
         if result.world is None:
             return None
@@ -106,11 +106,11 @@ class Waves:
 
     @cached_property
     def path(self) -> FloatArray:
-        """Way made in each period, whichever way it goes, shape (K,) [m]."""
+        """Distance travelled in each period, in any direction, shape (K,) [m]."""
         return np.linalg.norm(self.steps, axis=1) if self.course is None else np.abs(self.course)
 
 
 @kept
 def waves_of(result: FinishedRun) -> Waves:
-    """Return the last whole periods of a run; NoValueError where there are none."""
+    """Return the last whole periods of a run; NoValueError if there are none."""
     return Waves(result)

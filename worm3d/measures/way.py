@@ -1,4 +1,4 @@
-"""The way of a worm: how far forward it came, and along which path."""
+"""The way of a worm: the forward distance and the path."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ NO_WAY = 1e-9
 
 
 def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray | None:
-    """Return how far forward each centre of mass (T, 3) is, shape (T,) [m]; None for a vertical body.
+    """Return the forward position of each centre of mass (T, 3), shape (T,) [m]; None for a vertical body.
 
-    Forward is the heading of the joints (N+1, 3) in the world's tangent plane; in a pipe it is along the centre line,
-    counted towards the head.
+    Forward is the heading of the joints (N+1, 3) in the world's tangent plane; in a pipe, forward is along the centre
+    line, towards the head.
     """
     course = None if world is None else world.course(com, joints)
     if course is not None:
@@ -39,13 +39,13 @@ def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray 
 
 @kept
 def distance(result: FinishedRun) -> float:
-    """Return how far the centre of mass has come from the start, as `way` counts it [m]; NaN for a vertical body."""
+    """Return the forward displacement of the centre of mass, as defined in `way` [m]; NaN for a vertical body."""
     ends = way(result.com[[0, -1]], result.joints[0], result.world)
     return float("nan") if ends is None else float(ends[-1] - ends[0])
 
 
 def along_the_ground(result: FinishedRun) -> FloatArray:
-    """Return the centre of mass without its height over a plane: a worm that rises on its feet makes no way."""
+    """Return the centre of mass without the height over a plane: a worm that rises on its feet does not advance."""
     if result.world is None or not result.world.flat:
         return result.com
     normal = result.world.normal(result.joints[0].mean(axis=0), result.worm.length)

@@ -1,1 +1,1 @@
-"""The equations of the worm and its contact, symbolic, and the kernels that are generated from them."""
+"""The symbolic equations of the worm and of contact, and the kernels generated from these equations."""

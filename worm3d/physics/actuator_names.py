@@ -1,4 +1,4 @@
-"""Actuators by name, and what a new one is made of; each class stands in `worm3d.physics`."""
+"""Actuators by name, and the base classes of new actuators; the classes are defined in `worm3d.physics`."""
 
 from worm3d.physics.actuators import ACTUATORS, Actuator, FirstOrder, Response
 from worm3d.physics.pneumatic import Pneumatic

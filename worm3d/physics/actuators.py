@@ -1,17 +1,17 @@
 """Actuators: from a command to the rest length, the force or the pressure of a chamber, or the angle of a hinge.
 
-An actuator is a dataclass whose fields are its parameters and whose `respond` says, in CasADi symbols, what it does in
-a time step. The kernels of the segments are generated from it, with all derivatives, and compiled once per class. What
-depends on the unknown length of the chamber at the end of the step stands in a potential:
+An actuator is a dataclass. Its fields are its parameters, and its method `respond` returns the response in a time step,
+in CasADi symbols. The kernels of the segments are generated from `respond`, with all derivatives, and compiled once per
+class. A force that depends on the unknown length of the chamber at the end of the step is written as a potential:
 
     force on the chamber = - d Psi(length; states at the start, command, dt) / d length
 
-so that states are eliminated where they are defined, implicitly in the step. An actuator with a state p' = f(p, length)
-solves p_{n+1} = p_n + dt f(p_{n+1}, length) for p_{n+1}(length) and integrates its force in the length; the step stays
-the minimum of one potential. `Pneumatic` is an example to start from.
+so that the states, which are implicit in the step, are eliminated where they are defined. An actuator with a state
+p' = f(p, length) solves p_{n+1} = p_n + dt f(p_{n+1}, length) for p_{n+1}(length) and integrates the force over the
+length; the step remains the minimum of one potential. `Pneumatic` is an example to start from.
 
-An actuator is found by its name once its module has been imported: a class in a module of its own has to be imported
-once, as `worm3d/physics/actuator_names.py` does with `Pneumatic`.
+An actuator is found by name once the module that defines the actuator has been imported, as
+`worm3d/physics/actuator_names.py` imports `Pneumatic`.
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter, parameters_of
 
 COMMANDS = ("command", "command_n", "given_n", "force_command", "force_command_n", "force_n")
-"""What every actuator is told, at the end and at the start of a step, and what it gave at its start."""
+"""Commands to an actuator at the end and at the start of a step, and its outputs at the start of the step."""
 
 KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
-"""Names of what `Actuator.respond` finds beside parameters and states."""
+"""Names of the inputs of `Actuator.respond` beside parameters and states."""
 
 
 class Response(NamedTuple):
-    """What an actuator does in a step. Only what is marked * may depend on "length", "span" and "..._hat"."""
+    """Response of an actuator in a step. Only fields marked * may depend on "length", "span" and "..._hat"."""
 
     command: Symbol
     """The command within the limits: contraction of a chamber, or angle of a hinge [rad]."""
     given: Symbol
-    """* What the actuator gives: contraction, or angle [rad]. A run records it."""
+    """* Output of the actuator: contraction, or angle [rad]. A run records this output."""
     force: Symbol = 0.0
-    """Force along the chamber, positive contracts [N]."""
+    """Force along the chamber [N]; a positive force contracts the chamber."""
     spring: Symbol | None = None
-    """Contraction of the rest length of the chamber's spring; None: the contraction given."""
+    """Contraction of the rest length of the chamber's spring; None: the same as `given`."""
     potential: Symbol = 0.0
-    """* Psi, whose derivative in the length is minus the force on the chamber [J]."""
+    """* Potential Psi: the force on the chamber is minus the derivative of Psi in the length [J]."""
     states: Symbols = {}  # noqa: RUF012  # never changed
     """* The states at the end of the step, by name."""
     work: Symbol = 0.0
-    """* Energy that the source puts in during the step, beside the work on the spring's rest length [J]."""
+    """* Energy supplied by the source during the step, beside the work on the spring's rest length [J]."""
     stored: Symbol = 0.0
-    """* Change of the energy that the actuator keeps [J]."""
+    """* Change of the energy stored in the actuator [J]."""
     lost: Symbol = 0.0
     """* Energy lost within the actuator [J]."""
 
@@ -65,40 +65,41 @@ ACTUATORS: dict[str, type[Actuator]] = {}
 class Actuator(Part, registry=ACTUATORS):
     """Base of all actuators; a frozen dataclass with `worm3d.values.parameters.parameter` fields.
 
-    A subclass is named in its class statement, `class Valve(Actuator, name="valve")`, and defines `respond`; fields
-    declared with each="segment" may be arrays. `worm3d.Worm(actuator=...)` uses it for the chambers, `hinge_actuator`
-    for the hinges.
+    A subclass gets a name in the class statement, `class Valve(Actuator, name="valve")`, and defines `respond`; fields
+    declared with each="segment" may be arrays. `worm3d.Worm(actuator=...)` sets the actuator of the chambers, and
+    `hinge_actuator` sets the actuator of the hinges.
     """
 
     known: ClassVar[tuple[str, ...]] = KNOWN
     told: ClassVar[tuple[str, ...]] = ("states", "drives_hinges", "has_source")
     drives_hinges: ClassVar[bool] = True
-    """Whether it may drive a hinge: it has neither potential nor energy, and needs no length."""
+    """Whether the actuator may drive a hinge: such an actuator has no potential and no energy, and needs no length."""
     has_source: ClassVar[bool] = False
-    """Whether its `Response.work` is the energy that it draws from a source: then its springs' rest lengths stay."""
+    """Whether `Response.work` is the energy drawn from a source; the rest lengths of the springs then stay the same."""
 
     @classmethod
     def compiled(cls) -> type[Actuator]:
-        """Return the class that the kernels are made of: another one where only numbers differ from it."""
+        """Return the class from which the kernels are made; classes that differ only in numbers share one."""
         return cls
 
     @classmethod
     def respond(cls, s: Symbols) -> Response:
-        """Return what the actuator does in a time step.
+        """Return the response of the actuator in a time step.
 
-        Everything is a scalar expression of CasADi, whose values are not known yet: choose with `ca.if_else`, limit
-        with `ca.fmin` and `ca.fmax`. Python's `if`, `min` and `max` on them are errors; numpy's functions may work, but
-        warn (`np.clip` prints a FutureWarning).
+        All inputs are scalar CasADi expressions without values: use `ca.if_else` for choices, and `ca.fmin` and
+        `ca.fmax` for limits. Python's `if`, `min` and `max` raise errors on such expressions; numpy's functions may
+        work, but warn (`np.clip` prints a FutureWarning).
 
         Parameters
         ----------
         s : mapping of str to SX
             Scalars by name. The parameters. "command", "command_n": commanded contraction (of a hinge: angle [rad]) at
-            the end and at the start of the step; "force_command", "force_command_n" [N]; "given_n", "force_n": what
-            was given at the start. Of each state "<state>_n" at the start of the step and "<state>_hat", from which
-            the integrator counts: d(state)/dt = (state - state_hat)/span with span = dt (implicit Euler) or 2/3 dt
-            (BDF2 at equal steps) [s]. For a chamber also "length", unknown, and "length_n" [m], the rest length of the
-            segment "l0", its links "link" [m], and the stiffness of its springs "k", of which a chamber has half [N].
+            the end and at the start of the step; "force_command", "force_command_n" [N]; "given_n", "force_n": outputs
+            at the start. For each state: the value "<state>_n" at the start of the step, and the reference
+            "<state>_hat" of the integrator, d(state)/dt = (state - state_hat)/span with span = dt (implicit Euler) or
+            2/3 dt (BDF2 at equal steps) [s]. For a chamber also: the unknown "length" and "length_n" [m], the rest
+            length "l0" and the link length "link" of the segment [m], and the stiffness "k" of the segment's springs
+            [N]; a chamber has half of this stiffness.
         """
         raise NotImplementedError
 
@@ -115,7 +116,7 @@ class Actuator(Part, registry=ACTUATORS):
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FirstOrder(Actuator, name="first_order"):
-    """Rest length, force and hinge angle follow their commands with a first-order lag; stroke and rate are limited.
+    """Rest length, force and hinge angle follow the commands with a first-order lag; stroke and rate are limited.
 
     c' = (command - c)/lag, solved exactly for a command that changes linearly over the step; the contraction then moves
     by at most rate_limit dt.
@@ -160,7 +161,7 @@ class FirstOrder(Actuator, name="first_order"):
         return Response(command, given, force)
 
     def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
-        """Return the parameters; what is left out is the worm's, and without limit for hinges."""
+        """Return the parameters; the worm supplies the values left out, but limits of hinges are then infinite."""
         unlimited = {"least": -np.inf, "greatest": np.inf, "rate_limit": np.inf}
         limits = {"least": worm.stroke[0], "greatest": worm.stroke[1], "rate_limit": worm.rate_limit}
         left_out = {"lag": worm.actuator_lag, **(unlimited if hinge else limits)}
@@ -169,7 +170,7 @@ class FirstOrder(Actuator, name="first_order"):
 
 
 def lagged(command: Symbol, command_n: Symbol, given_n: Symbol, lag: Symbol, dt: Symbol) -> Symbol:
-    """Return the first-order response at the end of the step to a command that changes linearly in it."""
+    """Return the first-order response at the end of a step to a command that changes linearly over the step."""
     import casadi as ca
 
     ramp = lag * (command - command_n) / dt

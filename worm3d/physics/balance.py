@@ -1,12 +1,12 @@
-"""Whether the energies that an actuator declares are the work that its force does.
+"""Check whether the energies that an actuator declares equal the work done by the actuator's force.
 
-The ledger of a run closes whatever an actuator declares: what is too much counts as numerical loss, and one run alone
-does not tell this from the error of its steps. The check takes the actuator alone through a motion of its chamber, in
-steps and in half of them, and extrapolates what is missed until each time,
+The ledger of a run closes whatever an actuator declares: an excess counts as numerical loss, and a single run cannot
+distinguish the excess from the error of the time steps. The check moves the chamber of an isolated actuator, once with
+full steps and once with half steps. The energy missing until each time,
 
     D = sum of (work - stored - lost + dPsi/dl (l - l_n)),                                              (B1)
 
-to steps of no length, 2 D_half - D. That is 0 where force and energies belong together.
+is extrapolated to steps of zero length, 2 D_half - D. The result is 0 where force and energies are consistent.
 """
 
 from __future__ import annotations
@@ -27,36 +27,36 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import parameters_of
 
 MOTION_TIME, MOTION_STEPS = 1.0, 100
-"""Time of the motion [s], a usual period of a gait, and number of its steps, which are then halved."""
+"""Duration of the motion [s], a typical gait period, and number of full steps."""
 MOTION_STROKE = 0.3
-"""Share of the greatest contraction by which the chamber is shortened, and up to which contractions are commanded."""
+"""Largest shortening of the chamber and largest commanded contraction, as a fraction of the greatest contraction."""
 LARGEST_MISS = 0.005
-"""Largest missing energy, as a fraction of the largest energy that is declared or given, that is not warned of.
+"""Largest missing energy without a warning, as a fraction of the largest energy that is declared or given.
 
-The actuators that come with worm3d miss 1.6e-4 at most; a declared work that is 5 % too much misses 0.05. Half and
-double tell these apart as well.
+The actuators of worm3d miss 1.6e-4 at most; a declared work that is 5 % too large misses 0.05. Half and double this
+limit separate the two cases as well.
 """
 
 ENERGIES = ("missed", "work", "stored", "lost", "on_chamber")
 
 
 class UnbalancedEnergyWarning(RuntimeWarning):
-    """The energies that an actuator declares are not the work that its force does."""
+    """The energies that an actuator declares do not equal the work done by the actuator's force."""
 
 
 class Balance(NamedTuple):
-    """What the actuator of a chamber misses in a motion."""
+    """Missing energy of the actuator of a chamber in a motion."""
 
     missed: float
-    """Largest energy that is missing at some time, extrapolated to steps of no length [J]."""
+    """Largest missing energy over time, extrapolated to steps of zero length [J]."""
     energy: float
-    """Largest energy that is declared or given until some time [J]."""
+    """Largest declared or given energy over time [J]."""
     change: float
-    """Largest change of the missing energy by half the step [J]."""
+    """Largest change of the missing energy when the step is halved [J]."""
 
     @property
     def holds(self) -> bool:
-        """Whether nothing is missing, or as much as the steps of the motion may be to blame for."""
+        """Whether no energy is missing, except as much as the steps of the motion may cause."""
         return self.missed <= max(LARGEST_MISS * self.energy, self.change)
 
 
@@ -65,7 +65,7 @@ _FOUND: dict[tuple[Any, ...], Balance] = {}
 
 
 def warn_of_imbalance(worm: Worm) -> None:
-    """Warn where the energies that the actuator of a worm declares are not the work of its force."""
+    """Warn if the energies that the actuator of a worm declares do not equal the work of the actuator's force."""
     part = worm.actuator
     values = part.values(worm, hinge=False).values()
     key = (part.compiled(), worm.segments, *(np.asarray(value).tobytes() for value in values))
@@ -82,7 +82,7 @@ def warn_of_imbalance(worm: Worm) -> None:
 
 
 def balance(part: Actuator, worm: Worm) -> Balance:
-    """Return what the actuator of a worm's chambers misses, (B1), in the chamber in which it is most."""
+    """Return the missing energy (B1) of the actuator of a worm's chambers, for the chamber that misses most."""
     coarse, fine = (_energies(part, worm, count) for count in (MOTION_STEPS, 2 * MOTION_STEPS))
     change = fine[::2, 0] - coarse[:, 0]
     missed = np.abs(fine[::2, 0] + change).max(axis=0)
@@ -114,7 +114,7 @@ def _energies(part: Actuator, worm: Worm, steps: int) -> FloatArray:
 def _motion(worm: Worm, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return lengths [m] and commanded contractions of the chambers at K times, shape (K, N) each.
 
-    Both go to and fro smoothly, at different paces; each chamber is at another phase.
+    Both oscillate smoothly, at different frequencies; each chamber has a different phase.
     """
     most = MOTION_STROKE * worm.stroke[1]
     phase = 2.0 * np.pi * (time[:, None] / MOTION_TIME + 0.4 * np.arange(worm.segments))
@@ -122,12 +122,12 @@ def _motion(worm: Worm, time: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 Numeric = Callable[[dict[str, Any], int], dict[str, FloatArray]]
-"""Numbers by name, one or N of each, and N, to numbers by name, each of shape (N,)."""
+"""Function from numbers by name, one or N of each, and N, to numbers by name, each of shape (N,)."""
 
 
 @once
 def _functions(kind: type[Actuator]) -> tuple[Numeric, Numeric]:
-    """Return what the states of an actuator are at rest, and what it does in a step."""
+    """Return the states of an actuator at rest, and the function of a step."""
     past = [f"{state}_{at}" for state in kind.states for at in ("n", "hat")]
     s = {name: ca.SX.sym(name) for name in (*KNOWN, *parameters_of(kind), *past)}
     response, length = kind.respond(s), s["length"]

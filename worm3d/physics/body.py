@@ -1,4 +1,4 @@
-"""Sizes, masses, stiffnesses and strokes of a worm; one value for all segments or one each."""
+"""Sizes, masses, stiffnesses and strokes of a worm; one value for all segments or one for each segment."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_SEGMENTS = 1000
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body(ReadOnly):
-    """A chain of N rhombic linkages: the part of a worm that its actuators know. Segment and joint 0 are the tail."""
+    """A chain of N rhombic linkages: the part of a worm that actuators know. Segment and joint 0 are the tail."""
 
     segments: int = parameter(
         6, meaning="number of segments, N", ge=1, le=MOST_SEGMENTS, key="segments", aka=("n", "n_segments")

@@ -2,7 +2,7 @@
 
 A world gives the signed distance g(X) of a point (negative inside), its gradient n and its curvature.
 
-Normal load (C1): a stiff quadratic penalty with a damper that never pulls; d = max(0, -g), d_n that at t_n:
+Normal load (C1): a stiff quadratic penalty with a damper that never pulls; d = max(0, -g), d_n = d(t_n):
 
     N = (k + c/dt) max(0, -g - d*),   d* = (c/dt) d_n/(k + c/dt)
 
@@ -11,7 +11,7 @@ the step; mu_x = mu_forward for y_x > 0 (towards the head), else mu_backward:
 
     rho(y) = sqrt((mu_x y_x)^2 + (mu_l y_l)^2),   eta(y) = sqrt((e_x y_x)^2 + (e_l y_l)^2),   e = H mu >= mu
 
-The hardness H is 1 but where mu is so small that a contact would have to move far before it yields.
+The hardness H is 1, except where mu is so small that a contact would have to move far before yielding.
 
 Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; per unit of the
 capacity, which is the normal load in Coulomb's law,
@@ -19,44 +19,44 @@ capacity, which is the normal load in Coulomb's law,
     f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/c_0 - r/eta)
     1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
 
-It is linear while eta <= c_0 r. Far beyond, f = c_0 M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the
-greatest dissipation on an ellipse. f never leaves that ellipse: f_i/(c_0 mu_i) is a harmonic mean of e_i y_i/eta and
-mu_i y_i/rho, which make unit vectors. Where H = 1 it is the gradient of Huber's potential
+f is linear while eta <= c_0 r. Far beyond, f = c_0 M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the greatest
+dissipation on an ellipse. f never leaves this ellipse: f_i/(c_0 mu_i) is a harmonic mean of e_i y_i/eta and
+mu_i y_i/rho, which make unit vectors. Where H = 1, f is the gradient of Huber's potential
 
     h = c_0^2 lambda + r/2 sum_i (mu_i y_i/P_i)^2
 
-and where it is not, there is none across the axes: descent (`worm3d.solver.descent`) takes H = 1 everywhere. The limit
-mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
+Elsewhere f has no potential across the axes: descent (`worm3d.solver.descent`) takes H = 1 everywhere. The limit
+mu_x -> 0 is regular: there is no force along x, the anchor follows, and lateral friction still holds.
 
-rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
-puts a damper beside the anchor's spring. c_0 (`Step.limit_ratio`), which bounds the force of both together, is the
-limit of friction over capacity: 1, or static_ratio while a contact is stuck.
+rho_b, the breakaway displacement times e, is a single number, so that all contacts yield together at any load; D puts a
+damper beside the anchor's spring. c_0 (`Step.limit_ratio`) bounds the total force of spring and damper: c_0 is the
+limit of friction over capacity, 1, or static_ratio while a contact is stuck.
 
-Return (C4): after the step the anchor moves until y is back on the surface eta = c_0 r: what is left of s is
-s* + y min(1, c_0 r/eta), and the anchor moves by the rest.
+Return (C4): after the step the anchor moves until y is back on the surface eta = c_0 r: s becomes s* + y
+min(1, c_0 r/eta), and the anchor moves by the difference.
 
-Newton (C5): f obeys P f = M E y with E = diag(e_x, e_l). Where little slides, the direction of y turns about within a
-step, and f, made linear, says little of what comes. Newton therefore takes f for an unknown of its own that obeys the
-equation made linear; it leads to the same root and is as fast near to it:
+Newton (C5): f obeys P f = M E y with E = diag(e_x, e_l). In a contact that slides little, the direction of y changes
+much within a step, and a linearised f is a poor prediction. Newton's method therefore treats f as a separate unknown
+that obeys the linearised equation. The root is the same, and the convergence near the root is as fast:
 
     K = (M E - H f z^T)/P,   f' = (M E (y + dy) - H f (z.dy))/P,   z = grad lambda
 
 f' is scaled back on to the yield surface (Chan, Golub, Mulet 1999, SIAM J. Sci. Comput. 20, 1964; Hintermueller,
 Stadler 2006, SIAM J. Sci. Comput. 28, 1: the same functional, the total variation of a picture).
 
-Breakaway (C6): the step is solved with c_0 = static_ratio for all contacts that stuck at its start. All of these that
-yield there, or are as good as about to,
+Breakaway (C6): the step is solved with c_0 = static_ratio for all contacts that stuck at the start of the step. Of
+these, all contacts that yield in the solution, or almost yield,
 
     eta > c_0 r (1 - 1e-9),
 
-break away together: they get c_0 = 1, and the step is solved again from its start; and so on until none yields. A
-contact that breaks away keeps the kinetic limit until the step ends, even if Newton's method puts it in the regime
-STICKING again, so that this ends. The static limit returns in the next step if the anchor did not slip. What yields has
-its greatest force whatever rounding does, so that contacts with equal forces share their fate; neither their order nor
-the way to the solution matters.
+break away together: they get c_0 = 1, and the step is solved again from the start. This is repeated until no contact
+yields. A contact that breaks away keeps the kinetic limit until the step ends, even if Newton's method puts the contact
+in the regime STICKING again; therefore the repetition ends. The static limit returns in the next step if the anchor did
+not slip. A contact that yields has the greatest force regardless of rounding, so that contacts with equal forces behave
+alike; neither the order of the contacts nor the way to the solution matters.
 
-Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N (C7), and rho (1/c - 1/c_0) beside lambda
-of Coulomb's law, with the strength c = c_0 + Psi'(c_0 lambda/dt) in place of c_0 where a contact slides (C8).
+Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N (C7). Where a contact slides, they add
+rho (1/c - 1/c_0) to lambda of Coulomb's law, and the strength c = c_0 + Psi'(c_0 lambda/dt) replaces c_0 (C8).
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ import casadi as ca
 from worm3d.physics.friction_laws import FrictionLaw, Symbols
 
 YIELD_TOLERANCE = 1e-9
-"""Excess over the yield surface, as a fraction of it, below which an anchor stays: rounding does not make it creep."""
+"""Relative excess over the yield surface below which an anchor stays, so that rounding does not make anchors creep."""
 
 TIE = 1e-9
-"""Distance below the static limit, as a fraction of it, at which a contact breaks away, (C6)."""
+"""Relative distance below the static limit at which a contact breaks away, (C6)."""
 
 
 class Directions(NamedTuple):
@@ -87,7 +87,7 @@ class Directions(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """Kinetic coefficients of one contact, above 0, and their hardness H of (C2)."""
+    """Kinetic coefficients of one contact, above 0, and the hardness H of (C2)."""
 
     mu: Directions
     hardness: Directions
@@ -124,7 +124,7 @@ class Step(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """(C3) at a displacement, each of shape (2,) but lambda."""
+    """(C3) at a displacement; vectors have the shape (2,)."""
 
     mu: ca.SX
     e: ca.SX
@@ -143,12 +143,12 @@ class Friction(NamedTuple):
 
 
 def pressing(distance: ca.SX, centre: ca.SX) -> ca.SX:
-    """Return -g - d* of (C1) [m]; its positive part times k + c/dt is the normal load."""
+    """Return -g - d* of (C1) [m]; the positive part times k + c/dt is the normal load."""
     return -distance - centre
 
 
 def squares(y: ca.SX, of: Coefficients) -> tuple[ca.SX, ca.SX]:
-    """Return rho^2 and eta^2 of (C2) [m^2]; unlike rho and eta they are smooth at 0."""
+    """Return rho^2 and eta^2 of (C2) [m^2]; the squares, unlike rho and eta, are smooth at 0."""
     mu_y = of.mu.of(y) * y
     return ca.sumsqr(mu_y), ca.sumsqr(of.hardness.of(y) * mu_y)
 
@@ -180,7 +180,7 @@ def stiffness(at: Friction, force: ca.SX) -> ca.SX:
 
 
 def predicted_friction(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple[ca.SX, ca.SX]:
-    """Return f' (2) of (C5) for f and a step dy, and the square of the part of P by which y changes.
+    """Return f' (2) of (C5) for f and a step dy, and the square of the change of y as a fraction of P.
 
     f' is not scaled back yet.
     """
@@ -189,12 +189,12 @@ def predicted_friction(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple
 
 
 def utilisation_squared(force: ca.SX, of: Coefficients, strength: ca.SX) -> ca.SX:
-    """Return the square of a force per unit of capacity over the limit that a strength sets in its direction."""
+    """Return the square of a force per unit of capacity over the limit that a strength sets in this direction."""
     return ca.sumsqr(force / of.mu.of(force)) / strength**2
 
 
 def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
-    """Return what (C4) leaves of y, shape (2,) [m]."""
+    """Return y after the return (C4), shape (2,) [m]."""
     _, square = squares(y, of)
     limit = step.limit_ratio * step.r
     yields = square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2

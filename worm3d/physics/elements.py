@@ -9,7 +9,7 @@ by parallel transport and turned about t by the roll; d points left, u = t x d u
     P(a -> b) d = d - (d.b)/(1 + a.b) (a + b)
     d = cos(g) P(t_ref -> t) d_ref + sin(g) t x P(t_ref -> t) d_ref
 
-It turns with the spin w = t x de/l + t (dg + a.de), where a = -(t_ref x t)/((1 + t_ref.t) l).
+The frame turns with the spin w = t x de/l + t (dg + a.de), where a = -(t_ref x t)/((1 + t_ref.t) l).
 
 Chambers (E2) lie at the lateral offsets +b (left) and -b (right): l_L = l - b th, l_R = l + b th; each is a rhombus
 with links a, so that h_c = sqrt(a^2 - l_c^2/4).
@@ -23,8 +23,9 @@ End faces (E6) are discs of radius R across the ends of the worm; the place near
 
     p + R (r_d d + r_u u),   (r_d, r_u) = -(n.d, n.u)/sqrt((n.d)^2 + (n.u)^2 + FACING^2)
 
-(the disc's centre where it faces the wall). r is chosen at the start of a step and fixed to the body in it: friction
-acts on a place of the worm, which rolls away with it. Inner joints touch the world with R = 0: the joint itself.
+(the disc's centre where the disc faces the wall). r is chosen at the start of a step and fixed to the body within the
+step: friction acts on a material point of the worm, which rolls away with the worm. Inner joints touch the world with R
+= 0: the joint itself.
 
 Springs (E4): half of (P7) per chamber, k/2 l0/2 (1 - l_c/l_cmd)^2; k_apex per segment acts on two hinges, shared
 by the chambers: k_apex/2 (angle_c - angle_0)^2 with angle = 2 asin(l_c/2a).
@@ -61,7 +62,7 @@ class Frame(NamedTuple):
 
 
 def transport(a: ca.SX, b: ca.SX, d: ca.SX) -> ca.SX:
-    """Return d carried by parallel transport from the unit vector a, to which it is normal, to b, (E1)."""
+    """Return d, normal to the unit vector a, carried from a to b by parallel transport, (E1)."""
     return d - ca.dot(d, b) / (1.0 + ca.dot(a, b)) * (a + b)
 
 
@@ -75,12 +76,12 @@ def frame(e: ca.SX, roll: ca.SX, t_ref: ca.SX, d_ref: ca.SX) -> Frame:
 
 
 def holonomy(f: Frame, t_ref: ca.SX) -> ca.SX:
-    """Return a of (E1), shape (3,): by how much the frame turns about t as e changes."""
+    """Return a of (E1), shape (3,): the turn of the frame about t per change of e."""
     return -ca.cross(t_ref, f.t) / ((1.0 + ca.dot(t_ref, f.t)) * f.length)
 
 
 def spin_change(f: Frame, t_ref: ca.SX, m: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the derivatives in e, for a constant m, of what stands in m.w, (E1), with de (3, 3) and with dg (3,)."""
+    """Return the derivatives in e, at constant m, of the coefficients of de (3, 3) and of dg (3,) in m.w, (E1)."""
     a, room = holonomy(f, t_ref), 1.0 + ca.dot(t_ref, f.t)
     across = (m - ca.dot(m, f.t) * f.t) / f.length
     of_a = -(ca.skew(t_ref) + a @ ((t_ref + f.t * (1.0 + room)) * f.length).T) / (room * f.length**2)
@@ -130,7 +131,7 @@ def hinge_angle(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
 
 
 def hinge_energy(k_apex: ca.SX, angle: ca.SX, rest: ca.SX) -> ca.SX:
-    """Return the energy of a chamber's apex hinges at an angle, with that at rest, (E4) [J]."""
+    """Return the energy of a chamber's apex hinges at an angle, given the rest angle, (E4) [J]."""
     return k_apex / 2.0 * (angle - rest) ** 2
 
 
@@ -149,7 +150,7 @@ def joint_strains(angles: list[ca.SX], bends: ca.SX, hinge: ca.SX, cross0: ca.SX
     Parameters
     ----------
     angles : list of SX
-        What `joint_angles` returns.
+        Result of `joint_angles`.
     bends : SX
         Sum of the segments' chamber bends, th_1 + th_2 [rad].
     hinge : SX

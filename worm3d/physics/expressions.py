@@ -1,4 +1,4 @@
-"""Symbolic expressions that functions of actuators and laws of friction return: what is wrong with them, in words."""
+"""Checks of the symbolic expressions that actuators and laws of friction return, with clear error messages."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ ADVICE = (
     "must be a scalar expression; take ca.if_else, ca.fmin and ca.fmax (casadi as ca), not Python's if, min and max or "
     "np.clip"
 )
-"""What is right, and what to do."""
+"""Requirement on an expression, and advice."""
 
 
 def answer(of: type, method: str, *given: Any) -> Any:
-    """Return what a method of a class returns.
+    """Return the result of a method of a class.
 
     Raises
     ------
     ValueError
-        It raises an error.
+        The method raises an error.
     """
     try:
         return getattr(of, method)(*given)
@@ -37,9 +37,9 @@ def scalar(name: str, value: Any) -> ca.SX:
     Raises
     ------
     ValueError
-        It is anything else; `name` says what it is.
+        The value is anything else; `name` describes the value.
     """
-    import casadi as ca  # loading it takes longer than all else that describes a worm
+    import casadi as ca  # loading casadi takes longer than everything else that describes a worm
 
     try:
         found = ca.SX(value)

@@ -26,32 +26,35 @@ GREATEST = 1e6
 """Largest coefficient that is accepted."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Smallest coefficient, as a fraction of the largest, that may set the breakaway displacement. Smaller ones would make
-the others so stiff that rounding shows; their contacts are harder instead, so that they yield no later."""
+"""Smallest coefficient, as a fraction of the largest, that may set the breakaway displacement. Smaller coefficients
+would make the other contacts so stiff that rounding shows; contacts with smaller coefficients are harder instead, so
+that they yield no later."""
 
 LEAST_BESIDE_SMALL = 0.1
-"""Largest coefficient, as a fraction of the largest of all, that sets the breakaway displacement beside smaller ones:
-what glides almost freely one way creeps across, in every step, by about as much as makes it yield there."""
+"""Upper limit of the coefficient that sets the breakaway displacement beside small coefficients, as a fraction of the
+largest. A contact that glides almost freely in one direction creeps across this direction, in every step, by about the
+displacement at yield."""
 
 NEGLIGIBLE = 1e-13
-"""Coefficient, as a fraction of the largest, that stands for all smaller ones, 0 too: its force changes a velocity in a
-step by less than positions are rounded, and the law needs no exception for 0."""
+"""Coefficient, as a fraction of the largest, that replaces all smaller coefficients and 0: the force changes a velocity
+in a step by less than the rounding of positions, and the law needs no exception for 0."""
 
 TINY = 1e-30
-"""Coefficient that stands for 0 where all are 0."""
+"""Coefficient that replaces 0 where all coefficients are 0."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Damping ratio of the contact with the smallest coefficient and the mass that it holds; larger ones are damped more.
+"""Damping ratio of the contact with the smallest coefficient and of the mass held; larger coefficients add damping.
 
-The limit of friction applies to damper and spring together, so its only effects are micrometres and milliseconds: too
-little (1) and a suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its
-full load, as a rigid one does at once. The distance that a worm crawls does not depend on it.
+The limit of friction applies to damper and spring together, so damping affects only micrometres and milliseconds.
+With too little damping (1) a suddenly applied load overshoots and breaks loose early. Stronger damping lets the contact
+carry the full load sooner; a rigid contact carries the load at once. The distance that a worm crawls does not depend on
+the damping.
 """
 
 WEIGHTLESS = 0.075
 """Weight to which the contacts of a worm without weight are scaled, as a fraction of the mean stiffness of its springs:
 about the weight of the default worm. Such a worm touches its world with the forces of its springs alone. At half and
-double the contacts yield by twice and half as much."""
+double this weight the contacts yield by twice and half as much."""
 
 _RANGE: dict[str, Any] = {"ge": 0, "le": GREATEST, "each": "segment"}
 
@@ -59,9 +62,9 @@ _RANGE: dict[str, Any] = {"ge": 0, "le": GREATEST, "each": "segment"}
 @documented
 @dataclass(frozen=True, eq=False)
 class Friction(ReadOnly):
-    """Directional friction that sticks; `law` says what is made of the coefficients, Coulomb's law if left out.
+    """Directional friction that sticks; `law` makes a force of the coefficients, Coulomb's law if left out.
 
-    A law is given as a `worm3d.FrictionLaw`, by its name, or as {"name": ..., **parameters}.
+    A law is given as a `worm3d.FrictionLaw`, by name, or as {"name": ..., **parameters}.
 
     Raises
     ------
@@ -91,7 +94,7 @@ class Friction(ReadOnly):
         Raises
         ------
         ValueError
-            An array that has not one value per segment.
+            An array without exactly one value per segment.
         """
         rows = []
         for name in ("forward", "backward", "lateral"):
@@ -127,7 +130,7 @@ class ContactConstants:
     def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
         """Return the constants scaled to a worm's weight, or to `natural_gravity` without one.
 
-        Left and right apexes below a segment share its load, so that one of them has half of its stiffness.
+        Left and right apexes below a segment share the load, so that each apex has half of the segment's stiffness.
         """
         g = natural_gravity(worm, gravity)
         share = worm.mass / (2 * worm.segments)
@@ -149,21 +152,21 @@ class ContactConstants:
 
 
 def natural_gravity(worm: Worm, gravity: float) -> float:
-    """Return the acceleration to which contacts are scaled [m/s^2]: gravity, or that of `WEIGHTLESS` where it is 0."""
+    """Return the acceleration to which contacts are scaled [m/s^2]: gravity, or by `WEIGHTLESS` where gravity is 0."""
     return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.mass
 
 
 def natural_time(worm: Worm, gravity: float) -> float:
     """Return the time in which the worm falls half its length [s].
 
-    Contacts are scaled to the weight and the segment length, so that their own times grow with it; those of a worm
-    without weight grow with its periods of vibration (`natural_gravity`).
+    Contacts are scaled to the weight and the segment length, so that the time constants of contacts grow with this
+    time. For a worm without weight these time constants grow with the worm's periods of vibration (`natural_gravity`).
     """
     return float(np.sqrt(worm.length / natural_gravity(worm, gravity)))
 
 
 def _least(mu: FloatArray) -> float:
-    """Return the least coefficient that sets the breakaway displacement; smaller ones are as hard as that one."""
+    """Return the coefficient that sets the breakaway displacement; smaller coefficients are equally hard."""
     largest = float(mu.max())
     if largest <= TINY:
         return 1.0

@@ -1,14 +1,15 @@
-"""Laws of friction: what a contact resists with, as two symbolic functions. A new law is one class.
+"""Laws of friction: the resistance of a contact as two symbolic functions. A new law is one class.
 
-The set of forces, the anchors and the compiled step (`worm3d.physics.contact`) are the same for every law; a law says
+All laws share the set of forces, the anchors and the compiled step (`worm3d.physics.contact`). A law defines
 
-(C7) the capacity C(N) [N] that the coefficients multiply, at a normal load N [N]. C(0) = 0, and it never falls; N
-     itself is Coulomb's law.
-(C8) the excess Psi(w) [m/s]: power lost beyond Coulomb's, per unit of capacity, at the rate w = rho(slip)/dt of (C2)
-     [m/s], which is the power that Coulomb's law loses. Psi(0) = Psi'(0) = 0; 0 is Coulomb's law.
+(C7) the capacity C(N) [N] that the coefficients multiply, at a normal load N [N]. C(0) = 0, and C never falls; C = N
+     is Coulomb's law.
+(C8) the excess Psi(w) [m/s]: power lost beyond Coulomb's law, per unit of capacity, at the rate w = rho(slip)/dt of
+     (C2) [m/s]. w is the power that Coulomb's law loses. Psi(0) = Psi'(0) = 0; Psi = 0 is Coulomb's law.
 
-A contact that slides steadily at velocity v along an axis with the coefficient mu feels C(N) mu (1 + Psi'(mu |v|)); one
-that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives the step from these two functions.
+A contact that slides steadily at velocity v along an axis with the coefficient mu feels C(N) mu (1 + Psi'(mu |v|)); a
+contact that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives the step from these two
+functions.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ LAWS: dict[str, type[FrictionLaw]] = {}
 """Class of each law of friction, by its name."""
 
 MAX_PARAMETERS = 4
-"""Number of parameters that a law may have: the kernels have rows for so many."""
+"""Largest number of parameters of a law, which is the number of rows in the kernels."""
 
 ROUNDING = 1e-12
 """Size up to which a value counts as 0 where a law is checked."""
 
 FALLING = 1e-9
-"""Share of the largest derivative so far down to which a negative one counts as rounding."""
+"""Size of a negative derivative that counts as rounding, as a fraction of the largest derivative so far."""
 
 LOADS, RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
 """Normal loads [N] and rates [m/s] at which a law is checked."""
@@ -53,9 +54,9 @@ LOADS, RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
 class FrictionLaw(ReadOnly):
     """Base of all laws of friction.
 
-    A subclass is a frozen dataclass found in `LAWS` under its `name`. Its fields are its parameters, declared by
-    `worm3d.values.parameters.parameter` with each="segment", at most four. It overrides `capacity`, `excess` or both,
-    which receive the parameters by name in `p`.
+    A subclass is a frozen dataclass found in `LAWS` under its `name`. The fields are the parameters, at most four,
+    declared by `worm3d.values.parameters.parameter` with each="segment". A subclass overrides `capacity`, `excess` or
+    both; these methods receive the parameters by name in `p`.
 
     Raises
     ------
@@ -70,7 +71,7 @@ class FrictionLaw(ReadOnly):
         known = LAWS.get(name)
         if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ValueError(f"name: got {name!r}, must be another than those of the laws that there are")
-        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
+        if name:  # a class that is defined again, as in a notebook, replaces the former class
             cls.name, LAWS[name] = name, cls
 
     def __post_init__(self) -> None:
@@ -82,7 +83,7 @@ class FrictionLaw(ReadOnly):
             self._check_functions()
 
     def _check_functions(self) -> None:
-        import casadi as ca  # loading it takes longer than all else that describes a worm
+        import casadi as ca  # loading casadi takes longer than everything else that describes a worm
 
         x, rows = ca.SX.sym("x"), ca.SX.sym("p", MAX_PARAMETERS)
         p = self.symbols(rows)
@@ -106,7 +107,7 @@ class FrictionLaw(ReadOnly):
             self._check_growth("excess", "second derivative", curved(RATES[None], column), RATES, "m/s")
 
     def _check_growth(self, name: str, derivative: str, values: Sequence[ca.DM], at: FloatArray, unit: str) -> None:
-        """Raise ValueError where a function or its derivatives are not finite, or the last of them is negative."""
+        """Raise ValueError if a function or a derivative is not finite, or if the last derivative is negative."""
         found = np.array([each.full()[0] for each in values])
         least = -FALLING * np.maximum.accumulate(np.abs(found[-1]))
         for what, wrong, must in (
@@ -132,7 +133,7 @@ class FrictionLaw(ReadOnly):
         Raises
         ------
         ValueError
-            A parameter that has not one value per segment.
+            A parameter without exactly one value per segment.
         """
         given = {name: np.asarray(getattr(self, name)) for name in parameters_of(type(self))}
         lanes = max((value.size for value in given.values()), default=1) if segments is None else segments
@@ -144,14 +145,14 @@ class FrictionLaw(ReadOnly):
 
     @classmethod
     def symbols(cls, rows: ca.SX) -> Symbols:
-        """Return the parameters by name, of their rows, shape (4,)."""
+        """Return the parameters by name, given the rows, shape (4,)."""
         return {name: rows[k] for k, name in enumerate(parameters_of(cls))}
 
     @staticmethod
     def capacity(load: ca.SX, p: Symbols) -> ca.SX:
         """Return C of (C7) [N] for a normal load [N].
 
-        Iterates of Newton's method have small negative loads too: it has to be finite and smooth there.
+        Iterates of Newton's method may have small negative loads: C has to be finite and smooth there too.
         """
         return load
 
@@ -163,7 +164,7 @@ class FrictionLaw(ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw, name="coulomb"):
-    """Coulomb's law: what slides feels mu N, whatever its speed."""
+    """Coulomb's law: a sliding contact feels mu N at any speed."""
 
 
 @documented
@@ -190,7 +191,7 @@ class Viscous(FrictionLaw, name="viscous"):
 
 
 def law_of(given: FrictionLaw | str | Mapping[str, Any]) -> FrictionLaw:
-    """Return a law that is given as itself, by its name, or by its name and parameters.
+    """Return a law that is given as an instance, by name, or by name and parameters.
 
     Raises
     ------

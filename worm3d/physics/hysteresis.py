@@ -1,35 +1,36 @@
 """Friction in the joints of a chamber's linkage: rate-independent hysteresis, exact in each time step.
 
-The hinges of a rhombus rub. What their friction can hold is a force along the chamber that depends on its length, so
-that it is the slope of a growing function y of the length, the *coordinate* of the friction:
+The hinges of a rhombus rub. The friction can hold a force along the chamber. The largest force depends on the length of
+the chamber and is the slope of a growing function y of the length, the *coordinate* of the friction:
 
     |force of the friction| <= dy/dl                                                                    (H1)
 
-A constant moment M in the hinges is y = M angle(l); friction in proportion to the pull of the chamber's springs is
-their energy, with the sign of l - l0. y is in J: moving by dy against friction that slides loses dy.
+A constant moment M in the hinges gives y = M angle(l). For friction in proportion to the pull of the chamber's springs,
+y is the energy of the springs with the sign of l - l0. y is in J: a motion by dy against sliding friction loses dy.
 
-Joints give before they slide, some earlier than others. Elements in parallel (Jenkins' or Maxwell-slip elements, a
-spring and a slider each) share the load: element k has the share w_k and slides once its spring has given way by r_k in
-y. With e_k, the part of r_k that it has given way, -1 <= e_k <= 1, a step from e_kn adds the potential
+Joints yield elastically before they slide, and some joints slide earlier than others. Elements in parallel (Jenkins' or
+Maxwell-slip elements, a spring and a slider each) share the load: element k has the share w_k and slides once the
+element's spring is stretched by r_k in y. With the stretch e_k of the spring as a fraction of r_k, -1 <= e_k <= 1, a
+step from e_kn adds the potential
 
     Psi(l) = sum over k of w_k Huber_k(d_k),   d_k = r_k e_kn + y(l) - y(l_n)                           (H2)
     Huber_k(d) = d^2/(2 r_k) while |d| <= r_k, |d| - r_k/2 beyond
 
-whose minimum with all else is the step. The states at its end are
+to the potential that the step minimises. The states at the end of the step are
 
     e_k = d_k/r_k, kept within -1 and 1                                                                 (H3)
 
-The force is -dPsi/dl = -(sum of w_k e_k) dy/dl, within (H1) where the shares add up to 1. Where the length moves one
-way within the step this is exact: nothing depends on the rate or on the time step. The elements' springs keep
-w_k r_k e_k^2/2, and what slides loses
+The force is -dPsi/dl = -(sum of w_k e_k) dy/dl, and obeys (H1) if the shares add up to 1. This is exact if the length
+changes monotonically within the step: nothing depends on the rate or on the time step. The elements' springs store
+w_k r_k e_k^2/2, and the sliders lose
 
     w_k max(0, |d_k| - r_k) >= 0                                                                        (H4)
 
-which is what Psi has beyond the change of the springs' energy. Closed loops follow Masing's rules in y: a turn draws
-the first loading curve at twice its scale. (W. D. Iwan, A distributed-element model for hysteresis and its
-steady-state dynamic response, J. Appl. Mech. 33, 893, 1966; the step is the standard one of incremental plasticity.)
+which is Psi less the change of the springs' energy. Closed loops follow Masing's rules in y: a reversal repeats the
+first loading curve at twice the scale. (W. D. Iwan, A distributed-element model for hysteresis and its steady-state
+dynamic response, J. Appl. Mech. 33, 893, 1966; the step is the standard one of incremental plasticity.)
 
-While a worm comes to rest before a run its joints are free; it starts without stress in them.
+While a worm comes to rest before a run, the joints are free; a run starts without stress in the joints.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.parameters import documented, parameter
 
 PREFIX = "hysteresis_"
-"""Prefix of the names of states and parameters among those of a chamber's actuator."""
+"""Prefix of the friction's states and parameters among the names of a chamber's actuator."""
 
 HYSTERESES: dict[str, type[Hysteresis]] = {}
 """Class of each kind of joint friction by its name."""
@@ -50,12 +51,12 @@ HYSTERESES: dict[str, type[Hysteresis]] = {}
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hysteresis(Part, registry=HYSTERESES):
-    """Base of all friction in the joints of a segment's linkage, itself without any.
+    """Base of all friction in the joints of a segment's linkage; the base itself has no friction.
 
-    A subclass, `class Rubbing(Hysteresis, name="rubbing")`, sets `elements` and defines `coordinate` and `sliders`; its
-    fields are parameters, those declared with each="segment" may be arrays. `worm3d.Worm(hysteresis=...)` uses it. The
-    state of each element stands in `Result.actuator_states`, as "hysteresis_1" and so on: the share of its limit that
-    it carries, of shape (T, N, 2).
+    A subclass, `class Rubbing(Hysteresis, name="rubbing")`, sets `elements` and defines `coordinate` and `sliders`. The
+    fields are parameters; fields declared with each="segment" may be arrays. `worm3d.Worm(hysteresis=...)` sets the
+    friction. `Result.actuator_states` has the state of each element, as "hysteresis_1" and so on: the load on the
+    element as a fraction of the element's limit, of shape (T, N, 2).
     """
 
     known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
@@ -75,8 +76,8 @@ class Hysteresis(Part, registry=HYSTERESES):
         ----------
         s : mapping of str to SX
             Scalars by name. The parameters; the "length" of the chamber and the rest length "l0" of its segment [m],
-            the links "link" [m], and the stiffness of the segment's springs "k" [N] and apex hinges "k_apex" [N m/rad],
-            of which a chamber has half.
+            the links "link" [m], and the stiffness of the segment's springs "k" [N] and apex hinges "k_apex" [N m/rad];
+            a chamber has half of both.
         """
         raise NotImplementedError
 
@@ -90,18 +91,18 @@ HYSTERESES["none"] = Hysteresis
 
 
 def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str]:
-    """Return the unit of each state of a chamber by name: those of its actuator, then those of its joints' friction."""
+    """Return the unit of each state of a chamber by name: first the actuator's states, then the joint friction's."""
     return {**actuator.states, **{PREFIX + name: unit for name, unit in own.states.items()}}
 
 
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Jenkins(Hysteresis, name="jenkins"):
-    """Friction in the hinges of the rhombi, of a constant moment and in proportion to what their springs pull.
+    """Friction in the hinges of the rhombi: a constant moment, and a part in proportion to the pull of the springs.
 
-    A chamber of the half-height h, whose springs and apex hinges would pull it back to its nominal rest length by P,
-    has friction of at most moment/h + load_ratio |P| along it. Its four elements have equal shares; their gives are in
-    geometric progression from give/spread to give spread.
+    Let h be the half-height of a chamber, and P the force by which springs and apex hinges would pull the chamber back
+    to the nominal rest length. The friction along the chamber is at most moment/h + load_ratio |P|. The four elements
+    have equal shares; their gives are in geometric progression from give/spread to give spread.
     """
 
     elements: ClassVar[int] = 4
@@ -136,7 +137,7 @@ class Jenkins(Hysteresis, name="jenkins"):
     @classmethod
     def coordinate(cls, s: Symbols) -> Symbol:
         """Return moment angle(l) + load_ratio E(l) sign(l - l0), with the elastic energy E of the chamber."""
-        import casadi as ca  # parameters are wanted without it
+        import casadi as ca  # parameters do not need casadi
 
         from worm3d.physics.elements import chamber_energy, hinge_angle, hinge_energy
 

@@ -1,13 +1,13 @@
-"""What a worm carries and drags (`worm3d.physics.load`).
+"""Loads that a worm carries and drags (`worm3d.physics.load`).
 
 Payload. A mass M on a joint has the potential of a mass point, with span and x_hat of the integrator
 (`worm3d.physics.kernels.inertia`),
 
     M/(2 span^2) |x - x_hat|^2 - M g.x                                                                  (X1)
 
-The worm's own mass, centre of mass, momentum and cost of transport do not contain it.
+The worm's own mass, centre of mass, momentum and cost of transport do not include the payload.
 
-The tether that it drags stands in `worm3d.physics.tether`.
+The tether that a worm drags is in `worm3d.physics.tether`.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ __all__ = ["LOADS", "Load", "LoadStep", "Payload", "Tether"]
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Payload(Load, name="payload"):
-    """A mass on a joint, (X1): it counts in weight and inertia, and is no part of the worm."""
+    """A mass on a joint, (X1), with weight and inertia; the mass is no part of the worm."""
 
     mass: float = parameter(0.02, meaning="mass of the payload", unit="kg", ge=0)
     joint: int = parameter(HEAD, meaning="joint that carries it, from 0, the tail, to N; -1 is the head", ge=HEAD)
 
     @property
     def at(self) -> int:
-        """Joint that it acts on."""
+        """Joint on which the load acts."""
         return self.joint
 
     @property
     def mass_carried(self) -> float:
-        """Mass that moves with its joint [kg]."""
+        """Mass that moves with the joint [kg]."""
         return self.mass
 
     @classmethod
     def respond(cls, s: Symbols) -> LoadStep:
         """Return (X1), and the changes of kinetic and potential energy."""
-        import casadi as ca  # parameters are wanted without it
+        import casadi as ca  # parameters do not need casadi
 
         from worm3d.physics.kernels import inertia
 

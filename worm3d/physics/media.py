@@ -1,13 +1,15 @@
-"""Viscous media (P8) whose resistance may follow the shape of the worm. A new one is one class.
+"""Viscous media (P8) whose resistance may follow the shape of the worm. A new medium is one class.
 
-A medium resists the velocity v_j of a joint by -zeta_j v_j. Each segment brings the share drag/N of the whole worm's
-resistance to its two joints, half to each, times a factor r that the medium makes of its strain and strain rate:
+A medium resists the velocity v_j of a joint by -zeta_j v_j. Each segment has the share drag/N of the whole worm's
+resistance, times a factor r that the medium computes from the strain and strain rate of the segment. Each of the two
+joints takes half:
 
     zeta_j = (zeta_{j-1/2} + zeta_{j+1/2})/2,   zeta of a segment = drag/N max(0, r(strain, rate))          (D1)
 
-so that a worm can push where it grips and recover where it slips. Within a time step zeta is constant, and the medium a
-damper that never gives energy back: r is that of the shape foreseen for the end of the step from the lengths l of a
-segment and their rate at its start, to second order (to first order where there is one instant only),
+so that a worm can push with the parts that grip and recover with the parts that slip. Within a time step zeta is
+constant, and the medium is a damper that never returns energy. r is evaluated for the shape predicted for the end of
+the step. The prediction uses the lengths l of a segment and their rate at the start, to second order (to first order if
+only one instant is known),
 
     l = l_{n-1} + 2 dt l'_n,   l' = 3 l'_n - 2 (l_n - l_{n-1})/dt                                           (D2)
 """
@@ -26,22 +28,22 @@ MEDIA: dict[str, type[Medium]] = {}
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Medium(Part, registry=MEDIA):
-    """Base of all media, itself one that resists alike whatever the shape.
+    """Base of all media; the resistance of the base does not depend on the shape.
 
-    A subclass, `class Mud(Medium, name="mud")`, defines `factor`; its fields are parameters, those declared with
-    each="segment" may be arrays. `worm3d.Worm(drag=..., medium=...)` uses it.
+    A subclass, `class Mud(Medium, name="mud")`, defines `factor`; the fields are parameters, and fields declared with
+    each="segment" may be arrays. `worm3d.Worm(drag=..., medium=...)` sets the medium.
     """
 
     known: ClassVar[tuple[str, ...]] = ("strain", "rate")
 
     @classmethod
     def factor(cls, s: Symbols) -> Symbol:
-        """Return r of (D1), as a scalar expression of CasADi; below 0 it counts as 0.
+        """Return r of (D1), as a scalar expression of CasADi; negative values count as 0.
 
         Parameters
         ----------
         s : mapping of str to SX
-            Scalars by name. The parameters, the "strain" l/l0 - 1 of a segment, and its "rate" [1/s].
+            Scalars by name. The parameters, the "strain" l/l0 - 1 of a segment, and the "rate" of strain [1/s].
         """
         return 1.0
 

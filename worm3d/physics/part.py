@@ -1,7 +1,7 @@
-"""Parts of a worm that are found by name: what actuators and joint friction have in common.
+"""Parts of a worm that are found by name: the common base of actuators and joint friction.
 
-A part is a frozen dataclass whose fields are its parameters. What it does in a time step it says in CasADi symbols, by
-class methods from which the kernels are generated, so that parameters are inputs and each class is compiled once.
+A part is a frozen dataclass. The fields are the parameters. Class methods describe the behaviour in a time step, in
+CasADi symbols. The kernels are generated from these methods: parameters are inputs, and each class is compiled once.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ Numbers = float | FloatArray
 class Part(ReadOnly):
     """Base of all parts; a frozen dataclass with `worm3d.values.parameters.parameter` fields.
 
-    A class below it that stands for a kind of part has a registry, `class Actuator(Part, registry=ACTUATORS)`; the
-    parts of that kind stand there by the name in their class statement, `class Valve(Actuator, name="valve")`.
+    A subclass for a kind of part has a registry, `class Actuator(Part, registry=ACTUATORS)`. The registry contains the
+    parts of this kind by the name in the class statement, `class Valve(Actuator, name="valve")`.
 
     Raises
     ------
     ValueError
-        A name that another class has, or a parameter that is out of range or whose name is taken.
+        A name of another class, a parameter that is out of range, or a parameter name that is taken.
     """
 
     name: ClassVar[str] = ""
-    """Name in scenes; empty: in none."""
+    """Name in scenes; empty for a part that scenes cannot name."""
     states: ClassVar[Mapping[str, str]] = {}
     """Unit of each state of a chamber or hinge, by name."""
     known: ClassVar[tuple[str, ...]] = ()
-    """Names that its methods find beside its parameters and states."""
+    """Names of the inputs of the methods, beside parameters and states."""
     told: ClassVar[tuple[str, ...]] = ("states",)
-    """Class attributes that a result asks for: files keep those of classes that are not worm3d's."""
+    """Class attributes that a result needs: files store these attributes for classes outside worm3d."""
     registry: ClassVar[dict[str, Any]] = {}
-    """Class of each part of the kind, by its name."""
+    """Class of each part of the kind, by name."""
 
     def __init_subclass__(cls, name: str = "", registry: dict[str, Any] | None = None) -> None:
         super().__init_subclass__()
@@ -78,6 +78,6 @@ class Part(ReadOnly):
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     def require_size(self, name: str, count: int) -> None:
-        """Raise ValueError where a parameter is an array of another size; `name` says what the part is for."""
+        """Raise ValueError if a parameter is an array of another size; `name` is the argument that has the part."""
         for field in parameters_of(type(self)):
             arguments.require_count(f"{name}.{field}", getattr(self, field), count)

@@ -1,11 +1,11 @@
 """A pneumatic actuator: compressed air in each chamber, filled and emptied through a valve.
 
-The air fills the chamber's rhombus (E2), whose cross-section is that of the linkage, and is w wide:
+The air fills the chamber's rhombus (E2), with the cross-section of the linkage and the width w:
 
     V(l) = w l h(l) + V_d,   h = sqrt(a^2 - l^2/4)                                                     (A1)
 
-so that pressure shortens a chamber as long as l > sqrt(2) a, like a fluidic muscle, and opens it. The air is an ideal
-gas that keeps the temperature of the room, and the valve is linear, from a regulator that holds the commanded pressure:
+so that pressure shortens a chamber as long as l > sqrt(2) a, like a fluidic muscle, and opens the chamber. The air is
+an ideal gas at room temperature. The valve is linear, from a regulator that holds the commanded pressure:
 
     p V = m R T,   dm/dt = C (p_cmd - p)                                                                (A2)
 
@@ -13,22 +13,22 @@ gas that keeps the temperature of the room, and the valve is linear, from a regu
 
     p = (m_hat + span C p_cmd)/(V/(R T) + span C)                                                       (A3)
 
-which depends on the length alone. Its force on the chamber, (p - p_0) dV/dl, is minus the derivative of
+which depends on the length alone. The force on the chamber, (p - p_0) dV/dl, is minus the derivative of
 
     Psi(l) = - (m_hat + span C p_cmd) R T ln(V + span C R T) + p_0 V                                    (A4)
 
-Energy. The air stores the work that it could do on its way to the pressure p_0 of the room, at constant temperature,
+Energy. The air stores the work available on the way to the pressure p_0 of the room, at constant temperature,
 
     X(m, V) = m R T (ln(p/p_0) - 1) + p_0 V,   dX = R T ln(p/p_0) dm - (p - p_0) dV                     (A5)
 
-What flows in comes from the supply where p_cmd > p_0, what flows out goes to the vacuum where p_cmd < p_0, else it is
-air of the room. From a source at the pressure p_s a mass dm brings in R T ln(p_s/p_0) dm >= 0, and the valve loses
-R T ln(p_s/p) dm >= 0 of that. (This is the availability, or exergy, of a gas at the temperature of its surroundings:
-A. Bejan, Advanced Engineering Thermodynamics, chapter 3.)
+Air flows in from the supply if p_cmd > p_0, and flows out to the vacuum if p_cmd < p_0; otherwise the valve exchanges
+air with the room. From a source at the pressure p_s a mass dm brings in R T ln(p_s/p_0) dm >= 0, and the valve loses
+R T ln(p_s/p) dm >= 0 of this energy. (This is the availability, or exergy, of a gas at the temperature of the
+surroundings: A. Bejan, Advanced Engineering Thermodynamics, chapter 3.)
 
-With implicit Euler the loss of every step is at least 0. With BDF2, whose flow over a step is not the one that its
-pressure at the end drives, it may fall below 0 in a step by the integrator's error, some millionths of
-the work at time steps of 20 ms.
+With implicit Euler the loss of every step is at least 0. With BDF2, the flow over a step is not the flow driven by the
+pressure at the end. The loss of a step may then be negative by the integrator's error, some millionths of the work at
+time steps of 20 ms.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Pneumatic(Actuator, name="pneumatic"):
     @classmethod
     def respond(cls, s: Symbols) -> Response:
         """Return (A3) to (A5)."""
-        import casadi as ca  # parameters are wanted without it
+        import casadi as ca  # parameters do not need casadi
 
         RT, volume, volume_n = s["gas_constant"] * s["temperature"], _volume(s, "length"), _volume(s, "length_n")
         command = ca.fmin(ca.fmax(s["command"], s["vacuum"] / s["gain"]), s["supply"] / s["gain"])
@@ -96,7 +96,7 @@ class Pneumatic(Actuator, name="pneumatic"):
         filled = s["air_hat"] + valve * target
         pressure = filled / (volume / RT + valve)
         air = pressure * volume / RT
-        # The logarithm counts from the volume at the start: a constant of some kJ would hide what springs store.
+        # The logarithm counts from the volume at the start: a constant of some kJ would hide the springs' energy.
         grown = volume - volume_n
         potential = -filled * RT * ca.log1p(grown / (volume_n + valve * RT)) + s["room"] * grown
         flow = air - s["air_n"]

@@ -1,9 +1,9 @@
 """Tether: a cable that the worm drags from its tail (`worm3d.physics.load`).
 
-A cable with the weight w per length [N/m] comes off a reel, which stands where the tail is at the start, and lies along
-the way that the tail has gone. Let s be the length that lies, theta the tilt of the way, positive where it
-rises towards the worm, and T the tension. The cable does not stretch, so that all of it slides when its end does. An
-element of it, drawn forward (+) or sliding back (-), is in balance where
+A cable with the weight w per length [N/m] comes off a reel at the initial position of the tail, and lies along the path
+of the tail. Let s be the laid length, theta the tilt of the path, positive if the path rises towards the worm, and T
+the tension. The cable does not stretch: the whole cable slides when the end slides. An element of the cable, drawn
+forward (+) or sliding back (-), is in balance if
 
     dT/ds = w sin(theta) +- mu w cos(theta),   T = 0 at the reel                                        (X2)
 
@@ -11,34 +11,36 @@ The integral, with the climb h = (integral of sin(theta) ds) and the resistance 
 
     T = w h +- R                                                                                        (X3)
 
-On level ground T is mu w s, up a slope w s (sin(theta) + mu cos(theta)), in an upright pipe the hanging weight w s. To
-draw ds off the reel raises the whole cable, by w h ds: w h is the slope of a potential energy, while R ds is lost.
-Static friction holds up to static_ratio R. A cable never pushes: a limit below 0 is 0 (the reel then holds back what
-would run off by itself, at a loss). So the cable sticks at every tension between
+On level ground T is mu w s, up a slope w s (sin(theta) + mu cos(theta)), in an upright pipe the hanging weight w s.
+Drawing ds off the reel raises the potential energy of the whole cable by w h ds, and loses R ds. Static friction holds
+up to static_ratio R. A cable never pushes: a negative limit becomes 0 (the reel then holds back cable that would run
+off by itself, at a loss). So the cable sticks at every tension between
 
     T_low = max(0, w h - R)   and   T_high = max(0, w h + R)                                            (X4)
 
-The end a of what lies is at the distance c, the free length, behind the joint x. Between them the cable pulls along the
-line from x to a, taken in the tangent plane of the world: a joint that rises as its chambers widen climbs nothing. The
-end follows as a trailer follows its drawbar; y = |x - a| - c is the stretch. As in a contact that sticks
-(`worm3d.physics.contact`), a stiff spring with a damper beside it, k y + b y', yields at the limits: the end moves by D
+The end a of the laid cable is at the distance c, the free length, behind the joint x. The free piece pulls along the
+line from x to a, projected on the tangent plane of the world: a joint that rises as its chambers widen does not climb.
+The end follows the joint as a trailer follows a drawbar; y = |x - a| - c is the stretch. As in a contact that sticks
+(`worm3d.physics.contact`), a stiff spring with a parallel damper, k y + b y', yields at the limits: the end moves by D
 towards x so that
 
     T = k (y - D) + b (y - D - y_n)/dt,   T_low <= T <= T_high + rho D,   y_n >= 0                      (X5)
     rho = dT_high/ds = w sin(theta) + mu w cos(theta), at the direction of the start of the step
 
-D > 0 draws cable off the reel: s, h and R grow. D < 0, only where T_low > 0, lets a hanging cable slide back. Where
-T_low = 0 the end stays where it is, and the cable is slack until the joint has come back. Where a joint has passed the
-end of its own cable, so that this lies ahead in the direction of the segment, it pulls nothing, and the end stays.
+D > 0 draws cable off the reel: s, h and R grow. D < 0, only if T_low > 0, lets a hanging cable slide back. If
+T_low = 0, the end does not move, and the cable is slack until the joint has come back. If a joint has passed the end of
+the cable, so that the end lies ahead in the direction of the segment, the cable does not pull, and the end does not
+move.
 
-In a bent pipe the free piece is a chord, and its end rises with the sideways motion of the tail: tensions are up to 8 %
-off mu w s there, with a free length of 0.1 m.
+In a bent pipe the free piece is a chord, and the end rises with the sideways motion of the tail: tensions there deviate
+by up to 8 % from mu w s, with a free length of 0.1 m.
 
-T(y) is a line between its two kinks and beyond each. Newton's method takes one line, the *regime*, until it leads to a
-place on another one; the way from slack to sliding and back leads through sticking, so that it does not go in circles.
+T(y) is piecewise linear with two kinks. Newton's method uses one line, the *regime*, until an iterate lies on another
+line. The regime passes through sticking between slack and sliding, so that the method does not cycle.
 
-Left out: the inertia of the cable, w s/g against the mass of the worm; its pressure on the inside of a bend, which
-multiplies T by exp(mu angle); its stiffness; and a way across a slope, where its load is less than w cos(theta).
+Left out: the inertia of the cable, w s/g against the mass of the worm; the pressure on the inside of a bend, which
+multiplies T by exp(mu angle); the stiffness of the cable; and a path across a slope, where the load of the cable is
+less than w cos(theta).
 """
 
 from __future__ import annotations
@@ -58,11 +60,12 @@ if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
 TIE = 1e-9
-"""Share of its limit by which a tension has to be beyond a kink before the regime changes: rounding is less."""
+"""Excess of the tension over a kink at which the regime changes, as a fraction of the limit; rounding is less."""
 
 NEAREST = 0.01
-"""Way of the end in a step, as a fraction of the free length, in which no limit of the tension passes through 0: closer
-to 0 a limit changes between steps alone. Half and double change the tension there by less than w times that way."""
+"""Displacement of the end in a step, as a fraction of the free length, over which no limit of the tension passes
+through 0: closer to 0 a limit changes only between steps. Half and double this value change the tension there by less
+than w times the displacement."""
 
 
 @documented
@@ -70,7 +73,7 @@ to 0 a limit changes between steps alone. Half and double change the tension the
 class Tether(Load, name="tether"):
     """A cable that the worm drags from its tail, (X2) to (X5).
 
-    Its states stand in `Result.actuator_states`, with "load_" before their names.
+    The states are in `Result.actuator_states`, with the prefix "load_".
     """
 
     states: ClassVar[Mapping[str, str]] = {
@@ -84,7 +87,7 @@ class Tether(Load, name="tether"):
     }
 
     acts_at_rest: ClassVar[bool] = False
-    """The reel stands where the tail has come to rest."""
+    """The reel is where the tail has come to rest."""
 
     weight: float = parameter(0.1, meaning="weight of the cable per length", unit="N/m", ge=0)
     friction: float = parameter(0.3, meaning="kinetic coefficient of friction between the cable and the world", ge=0)
@@ -99,7 +102,7 @@ class Tether(Load, name="tether"):
 
     @classmethod
     def respond(cls, s: Symbols) -> LoadStep:
-        """Return what the cable does in a step."""
+        """Return the response of the cable in a step."""
         return _Cable(s).step()
 
     def values(self, worm: Body) -> Mapping[str, float]:
@@ -108,20 +111,20 @@ class Tether(Load, name="tether"):
         return {**super().values(worm), "free_length": length}
 
     def begin(self, worm: Body, place: FloatArray, tangent: FloatArray) -> Mapping[str, float]:
-        """Return the states of a cable of which nothing lies yet; its end is straight behind the worm."""
+        """Return the states of a cable without laid length; the end is straight behind the worm."""
         end = place - self.values(worm)["free_length"] * np.asarray(tangent)
         return {**dict.fromkeys(self.states, 0.0), **dict(zip(("end_x", "end_y", "end_z"), end, strict=True))}
 
 
 class _Line(NamedTuple):
-    """T as a line of y beyond a kink: a limit of (X4), as it changes while the end slides."""
+    """T as a line of y beyond a kink: a limit of (X4), which changes while the end slides."""
 
     limit: Any
     """Tension at the kink [N]."""
     kink: Any
-    """y there [m]."""
+    """y at the kink [m]."""
     rate: Any
-    """Change of the limit over the way of the end, rho [N/m]."""
+    """Change of the limit per displacement of the end, rho [N/m]."""
     slope: Any
     """dT/dy [N/m]."""
 
@@ -144,7 +147,7 @@ class _Cable:
         self.rubs = s["weight"] * rubs  # dR/ds
         self.stiffness = s["stiffness"] + s["damping"] / s["dt"]
         self.rest = s["damping"] / s["dt"] * self.y_n / self.stiffness
-        grip = ca.fmin(1.0, 2.0 * ahead)  # what lies across the pull slides in part
+        grip = ca.fmin(1.0, 2.0 * ahead)  # cable that lies across the pull slides in part
         self.low, self.high = self._limits(self.pulls, ca.fmax(0.0, grip))
 
     def _reach(self, x: Any) -> tuple[Any, Any]:
@@ -171,14 +174,14 @@ class _Cable:
         )
 
     def _line(self, acts: Any, limit: Any, rate: Any) -> _Line:
-        """Return the line of a limit and its change over the way of the end; 0 where it does not act."""
+        """Return the line of a limit that changes as the end moves; the limit is 0 if it does not act."""
         import casadi as ca
 
         k, limit, rate = self.stiffness, ca.if_else(acts, limit, 0.0), ca.if_else(acts, rate, 0.0)
         return _Line(limit, self.rest + limit / k, rate, k * rate / (k + rate))
 
     def _chosen(self, low: Any, sticking: Any, high: Any) -> Any:
-        """Return one of three, by the regime, or by where y lies."""
+        """Return one of three values, by the regime, or by the position of y."""
         import casadi as ca
 
         regime = self.s["regime"]
@@ -193,7 +196,7 @@ class _Cable:
         return line.limit**2 / (2.0 * self.stiffness) + line.limit * beyond + line.slope / 2.0 * beyond**2
 
     def _next(self) -> Any:
-        """Return the regime that follows: sticking comes between the two others."""
+        """Return the next regime: sticking comes between the two others."""
         import casadi as ca
 
         regime, tie = self.s["regime"], TIE * (self.high.limit / self.stiffness + 1e-12)
@@ -204,7 +207,7 @@ class _Cable:
         return ca.if_else(regime == LOAD_HIGH, of_high, ca.if_else(regime == LOAD_LOW, of_low, stays))
 
     def step(self) -> LoadStep:
-        """Return what the cable does in the step."""
+        """Return the response of the cable in the step."""
         import casadi as ca
 
         s, k, low, high = self.s, self.stiffness, self.low, self.high

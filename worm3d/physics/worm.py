@@ -1,4 +1,4 @@
-"""The worm: its body and the parts that drive it, rub in its joints and resist around it."""
+"""The worm: body, actuators, joint friction, medium and loads."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class Worm(Body):
     """
 
     actuator: Actuator = field(default_factory=FirstOrder)
-    """What drives the chambers."""
+    """Actuator of the chambers."""
     hinge_actuator: Actuator = field(default_factory=FirstOrder)
-    """What drives the hinges."""
+    """Actuator of the hinges."""
     hysteresis: Hysteresis = field(default_factory=Hysteresis)
-    """Friction in the joints of the chambers; `Hysteresis()` is none."""
+    """Friction in the joints of the chambers; `Hysteresis()` is no friction."""
     medium: Medium = field(default_factory=Medium)
-    """Makes `drag` follow the shape; `Medium()` resists alike whatever it is."""
+    """Medium, which makes `drag` follow the shape; with `Medium()`, `drag` does not depend on the shape."""
     load: Load | tuple[Load, ...] = field(default_factory=Load)
-    """What it carries or drags, one load or several; `Load()` is none."""
+    """Loads that the worm carries or drags, one or several; `Load()` is no load."""
     flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -137,13 +137,13 @@ class Worm(Body):
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        """The loads that it has."""
+        """Loads of the worm, without `Load()`."""
         given = self.load if isinstance(self.load, tuple) else (self.load,)
         return tuple(each for each in given if type(each) is not Load)
 
     @property
     def load_mass(self) -> FloatArray:
-        """Mass that loads add to each joint, shape (N+1,) [kg]; no part of the worm's."""
+        """Mass that loads add to each joint, shape (N+1,) [kg]; not included in the worm's mass."""
         mass = np.zeros(self.segments + 1)
         for each in self.loads:
             mass[each.at] += each.mass_carried

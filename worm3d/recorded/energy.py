@@ -1,4 +1,4 @@
-"""The energy ledger of a run; its terms are declared here once, and computed in `worm3d.solver.ledger`."""
+"""The energy ledger of a run; the terms are declared here once, and computed in `worm3d.solver.ledger`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _term(meaning: str) -> Any:
 @documented
 @dataclass(frozen=True, eq=False)
 class Energy(ReadOnly):
-    """Energy ledger: what each term has come to in the steps since the row before, 0 at the start."""
+    """Energy ledger: total of each term in the steps since the row before, 0 at the start."""
 
     work_contract: FloatArray = _term("work of the actuators")
     work_external: FloatArray = _term("work of external forces")
@@ -44,7 +44,7 @@ class Energy(ReadOnly):
 
     @derived("time", "J", "what comes in less what is stored or lost")
     def residual(self) -> FloatArray:
-        """Return what comes in less what is stored or lost: zero up to Newton's residual."""
+        """Return the energy supplied minus the energy stored or lost: zero up to Newton's residual."""
         return self.sum(INCOMING) - self.sum(STORED) - self.sum(LOST)
 
     @classmethod
@@ -59,11 +59,11 @@ class Energy(ReadOnly):
 
     @cached_property
     def uses(self) -> dict[str, float]:
-        """What the work of actuators and of external forces went into, by name: together it is that work [J].
+        """Uses of the work of actuators and external forces, by name; the sum of the uses is the work [J].
 
         Friction on the world and, as hysteresis, in the joints of the chambers, damping (of the material, by the medium
-        and in the actuators), impacts, the integrator, and the energy that is stored at the end and was not at the
-        start (kinetic, elastic, potential, of contacts and actuators).
+        and in the actuators), impacts, the integrator, and the increase of stored energy from start to end (kinetic,
+        elastic, potential, of contacts and actuators).
         """
         parts = {
             "friction": self.friction_loss,
@@ -77,7 +77,7 @@ class Energy(ReadOnly):
 
     @property
     def balance_error(self) -> float:
-        """|Residual of the run| over the sum of its absolute terms; NaN where a term is."""
+        """|Residual of the run| over the sum of the absolute terms; NaN if a term is NaN."""
         scale = sum(float(np.abs(getattr(self, name)).sum()) for name in (*INCOMING, *STORED, *LOST))
         return 0.0 if scale == 0.0 else abs(float(self.residual.sum())) / scale
 
@@ -86,4 +86,5 @@ TERMS = tuple(each.name for each in fields(Energy))
 """Terms of the ledger, in the order of the solver's array "terms"."""
 
 INCOMING, STORED, LOST = TERMS[:3], TERMS[3:9], TERMS[9:15]
-"""Terms that balance: what comes in is what is stored or lost; the others are parts of these, or the paper's."""
+"""Terms that balance: the energy supplied equals the energy stored plus the energy lost. The other terms are parts of
+these terms, or terms of the paper."""

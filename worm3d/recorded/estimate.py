@@ -12,37 +12,37 @@ from worm3d.values.documented import with_fields
 @with_fields
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """How far a run with an `accuracy` is expected to be off, from runs with coarser steps."""
+    """Expected errors of a run with an `accuracy`, from runs with coarser steps."""
 
     distance: float
-    """Error of the distance [m]; of the way of the centre of mass where there is no heading."""
+    """Error of the distance [m], or of the displacement of the centre of mass if there is no heading."""
     heading: float
     """Error of the turn from start to end [rad]; NaN without a heading."""
     work: float
     """Error of the net work of the actuators [J]."""
     asked: float
-    """Error of the distance that was asked for: accuracy times the distance, or a tenth of the body length [m]."""
+    """Requested error of the distance: accuracy times the distance, or a tenth of the body length [m]."""
     step_error: float
-    """Estimated error that was allowed in a step of this run [m]."""
+    """Largest allowed estimated error in a step of this run [m]."""
     steps: int
-    """Steps that were solved in this run, and `runs` in all."""
+    """Number of steps solved in this run; `runs` is the number of runs in all."""
     runs: int
     figures: tuple[tuple[str, float], ...] = field(default=(), repr=False)
-    """Name and error of each number of the summary, in the unit of the number."""
+    """Name and error of each number in the summary, in the unit of the number."""
 
     def __add__(self, rest: ErrorEstimate) -> ErrorEstimate:
-        """Return the estimate of a run and another that went on from its end; it has no `figures`."""
+        """Return the estimate of a run and its continuation together, without `figures`."""
         both = {each.name: getattr(self, each.name) + getattr(rest, each.name) for each in fields(self)}
         return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error), "figures": ()})
 
     @property
     def met(self) -> bool:
-        """Whether the distance is as accurate as was asked for."""
+        """Whether the distance has the requested accuracy."""
         return self.distance <= self.asked
 
     @property
     def sentence(self) -> str:
-        """One line: what may be off by how much, and whether that was asked for."""
+        """One line: the estimated errors, and whether the requested accuracy is met."""
         found = (
             f"{1e3 * self.distance:.2g} mm, turn by {np.rad2deg(self.heading):.2g} degrees, work by {self.work:.2g} J"
         )

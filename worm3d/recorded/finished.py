@@ -1,4 +1,4 @@
-"""A finished run as data; measures, files and pictures are functions of it."""
+"""A finished run as data; measures, files and pictures are functions of a finished run."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class FinishedRun(Recorded, Steps):
     gravity: FloatArray
     """Gravity, shape (3,) [m/s^2]."""
     period: float | None
-    """Period of the gait, over which speeds are averaged [s]."""
+    """Period of the gait; speeds are averaged over this period [s]."""
     energy: Energy
     state: State = field(repr=False)
-    """State at the end, with memory: a run from it goes on bit for bit."""
+    """State at the end, with memory: a run from this state continues bit for bit."""
     stop: Stop
     wall_s: float
-    """Wall time of the steps, of commands and forces too, a controller's or a gait's [s]."""
+    """Wall time of the steps, including the commands and forces of a controller or a gait [s]."""
     error_estimate: ErrorEstimate | None = None
-    """How far the run is off, where an accuracy was asked for."""
+    """Estimated errors of the run; None if no accuracy was requested."""
 
     @property
     def status(self) -> Status:
@@ -44,7 +44,7 @@ class FinishedRun(Recorded, Steps):
         return self.settling is not None
 
     def variables(self) -> Iterator[Variable]:
-        """Yield everything recorded as named arrays with dimensions and units: what files hold."""
+        """Yield everything recorded as named arrays with dimensions and units, as in files."""
         for part in (self, self.energy):
             yield from variables_of(part, "time")
         yield from variables_of(self, "step", "")

@@ -1,8 +1,8 @@
-"""What is recorded of a run: each series is declared once, by the attribute that holds it.
+"""Recorded series of a run: each series is declared once, by the attribute that holds the series.
 
-The recorder (`worm3d.solver.records`), `Result` and its documentation, what an observer sees, the variables and columns
-of files and `to_xarray` follow from these declarations. A series that stands in an array of the solver is an attribute
-with a `recorded` value, one that follows from others a method under `derived`.
+The recorder (`worm3d.solver.records`), `Result` and its documentation, the data of an observer, the variables and
+columns of files and `to_xarray` follow from these declarations. A series in an array of the solver is an attribute with
+a `recorded` value; a series computed from other series is a method under `derived`.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from worm3d.values.variable import Variable
 T = TypeVar("T")
 
 UPRIGHT = 1e-3
-"""Horizontal part of a chord, as a fraction of it, below which it has no heading."""
+"""Horizontal part of a chord, as a fraction of the chord, below which the chord has no heading."""
 
 _declared = count()
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Position of a series in the solver: component by component in the rows of an array, from one row on.
+    """Position of a series in the solver: component by component in the rows of an array, from a first row.
 
     `Rows("joints", 0)` is x, y, z of the joints: rows 0 to 2, a column for each joint.
     """
 
     array: str
     row: str | int = 0
-    """First row: its number, or its name in the layout of a kernel's inputs."""
+    """First row: a number, or a name in the layout of a kernel's inputs."""
 
 
 @dataclass(frozen=True)
@@ -73,23 +73,23 @@ class Series:
     unit: str
     """SI unit, "1" for a pure number."""
     meaning: str
-    """What it is, in a few words."""
+    """Meaning, in a few words."""
     source: Source | None = None
-    """Position in the solver, where the recorder finds it; None where Python computes it."""
+    """Position in the solver, for the recorder; None if Python computes the series."""
     clamped: Source | None = None
     """Position for a worm on the clamped ground instead."""
     order: int = 0
     """Position among the variables of a file."""
     derived: bool = False
-    """Whether it follows from others."""
+    """Whether the series is computed from others."""
 
     def shape(self, segments: int) -> tuple[int, ...]:
-        """Return its shape at one instant."""
+        """Return the shape of the series at one instant."""
         return tuple(SIZES[dim][0] * segments + SIZES[dim][1] for dim in self.dims[1:])
 
     @property
     def shape_text(self) -> str:
-        """Its shape in words, such as "(T, N+1, 3)"."""
+        """Shape as text, such as "(T, N+1, 3)"."""
         sizes = [{"time": "T", "step": "S"}.get(dim) or _size_text(*SIZES[dim]) for dim in self.dims]
         return f"({', '.join(sizes)}{',' if len(sizes) == 1 else ''})"
 
@@ -117,13 +117,13 @@ def recorded(dims: str, unit: str, meaning: str, source: Source | None = None, c
 
 
 class _Derived(cached_property[T]):
-    """A series computed from others when it is first asked for; its arrays are read-only."""
+    """A series computed from others at the first access; the arrays are read-only."""
 
     series: Series
 
 
 def derived(dims: str, unit: str, meaning: str) -> Callable[[Callable[[Any], T]], _Derived[T]]:
-    """Make a method a series that is computed when it is first asked for; arguments as of `recorded`."""
+    """Make a method a series that is computed at the first access; arguments as in `recorded`."""
 
     def declare(method: Callable[[Any], T]) -> _Derived[T]:
         made = _Derived[T](lambda self: read_only(method(self)))
@@ -143,7 +143,7 @@ def series_of(holder: type) -> dict[str, Series]:
 
 
 def states_of(worm: Worm) -> dict[str, Series]:
-    """Return the states of a worm's actuators, of its joints' friction and of its loads as series.
+    """Return the states of a worm's actuators, joint friction and loads as series.
 
     The prefix of a name says which part has the state: "hinge_" an actuator of a hinge, "hysteresis_" friction in the
     joints, "load_" the first load, "load_2_" the second load, and so on.
@@ -159,7 +159,7 @@ def part_classes(worm: Worm) -> tuple[Any, ...]:
 def states_of_parts(
     chamber: type[Actuator], own: type[Hysteresis], hinge: type[Actuator], *loads: type[Load]
 ) -> dict[str, Series]:
-    """Return the states of such actuators, such friction in the joints and such loads as series."""
+    """Return the states of actuators, joint friction and loads of these classes as series."""
     found = {}
     for k, (name, unit) in enumerate(chamber_states(chamber, own).items()):
         of = "actuator" if name in chamber.states else "joints"
@@ -178,7 +178,7 @@ def states_of_parts(
 
 
 def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
-    """Yield the series of an instance whose first dimension is given, "" if they have none; None counts as NaN."""
+    """Yield the series of an instance with a given first dimension, "" for no dimension; None counts as NaN."""
     for name, series in series_of(type(holder)).items():
         if "".join(series.dims[:1]) in first:
             value = getattr(holder, name)
@@ -217,8 +217,7 @@ class Recorded(ReadOnly):
 
     worm: Worm
     actuator_states: Mapping[str, FloatArray]
-    """States of the actuators by name (`states_of`); those of chambers of shape (T, N, 2), of hinges (T, N-1), of loads
-    (T,)."""
+    """States of the actuators by name (`states_of`): chambers have the shape (T, N, 2), hinges (T, N-1), loads (T,)."""
     time: FloatArray = recorded("time", "s", "time")
     joints: FloatArray = recorded("time joint axis", "m", "joints, from tail to head", Rows("joints"))
     joint_velocity: FloatArray = recorded("time joint axis", "m/s", "velocity of the joints", Rows("joint_velocity"))

@@ -1,4 +1,4 @@
-"""The state that a run starts from or ends with."""
+"""The state at the start or end of a run."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from worm3d.values.spelling import spelled
 from worm3d.worlds.base import World
 
 LIFTS = 50
-"""Largest number of times that a worm put on its world is lifted until it fits."""
+"""Largest number of times that a worm is lifted until it fits on its world."""
 
 TOUCHES = 1e-12
 """Depth of an apex in the world that counts as rounding, as a fraction of the body length."""
 
 
 class StateError(ValueError):
-    """A run cannot start from this state: it does not fit the worm, or lies inside the world."""
+    """A run cannot start from this state: the state does not fit the worm, or lies inside the world."""
 
 
 @with_fields
@@ -47,7 +47,7 @@ class State(ReadOnly):
     directors: FloatArray
     """Unit vector to the left of each segment, normal to it, shape (N, 3)."""
     bend: FloatArray
-    """Chamber bend th of each segment: its left chamber is b th shorter than the segment, shape (N,) [rad]."""
+    """Chamber bend th of each segment: the left chamber is b th shorter than the segment, shape (N,) [rad]."""
     joint_velocity: FloatArray
     """Velocity of the joints, shape (N+1, 3) [m/s]."""
     roll_rate: FloatArray
@@ -57,17 +57,17 @@ class State(ReadOnly):
     contraction: FloatArray
     """Shortening fraction of each chamber [left, right] that the actuators give now, shape (N, 2).
 
-    A worm may start contracted, wedged in a pipe. What is given without shortening, as a pressure, may be greater than
-    1; it is `GREATEST_CONTRACTION` here, and whole in the memory.
+    A worm may start contracted, wedged in a pipe. An output without shortening, such as a pressure, may be greater than
+    1; such an output is stored as `GREATEST_CONTRACTION` here, and in full in the memory.
     """
     time: float
     """Time [s]."""
     laid: bool
-    """Whether `straight` laid the pose on a world: a run then settles it there, though rough ground leaves a gap."""
+    """Whether `straight` laid the pose on a world: a run then settles the worm, even if rough ground leaves a gap."""
     memory: Mapping[str, NDArray[Any]] = field(repr=False)
     """Arrays that integrator, contacts and actuators remember, by name; empty in a state made by hand.
 
-    With them, a run goes on bit for bit as if it had never been stopped.
+    With these arrays, a run continues bit for bit as if it had never been stopped.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class State(ReadOnly):
 
     @classmethod
     def unchecked(cls, **values: Any) -> State:
-        """Return the state of all these fields, which are as they have to be, with arrays of their own."""
+        """Return the state with these fields, which must all be given, be valid, and have their own arrays."""
         state = cls.__new__(cls)
         state.__setstate__(values)
         return state
@@ -148,21 +148,21 @@ class State(ReadOnly):
         azimuth: float = 0.0,
         contraction: ArrayLike = 0.0,
     ) -> State:
-        """Return a worm at rest on its world, straight where that is; at height 0 without one.
+        """Return a worm at rest on its world, straight where the world is straight; at height 0 without a world.
 
         Parameters
         ----------
         worm : Worm
         world : World, optional
         position : array_like, shape (2,) or (3,)
-            Where the tail is, seen from above; a third entry lifts the worm so far off the surface [m]. In a pipe:
-            how far along it the tail is, and 0. No world lets a worm start below its surface, and the clamped ground
-            none above it.
+            Position of the tail, seen from above; a third entry is the lift of the worm off the surface [m]. In a pipe:
+            position of the tail along the pipe, and 0. In no world can a worm start below the surface, and on the
+            clamped ground a worm cannot start above the surface.
         azimuth : float
             Heading, from x towards y; in a pipe 0 (along it) or pi (back) [rad].
         contraction : float or array_like, shape (N, 2)
-            Contraction of the chambers, as far as the world allows: the pose is that of the worm at rest, and settling
-            contracts it.
+            Contraction of the chambers. The pose shows the worm at its rest length; settling contracts the worm as far
+            as the world allows.
 
         Raises
         ------
@@ -191,14 +191,14 @@ class State(ReadOnly):
         return cls(joints=joints, directors=directors, contraction=contraction, laid=laid)
 
     def with_changes(self, **changes: Any) -> State:
-        """Return a copy with some fields changed, without memory unless it is given, and laid if its pose still is."""
+        """Return a copy with some fields changed; the memory is left out unless given, and `laid` if the pose changes."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
         return State(**{**given, "memory": None, "laid": laid, **changes})
 
 
 def _require_lift(lift: float, world: World | None) -> None:
-    """Raise ValueError for a height above the surface of a world that no worm can start at."""
+    """Raise ValueError for a height above the surface of a world at which no worm can start."""
     if world is None or lift == 0.0 or (lift > 0.0 and not world.clamped):
         return
     allowed = "0 on a ClampedGround, which holds the joints at its height" if world.clamped else "at least 0"
@@ -211,7 +211,7 @@ def _require_lift(lift: float, world: World | None) -> None:
 def _laid(
     worm: Worm, world: World, along: FloatArray, clearance: float, at: FloatArray, azimuth: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return joints and directors of the worm on its world, lifted where its apexes would lie inside."""
+    """Return joints and directors of the worm on its world, lifted if apexes would lie inside the world."""
     lift = before = np.inf
     for _ in range(LIFTS):
         try:
@@ -247,7 +247,7 @@ def _rest_apexes(segments: int) -> ca.Function:
 
 
 def level_directors(joints: FloatArray) -> FloatArray:
-    """Return directors that point to the left and are level, shape (N, 3); along y where a segment is vertical."""
+    """Return level directors that point to the left, shape (N, 3); along y for a vertical segment."""
     edges = np.diff(joints, axis=0)
     left = np.column_stack([-edges[:, 1], edges[:, 0], np.zeros(len(edges))])
     size = np.linalg.norm(left, axis=1)

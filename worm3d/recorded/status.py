@@ -32,7 +32,7 @@ class Status(Enum):
 
     @property
     def diverged(self) -> bool:
-        """Whether the run was given up (as opposed to reaching the end, or being stopped by its observer)."""
+        """Whether the run was given up (as opposed to reaching the end, or being stopped by the observer)."""
         return self not in (Status.DONE, Status.INTERRUPTED, Status.OBSERVER_FAILED)
 
 
@@ -44,19 +44,19 @@ class Stop:
     status: Status
     """How the run ended."""
     step: int
-    """Last step that was tried (the number of finished steps if the run is done)."""
+    """Last attempted step (the number of finished steps if the run is done)."""
     time: float
-    """Time at the end of that step [s]."""
+    """Time at the end of the last attempted step [s]."""
     residual: float = 0.0
     """Norm of the residual of the last Newton iterate [N]."""
     segment: int = 0
-    """Segment with the largest residual, or that was folded, flattened or sunk; joint j belongs to segment j."""
+    """Segment with the largest residual, or the folded, flattened or sunk segment; joint j belongs to segment j."""
     reason: str = ""
-    """What was wrong with a command, a force or the observer, or which part was bent or pressed too far; what to do."""
+    """Error of a command, a force or the observer, or the part that was bent or pressed too far; with advice."""
 
     @property
     def sentence(self) -> str:
-        """One line: what happened, when, and where."""
+        """One line: the outcome, the time and the place."""
         if self.status in (Status.DONE, Status.INTERRUPTED):
             return str(self.status.value)
         where = f"step {self.step}, t = {self.time:.4g} s"

@@ -1,1 +1,1 @@
-"""Results as data: measured, kept in files and drawn. `worm3d.running`, above this room, makes them."""
+"""Results as data: measured, kept in files and drawn. `worm3d.running`, a layer above, creates results."""

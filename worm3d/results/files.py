@@ -1,9 +1,10 @@
-"""Results in files, both ways: `Result.save` and `worm3d.load`. What `worm3d run` writes is such a file too.
+"""Writing and reading results: `Result.save` and `worm3d.load`. `worm3d run` writes such a file too.
 
-A file has the series of a result as variables, its end as the group `checkpoint`, and worm, world and end of the run as
-text in the attribute `run` (plain values by name, arrays in the group `run`). Nothing is pickled, and no code of a
-user's own is imported: of a part of another class its parameters are kept and what a result asks of it, and of such a
-world what it looks like around the worm's way; the figures of such a run are those that were computed then.
+A file has the series of a result as variables, the end state as the group `checkpoint`, and worm, world and end of the
+run as text in the attribute `run` (plain values by name, arrays in the group `run`). Nothing is pickled, and no user
+code is imported. For a part of a user's own class, the file has the parameters and the attributes that a result needs.
+For a world of a user's own class, the file has the surface around the worm's path. The figures of such a run are stored
+as computed by the run.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from worm3d.worlds import World
 from worm3d.worlds.sampled import SampledWorld
 
 RESULT = "result.nc"
-"""Name of the file in a folder that `worm3d run` wrote."""
+"""Name of the file in a folder written by `worm3d run`."""
 
 RUN, CHECKPOINT = "run", "checkpoint"
 """Groups: arrays of worm and world, and the state at the end."""
@@ -54,17 +55,17 @@ STATE = {
     "contraction": "1",
     "time": "s",
 }
-"""Fields of a state that are numbers, and their units."""
+"""Numeric fields of a state, and the units."""
 
 FIELD, MEMORY = "state_", "memory_"
-"""Prefixes of variables of a checkpoint: fields of the state, and arrays of its memory."""
+"""Prefixes of variables of a checkpoint: fields of the state, and arrays of the memory."""
 
 KEPT_MARGIN = 0.4
-"""Distance around a worm within which a world of a user's own is kept [body lengths]: pictures show 0.3, and at half
-its rim is seen; at double the cells are a third wider."""
+"""Distance around a worm within which a user's own world is stored [body lengths]. Pictures show 0.3: at half this
+distance the rim is visible; at double the distance the cells are a third wider."""
 
 IN_TEXT = 16
-"""Numbers that an array has at most to stand in the text; others are variables."""
+"""Largest size of an array in the text; larger arrays are variables."""
 
 
 def save(result: FinishedRun, path: str | PathLike[str]) -> None:
@@ -94,9 +95,9 @@ def save(result: FinishedRun, path: str | PathLike[str]) -> None:
 
 
 def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> tuple[dict[str, Any], dict[str, Metric]]:
-    """Return the fields of the result that a file holds, and figures that only its program could compute.
+    """Return the fields of the result in a file, and figures that only the program of the run could compute.
 
-    Parameters and errors of `worm3d.load`.
+    Parameters and errors as in `worm3d.load`.
     """
     arguments.instance("path", path, str | PathLike, "the path of a file")
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
@@ -117,7 +118,7 @@ def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> tuple[dict
 
 
 def _require_there(file: Path) -> None:
-    """Raise FileNotFoundError, with the name beside it that may have been meant, where there is no such file."""
+    """Raise FileNotFoundError if a file does not exist, with a similar file name as a hint."""
     if file.exists():
         return
     beside = [(each.name, str(each)) for each in file.parent.iterdir()] if file.parent.is_dir() else []
@@ -156,7 +157,7 @@ def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:
 
 
 def _figures(content: Content) -> dict[str, Metric]:
-    """Return the figures of a run with parts of a user's own, as they were computed."""
+    """Return the figures of a run with user-defined parts, as computed by the run."""
     figures = json.loads(content.attributes["summary"])
     kept = json.loads(content.attributes["run"]).get("measured", ())
     return {name: (figures[name], figures["reasons"].get(name, "")) for name in kept if name in figures}
@@ -168,7 +169,7 @@ def world_of(said: str, parts: tuple[Variable, ...]) -> Any:
 
 
 def described(result: FinishedRun, measured: Iterable[str] = ()) -> tuple[str, tuple[Variable, ...]]:
-    """Return worm, world and end of a run as text, and the arrays of these; `measured` are measures of a user's own."""
+    """Return worm, world and end of a run as text, and their arrays; `measured` are user-defined measures."""
     arrays: list[NDArray[Any]] = []
     worm, world = plain(result.worm, arrays), plain(result.world, arrays)
     own = [*measured]
@@ -199,7 +200,7 @@ def described(result: FinishedRun, measured: Iterable[str] = ()) -> tuple[str, t
 
 
 def _seen(result: FinishedRun) -> World | None:
-    """Return what can be seen of a world of a user's own; None if it fails to tell."""
+    """Return the visible part of a user-defined world; None if the world raises an error."""
     assert result.world is not None
     with suppress(*EXCEPTIONS):
         return SampledWorld.around(result.world, result.points, KEPT_MARGIN * result.worm.length)
@@ -226,7 +227,7 @@ def state_of(checkpoint: tuple[Variable, ...], laid: bool = False) -> State:
 
 
 def _state(checkpoint: tuple[Variable, ...], series: Mapping[str, NDArray[Any]], laid: bool) -> State:
-    """Return the state at the end of a run: from its checkpoint, or its last row."""
+    """Return the state at the end of a run, from the checkpoint or from the last row."""
     if checkpoint:
         return state_of(checkpoint, laid)
     last = {name: series[name][-1] for name in ("joints", "directors", "bend", "joint_velocity", "contraction")}
@@ -235,7 +236,7 @@ def _state(checkpoint: tuple[Variable, ...], series: Mapping[str, NDArray[Any]],
 
 
 def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Return a value as JSON can hold it; larger arrays are appended to `arrays`."""
+    """Return a value in a form for JSON; larger arrays are appended to `arrays`."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.generic):
@@ -257,7 +258,7 @@ def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
 
 
 def _of_own(value: Part, arrays: list[NDArray[Any]]) -> Any:
-    """Return a part of a user's own class: its parameters, and what a result asks of the class."""
+    """Return a part of a user-defined class: the parameters, and the class attributes that a result needs."""
     kind = type(value)
     base: Any = next(each for each in kind.__mro__ if _name_of(each))
     return {
@@ -269,7 +270,7 @@ def _of_own(value: Part, arrays: list[NDArray[Any]]) -> Any:
 
 
 def _name_of(kind: type) -> str:
-    """Return the name under which a class of worm3d is found again; empty for any other."""
+    """Return the name for finding a class of worm3d again; empty for any other class."""
     import worm3d
 
     if getattr(worm3d, kind.__name__, None) is kind:
@@ -278,12 +279,12 @@ def _name_of(kind: type) -> str:
 
 
 def restored(name: str, said: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Return the value of which `plain` made `said`; lists come back as tuples, paths as text.
+    """Return the value that `plain` converted to `said`; lists become tuples, and paths become text.
 
     Raises
     ------
     ValueError
-        It was of a class that is not worm3d's; `name` says what it is.
+        The value has a class outside worm3d; `name` is the argument to give instead.
     """
     if isinstance(said, list):
         return tuple(restored(name, each, arrays) for each in said)
@@ -309,7 +310,7 @@ def restored(name: str, said: Any, arrays: list[NDArray[Any]]) -> Any:
     given = {each.name: restored(name, said[each.name], arrays) for each in fields(kind)}
     if all(each.init for each in fields(kind)):
         return kind(**given)
-    made = object.__new__(kind)  # a field that was computed, as a mesh's grid, is not computed again
+    made = object.__new__(kind)  # a computed field, such as a mesh's grid, is not computed again
     cast(Any, made).__setstate__(given)
     return made
 

@@ -1,4 +1,4 @@
-"""Pictures of runs: a result becomes plain arrays for `worm3d.viewer`, and a page, a figure, a movie or a mesh of it.
+"""Pictures of runs: a result becomes plain arrays for `worm3d.viewer`, then a page, a figure, a movie or a mesh.
 
 worm3d.draw(result, "viewer.html")  # or .png, .gif, .mp4, .glb
 worm3d.show(result)                 # at the end of a notebook cell
@@ -60,25 +60,25 @@ def draw(
     horizon: ArrayLike | None = None,
     title: str = "worm3d",
 ) -> None:
-    """Write a picture of a run; the ending of the file says which.
+    """Write a picture of a run; the ending of the file sets the kind.
 
-    `.html` is a page that plays the run in any browser, without a network; `.png` the worm from the side and from above
-    at one instant; `.gif` and `.mp4` (needs ffmpeg) such a movie, in real time; `.glb` a mesh of worm and world at one
-    instant.
+    `.html` is a page that plays the run in any browser, without a network; `.png` shows the worm from the side and from
+    above at one instant; `.gif` and `.mp4` (needs ffmpeg) are movies of these views, in real time; `.glb` is a mesh of
+    worm and world at one instant.
 
     Parameters
     ----------
     result : Result
     path : str or Path
-        Replaced if it exists.
+        An existing file is replaced.
     at : float, optional
         Instant of a `.png` or `.glb`, the end if left out [s].
     fps : float, optional
         Frames a second of a page or movie; 25 if left out, fewer for long runs and long worms.
     skin : bool
-        Whether a page shows the worm under a smooth skin; without, its chambers and links.
+        Whether a page shows the worm under a smooth skin; without the skin, a page shows chambers and links.
     reference : array_like, shape (P, 3), optional
-        Path that the worm was to follow; where there is ground below it, it is drawn there, as is the horizon [m].
+        Path that the worm was to follow [m]; path and horizon are drawn on the ground if there is ground below.
     horizon : array_like, shape (T, H, 3), optional
         Points that a controller expected to pass, at the instants of the result [m].
     title : str
@@ -87,7 +87,7 @@ def draw(
     Raises
     ------
     ValueError
-        Another ending, or an instant that the run does not have.
+        An unknown ending, or an instant outside the run.
     FileNotFoundError
         No such folder, or no ffmpeg for an MP4.
     """
@@ -109,7 +109,7 @@ def show(
     horizon: ArrayLike | None = None,
     height: int = 520,
 ) -> NotebookView:
-    """Return the page for the end of a notebook cell; its `open()` opens it in a browser instead.
+    """Return the page for the end of a notebook cell; `open()` shows the page in a browser instead.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def show(
 
 
 def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
-    """Write frames, all of them, by the ending of the file; parameters and errors of `draw`."""
+    """Write all frames in the format of the file ending; parameters and errors as in `draw`."""
     require_ending(path)
     ending = path.suffix.lower()
     if ending == ".html":
@@ -148,18 +148,18 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
 
 
 def require_ending(path: Path) -> None:
-    """Raise ValueError for a file that is none of these pictures."""
+    """Raise ValueError for a file ending that is not in `ENDINGS`."""
     if path.suffix.lower() not in ENDINGS:
         raise ValueError(f"picture file: got {path.name!r}, the ending must be one of {', '.join(ENDINGS)}")
 
 
 def nearest(time: FloatArray, at: float | None) -> int:
-    """Return the index of the instant next to `at` [s], the last one if it is None.
+    """Return the index of the instant nearest to `at` [s]; the last index if `at` is None.
 
     Raises
     ------
     ValueError
-        The run has not got there, or had passed it.
+        `at` is after the end or before the start of the run.
     """
     if at is None:
         return len(time) - 1
@@ -177,7 +177,7 @@ def frames_of(
     reference: ArrayLike | None = None,
     horizon: ArrayLike | None = None,
 ) -> Frames:
-    """Return a result as plain arrays for pictures; parameters as in `draw`, `at` is among the instants."""
+    """Return a result as plain arrays for pictures; parameters as in `draw`; the instants include `at`."""
     series = {name: getattr(result, name) for name in SERIES}
     return arrays(
         series, result.worm, result.world, result.period, fps=fps, at=at, reference=reference, horizon=horizon
@@ -197,18 +197,18 @@ def arrays(
     reference_speed: ArrayLike | None = None,
     obstacles: Sequence[WorldMesh] = (),
 ) -> Frames:
-    """Return arrays of a run, stored or not, as plain arrays for pictures; other parameters are those of `draw`.
+    """Return arrays of a run, stored or not, as plain arrays for pictures; other parameters as in `draw`.
 
     Parameters
     ----------
     series : mapping
         The arrays named in `SERIES`, as in `Result`.
     period : float or None
-        Time over which the speed shown is averaged [s].
+        Averaging time of the displayed speed [s].
     reference_speed : array_like, shape (T,), optional
         Speed that a controller was to keep to, at the instants of the run [m/s].
     obstacles : sequence of WorldMesh
-        What a controller was to keep off, drawn with the world.
+        Obstacles that a controller was to avoid, drawn with the world.
     """
     rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}
@@ -251,7 +251,7 @@ def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | N
 
 
 def anchored(series: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
-    """Return which contact points stick: carry load, and have not slid since the row before, shape (T, N, 8)."""
+    """Return whether each contact point sticks (carries load without slip since the row before), shape (T, N, 8)."""
     of_apexes = (series["normal_load"] > 0.0) & (series["slip"] == 0.0)
     of_joints = (series["joint_load"] > 0.0) & (series["joint_slip"] == 0.0)
     faces = np.zeros((*of_apexes.shape[:2], 2), dtype=bool)

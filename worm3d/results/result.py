@@ -1,4 +1,4 @@
-"""What a run gives back."""
+"""The result of a run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray
 
 HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "cost_of_transport")
-"""Metrics with which a result is printed."""
+"""Metrics in the printed form of a result."""
 
 
 @documented
@@ -31,7 +31,7 @@ class Result(FinishedRun):
 
     @property
     def on_its_side(self) -> float | None:
-        """When the worm began to lie on its side [s]; None if it did not, or there is no ground."""
+        """Time from which the worm lay on its side [s]; None if it did not, or if there is no ground."""
         return on_its_side(self)
 
     @property
@@ -46,13 +46,14 @@ class Result(FinishedRun):
 
     @property
     def waves(self) -> Waves:
-        """Last whole periods of the run, over which measures of a gait are taken; NoValueError where there are none."""
+        """Last whole periods of the run, for measures of a gait; NoValueError if there are none."""
         return waves_of(self)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the result as a NetCDF4 file, whole or not at all; `worm3d.load` reads it, and so do xarray and others.
+        """Write the result as a NetCDF4 file, completely or not at all.
 
-        Worm and world are stored with it, as far as their classes are those of worm3d. Call it "….nc".
+        `worm3d.load`, xarray and other programs read the file. The file includes worm and world, if their classes are
+        in worm3d. The file name should end in ".nc".
 
         Raises
         ------
@@ -95,7 +96,7 @@ class Result(FinishedRun):
         Raises
         ------
         ValueError
-            A name of nothing that is recorded at every instant.
+            An unknown name, or a series that is not recorded at every instant.
         OSError
             The file cannot be written.
         """
@@ -122,45 +123,45 @@ class Result(FinishedRun):
         )
 
     def _repr_html_(self) -> str:
-        """Show the run in a notebook cell, and what it came to."""
+        """Return HTML that shows the run and the metrics in a notebook cell."""
         from worm3d.results.pictures import show
 
         merits = (f"{name} = {value:.6g}" for name, value in self.summary().items() if isinstance(value, float))
         return f"<p>{self.stop.sentence}: {', '.join(merits)}</p>{show(self)._repr_html_()}"
 
     def summary(self) -> Summary:
-        """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""
+        """Return the metrics of the run by name, printed as a table; None for no value (see `reasons`)."""
         return measures.summary(self)
 
     def reasons(self) -> dict[str, str]:
-        """Return why metrics of the summary have no value."""
+        """Return the reasons why metrics of the summary have no value."""
         return measures.reasons(self)
 
 
 @spelled
 def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ...) -> Result:
-    """Return the result that `Result.save` or `worm3d run` wrote.
+    """Return a result written by `Result.save` or `worm3d run`.
 
     Parameters
     ----------
     path : str or Path
         The file, or a folder with a `result.nc`.
     worm, world : Worm, World, optional
-        Those of the run, where a file cannot hold them: parts and worlds of one's own, which else are stand-ins to
-        look at.
+        Worm and world of the run, if a file cannot store them (user-defined parts and worlds). Without these arguments,
+        the result has stand-ins for display.
 
     Returns
     -------
     Result
-        With the same numbers. A run from its state goes on bit for bit, if the file has the whole state (that of a
-        closed loop has its pose and velocities: what the controller knew is not in it).
+        The result with the same numbers. A run from `Result.state` continues bit for bit if the file has the whole
+        state. The file of a closed loop has only pose and velocities, without the data of the controller.
 
     Raises
     ------
     FileNotFoundError, OSError
-        No such file, or it cannot be read.
+        The file does not exist or cannot be read.
     ValueError
-        It is no result, is damaged, was made by a version that did not store the worm, or lacks the worm or world.
+        The file is no result, is damaged, was written by a version that did not store the worm, or lacks worm or world.
     """
     from worm3d.results import files
 

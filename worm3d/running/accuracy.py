@@ -1,4 +1,4 @@
-"""Runs as accurate as was asked for: steps are made finer until runs agree, and the result says how far they do."""
+"""Runs of a requested accuracy: steps become finer until runs agree, and the result contains an error estimate."""
 
 from __future__ import annotations
 
@@ -19,31 +19,34 @@ from worm3d.values.arrays import FloatArray
 
 USUAL = 0.01
 STEP_ERROR = 4e-7
-"""Error that is allowed in a step at the usual accuracy, as a fraction of the body length; it goes with the square of
-the accuracy: where contacts land and slide the error of a run falls with its square root."""
+"""Allowed error of a step at the usual accuracy, as a fraction of the body length. The allowed error is proportional to
+the square of the accuracy: if contacts land and slide, the error of a run falls with the square root of the allowed
+error."""
 FINEST = 1e-12
-"""Smallest error that is allowed in a step, as a fraction of the body length: rounding shows below."""
+"""Smallest allowed error of a step, as a fraction of the body length: rounding shows below this value."""
 
 FINER = 4.0
-"""How much less is allowed in the steps of each run than in those of the run before."""
+"""Ratio of the allowed errors of a step in two successive runs."""
 CHECKS, TIGHTENED = 2, 4
-"""Number of coarser runs that a run is compared with, and the largest number of times that it is made finer then."""
+"""Number of coarser runs that a run is compared with, and the largest number of further refinements."""
 FINAL, EARLIER, LEAST_SHARE = 2.0, 1.25, 0.03
-"""A run is expected to be off by so many times what it differs by from the run before, or from the one before that,
-whichever is more, and at least by this share of what was asked for: runs may agree by chance."""
+"""Factors of the error estimate. The estimate is the larger of FINAL times the difference from the previous run and
+EARLIER times the difference from the run before the previous run. The estimate is at least LEAST_SHARE of the requested
+error, since runs may agree by chance."""
 TURN_AND_WORK = 1.25
 """Further factor of the errors of turn and work, which fall less steadily with the step than the error of the distance.
-Of the turns of 127 random runs 98 % lie within two estimates, at 1 it is 94 %; double doubles the estimates."""
+Of the turns of 127 random runs 98 % lie within two estimates, and 94 % with a factor of 1; double doubles the
+estimates."""
 LATER_SHARE = 0.5
-"""Last share of a run in which the rms difference to another run counts as much as the difference at the end: runs that
-cross at the end by chance do not cross all the time. Half and double leave 98 and 96 % of these turns within two
+"""Final share of a run in which the rms difference to another run counts as much as the difference at the end: runs
+that agree at the end by chance do not agree all the time. Half and double leave 98 and 96 % of these turns within two
 estimates, and 97 % of the distances."""
 SURE = 2.0
-"""A run is made finer until so many times its estimate is as little as was asked for: errors are rarely larger."""
+"""A run is refined until SURE times the estimate is at most the requested error: errors are rarely larger."""
 OF_THE_COMPUTATION = frozenset({"real_time_factor", "newton_iterations_mean", "halved_steps"})
-"""Numbers of a summary that tell of the computation: no error is estimated for them."""
+"""Numbers of a summary that describe the computation; they have no error estimate."""
 LEAST_WAY = 0.1
-"""Distance, as a fraction of the body length, that an accuracy is relative to at least."""
+"""Smallest reference distance of an accuracy, as a fraction of the body length."""
 
 
 def begin(
@@ -52,18 +55,18 @@ def begin(
     observed: Callable[[Run], Sequence[Observer]] = lambda run: (),
     checked: Sequence[Observer] = (),
 ) -> Callable[[], Result]:
-    """Return a function that simulates a problem: as accurately as that asks for, or as far as it gets.
+    """Return a function that simulates a problem with the requested accuracy, or until the run stops early.
 
     Parameters
     ----------
     problem : Problem
     placing : callable, optional
-        As of `Run`.
+        As in `Run`.
     observed : callable, optional
-        Returns the observers of a run that may be the result. With an accuracy another follows if it is not accurate
-        enough.
+        Returns the observers of a run that may be the result. With an accuracy, another run follows if this run is not
+        accurate enough.
     checked : sequence of Observer
-        Of the coarser runs that come first then.
+        Observers of the coarser runs that come first in this case.
     """
     accuracy = problem.accuracy
     if accuracy is None:
@@ -83,7 +86,7 @@ def begin(
             result = run.finish(*(observed(run) if may_be_it else checked))
             seconds += result.wall_s
             if result.status is not Status.DONE and (may_be_it or not result.status.diverged):
-                break  # a coarser run that failed is no comparison
+                break  # a failed coarser run is no comparison
             if result.status is Status.DONE:
                 found.append(_measured(result))
                 summaries.append(result.summary())
@@ -101,17 +104,18 @@ def begin(
 
 
 def _measured(result: Result) -> FloatArray:
-    """Return distance [m], turn [rad] and work [J] of a run until each row, shape (3, T)."""
+    """Return distance [m], turn [rad] and work [J] of a run up to each row, shape (3, T)."""
     along = way(result.com, result.joints[0], result.world)
     moved = np.linalg.norm(result.com - result.com[0], axis=1) if along is None else along - along[0]
     return np.array([moved, result.heading - result.heading[0], np.cumsum(result.energy.work_contract)])
 
 
 def _errors_on_the_way(found: Sequence[FloatArray], asked: float, problem: Problem) -> tuple[float, ...]:
-    """Return what distance, turn and work of the last run are off by at its end.
+    """Return the estimated errors of distance, turn and work at the end of the last run.
 
-    Runs differ at the end, or before, and one that was asked for little differs by little by chance: the least errors
-    are the same share of what was asked for, of the turn that moves an end of the body by that, and of the work.
+    Runs differ at the end, or before, and coarse runs may agree by chance. Therefore each error has a lower bound, the
+    same share of three values: the requested error, the turn that moves an end of the body by the requested error, and
+    the accuracy times the work.
     """
     accuracy, last = problem.accuracy or 0.0, found[-1]
     at_end = _errors([each[:, -1] for each in found])
@@ -123,7 +127,7 @@ def _errors_on_the_way(found: Sequence[FloatArray], asked: float, problem: Probl
 
 
 def _errors(found: Sequence[FloatArray]) -> tuple[float, ...]:
-    """Return what the last run is off by, from what those before it found."""
+    """Return the estimated errors of the last run, from the results of the earlier runs."""
     *coarser, last = found
     before = coarser[max(0, len(coarser) - 2)]
     off = np.maximum(FINAL * abs(coarser[-1] - last), EARLIER * abs(before - last))
@@ -131,7 +135,7 @@ def _errors(found: Sequence[FloatArray]) -> tuple[float, ...]:
 
 
 def _errors_of_figures(summaries: Sequence[Mapping[str, Any]], accuracy: float) -> tuple[tuple[str, float], ...]:
-    """Return name and error of each number that the last runs all have; 0 for one that is the same in all of them."""
+    """Return name and error of each number that all the last runs have; the error is 0 if all values are equal."""
     compared = summaries[-CHECKS - 1 :]
     names = [
         name

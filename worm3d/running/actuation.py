@@ -1,4 +1,4 @@
-"""What drives a worm: commands, and gaits, plain functions of time and controllers as one thing that gives them."""
+"""Actuation of a worm: commands, and a common interface to gaits, plain functions of time and controllers."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class Command(ReadOnly):
     """
 
     contraction: FloatArray
-    """Shortening fraction of each chamber [left, right], shape (N, 2); negative ones lengthen.
+    """Shortening fraction of each chamber [left, right], shape (N, 2); negative values lengthen.
 
     The commanded rest length is l0 (1 - contraction).
     """
     hinge: FloatArray
     """Hinge angle of joints 1 to N-1, shape (N-1,) [rad]; positive yaws the headward segment to the left."""
     force: FloatArray
-    """Extra force of each chamber [left, right] along it, shape (N, 2) [N]; positive contracts."""
+    """Extra force of each chamber [left, right] along the chamber, shape (N, 2) [N]; positive contracts."""
 
     def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
         c = arguments.floats("contraction", contraction)
@@ -67,7 +67,7 @@ class Command(ReadOnly):
 
 
 class Commands(NamedTuple):
-    """Commands at K instants, not checked yet; what `Command` holds, each with K in front."""
+    """Commands at K instants, not checked yet; the arrays of `Command` with a first dimension K."""
 
     contraction: FloatArray
     """Shape (K, N, 2)."""
@@ -79,14 +79,14 @@ class Commands(NamedTuple):
 
 @runtime_checkable
 class Gait(Protocol):
-    """A pattern that becomes a function of time, or where it senses a controller, once it knows the worm."""
+    """A pattern that a given worm turns into a function of time, or into a controller if the gait uses sensors."""
 
     def bind(self, worm: Worm) -> Callable[[float], Command] | Controller:
-        """Return the commands over time [s], or what gives them from step to step.
+        """Return the commands as a function of time [s], or a controller that gives a command at each step.
 
-        A controller that a gait returns is asked as the gait would be, for the command at the end of a step; what it
-        is given was measured at the step's beginning. Before a run's first step it is asked once, with the
-        measurement None, for the command at its start, from which the actuators' ramp begins.
+        A controller returned by a gait is called like the gait, for the command at the end of a step; the measurement
+        was taken at the beginning of the step. Before the first step of a run the controller is called once, with the
+        measurement None, for the command at the start. The actuators' ramp begins at this command.
         """
 
 
@@ -102,25 +102,25 @@ class Controller(Protocol):
 
 
 Actuation = Gait | Controller | Callable[[float], Command]
-"""Whatever `simulate` takes as actuation."""
+"""Types that `simulate` accepts as actuation."""
 
 Sensor = Callable[["Observation"], Any]
-"""Makes a measurement of an observation."""
+"""Function that turns an observation into a measurement."""
 
 
 class BadCommandError(ValueError):
-    """The actuation returned something that cannot be applied."""
+    """The actuation returned a value that cannot be applied."""
 
 
 class Driver:
-    """Commands of an actuation, as rows for the compiled steps; without one the worm is left alone.
+    """Commands of an actuation, as rows for the compiled steps; without an actuation all commands are zero.
 
-    A controller, or a gait that senses, gets what `sensor` makes of an observation, or the observation itself.
+    A controller, or a gait with sensors, gets the measurement that `sensor` returns, or else the observation itself.
 
     Raises
     ------
     ValueError
-        No actuation, or a sensor for one that takes no measurements.
+        The actuation has a wrong type, or a sensor is given for an actuation that takes no measurements.
     """
 
     def __init__(self, actuation: Actuation | None, worm: Worm, sensor: Sensor | None) -> None:
@@ -154,16 +154,16 @@ class Driver:
 
     @property
     def tabular(self) -> bool:
-        """Whether `table` gives commands at once: the actuation has a method `commands`, as bound gaits have."""
+        """Whether `table` gives all commands at once: the actuation has a method `commands`, as bound gaits do."""
         return self.controller is None and hasattr(self._at, "commands")
 
     def table(self, times: FloatArray) -> FloatArray | None:
-        """Return the commands at K times as rows, shape (K, 5 N); None if they have to be asked for one by one."""
+        """Return the commands at K times as rows, shape (K, 5 N); None if they must be requested one by one."""
         if not self.tabular:
             return None
         try:
             return self.rows(self._at.commands(times), len(times))  # type: ignore[attr-defined]
-        except EXCEPTIONS:  # of a user's own code: asked one by one, it is told where, and the steps before are kept
+        except EXCEPTIONS:  # of a user's own code: single requests name the time and keep earlier steps
             return None
 
     def rows(self, given: Commands, k: int) -> FloatArray | None:
@@ -178,24 +178,24 @@ class Driver:
         return self.row(self._at(t))
 
     def first(self, t: float) -> FloatArray | None:
-        """Return the command at the start of a run, as a row; None from a controller, which has decided nothing yet."""
+        """Return the command at the start of a run, as a row; None for a controller, which has not decided yet."""
         if self.controller is None:
             return self.at(t)
         return self.row(self.controller.step(t, None)) if self._is_gait else None
 
     def decide(self, observation: Observation, end: float) -> FloatArray:
-        """Return what the controller commands now, for a step until `end` [s], as a row."""
+        """Return the controller's present command, for a step until `end` [s], as a row."""
         assert self.controller is not None
         seen = observation if self._sensor is None else self._sensor(observation)
         return self.row(self.controller.step(end if self._is_gait else observation.time, seen))
 
     def row(self, command: Command) -> FloatArray:
-        """Return a command as a row: contraction, force, and hinge angles behind one unused entry.
+        """Return a command as a row: contraction, force, one unused entry, and hinge angles.
 
         Raises
         ------
         BadCommandError
-            If it is no command, or one for another worm.
+            The value is not a `Command`, or the command is for another worm.
         """
         if not isinstance(command, Command):
             raise BadCommandError(f"actuation: returned a {type(command).__name__}, must return a worm3d.Command")

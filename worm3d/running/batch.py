@@ -46,30 +46,31 @@ def simulate_batch(
     accuracy: float | None = None,
     threads: int = 1,
 ) -> list[Result]:
-    """Simulate many worms; the results are those of `simulate`, bit for bit.
+    """Simulate many worms; the results equal the results of `simulate`, bit for bit.
 
-    Equal worms on the same world are put there and brought to rest once: on one thread that is what a batch gains, the
-    more the shorter the runs. The vectors' lanes are those of one worm's segments (`tests/benchmarks/README.md`).
+    Equal worms on the same world are placed and settled once. On one thread this is the whole gain of a batch, and
+    short runs gain most. The lanes of a vector belong to the segments of one worm (`tests/benchmarks/README.md`).
 
     Parameters
     ----------
     worm, world, ground, actuation, external_force, state
-        As in `simulate`: one for all runs, or a list or tuple with one for each; at least one of them.
+        As in `simulate`: one value for all runs, or a list or tuple with one value for each run; at least one argument
+        must be a list or tuple.
     duration, dt, integrator, gravity, held, record_every, settle_first, tolerance, accuracy
         As in `simulate`, for all runs.
     threads : int
-        Runs that go on at once. An actuation or force that is shared is then called from several threads.
+        Number of simultaneous runs. With several threads, a shared actuation or force is called from several threads.
 
     Returns
     -------
     list of Result
-        In the order given; a run that stops early does not stop the others, and neither does one whose actuation or
-        force raises an error.
+        Results in the given order; a run that stops early does not stop the other runs, and neither does an error in an
+        actuation or force.
 
     Raises
     ------
     ValueError
-        Lists of different lengths, or an argument that `simulate` refuses: before any run begins.
+        The lists have different lengths, or `simulate` refuses an argument; raised before any run begins.
     """
     arguments.whole("threads", threads, le=MOST_THREADS)
     each: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""A run seen in a browser while it goes on.
+"""Live view of a run in a browser.
 
 with worm3d.Live() as live:
     worm3d.simulate(worm, world, actuation=gait, live=live)
@@ -30,46 +30,48 @@ if TYPE_CHECKING:
 
 
 AHEAD = 3.0
-"""Distance around the start within which the world is drawn [body lengths]."""
+"""Distance from the start up to which the world is drawn [body lengths]."""
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
 """Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
 
 FASTEST = 1e6
-"""Largest speed, simulated over real time, at which rows are shown in turn; beyond it only the latest is."""
+"""Largest speed (simulated time over real time) that shows all rows in turn; a higher speed shows only the latest
+row."""
 
 MOST_STEPS = 50
-"""Number of steps, about, between two pictures of a run that goes on as fast as it can.
+"""Approximate number of steps between two pictures of a run at full speed.
 
-A controlled run is slower, and shows every row.
+A controlled run is slower and shows every row.
 """
 
 
 class Live(Spelled):
-    """Shows runs in a browser while they go on; use it in a `with` statement, which leaves no port and no process.
+    """Shows runs in a browser; use the object in a `with` statement, which closes the port and the process.
 
-    The worm is seen as chambers, links and end faces; the page of a result has a smooth skin, too.
+    The view shows the chambers, links and end faces of the worm; the page of a result also has a smooth skin.
 
     Parameters
     ----------
     speed : float
-        Simulated over real time: the run waits for the picture. Infinity: as fast as it goes.
+        Simulated time over real time: the run waits for the picture. Infinity means full speed.
     open_browser : bool
-        Whether a browser is opened; the address to visit is given to `began` in any case.
+        Whether a browser is opened; `began` gets the address in any case.
     began : callable, optional
-        Called with the address, once there is something to see; it is printed if left out.
+        Called with the address once there is a picture; by default the address is printed.
     address : str, optional
-        Address of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; one is started if left out.
+        Address of a running meshcat server, e.g. "tcp://127.0.0.1:6000"; by default a server is started.
     horizon : callable, optional
-        Called with the time [s] and the centre of mass, shape (3,) [m], of each picture; returns the points that a
-        controller expects to pass, shape (H, 3) [m], which are shown, or None.
+        Called with the time [s] and the centre of mass, shape (3,) [m], of each picture. Returns the points that a
+        controller expects to pass, shape (H, 3) [m], or None. The points are shown.
 
     Raises
     ------
     ValueError
-        A speed that is not above 0.
+        The speed is not above 0.
     ConnectionError
-        When a run begins: the server does not start, or does not answer. Later the run goes on, with a warning.
+        The server does not start or does not answer when a run begins. Later failures give a warning, and the run goes
+        on.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class Live(Spelled):
         self._clock = 0.0
 
     def follow(self, run: Run) -> Observer:
-        """Show the start of a run, and return an observer that shows how it goes on."""
+        """Show the start of a run, and return an observer that shows the progress."""
         self._begin(run)
 
         def look(run: Run) -> None:
@@ -124,7 +126,7 @@ class Live(Spelled):
         self.began(self._view.url)
 
     def _show(self, result: Result) -> None:
-        """Show the rows that are new, each at its time."""
+        """Show the new rows, each at the right time."""
         rows = range(self._rows, len(result.time))
         if self._view is None or not rows:
             return
@@ -135,7 +137,7 @@ class Live(Spelled):
             if wait > 0.0:
                 time.sleep(wait)
             elif -wait > 2.0 / FPS and k < len(frames) - 1:
-                continue  # the picture is late: it leaves out what it cannot show
+                continue  # the picture is late, and is left out
             assert frames.com is not None
             ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
             shown = replace(frames.take([k]), horizon=None if ahead is None else ahead[None])
@@ -143,7 +145,7 @@ class Live(Spelled):
         self._rows = rows.stop
 
     def close(self) -> None:
-        """Close the view and stop its server; may be called twice."""
+        """Close the view and stop the server; may be called twice."""
         if self._view is not None:
             self._view.close()
             self._view = None
@@ -156,7 +158,7 @@ class Live(Spelled):
 
 
 def caption(result: Result, time: float) -> str:
-    """Return the time of a row, and the speed over the gait's period before it: a wave rocks the centre of mass."""
+    """Return the time of a row, and the mean speed over the last gait period, since a wave rocks the centre of mass."""
     last = int(np.searchsorted(result.time, time))
     since = time - result.period if result.period else time - result.dt
     first = min(int(np.searchsorted(result.time, since - 1e-9)), max(last - 1, 0))

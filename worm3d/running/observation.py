@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @with_fields
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """True state of a worm of N segments, as far as robots can hope to measure it: what sensors are given."""
+    """True state of a worm of N segments, the input of sensors: quantities that a robot can hope to measure."""
 
     time: float
     """Time [s]."""
@@ -45,12 +45,12 @@ class Observation:
     normal_load: FloatArray
     """Normal load of each apex, shape (N, 6) [N]."""
     actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
-    """States of the actuators by name, such as a pressure; those of chambers of shape (N, 2), of hinges (N-1,)."""
+    """States of the actuators by name, such as a pressure; shape (N, 2) for chambers, (N-1,) for hinges."""
 
     @classmethod
     def of(cls, plant: Plant, time: float) -> Observation:
-        """Return what sensors see of a worm at a time, read straight from the solver: it is asked for at every step."""
-        from worm3d.solver.arrays import POINTS  # imports CasADi, which sensors do without
+        """Return the observation of a worm at a time, read directly from the solver, since every step requests it."""
+        from worm3d.solver.arrays import POINTS  # imports CasADi, which sensors do not need
         from worm3d.solver.records import mass_centre
 
         arrays, n, worm = plant.arrays, plant.n, plant.worm
@@ -82,10 +82,11 @@ class Observation:
 
     @property
     def angular_velocity(self) -> FloatArray:
-        """Angular velocity w of each segment in its own axes t forward, d left and u up, shape (N, 3) [rad/s].
+        """Angular velocity w of each segment in the segment's axes t forward, d left and u up, shape (N, 3) [rad/s].
 
-        From t' = w x t and u' = w x u follow w.t = -u'.d, w.d = -t'.u, w.u = t'.d; the axes are those of the edge
-        between the joints, of the outward apexes from right to left, and of the apexes from below to above.
+        From t' = w x t and u' = w x u follow w.t = -u'.d, w.d = -t'.u, w.u = t'.d. The axis t lies along the edge
+        between the joints, d points from the right to the left outward apex, and u points from the lower to the upper
+        apexes.
         """
         edge, edge_rate = np.diff(self.joints, axis=0), np.diff(self.joint_velocity, axis=0)
         rise, rise_rate = (p[:, 1] - p[:, 0] + p[:, 4] - p[:, 3] for p in (self.apexes, self.apex_velocity))

@@ -1,4 +1,4 @@
-"""Worms on their worlds before the first step, each put there and brought to rest once."""
+"""Worms on their worlds before the first step, each placed and settled once."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from worm3d.worlds import World
 T = TypeVar("T")
 
 KEPT, LARGEST = 16, 100
-"""Number of worms that are kept for later runs of this process, and the segments of the largest one: 2 MB, and it runs
-for much longer than it takes to put there."""
+"""Number of worms kept for later runs of this process, and number of segments of the largest kept worm. The largest
+kept worm takes 2 MB, and its run takes much longer than placing."""
 
 
 class _Once(Generic[T]):
-    """Keeps what several threads ask for, each made by the first that does; if so told, the last ones only."""
+    """Cache for several threads: the first thread makes a requested object; the last `most` are kept."""
 
     def __init__(self, most: float) -> None:
         self._lock, self._most, self._found = Lock(), most, dict[Hashable, Future[T]]()
@@ -30,7 +30,7 @@ class _Once(Generic[T]):
     def __call__(self, key: Hashable, make: Callable[[], T]) -> T:
         with self._lock:
             known = self._found.pop(key, None)
-            found = self._found[key] = known or Future()  # the last one to be dropped
+            found = self._found[key] = known or Future()  # the newest entry is dropped last
             if len(self._found) > self._most:
                 del self._found[next(iter(self._found))]
         if known is None:
@@ -44,13 +44,13 @@ class _Once(Generic[T]):
 
 
 class Places:
-    """Puts worms on their worlds: equal ones are copies of one, and come to rest together whatever their friction."""
+    """Places worms on worlds: equal worms are copies of one placed worm, and are settled once whatever the friction."""
 
     def __init__(self, most: float = math.inf) -> None:
         self._placed, self._rested = _Once[Placed](most), _Once[Rested](most)
 
     def place(self, problem: Problem) -> Placed:
-        """Return what `worm3d.running.start.place` returns."""
+        """Return the result of `worm3d.running.start.place`."""
         key = self._key(problem, problem.settle_first, problem.friction, problem.state)
         placed = self._placed(key, lambda: place(problem, self._settle))
         own = placed.plant.copy()
@@ -78,7 +78,7 @@ def _is_ours(world: World | None) -> bool:
 
 
 def _content(parts: tuple[object, ...]) -> Hashable:
-    """Return what equal parts have in common; with a class that was made in a function nothing equals them."""
+    """Return a key that equal parts share; parts with a class made in a function have a unique key."""
     try:
         return pickle.dumps(parts)
     except (AttributeError, TypeError, pickle.PicklingError):
@@ -89,9 +89,9 @@ _kept = Places(KEPT)
 
 
 def place_kept(problem: Problem) -> Placed:
-    """Return what `worm3d.running.start.place` returns, a copy where an equal worm was put on this world before.
+    """Return the result of `worm3d.running.start.place`, copied if an equal worm was placed on this world before.
 
-    Worlds of one's own, which may change, and states that go on are put there anew.
+    Users' own worlds, which may change, and states with memory are always placed again.
     """
     goes_on = problem.state is not None and bool(problem.state.memory)
     keeps = _is_ours(problem.world) and not goes_on and problem.worm.segments <= LARGEST

@@ -1,4 +1,4 @@
-"""A worm on its world, ready to be stepped: the compiled kernels, and the arrays of `worm3d.solver` filled for them."""
+"""A worm on a world, ready for time steps: the compiled kernels and the filled arrays of `worm3d.solver`."""
 
 from __future__ import annotations
 
@@ -38,26 +38,27 @@ from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
 
 FLAT = 0.02
-"""Height of a chamber that counts as flattened, as a fraction of its rest height."""
+"""Height of a chamber that counts as flattened, as a fraction of the rest height."""
 
 DEEPEST = 0.1
-"""Depth in the world at which a joint counts as sunk, as a fraction of the segment length."""
+"""Depth of a joint in the world that counts as sunk, as a fraction of the segment length."""
 
 ROUNDING = 2e-15
 """Smallest tolerance of Newton, as a fraction of the body length; shorter steps are rounding."""
 
 ROLL_DAMPING = 1e-7
-"""Damping of roll where all mass is on the axis, over the largest stiffnesses [J] of the worm [s].
+"""Damping of roll if all mass is on the axis, divided by the largest stiffnesses [J] of the worm [s].
 
-The roll of the whole worm has then neither inertia nor, in the air, stiffness: without it Newton's matrix is
-singular but for rounding. A tenth and ten times as much do as well.
+In this case the roll of the whole worm has no inertia and, in the air, no stiffness: without this damping Newton's
+matrix is singular except for rounding. A tenth of this value and ten times this value work equally well.
 """
 
 MASSLESS = 1e-3
-"""Share of a segment's mass off the axis below which it has some of that damping (without any, all of it)."""
+"""Share of a segment's mass off the axis below which roll damping acts; the damping is full if no mass is off the
+axis."""
 
 HISTORIES = [name for name, row in arrays.ARRAYS.items() if row.history]
-"""Arrays that hold two instants, first the present one."""
+"""Arrays that hold two instants, the present instant first."""
 
 
 def kernels(
@@ -96,14 +97,14 @@ def entries() -> dict[str, Any]:
 
 
 def _addresses(world: WorldKernel, made: Mapping[str, Kernel]) -> NDArray[np.int64]:
-    """Return the addresses of `worm3d.solver.arrays.KERNELS`; 0 for what these actuators do without."""
+    """Return the addresses of `worm3d.solver.arrays.KERNELS`; 0 for kernels that these actuators do not use."""
     addresses = {"world": world.address, **{name: kernel.address for name, kernel in made.items()}}
     addresses |= {name: entry.address for name, entry in entries().items()}
     return np.array([addresses.get(name, 0) for name in arrays.KERNELS], dtype=np.int64)
 
 
 def _roll_damping(worm: Worm) -> FloatArray:
-    """Return C of `worm3d.physics.kernels.segment`, shape (N,) [N m s]: 0 for a segment that has inertia in roll."""
+    """Return C of `worm3d.physics.kernels.segment`, shape (N,) [N m s]: 0 for a segment with inertia in roll."""
     share = worm.apex_mass.sum(axis=1) / (MASSLESS * worm.mass / worm.segments)
     stiffness = sum(float(np.max(k, initial=0.0)) for k in (worm.k_spring * worm.l0, worm.k_torsion, worm.k_twist))
     damping: FloatArray = ROLL_DAMPING * stiffness * np.maximum(0.0, 1.0 - share)
@@ -111,10 +112,10 @@ def _roll_damping(worm: Worm) -> FloatArray:
 
 
 class Plant:
-    """The arrays of one worm on one world, and what fills and reads them.
+    """The arrays of one worm on one world, with the methods that fill and read these arrays.
 
-    Of its 5 (N+1) coordinates those marked in `held` stay fixed. The contact's stiffness is scaled to `scale`, shape
-    (3,) [m/s^2], or to `gravity` if that is left out.
+    Of the 5 (N+1) coordinates, the coordinates marked in `held` stay fixed. The contact stiffness is scaled to `scale`,
+    shape (3,) [m/s^2], or to `gravity` if `scale` is left out.
     """
 
     def __init__(
@@ -133,11 +134,11 @@ class Plant:
         own = type(worm.hysteresis)
         around, loads = type(worm.medium), tuple(map(type, worm.loads))
         self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads)
-        if chamber.__module__.partition(".")[0] != "worm3d":  # tests look after the others
+        if chamber.__module__.partition(".")[0] != "worm3d":  # tests cover the other actuators
             warn_of_imbalance(worm)
         width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
-        self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
+        self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane
         world_rows = 3 + len(self.world_kernel.parameters)
         sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, chamber, own, hinge, around, loads)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
@@ -155,20 +156,20 @@ class Plant:
         self.arrays["world_in"][3:] = self.world_kernel.parameters[:, None]
 
     def copy(self) -> Plant:
-        """Return another worm in the very same state, which goes its own way from there."""
+        """Return an independent copy of the worm in the same state."""
         other = copy.copy(self)
-        other.world_kernel = (self.world or Plane()).kernel()  # it may have working memory, which none can share
+        other.world_kernel = (self.world or Plane()).kernel()  # working memory cannot be shared
         other._open(self.memory_of_core.copy(_addresses(other.world_kernel, self._kernels)))
         return other
 
     @property
     def clamped(self) -> bool:
-        """Whether the ground is the paper's."""
+        """Whether the world is the clamped ground of the paper."""
         return self.world is not None and self.world.clamped
 
     @property
     def touches(self) -> bool:
-        """Whether contacts act: there is a world, and it is not the paper's."""
+        """Whether contacts act: there is a world, and the world is not the paper's clamped ground."""
         return self.world is not None and not self.clamped
 
     def _fill_numbers(self) -> None:
@@ -247,11 +248,11 @@ class Plant:
         self._point_row("mu")[:, :, : self.n] = constants.mu[:, None, :]
         self._point_row("hardness")[:, :, : self.n] = constants.hardness[:, None, :]
         law = self.friction.law.rows(self.n)[:, None, :]
-        self._point_row("law")[:] = law[:, :, -1:]  # lanes without a segment need values that are allowed too
+        self._point_row("law")[:] = law[:, :, -1:]  # lanes without a segment also need allowed values
         self._point_row("law")[:, :, : self.n] = law
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
-        self.arrays["rest"][[TANGENT, DIRECTOR + 2]] = 1.0  # vectors of four lanes leave some without a segment alone
+        self.arrays["rest"][[TANGENT, DIRECTOR + 2]] = 1.0  # vectors of four lanes skip some lanes without a segment
         self._point_row("dt")[:] = self._point_row("limit_ratio")[:] = 1.0
 
     def _fill_actuators(self) -> None:
@@ -287,7 +288,7 @@ class Plant:
         self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]
 
     def _begin_external_loads(self) -> None:
-        """Let the loads begin with the present pose."""
+        """Start the loads from the present pose."""
         begun: list[float] = [LOAD_STICKING] * len(self.worm.loads)
         for each in self.worm.loads:
             j = each.at % (self.n + 1)
@@ -297,7 +298,7 @@ class Plant:
         self.arrays["loads"][0] = begun
 
     def hasten(self, times: float) -> None:
-        """Let time go by so many times as fast for the actuators as for all else; unless it is 1, joints are free."""
+        """Make time pass `times` as fast for the actuators; unless `times` is 1, joints have no friction."""
         for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
             layout.of(actuator.PREFIX + actuator.HASTE, self.arrays[name])[:] = times
 
@@ -309,15 +310,15 @@ class Plant:
 
     @property
     def natural_time(self) -> float:
-        """Time in which the worm falls half its length [s]; see `worm3d.physics.friction.natural_time`."""
+        """Time in which the worm falls half the body length [s]; see `worm3d.physics.friction.natural_time`."""
         return natural_time(self.worm, self._weight)
 
     def refused(self, status: Status) -> tuple[int, str]:
-        """Return the segment in which a step ended that was refused, and why, in words."""
+        """Return the segment that caused the refusal of a step, and the reason in words."""
         return self._not_finite() if status is Status.NOT_FINITE else refused(self.arrays, self.n, status)
 
     def _not_finite(self) -> tuple[int, str]:
-        """Return where and in what an actuator's answer is not finite."""
+        """Return the place and the name of an actuator's output that is not finite."""
         worm, n, a = self.worm, self.n, self.arrays
         started = a["actuator_start"][:, :n].reshape(-1, actuator.SIDES, n)
         known = list(zip(("command", "spring", "force", "given"), started, strict=True))
@@ -338,20 +339,20 @@ class Plant:
         return 0, ""
 
     def records(self, rows: int, between: bool = False) -> Records:
-        """Return room for so many instants of this worm; parameters of `worm3d.solver.records.Records`."""
+        """Return empty records for `rows` instants of this worm; parameters of `worm3d.solver.records.Records`."""
         return Records(self.memory_of_core, self.worm, self.clamped, rows, between)
 
     def memory(self) -> dict[str, FloatArray]:
-        """Return copies of all that the next step depends on, by name."""
+        """Return copies, by name, of all arrays that the next step depends on."""
         return {name: array.copy() for name, array in self.memory_of_core.remembered().items()}
 
     def remember(self, memory: Mapping[str, FloatArray]) -> None:
-        """Take over what `memory` has returned.
+        """Restore the arrays returned by `memory`.
 
         Raises
         ------
         StateError
-            If it is that of another worm, or of a computer with other vectors.
+            The memory belongs to another worm, or to a computer with other vectors.
         """
         for name, view in self.memory_of_core.remembered().items():
             value = memory.get(name)
@@ -364,7 +365,7 @@ class Plant:
             view[...] = value
 
     def set_pose(self, state: State) -> None:
-        """Put the worm there, moving as the state says, uncommanded and without stored friction."""
+        """Set the pose and velocities of a state, without a command and without stored friction."""
         n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK), np.zeros((self.n + 1, BLOCK))
         x[:, :3], x[:n, 4] = state.joints, state.bend
         self._segment_row("d_ref")[:] = state.directors.T
@@ -375,7 +376,7 @@ class Plant:
         self._begin_external_loads()
 
     def reset_at_pose(self) -> None:
-        """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""
+        """Reset the present pose to rest: anchors move to the points, histories restart, loads are kept."""
         entries()["put"](self.core.handle, 0.0, 1, 0)
 
     def set_normal_loads(self, load: FloatArray) -> None:
@@ -393,11 +394,11 @@ class Plant:
             self.arrays[name][:] = 0.0
 
     def normal_loads(self) -> FloatArray:
-        """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
+        """Return a view of the normal load of each contact point at the end of the last step, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]
 
     def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
-        """Return the state, with memory and `more` in it; `dt` is the last step's, for the rates of roll and bend."""
+        """Return the state with memory and `more`; `dt` is the last time step, for the rates of roll and bend."""
         n, a = self.n, self.arrays
         rates = a["last"].reshape(-1, BLOCK)[:n] / dt
         return State.unchecked(
@@ -414,12 +415,12 @@ class Plant:
         )
 
     def gap(self) -> float:
-        """Return the least distance of a contact point that may touch from the world, infinite without any [m]."""
+        """Return the least distance of an active contact point from the world, infinite without such a point [m]."""
         active = self._point_row("stiffness")[0, :, : self.n] > 0.0
         return float(np.min(self._point_row("distance")[0, :, : self.n][active], initial=np.inf))
 
     def depth(self) -> FloatArray:
-        """Return how deep each contact point that may touch lies in the world, shape (8, N) [m]."""
+        """Return the depth of each active contact point in the world, shape (8, N) [m]."""
         active = self._point_row("stiffness")[0, :, : self.n] > 0.0
         depth: FloatArray = np.where(active, np.maximum(0.0, -self._point_row("distance")[0, :, : self.n]), 0.0)
         return depth

@@ -1,4 +1,4 @@
-"""What a run is given: the arguments of `worm3d.simulate` as one value, checked once."""
+"""Input of a run: the arguments of `worm3d.simulate` as one object, checked once."""
 
 from __future__ import annotations
 
@@ -32,34 +32,34 @@ LARGEST_TOLERANCE = 1e-7
 """Largest tolerance, as a fraction of the body length: contacts stick within a tenth of a micrometre."""
 
 FINEST_ACCURACY, COARSEST_ACCURACY = 1e-4, 0.1
-"""Range of `accuracy`: below, rounding shows in the errors of single steps; above, a run says nothing."""
+"""Range of `accuracy`: below, rounding shows in the errors of single steps; above, a run is meaningless."""
 
 SHORTEST_STEP = 1e-6
-"""Shortest time step [s]: in shorter ones Newton does not reach rounding and iterates a hundred times as often."""
+"""Shortest time step [s]: in shorter steps Newton does not reach rounding and needs a hundred times the iterations."""
 
 FARTHEST = 1e10
-"""Largest distance of a state from time 0, in time steps: beyond it rounding makes the steps unequal."""
+"""Largest distance of a state from time 0, in time steps: at later times rounding makes the steps unequal."""
 
 
 @with_fields
 @dataclass(frozen=True, eq=False)
 class Held(Spelled):
-    """Coordinates that stay as they are at the start."""
+    """Coordinates that keep the initial values."""
 
     joints: ArrayLike = False
-    """Whether x, y, z of each joint are held, of bool, shape (N+1, 3) or broadcastable to it."""
+    """Whether x, y, z of each joint are held, of bool, shape (N+1, 3) or broadcastable to this shape."""
     roll: ArrayLike = False
-    """Whether the director of each segment is carried along without turning about it, shape (N,) or one for all."""
+    """Whether the director of each segment moves without turning about the segment, shape (N,) or one for all."""
     bend: ArrayLike = False
     """Whether the chamber bend of each segment is held, shape (N,) or one for all."""
 
     def mask(self, segments: int) -> BoolArray:
-        """Return which of the 5 (N+1) coordinates are held; the last block has no roll and bend.
+        """Return a mask of the held coordinates, shape (5 (N+1),); the last block has no roll and bend.
 
         Raises
         ------
         ValueError
-            An array that is not of bool, or of the wrong shape.
+            An array is not of bool, or has the wrong shape.
         """
         mask = np.ones((segments + 1, 5), dtype=bool)
         parts = (("joints", mask[:, :3]), ("roll", mask[:-1, 3]), ("bend", mask[:-1, 4]))
@@ -87,9 +87,9 @@ def _as_given(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamped: bool) -> BoolArray:
-    """Return which of the 5 (N+1) coordinates are held by the user or the model.
+    """Return a mask of the 5 (N+1) coordinates that the user or the model holds.
 
-    A worm that is `flat` stays in its plane: y, roll and bend; `clamped` holds the joints' z (`worm3d.ClampedGround`).
+    A `flat` worm stays in a plane: y, roll and bend are held; `clamped` holds the joints' z (`worm3d.ClampedGround`).
     """
     given = held if isinstance(held, Held) else Held() if held is None else Held(joints=held)
     mask = given.mask(segments).reshape(segments + 1, 5)
@@ -104,7 +104,7 @@ def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamp
 class Problem(Spelled):
     """A run to be simulated; frozen and validated.
 
-    Attributes, their defaults and the errors raised are those of the parameters of `worm3d.simulate`.
+    The attributes, defaults and errors equal the parameters, defaults and errors of `worm3d.simulate`.
     """
 
     worm: Worm
@@ -175,11 +175,11 @@ class Problem(Spelled):
             arguments.flag("settle_first", self.settle_first)
 
     def _check_resolved(self) -> None:
-        """Raise ValueError for time steps that are too long for the actuation."""
-        if isinstance(self.actuation, type):  # a class in place of an object is refused by what drives the worm
+        """Raise ValueError if the time steps are too long for the actuation."""
+        if isinstance(self.actuation, type):  # the driver refuses a class in place of an object
             return
         require_steps = getattr(self.actuation, "require_steps", None)
-        if require_steps is not None:  # that of a gait, which knows more than its period
+        if require_steps is not None:  # a gait has stricter rules than the period alone
             require_steps(self.dt)
         elif isinstance(self.period, int | float) and self.period > 0.0:
             time_steps.require_period(self.dt, "the period of the actuation", self.period)
@@ -196,7 +196,7 @@ class Problem(Spelled):
 
     @cached_property
     def friction(self) -> Friction:
-        """Coefficients of friction, the default ones where none are given."""
+        """Coefficients of friction; `Friction()` if none are given."""
         return Friction() if self.ground is None else self.ground
 
     @cached_property
@@ -206,12 +206,12 @@ class Problem(Spelled):
 
     @cached_property
     def held_mask(self) -> BoolArray:
-        """Which coordinates stay fixed, those included that the model holds, shape (5 (N+1),)."""
+        """Mask of the coordinates that stay fixed, including the coordinates that the model holds, shape (5 (N+1),)."""
         clamped = self.world is not None and self.world.clamped
         return held_mask(self.held, self.worm.segments, flat=self.worm.flat, clamped=clamped)
 
     @property
     def period(self) -> float | None:
-        """Period of the gait, over which speeds are averaged [s]; None without one."""
+        """Period of the gait [s], the averaging time of speeds; None without a period."""
         period: float | None = getattr(self.actuation, "period", getattr(self.actuation, "T_wave", None))
         return period

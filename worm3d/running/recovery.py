@@ -1,11 +1,11 @@
-"""How a gait recovers from pushes: its stability by runs of its own, which take long, and so no part of the table.
+"""Recovery of a gait from pushes: stability from separate runs, which take long and are not part of the table.
 
-From the end of a run, where the worm has come to its cycle, it goes on twice, once as before and once pushed during the
-first period. The distance of the two shapes (`worm3d.measures.stability.shapes`) after each further period shrinks by
-the largest modulus of the return map's multipliers that the push excites, as in (J7). It stays, and the factor is 1,
-where the push has brought the worm to another cycle, as on its side: pushes of a tenth of the weight tip the default
-worm. A push is random forces on the joints along x and y without resultant and moment about z, over half a wave of the
-sine; it leaves the worm as a whole where it is.
+At the end of a run the worm has reached its limit cycle. From there two runs continue: one unchanged, one with a push
+during the first period. The distance of the two shapes (`worm3d.measures.stability.shapes`) after each further period
+shrinks by the largest modulus of the return map's multipliers that the push excites, as in (J7). If the push has
+brought the worm to another cycle, such as lying on a side, the distance stays and the factor is 1: pushes of a tenth of
+the weight tip the default worm. A push consists of random forces on the joints along x and y, without resultant and
+moment about z, over a half-sine in time; the push does not displace the worm as a whole.
 """
 
 from __future__ import annotations
@@ -25,27 +25,28 @@ from worm3d.values.spelling import spelled
 
 @spelled
 def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.01, seed: int = 0) -> FloatArray:
-    """Return the factor by which what each push has left shrinks a period, shape (pushes,): below 1 the gait is stable.
+    """Return the decay factor per period of the effect of each push, shape (pushes,): below 1 the gait is stable.
 
-    About 1 means that the push was so large that the worm has come to another cycle, or that it does not recover.
+    A factor of about 1 means that the push has brought the worm to another cycle, or that the worm does not recover.
 
     Parameters
     ----------
     problem : Problem
-        Run after which the worm is pushed; long enough to come to its cycle. A controller begins anew behind it.
+        Run before the pushes, long enough for the worm to reach the limit cycle. A controller restarts after this run.
     pushes : int
         Number of pushes, each different.
     periods : int
         Number of periods after each push, at least 2.
     size : float
-        Root mean square of the pushes' components, over the worm's weight, or without gravity over its springs' k.
+        Root mean square of the components of the pushes, divided by the worm's weight, or without gravity by the mean k
+        of the springs.
     seed : int
         Seed of the pushes.
 
     Raises
     ------
     ValueError
-        The actuation has no period, or it is no whole number of time steps; a run does not come to its end.
+        The actuation has no period, the period is not a whole number of time steps, or a run stops early.
     """
     arguments.whole("pushes", pushes)
     arguments.number("size", size, gt=0.0)
@@ -70,7 +71,7 @@ def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float
 
 
 class _Pushing:
-    """The force of a run and a push of shape (N+1, 3) [N] on top, over a period [s] from a time on."""
+    """The external force of a run plus a push of shape (N+1, 3) [N], over a period [s] from a given time."""
 
     def __init__(self, problem: Problem, push: FloatArray, begin: float, period: float) -> None:
         self._own, self._push, self._begin, self._period = problem.external_force, push, begin, period

@@ -1,4 +1,4 @@
-"""A run in progress: commands and forces in chunks, steps that have to be halved, and the result at its end."""
+"""A run in progress: commands and forces in chunks, halved steps, and the final result."""
 
 from __future__ import annotations
 
@@ -35,28 +35,28 @@ HALVINGS = 6
 """Largest number of times that a step that does not converge is halved."""
 
 NEVER = 2**62
-"""Ticks between two rows where none is to be written."""
+"""Ticks between two rows if no row is written."""
 
 CHUNK = 50
-"""Steps taken at once where commands or forces are asked for one by one."""
+"""Steps taken at once if commands or forces are requested one by one."""
 
 MAX_STEPS_UNOBSERVED = 1000
-"""Steps taken at once where commands are known ahead and no forces are asked for."""
+"""Steps taken at once if commands are known ahead and no forces are requested."""
 
 BEAT = 0.1
-"""Time between the ends of steps at which a run with steps of their own length can be looked at and cut in two [s]."""
+"""Time between the instants at which a run with adaptive steps can be observed or divided [s]."""
 
 COMMANDED = 1e-3
-"""Time between two commands of a gait, or forces, on which such a run counts; in between they are interpolated [s]."""
+"""Time between two commands of a gait, or two forces, in a run with adaptive steps [s]; between them interpolated."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class Observer(NamedTuple):
-    """A function that looks at a run, at its start, after every so many steps, and at its end."""
+    """A function that observes a run at the start, after every `every` steps, and at the end."""
 
     look: Callable[[Run], bool | None]
-    """Called with the run; returning False ends it."""
+    """Called with the run; returning False ends the run."""
     every: int = 1
 
 
@@ -67,10 +67,10 @@ class Run:
     ----------
     problem : Problem
     placing : callable, optional
-        Returns the worm in its initial state, as `worm3d.running.start.place`.
+        Returns the worm in the initial state, as `worm3d.running.start.place` does.
     allowed : float, optional
-        Largest estimated error of a step [m], whose length follows from it. Steps are else dt long; here dt is a tick:
-        the time between two rows, and between two samples of a controller.
+        Largest estimated error of a step [m], which sets the length of the step; dt is then a tick: the time between
+        two rows, and between two samples of a controller. Without `allowed`, steps are dt long.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Run:
         plant, start, self.begun, self.settling, reason = placing(problem)
         plant.arrays["numbers"][0, TOLERANCE] = problem.tolerance
         self.driver = Driver(problem.actuation, problem.worm, problem.sensor)
-        self.holds = self.driver.controller is not None  # commands are held where a step is taken in parts
+        self.holds = self.driver.controller is not None  # commands are held if a step is taken in parts
         self.plant, self.external_force, self.period = plant, problem.external_force, problem.period
         self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
         self.every, self.steps = problem.record_every, problem.steps
@@ -91,7 +91,7 @@ class Run:
         self.first = round(start.time / self.dt)
         self.offset = start.time - self.first * self.dt
         if abs(self.offset) < 1e-9 * self.dt:
-            self.offset = 0.0  # a resumed run has the very times of one that went on
+            self.offset = 0.0  # a resumed run has exactly the times of an uninterrupted run
         remembered = start.memory.get("remembers", np.zeros(1))[:SINCE]
         self.adapts, self.pace = allowed is not None, np.array([0.0, np.inf, 0.0, 0.0])
         self.parts = self.beat = 1
@@ -106,8 +106,8 @@ class Run:
         try:
             first = None if start.memory else self.driver.first(self.time(0))
             if first is not None:
-                ask(self.core, first)  # from this command the actuators' ramp begins
-            self._forces(self.time(0))  # wrong shapes show before the first step
+                ask(self.core, first)  # the actuators' ramp begins at this command
+            self._forces(self.time(0))  # detects wrong shapes before the first step
         except EXCEPTIONS as error:
             if _is_ours(error):
                 raise
@@ -116,7 +116,7 @@ class Run:
 
     @cached_property
     def _now(self) -> Records:
-        """Room for an instant between two rows."""
+        """Records for an instant between two rows."""
         return self.plant.records(1)
 
     def time(self, k: float) -> float:
@@ -124,7 +124,7 @@ class Run:
         return (self.first + k) * self.dt + self.offset
 
     def times(self, first: int, every: int, count: int, parts: int = 1) -> FloatArray:
-        """Return the times after `first` steps and every so many more, as `time` does [s]; or parts of steps."""
+        """Return the times after `first` steps and after each further `every` steps (or parts of steps) [s]."""
         steps = np.array(parts * self.first + first + every * np.arange(count), dtype=float)
         return steps / parts * self.dt + self.offset
 
@@ -141,7 +141,7 @@ class Run:
         return np.ascontiguousarray(force.T)
 
     def finish(self, *observers: Observer) -> Result:
-        """Take all steps, and return what came of it."""
+        """Take all steps and return the result."""
         status = self._seen(observers) if self.begun is Status.DONE else self.begun
         while status is Status.DONE and self.done < self.steps:
             status = self._chunk(self._until_seen(observers))
@@ -150,11 +150,11 @@ class Run:
         return self.result(status)
 
     def take(self) -> Status:
-        """Take the next step of a controlled run (some steps of another), and return how the run stands."""
+        """Take the next step of a controlled run (several steps of any other run), and return the status."""
         return self.begun if self.begun is not Status.DONE else self._chunk(self._whole(CHUNK))
 
     def follow(self, commands: Commands) -> Status:
-        """Take a step for each of K commands from outside, in the place of its own; return how the run stands.
+        """Take a step for each of K external commands, which replace the run's own commands; return the status.
 
         Raises
         ------
@@ -177,18 +177,18 @@ class Run:
         return status
 
     def _until_seen(self, observers: tuple[Observer, ...]) -> int:
-        """Return the number of steps to the next observer's turn, or that may be taken at once if that is less."""
+        """Return the number of steps to the next observer's turn, or the largest number of steps at once if less."""
         known = self.driver.tabular and self.external_force is None
         turns = (observer.every - self.done % observer.every for observer in observers)
         most = min(MAX_STEPS_UNOBSERVED if known else CHUNK, *turns, self.steps)
         return self._whole(most)
 
     def _whole(self, most: int) -> int:
-        """Return a number of steps, and as many more as lead to the end of a beat."""
+        """Return a number of steps, increased to reach the end of a beat."""
         return most + -(self.first + self.done + most) % self.beat
 
     def _seen(self, observers: tuple[Observer, ...]) -> Status:
-        """Let the observers look whose turn it is; return how the run stands."""
+        """Call the observers whose turn has come; return the status."""
         for observer in observers:
             if self.done % observer.every >= self.beat and self.done < self.steps:
                 continue
@@ -199,13 +199,13 @@ class Run:
                 _LOG.error("the observer failed", exc_info=error)
                 return Status.OBSERVER_FAILED
             if isinstance(goes_on, np.ndarray):
-                goes_on = goes_on[()]  # an array without axes is the value in it
+                goes_on = goes_on[()]  # an array without axes holds a single value
             if isinstance(goes_on, bool | np.bool_) and not goes_on and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 
     def _chunk(self, most: int) -> Status:
-        """Ask for commands and forces and take the steps, at most so many."""
+        """Get commands and forces and take at most `most` steps."""
         began = perf_counter()
         count = 1 if self.driver.controller is not None else min(most, self.steps - self.done)
         times = self.times(self.done * self.parts + 1, 1, count * self.parts, self.parts)
@@ -218,7 +218,7 @@ class Run:
         return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
 
     def _ask(self, times: list[float], table: FloatArray | None) -> tuple[FloatArray, list[FloatArray]]:
-        """Ask for forces, and for commands that are in no table, one by one up to the first that is wrong."""
+        """Get forces, and commands that are in no table, one by one up to the first wrong value."""
         commands: list[FloatArray] = []
         forces: list[FloatArray] = []
         try:
@@ -234,7 +234,7 @@ class Run:
         return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation(), t)
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
-        if forces:  # steps of a tick take none at their start
+        if forces:  # steps of a tick use no force at the start
             forces = [self._forces(self.time(self.done)) if self.adapts else forces[0], *forces]
         external, taken = np.array(forces).reshape(-1, 3, self.n + 1), 0
         while taken + self.parts <= len(commands):
@@ -257,7 +257,7 @@ class Run:
         return found
 
     def _halve(self, command: FloatArray) -> Status:
-        """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
+        """Take one step in parts, by implicit Euler; the stored past is the past of the whole step."""
         arrays = self.plant.arrays
         before, last = self.plant.memory(), self.pace[LAST]
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
@@ -268,12 +268,12 @@ class Run:
         except EXCEPTIONS as error:
             self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:
-            self.plant.remember(before)  # the parts are no finished step
+            self.plant.remember(before)  # the parts do not complete the step
             self.pace[LAST] = last
             return status
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows
-        arrays["last"] /= self.last_share  # at the rate of its last part
+        arrays["last"] /= self.last_share  # at the rate of the last part
         arrays["curve"][:] = 0.0
         self.done, self.halved, self.pace[LAST] = self.done + 1, self.halved + 1, self.dt
         if self.done % self.every == 0:
@@ -302,23 +302,23 @@ class Run:
         return Status.NO_CONVERGENCE
 
     def _ended(self, end: int) -> Status:
-        """Return how a step ended, and remember where if the solver's guard has refused it."""
+        """Return the status at the end of a step, and store the place if the solver's guard has refused the step."""
         status = GUARDED[end]
         if status is not Status.DONE:
             self.segment, self.complaint = self.plant.refused(status)
         return status
 
     def observation(self) -> Observation:
-        """Return what sensors see now."""
+        """Return the present observation for sensors."""
         return Observation.of(self.plant, self.time(self.done))
 
     @property
     def solves(self) -> float:
-        """Steps that were solved, in a run whose steps are as long as their errors let them be."""
+        """Number of solved steps in a run with adaptive steps."""
         return float(self.pace[SOLVES])
 
     def recorded_now(self) -> Recorded:
-        """Return all series of this instant, T = 1, in memory that later steps write to."""
+        """Return all series of this instant, T = 1, in memory that later steps overwrite."""
         row, between = divmod(self.done, self.every)
         if between:
             gather(self.core, self._now.block, 0)
@@ -327,12 +327,12 @@ class Run:
         return Recorded(worm=self.plant.worm, time=self.times(self.done, 1, 1), **series)
 
     def state(self) -> State:
-        """Return the state now, with memory."""
+        """Return the present state, with memory."""
         time, kept = self.time(self.done) + float(self.pace[SINCE]), SINCE if self.adapts else NEXT
         return self.plant.state(time, float(self.pace[LAST]) or np.inf, remembers=self.pace[:kept].copy())
 
     def result(self, status: Status) -> Result:
-        """Return the run as far as it got."""
+        """Return the result of all finished steps."""
         rows, plant = self.done // self.every + 1, self.plant
         series = self.records.fields(slice(rows))
         energy = Energy.of(series.pop("energy"))
@@ -357,13 +357,13 @@ class Run:
 
 
 def _is_ours(error: BaseException) -> bool:
-    """Return whether it is a complaint of this package, not an error in the user's code."""
+    """Return whether this package raised the error, not the user's code."""
     raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
     return isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parents[1])
 
 
 def _complaint(error: BaseException) -> str:
-    """Return what an error says; one that the user's code raises, no complaint of ours about its values, is logged."""
+    """Return the message of an error; log an error of the user's code unless this package raised it."""
     if _is_ours(error):
         return str(error)
     _LOG.error("the actuation or the external force failed", exc_info=error)

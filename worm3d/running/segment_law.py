@@ -1,7 +1,7 @@
-"""The law of one segment: the force that its ends need along a given way, without masses, weight and contact.
+"""The law of one segment: the force on the ends along a given motion, without masses, weight and contact.
 
-It is evaluated by the simulation's own kernels of a segment (springs, dampers, apex hinges, the friction of its
-joints), step by step with implicit Euler: what a load frame measures is the segment that crawls.
+The simulation's own kernels of a segment (springs, dampers, apex hinges, the friction of the joints) evaluate the law,
+step by step with implicit Euler: a load frame thus measures the same segment that crawls.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from worm3d.values.read_only import ReadOnly
 
 @dataclass(frozen=True, eq=False)
 class Stretch(ReadOnly):
-    """What a segment does along a way, at T instants; energies are those of the step that ends there, 0 at first."""
+    """Response of a segment along a motion, at T instants; each energy is of the step that ends there, 0 at first."""
 
     length: FloatArray
     """Shape (T,) [m]."""
     force: FloatArray
-    """Pull on the ends, positive where it would lengthen the segment, shape (T,) [N]."""
+    """Force on the ends, positive if it would lengthen the segment, shape (T,) [N]."""
     elastic: FloatArray
-    """Change of elastic energy, also of what the joints give, shape (T,) [J]."""
+    """Change of elastic energy, with the elastic energy of friction in the joints, shape (T,) [J]."""
     viscous_loss: FloatArray
     """Loss to damping, shape (T,) [J]."""
     hysteresis_loss: FloatArray
@@ -39,14 +39,14 @@ class Stretch(ReadOnly):
 
 
 def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
-    """Move the ends of a worm's first segment along a line, both chambers alike, and return what that takes.
+    """Move the ends of a worm's first segment along a line, both chambers alike, and return the force and energies.
 
     The segment has rested at the first length, without stress in its joints; nothing is commanded.
 
     Parameters
     ----------
     worm : Worm
-        Its actuator must be `FirstOrder`, which does nothing then.
+        The actuator must be `FirstOrder`, which has no effect here.
     length : array_like, shape (T,)
         Distance of the joints, above 0 and below twice the length of the links [m].
     time : array_like, shape (T,)
@@ -74,7 +74,7 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
 
 
 def _along(worm: Worm, lengths: FloatArray, times: FloatArray) -> Stretch:
-    """Return what the segment does along a way, from rest."""
+    """Return the response of the segment along a motion, from rest."""
     friction = worm.hysteresis
     made, layout = kernels(own=type(friction)), actuator.chambers(FirstOrder, type(friction))
     rows = made["segment_gradient"].allocate(1)[0]

@@ -55,65 +55,68 @@ def simulate(
     ----------
     worm : Worm
     world : World or None
-        What it crawls on or in; None: nothing, as in free flight.
+        World that the worm crawls on or in; None means free flight.
     ground : Friction, optional
         Coefficients of friction; `Friction()` if left out.
     actuation : gait, controller, or function of time, optional
-        Gives the commands (`worm3d.running.actuation`); left alone if None. Where it has a number `period` [s], the
-        result has the mean speed over such periods.
+        Gives the commands (`worm3d.running.actuation`); None means no commands. If the actuation has a number `period`
+        [s], the result has the mean speed over such periods.
     duration, dt : float
         Simulated time, rounded to whole time steps, and time step [s]. With an `accuracy` dt is the time between two
         rows, and between two decisions of a controller.
     integrator : str
-        "bdf2" (second order) or "implicit_euler" (the paper's).
+        "bdf2" (second order) or "implicit_euler" (the integrator of the paper).
     gravity : array_like, shape (3,)
         Gravity [m/s^2].
     external_force : callable, optional
         Time [s] -> forces on the joints, shape (N+1, 3) [N].
     state : State, optional
-        Where the run starts; a straight worm along x on the world if left out. The final `Result.state` of a run
-        goes on with it, bit for bit if all else is the same (a controller begins anew: its `reset` is called).
+        Initial state of the run; a straight worm along x on the world if left out. The final `Result.state` of a run
+        continues that run, bit for bit if all other arguments are the same (a controller restarts: its `reset` is
+        called).
     held : Held or array_like of bool, shape (N+1, 3), optional
         Coordinates (of the joints) that stay fixed.
     sensor : callable, optional
-        Makes of an `Observation` the measurement that a controller gets; None: the observation.
+        Turns an `Observation` into the measurement for a controller; None passes the observation itself.
     record_every : int
-        Steps between two rows of the result; a divisor of their number.
+        Steps between two rows of the result; a divisor of the number of steps.
     settle_first : bool, optional
-        Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
-        it there; on uneven worlds by its friction too, unless that lets it slide away. If left out: where it touches
-        the world; what starts in mid-air falls. A state with memory never is. `Result.settling` is the largest
-        displacement of a joint on the way [m], None where the worm was not settled.
+        Whether a worm that starts at rest is first settled: brought to equilibrium on the world, under the weight that
+        presses the worm to the world. On uneven worlds friction also acts, unless the worm would slide away. If left
+        out, a worm that touches the world is settled, and a worm in mid-air falls. A state with memory is never
+        settled. `Result.settling` is the largest displacement of a joint during settling [m], None without settling.
     tolerance : float
         Newton's tolerance: motion as a fraction of the body length, from 2e-15 (rounding) to 1e-7; 1e-9 is a fifth
         faster.
     accuracy : float, optional
-        Largest error of the distance, relative to it or to a tenth of the body length, whichever is more; from 1e-4 to
-        0.1. Steps are then as long as their errors let them be, and the run is repeated, each time finer, until the
-        last runs agree: `Result.error_estimate` says how well. None: steps of dt, whose error is not known.
+        Largest error of the distance, relative to the larger of the distance and a tenth of the body length; from 1e-4
+        to 0.1. The error then limits the length of each step, and the run is repeated with finer steps until the last
+        runs agree; `Result.error_estimate` has the estimated errors. None: steps of dt, with an unknown error.
     observer : callable, optional
-        Called with the time [s] and a read-only `worm3d.View` of the run: at its start, after every `every`-th step and
-        after the last one. Returning False ends the run there. An error that it raises ends the run too; the result
-        has the steps so far, and says what was wrong. The numbers of the run do not depend on it.
+        Called with the time [s] and a read-only `worm3d.View` of the run: at the start, after every `every`-th step and
+        after the last step. Returning False ends the run. An exception in the observer ends the run too; the result has
+        the finished steps and the error message. The numbers of the run do not depend on the observer.
     every : int
-        Steps between two calls of the observer; with an `accuracy` at the next multiple of 0.1 s, and again from the
-        start where a run was not accurate enough.
+        Steps between two calls of the observer. With an `accuracy`, calls are at the next multiple of 0.1 s, and start
+        again if a run was not accurate enough.
     live : Live, optional
-        Shows the run in a browser while it goes on (`worm3d.Live`), no faster than that is to show it.
+        Shows the run in a browser during the simulation (`worm3d.Live`); the simulation then runs no faster than the
+        display.
 
     Returns
     -------
     Result
-        With all finished steps, however the run ended: see `Result.stop`.
+        Result with all finished steps, however the run ended: see `Result.stop`.
 
     Raises
     ------
     worm3d.LimitPointError
         The weight would flatten the chambers.
     worm3d.StateError
-        A state that does not fit the worm, or lies inside the world; terrain finer than the worm's contact points.
+        The state does not fit the worm or lies inside the world, or the terrain is finer than the worm's contact
+        points.
     ValueError
-        Another argument out of range or of the wrong shape.
+        Another argument is out of range or has the wrong shape.
     """
     if observer is not None:
         arguments.function("observer", observer, "a function of the time and the view of a run, or None")

@@ -1,4 +1,4 @@
-"""Checks before a run, and settling: the worm is brought to rest on its world."""
+"""Checks before a run, and settling: the worm comes to rest on the world."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from worm3d.worlds import World
 
 
 class Rested(NamedTuple):
-    """A worm that was brought to rest, or what it was before."""
+    """A worm that was brought to rest, or the initial state if that failed."""
 
     state: State
     status: Status
-    """Status DONE, or why it does not come to rest."""
+    """Status DONE, or the reason why the worm does not come to rest."""
     reason: str = ""
-    """Which part was at fault, and what to do."""
+    """The part at fault, and the remedy."""
 
 
 Settling = Callable[[Problem, State], Rested]
-"""Function with the parameters and results of `settle`."""
+"""Function with the parameters and the return value of `settle`."""
 
 
 class _Method(NamedTuple):
@@ -50,60 +50,62 @@ class _Method(NamedTuple):
 STICKING_RATE = 100.0 * float(np.sqrt(1.0 / 9.81))
 """Number of time steps in a `Plant.natural_time` on uneven worlds: steps of 0.01 s for the default worm.
 
-Contacts that stick hold the worm where they first can, which depends on the step: half and double move the pose by up
-to 1.2e-2 and 1.7e-3 of the body length, on rubble and in bends. No value is more right than another one.
+Contacts that stick hold the worm at the first possible position, which depends on the step: half and double the rate
+move the pose by up to 1.2e-2 and 1.7e-3 of the body length, on rubble and in bends. No value is more correct than
+another.
 """
 
 SLIDING = _Method(0.0, STICKING_RATE / 100.0, 200)
 """Method for even worlds."""
 
 STICKING = tuple(_Method(mu, STICKING_RATE, 1000) for mu in (3.0, 1.0, 10.0))
-"""Methods for uneven worlds, tried in turn: too little friction lets a worm slide down a steep place, too much may jam
-it in a pose to which no step leads."""
+"""Methods for uneven worlds, tried in turn: with too little friction a worm slides down a steep place, with too much
+friction a worm may jam in a pose that no step reaches."""
 
 REST_TOLERANCE = 1e-13
-"""Motion of the joints per step, as a fraction of the body length, at which the worm rests."""
+"""Motion of the joints per step, as a fraction of the body length, that counts as rest."""
 
 REST_TOLERANCE_LOOSE = 1e-9
 """Motion per step, as a fraction of the body length, accepted as rest when rounding prevents `REST_TOLERANCE`."""
 
 HASTE = 1e6
-"""Factor by which actuators are faster while the worm comes to rest: slow valves would keep it from that.
+"""Speed-up of the actuators while the worm comes to rest: slow valves would prevent rest.
 
-Half and double are the same: from 1e3 to 1e12 pneumatic chambers with valves from 1e-10 to 1e-3 kg/(s Pa) come to rest
-in one pose, to 4e-13 m; at 1 those of 1e-8 kg/(s Pa) and below do not come to rest.
+Half and double give the same result: with factors from 1e3 to 1e12, pneumatic chambers with valves from 1e-10 to 1e-3
+kg/(s Pa) come to rest in the same pose within 4e-13 m. With a factor of 1, valves of 1e-8 kg/(s Pa) and below prevent
+rest.
 """
 
 HOLDING_STEPS = 2000
-"""Largest number of steps in which a worm comes to rest by the friction of its run."""
+"""Largest number of steps for a worm to come to rest with the friction of the run."""
 
 SLIDES = 0.03
-"""Motion meanwhile, as a fraction of the body length, from which the worm is not held: its slide belongs to the run."""
+"""Largest motion of a held worm in these steps, as a fraction of the body length; a longer slide belongs to the run."""
 
 TOUCHING = 1e-6
-"""Gap that may be rounding, as a fraction of the body length: a closer contact point touches the world."""
+"""Largest gap that may be rounding, as a fraction of the body length: a closer contact point touches the world."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Largest depth of a contact point at the start, as a fraction of the segment length."""
 
 LIMIT_ANGLES, LIMIT_ROUNDS = 65, 5
-"""Angles at which the limit point is sought, and rounds, each between the neighbours of the best angle: to 1e-7 of the
-angle, and so to 1e-14 of the weight, which is level there."""
+"""Numbers of angles and rounds in the search for the limit point. Each round lies between the neighbours of the best
+angle. The angle is accurate to 1e-7 and the weight to 1e-14, since the weight has a maximum there."""
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
-"""Status of each way in which a step ends (`worm3d.solver.guard`)."""
+"""Status for each way that a step can end (`worm3d.solver.guard`)."""
 
 
 class LimitPointError(ValueError):
-    """The worm's weight would flatten its chambers: there is no equilibrium to start from."""
+    """The worm's weight would flatten the chambers: there is no equilibrium to start from."""
 
 
 def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
     """Return the weight that flattens each segment (limit point), shape (N,) [N].
 
-    A segment whose joints, at height h above its lower apexes, carry the vertical load w is in equilibrium where
-    dE/dl = w dh/dl (E of both chambers, which have all this `contraction`). The greatest w with a solution is the
-    limit point: any more and the chamber collapses.
+    A segment whose joints, at height h above the lower apexes, carry the vertical load w is in equilibrium if
+    dE/dl = w dh/dl. E is the energy of both chambers, each with this `contraction`. The greatest w with a solution is
+    the limit point: under a greater load the chamber collapses.
     """
     shapes = zip(np.asarray(worm.k_spring), np.asarray(worm.k_apex), worm.link_length, strict=True)
     return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])
@@ -123,9 +125,9 @@ def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: floa
 
 @cache
 def _carried() -> ca.Function:
-    """Return the weight at angles of the hinges: in these, unlike in the length, it is regular up to the flat chamber.
+    """Return the weight as a function of hinge angles; unlike in the length, it is regular up to the flat chamber.
 
-    Its arguments are the angles, k, k_apex, link, rest length and commanded length.
+    The arguments of the function are the angles, k, k_apex, link, rest length and commanded length.
     """
     angle, k, k_apex, a, l0, commanded = given = [ca.SX.sym("x") for _ in range(6)]
     length, height = 2.0 * a * ca.sin(angle / 2.0), a * ca.cos(angle / 2.0)
@@ -136,9 +138,10 @@ def _carried() -> ca.Function:
 
 
 def carried_weight(worm: Worm, gravity: float) -> FloatArray:
-    """Return the weight that each segment has to hold up if all stand on their lower apexes, shape (N,) [N].
+    """Return the weight that each segment carries if all segments stand on the lower apexes, shape (N,) [N].
 
-    The joints and the outward apexes hang on it with once, the upper apexes with twice the half-height.
+    The joints and the outward apexes are at the half-height and count once; the upper apexes are at twice the
+    half-height and count twice.
     """
     mass = worm.joint_mass + worm.load_mass
     joints = (mass[:-1] + mass[1:]) / 2.0
@@ -150,10 +153,10 @@ def carried_weight(worm: Worm, gravity: float) -> FloatArray:
 
 
 def require_equilibrium(worm: Worm, gravity: float) -> None:
-    """Raise LimitPointError where the chambers cannot carry the weight, however they share it.
+    """Raise LimitPointError if the chambers cannot carry the weight, however the chambers share the weight.
 
-    This is the uncommanded worm; lengthening lowers the limit (`flattening_weight`), and a wave may put the weight on
-    few segments: what happens then ends the run with its own reason.
+    This check is for the uncommanded worm. Lengthening lowers the limit (`flattening_weight`), and a wave may put the
+    weight on few segments; a failure in these cases ends the run with a separate reason.
     """
     load, limit = carried_weight(worm, gravity), flattening_weight(worm)
     if load.sum() >= limit.sum():
@@ -167,7 +170,7 @@ def require_equilibrium(worm: Worm, gravity: float) -> None:
 
 
 def require_shape(worm: Worm, state: State) -> None:
-    """Raise StateError where a state does not fit the worm."""
+    """Raise StateError if a state does not fit the worm."""
     if state.segments != worm.segments:
         raise StateError(f"state: got {state.segments} segments, the worm has {worm.segments}")
     length = np.linalg.norm(np.diff(state.joints, axis=0), axis=1)
@@ -193,7 +196,7 @@ def require_felt(worm: Worm, world: World | None) -> None:
 
 
 def require_clear(plant: Plant, overlap: float) -> None:
-    """Raise StateError where a contact point lies deeper in the world than this fraction of the segment length."""
+    """Raise StateError if a contact point lies deeper in the world than `overlap` times the segment length."""
     depth = plant.depth()
     if depth.max() > overlap * plant.worm.l0:
         segment = int(np.argmax(depth.max(axis=0)))
@@ -201,11 +204,11 @@ def require_clear(plant: Plant, overlap: float) -> None:
 
 
 def settle(problem: Problem, start: State) -> Rested:
-    """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
+    """Return the worm at rest under the component of gravity that presses the worm to the world, and the status.
 
-    Long steps of implicit Euler without friction, stopped after each; where the world is `uneven`, short steps with
-    contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the worm
-    touches).
+    The method takes long steps of implicit Euler without friction and stops the motion after each step. If the world is
+    `uneven`, the method takes short steps with contacts that stick, until the worm rests. The state has loads but no
+    anchors yet (the anchors are the points of contact). The status is DONE or the reason why the worm does not rest.
     """
     for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
         rested = _settled(problem, start, method)
@@ -238,9 +241,10 @@ def _settled(problem: Problem, start: State, method: _Method) -> Rested:
 
 
 def hold(plant: Plant) -> bool:
-    """Let the run's own friction take over the weight of a worm that is at rest, and return whether it holds the worm.
+    """Apply the friction of the run to a worm at rest, and return whether this friction holds the worm.
 
-    Steps of implicit Euler until it rests again, with its anchors where they are then; if it does not it is put back.
+    The function takes steps of implicit Euler until the worm rests again; the anchors then stay at the new points. A
+    worm that does not come to rest returns to the previous pose.
     """
     before, command, length = plant.memory(), plant.arrays["asked"][0].copy(), plant.worm.length
     plant.hasten(HASTE)
@@ -256,7 +260,7 @@ def hold(plant: Plant) -> bool:
 
 
 def settles(world: World | None, gravity: FloatArray, contracted: bool = False) -> bool:
-    """Return whether a worm can be settled: there is a world, not the clamped one, and what presses it there."""
+    """Return whether a worm can be settled: there is an unclamped world, and a force presses the worm to this world."""
     if world is None or world.clamped:
         return False
     return contracted or bool(np.any(world.pressing(gravity)))
@@ -267,19 +271,19 @@ class Placed(NamedTuple):
 
     plant: Plant
     state: State
-    """State from which it starts."""
+    """Initial state of the run."""
     status: Status
-    """Status DONE, or why it cannot start."""
+    """Status DONE, or the reason why the worm cannot start."""
     settling: float | None
-    """Largest motion of a joint while it was brought to rest [m]; None where it was not."""
+    """Largest motion of a joint during settling [m]; None without settling."""
     reason: str = ""
-    """Which part was at fault where it cannot start, and what to do."""
+    """The part at fault if the worm cannot start, and the remedy."""
 
 
 def touches(plant: Plant, start: State) -> bool:
-    """Return whether a contact point touches the world, or would with the chambers contracted: they are higher then.
+    """Return whether a contact point touches the world, or would touch with contracted chambers, which are higher.
 
-    A straight worm `laid` on rough ground does, whatever gap is left there that is smaller than itself.
+    A straight worm `laid` on rough ground touches the world if the remaining gap is smaller than the half-height.
     """
     worm, height = plant.worm, np.asarray(plant.worm.half_height)
     half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
@@ -289,7 +293,7 @@ def touches(plant: Plant, start: State) -> bool:
 
 
 def place(problem: Problem, settling: Settling = settle) -> Placed:
-    """Return the worm before its first step; errors are those of `worm3d.simulate`."""
+    """Return the worm before the first step; raises the errors of `worm3d.simulate`."""
     worm, world, gravity = problem.worm, problem.world, problem.weight
     start = State.straight(worm, world) if problem.state is None else problem.state
     require_shape(worm, start)
@@ -310,14 +314,14 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
 
 
 def _needs_settling(plant: Plant, start: State, settle_first: bool | None) -> bool:
-    """Return whether a worm is brought to rest before its first step: by default where it touches the world."""
+    """Return whether to settle a worm before the first step: by default if the worm touches the world."""
     if start.moves or not settles(plant.world, plant.gravity, bool(start.contraction.any())):
         return False
     return touches(plant, start) if settle_first is None else settle_first
 
 
 def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> tuple[Status, str]:
-    """Bring the worm to rest from its initial state; return DONE, or why it does not come to rest."""
+    """Bring the worm to rest from the initial state; return DONE, or the reason why the worm does not come to rest."""
     rested, status, reason = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)

@@ -14,15 +14,16 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import read_only
 
 SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain", "com_with_load")
-"""Names of attributes of `Recorded` that a view has, of one instant."""
+"""Names of attributes of `Recorded` that a view has, for one instant."""
 
 
 class View:
-    """A run at one instant, for an observer; read-only, and read out only as far as it is asked for.
+    """A run at one instant, for an observer; read-only. Values are read from the run on access.
 
     Each recorded series of `worm3d.Result` is an attribute, without its first dimension: `view.joints` has the shape
     (N+1, 3), `view.com` (3,), `view.heading` (). Slip counts since the last row of the result before this instant.
-    `step` and `steps` are the finished steps and those of the whole run, `worm` and `world` what is simulated.
+    `step` is the number of finished steps, `steps` the number of steps of the whole run; `worm` and `world` are the
+    simulated objects.
     """
 
     def __init__(self, run: Run) -> None:
@@ -61,11 +62,11 @@ class View:
 
     @property
     def actuator_states(self) -> Mapping[str, FloatArray]:
-        """States of actuators and loads by name: of chambers (N, 2), of hinges (N-1,), of loads as in the result."""
+        """States of actuators and loads by name: chambers (N, 2), hinges (N-1,), loads as in the result."""
         return {name: array[0].copy() for name, array in self._recorded.actuator_states.items()}
 
     def state(self) -> State:
-        """Return the state, with memory: a run from it goes on bit for bit."""
+        """Return the state, with memory: a run from this state continues bit for bit."""
         return self._current.state()
 
     def result(self) -> Result:
@@ -73,10 +74,10 @@ class View:
         return self._current.result(Status.DONE)
 
     def observation(self) -> Observation:
-        """Return what sensors see."""
+        """Return the observation for sensors."""
         return self._current.observation()
 
 
 def watched(look: Callable[[float, View], bool | None], every: int = 1) -> Observer:
-    """Return an observer of runs that calls `look` with the time [s] and the view after every so many steps."""
+    """Return an observer of runs that calls `look` with the time [s] and the view after every `every` steps."""
     return Observer(lambda run: look(run.time(run.done), View(run)), every)

@@ -1,10 +1,11 @@
 """Many steps at once, compiled: the commands of the actuators, the steps, and their records.
 
-Time is counted in ticks. Steps are a tick long, or as long as an allowed error lets them be. One that is then further
-from the parabola through the last three places than is allowed (`worm3d.solver.step`) is taken again, shorter; the next
-one is as long as the error of the last, which grows with the third power, foretells. Time is cut into beats of some
-ticks, which steps end with: there a run can be looked at, steered, and cut in two. Commands and forces are given at
-equal distances, and change linearly between. Rows are interpolated (`worm3d.solver.between`).
+Time is counted in ticks. A step is a tick long, or an allowed error limits the length of the step. In the second case,
+a step that ends too far from the parabola through the last three positions (`worm3d.solver.step`) is repeated with a
+shorter length. The error grows with the third power of the length; thus the error of the last step determines the
+length of the next step. Time is divided into beats of several ticks. Steps end at the end of a beat, where a run can be
+observed, steered and divided. Commands and forces are given at equal intervals, and change linearly in between. Rows
+are interpolated (`worm3d.solver.between`).
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ from worm3d.solver.step import step
 from worm3d.values.arrays import FloatArray
 
 LAST, NEXT, SINCE, SOLVES = range(4)
-"""What a run knows of its steps: the last one, 0 before the first [s], the one that is to be tried next, infinite where
-a step is a tick [s], time since the last whole beat or tick [s], and how many were solved, those taken again included.
+"""Numbers about the steps of a run: the last step, 0 before the first [s]; the next step to try, infinite if a step is
+a tick [s]; the time since the last whole beat or tick [s]; and the number of solved steps, including repeated steps.
 """
 SHORTEST, LONGEST = 1e-5, 2e-2
-"""Shortest and longest step [s]: the error of a shorter one is not looked at, but Newton has to converge; a longer one
-would pass over what a gait does."""
+"""Shortest and longest step [s]: the error of a step this short is not checked, but Newton has to converge; a longer
+step would miss details of a gait."""
 GIVEN_UP = 64.0
-"""Share of the shortest step after which Newton is not tried again."""
+"""Largest divisor of the shortest step: Newton is not tried again with even shorter steps."""
 GROWTH, SHRINKING, SAFETY = 2.0, 0.2, 0.9
-"""Largest and least ratio of a step to the one before, and of its length to the one foretold: BDF2 is stable below a
-ratio of 1 + sqrt(2)."""
+"""Largest and least ratio of a step to the step before, and ratio of the chosen length to the predicted length: BDF2 is
+stable below a ratio of 1 + sqrt(2)."""
 
 
 @njit
@@ -52,16 +53,16 @@ def advance(
     pace: FloatArray,
     beats: tuple[int, int, int],
 ) -> tuple[int, int]:
-    """Go on by as many ticks as there are commands for; return how many were finished, and how the last step ended.
+    """Advance by a tick per `parts` commands; return the number of finished ticks and the end of the last step.
 
     Parameters
     ----------
     records : Block
-        Of `worm3d.solver.records`; a row is filled after every `every`-th tick.
+        Block of `worm3d.solver.records`; a row is filled after every `every`-th tick.
     counters : ndarray of int, shape (S, 4)
-        To the row of a tick those of the steps that end in it are added.
+        The counters of the steps that end in a tick are added to the row of the tick.
     commands : ndarray, shape (K parts, 5 N)
-        Asked of the actuators, `parts` times each tick, as the array "asked".
+        Commands to the actuators, `parts` per tick, in the form of the array "asked".
     external : ndarray, shape (K parts + 1, 3, N+1) or (0, 3, N+1)
         Forces on the joints, from the present on [N].
     done : int
@@ -74,7 +75,7 @@ def advance(
     pace : ndarray, shape (4,)
         `LAST` and so on; changed.
     beats : tuple of int
-        Number `parts`, ticks of a beat, and those since a whole one.
+        Number `parts`, ticks of a beat, and ticks since the last whole beat.
     """
     parts, beat, begin = beats
     taken, count, asked = 0, len(commands) // parts, vector(core.block, a.ASKED)
@@ -118,7 +119,7 @@ def advance(
 
 @inner
 def _between(to: FloatArray, before: FloatArray, share: float, after: FloatArray) -> None:
-    """Set what changes linearly between two instants, of which a share has passed."""
+    """Interpolate linearly between two instants after a share of the time between them."""
     if share == 1.0:
         copy(to, after)
     else:
@@ -127,7 +128,7 @@ def _between(to: FloatArray, before: FloatArray, share: float, after: FloatArray
 
 @inner
 def _length(wanted: float, left: float) -> float:
-    """Return the length of the next step, so that none is much shorter than wanted at the end of a beat."""
+    """Return the length of the next step, so that no step is much shorter than wanted at the end of a beat."""
     if wanted >= left * (1.0 - 1e-9):
         return left
     return 0.5 * left if 2.0 * wanted > left else wanted
@@ -135,7 +136,7 @@ def _length(wanted: float, left: float) -> float:
 
 @inner
 def _take(core: Core, command: FloatArray, h: float, bdf2: bool) -> int:
-    """Take a step, and return how it ended; if not well the actuators are as before it."""
+    """Take a step and return the end of the step; a failed step leaves the actuators unchanged."""
     asked, given = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
     asked_n, given_n = asked.copy(), given.copy()
     actuate(core, command, h)
@@ -148,7 +149,7 @@ def _take(core: Core, command: FloatArray, h: float, bdf2: bool) -> int:
 
 @inner
 def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int:
-    """Try a step, and choose the length of the next one."""
+    """Try a step, and choose the length of the next step."""
     numbers, last = vector(core.block, a.NUMBERS_), pace[LAST]
     allowed, ratio = numbers[a.ALLOWED], h / last if last > 0.0 else 0.0
     if h <= SHORTEST:
@@ -171,7 +172,7 @@ def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int
 
 @inner
 def _stretch(core: Core, of_last: float, of_curve: float) -> None:
-    """Multiply what the next step is expected to move, and how much more than this one."""
+    """Multiply the expected motion of the next step, and the expected change of motion."""
     last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
     combine(last, of_last, last, 0.0, last)
     combine(curve, of_curve, curve, 0.0, curve)

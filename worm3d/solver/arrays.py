@@ -1,11 +1,11 @@
-"""Arrays, kernels and numbers of a step, each declared once, by the constant that names it.
+"""Arrays, kernels and numbers of a step, each declared once together with the constant for its index.
 
 Lanes are segments (S of them, a multiple of the vector width); the eight contact points of segment i are the lanes
-S slot + i of point arrays. An array that stands `inside` another shares its memory, so that one kernel writes where
-the next one reads: chamber lengths and frames are followed by the points, the world's outputs are rows of the points'
-inputs, and so on. The past of points and joints stands in rows of their arrays. What becomes of a point in a step is
-an output of point_after; friction's state and the world's force stay there, the rest `worm3d.solver.step` makes the
-past.
+S slot + i of point arrays. An array `inside` another array shares the memory of that array, so that one kernel writes
+directly into the inputs of the next kernel: the points follow the chamber lengths and frames, the world's outputs are
+rows of the points' inputs, and so on. Rows of the points' and joints' arrays hold the past of points and joints. The
+kernel point_after gives the state of a point after a step. The friction state and the world's force stay in these
+outputs; `worm3d.solver.step` copies the other outputs to the past.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from worm3d.values.arrays import FloatArray
 
 POINTS = segment.POINTS
 BLOCK = 5
-"""Coordinates of a joint's block: p (3), roll and bend of the segment ahead of it."""
+"""Coordinates of a joint's block: p (3), roll and bend of the segment ahead of the joint."""
 WORLD_ROWS = 11
 """Outputs of a world: distance, gradient (3), curvature (6), grip."""
 
@@ -42,14 +42,16 @@ class KernelRow(NamedTuple):
     """A compiled function."""
 
     make: Callable[..., ca.Function | None] | None = None
-    """Returns what is compiled, or None; without it: the world's kernel, or an entry (`worm3d.solver.entry`)."""
+    """Returns the function to compile, or None; left out for the world's kernel and for entries
+    (`worm3d.solver.entry`)."""
     padded: bool = False
-    """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
+    """Whether the function is evaluated in all lanes: lanes without a point or joint have neither mass nor
+    stiffness."""
     of: Literal["", "law", "chamber", "hinge", "medium", "load"] = ""
-    """What classes `make` is given: of the law of friction, of actuator and friction of chambers, of hinges, of the
-    medium, or of all loads."""
+    """Classes that `make` receives: the law of friction, the actuator and friction of the chambers, the actuator of the
+    hinges, the medium, or all loads."""
     exact: bool = False
-    """Whether it is computed as written, to the last bit."""
+    """Whether the function is computed exactly as written, to the last bit."""
 
 
 KERNELS: dict[str, KernelRow] = {}
@@ -107,7 +109,7 @@ STEP = _kernel("step")
 PUT = _kernel("put")
 
 NUMBERS: list[str] = []
-"""What one number says of a worm and its world, by name."""
+"""Names of the single numbers of a worm and a world."""
 
 
 def _number(name: str) -> int:
@@ -117,17 +119,17 @@ def _number(name: str) -> int:
 
 
 L0 = _number("l0")  # [m]
-DEEPEST = _number("deepest")  # greatest penetration of a joint [m]; deeper it counts as sunk
+DEEPEST = _number("deepest")  # greatest penetration of a joint [m]; a deeper joint counts as sunk
 STATIC_RATIO = _number("static_ratio")
-LENGTH = _number("length")  # of the body, the unit of Newton's tolerances [m]
-TOLERANCE = _number("tolerance")  # of Newton: the last step, as a fraction of the body length
+LENGTH = _number("length")  # body length, the unit of Newton's tolerances [m]
+TOLERANCE = _number("tolerance")  # largest final step of Newton, as a fraction of the body length
 LEVER = _number("lever")  # metres per radian in Newton's tolerances
 CLAMPED = _number("clamped")  # 1: the ground is the paper's, (P9) and (P10)
 THRESHOLD = _number("threshold")  # eps of (P10) [m/s]
 MASS = _number("mass")  # [kg]
-RATIO = _number("ratio")  # of the step over the last one, for BDF2
+RATIO = _number("ratio")  # this step over the last step, for BDF2
 ALLOWED = _number("allowed")  # largest estimated error of a step [m]
-ERROR = _number("error")  # that of the last step, where a limit is set [m]
+ERROR = _number("error")  # estimated error of the last step, if a limit is set [m]
 GRAVITY = _number("gravity_x")  # [m/s^2]; y and z follow
 _number("gravity_y")
 _number("gravity_z")
@@ -141,11 +143,11 @@ class Sizes(NamedTuple):
     lanes: int
     """Lanes for n segments."""
     joint_lanes: int
-    """Lanes for the n - 1 joints between them."""
+    """Lanes for the n - 1 joints between segments."""
     node_lanes: int
     """Lanes for all n + 1 joints."""
     world_rows: int
-    """Inputs of the world's kernel: x (3) and its parameters."""
+    """Inputs of the world's kernel: x (3) and the parameters."""
     chamber: type[Actuator]
     """Actuator of the chambers."""
     hysteresis: type[Hysteresis]
@@ -153,19 +155,19 @@ class Sizes(NamedTuple):
     hinge: type[Actuator]
     """Actuator of the hinges."""
     medium: type[Medium]
-    """What resists the joints."""
+    """Medium that resists the joints."""
     loads: tuple[type[Load], ...]
-    """What acts on joints from outside."""
+    """External loads on the joints."""
 
     def of(self, name: str) -> int:
-        """Return one of these sizes, or one that follows from them."""
+        """Return one of these sizes, or a derived size."""
         derived = _derived(self)
         return derived[name] if name in derived else int(getattr(self, name))
 
 
 @cache
 def _derived(sizes: Sizes) -> dict[str, int]:
-    """Return the sizes that follow from others, by name."""
+    """Return the derived sizes by name."""
     size = BLOCK * (sizes.n + 1)
     parts = sizes.chamber, sizes.hysteresis
     chamber, hinge = 2 * actuator.SIDES * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
@@ -183,7 +185,7 @@ def _derived(sizes: Sizes) -> dict[str, int]:
         "chamber_states": chamber // 2,
         "chamber_out": actuator.LEDGER_ROWS + actuator.SIDES + chamber // 2,
         "hinge_out": actuator.HINGE_ROWS + hinge // 2,
-        "coordinates": size,  # with two unused ones of the last block
+        "coordinates": size,  # with two unused coordinates of the last block
         "band_rows": size + B,
         "commands": 5 * sizes.n,
         "joints": sizes.n + 1,
@@ -204,11 +206,11 @@ class ArrayRow(NamedTuple):
     rows: Extent
     columns: Extent
     inside: tuple[str, str | int] | None = None
-    """Array above it whose memory it shares, and the row there with which it begins."""
+    """Earlier array whose memory this array shares, and the row of that array where this array begins."""
     remembered: bool | tuple[str, ...] = False
-    """Whether the next step depends on it, or on which of its rows."""
+    """Whether the next step depends on the array, or the names of the rows that the next step depends on."""
     history: bool = False
-    """Whether it holds two instants, first the present one; it is then remembered, too."""
+    """Whether the array holds two instants, the present instant first; such an array is also remembered."""
 
     def shape(self, sizes: Sizes) -> tuple[int, int]:
         """Return the shape in a core of these sizes."""
@@ -246,20 +248,21 @@ BEST = _array("best", 1, "coordinates")
 CURVE = _array("curve", 1, "coordinates", remembered=True)  # change of "last" in the last step
 LAST = _array("last", 1, "coordinates", remembered=True)  # change of x in the last step
 BAND = _array("band", "band_rows", WIDTH)
-FACTOR = _array("factor", "band_rows", WIDTH)  # of the linear solver
+FACTOR = _array("factor", "band_rows", WIDTH)  # factors of the linear solver
 # inputs of the segment's kernels
 SEGMENT_IN = _array("segment_in", segment.LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
 # f (3), potential, load, f foreseen (3), K (9)
 POINT_OUT = _array("point_out", 17, "points", inside=("segment_in", "f"))
-POINT_ANEW = _array("point_anew", 17, "points")  # the same where contacts have changed; of these the change of K
+POINT_ANEW = _array("point_anew", 17, "points")  # the same for changed contacts, with the change of K
 SEGMENT_OUT = _array("segment_out", 1 + segment.COORDINATES + segment.COORDINATES**2, "lanes")
-# the segments' gradients and Hessians, one segment after the other
+# gradients and Hessians of the segments, one segment after the other
 SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES + segment.COORDINATES**2)
-CHANGED = _array("changed", 1, "points")  # 1 where a contact has changed what it does since the Jacobian was made
-# derivatives of the points in the coordinates
+CHANGED = _array("changed", 1, "points")  # 1 if a contact has changed since the Jacobian was made
+# derivatives of the points with respect to the coordinates
 POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS * segment.COORDINATES, "lanes")
 JACOBIANS = _array("jacobians", "lanes", 3 * POINTS * segment.COORDINATES)  # the same, segments one after the other
-# 1 where those of a slot (last: all, above) of a vector of segments stand there, made since the Jacobian was
+# 1 if the derivatives of a slot (last row: of all slots, in "points_jacobian") of a vector of segments are newer than
+# the Jacobian
 KNOWN = _array("known", POINTS + 1, "vectors")
 REST = _array("rest", 8 + 3 * POINTS, "lanes")  # chamber lengths (2), tangent (3), director (3), points (24)
 # inputs of the point's kernels
@@ -277,25 +280,25 @@ STARTED = _array(
 FIRST = _array("first", 3 * POINTS, "lanes", inside=("point_in", "first"))  # with the lanes of segments
 # terms, hinge angles and "first"
 SEGMENT_LEDGER_ = _array("segment_ledger", segment.LEDGER_ROWS + 3 * POINTS, "lanes", inside=("point_in", "of_segment"))
-# as `worm3d.physics.kernels.regime.yielding` lists them
+# rows as in `worm3d.physics.kernels.regime.yielding`
 YIELDING_OUT = _array("yielding_out", 12, "points")
-# terms of the ledger, and what becomes of the point, as in `point.AFTER`
+# terms of the ledger, and the new state of the point, as in `point.AFTER`
 AFTER_OUT = _array("after_out", point.AFTER, "points")
 JOINT_IN = _array("joint_in", joint.LAYOUT, "joint_lanes", remembered=("hinge_n",))
-JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "strain_hat"))  # its last rows
+JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "strain_hat"))  # the last rows
 JOINT_OUT = _array("joint_out", 1 + (1 + joint.COORDINATES) * joint.ROW, "joint_lanes")
-JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)  # likewise, of the joints
+JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)  # the same for joints
 KINKS = _array("kinks", 1, "points")
 Y_START = _array("y_start", 3, "points")  # working memory of the line search, and of `worm3d.solver.fronts`
-MOVED = _array("moved", 1, "moved")  # change of x in the step, with zeros behind it
+MOVED = _array("moved", 1, "moved")  # change of x in the step, followed by zeros
 SUMS = _array("sums", 1, vectors.WIDTH)  # of 8 rows
 MOMENTA_OUT = _array("momenta_out", 9, "mass_points")
 NODE_IN = _array("node_in", node.LAYOUT, "node_lanes")  # inputs of the kernels of the joints as mass points
 NODE_OUT = _array("node_out", len(node.LEDGER_TERMS) + 3, "node_lanes")
-NODE_PRESETS = _array("node_presets", 8, "node_lanes", inside=("node_in", "drag_hat"))  # its last rows
+NODE_PRESETS = _array("node_presets", 8, "node_lanes", inside=("node_in", "drag_hat"))  # the last rows
 TURNED = _array("turned", "lanes", 3 * POINTS)  # rows of the records, segments one after the other
 POINT_MASS = _array("point_mass", POINTS, "lanes", inside=("point_in", "mass"))  # [kg]
-LONGEST = _array("longest", 1, "n")  # length of a chamber at which its rhombus counts as flattened [m]
+LONGEST = _array("longest", 1, "n")  # length of a chamber that counts as flattened [m]
 # [kg]
 JOINT_MASS = _array("joint_mass", 1, "node_lanes", inside=("node_in", "mass"))
 DRAG = _array("drag", 1, "node_lanes", inside=("node_in", "drag"))  # [N s/m]
@@ -308,32 +311,32 @@ EXTERNAL = _array("external", 3, "node_lanes", inside=("node_in", "external"))  
 # (P10) on the joints of the clamped worm [N]
 JOINT_FRICTION = _array("joint_friction", 3, "node_lanes", inside=("node_in", "friction"), remembered=True)
 JOINT_LOAD = _array("joint_load", 1, "joints", remembered=True)  # (P9) [N]
-# 1 where the static coefficient holds
+# 1 if the static coefficient holds
 STUCK = _array("stuck", 1, "points", inside=("after_out", "stuck"), remembered=True)
 STUCK_N = _array("stuck_n", 1, "points")
 PULL_N = _array("pull_n", 2, "points")  # f of (C5) at the start of the step
-FRONTS = _array("fronts", 6, "points", remembered=True)  # of each contact, `worm3d.solver.fronts`
+FRONTS = _array("fronts", 6, "points", remembered=True)  # rows of `worm3d.solver.fronts`
 # energy of the anchors at the end of the last step [J]
 STORED = _array("stored", 1, "points", inside=("point_in", "stored_n"), remembered=True)
-# of the world on each point at the end of the last step [N]
+# force of the world on each point at the end of the last step [N]
 CONTACT_FORCE = _array("contact_force", 3, "points", inside=("after_out", "force"), remembered=True)
-# of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
+# commands of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
 ASKED = _array("asked", 1, "commands", remembered=True)
-GIVEN = _array("given", 1, "commands", remembered=True)  # by them, after lag and limits
-# rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; likewise the following
+GIVEN = _array("given", 1, "commands", remembered=True)  # outputs of the actuators, after lag and limits
+# rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; the following arrays have the same rows
 JOINTS = _array("joints", 6, "node_lanes", inside=("node_in", "past"), history=True)
 JOINT_VELOCITY = _array("joint_velocity", 6, "node_lanes", inside=("node_in", "velocity"), history=True)
 POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), history=True)
 POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), history=True)
 MEDIUM_IN = _array("medium_in", "medium_rows", "lanes")  # as in `worm3d.physics.kernels.medium`
-RESISTANCE = _array("resistance", 1, "lanes")  # of the medium to a segment [N s/m]
+RESISTANCE = _array("resistance", 1, "lanes")  # resistance of the medium to a segment [N s/m]
 LOADED = _array("loaded", 1, "loads")  # joints that loads act on
-LOADS = _array("loads", 1, "load_kept", remembered=True)  # regime of each load, then their states
+LOADS = _array("loads", 1, "load_kept", remembered=True)  # regime of each load, then states of the loads
 LOAD_IN = _array("load_in", "load_rows", vectors.WIDTH)  # as in `worm3d.physics.kernels.load`, in the first lane
 LOAD_OUT = _array("load_out", "load_out", vectors.WIDTH)  # potential, gradient, Hessian
-LOAD_ENDS = _array("load_ends", "load_after", vectors.WIDTH)  # terms of the ledger, what the loads remember
-LENGTHS = _array("lengths", 4, "lanes", history=True)  # of the chambers [m]
-# inputs of the segments' kernels, with those of their actuators behind them
+LOAD_ENDS = _array("load_ends", "load_after", vectors.WIDTH)  # terms of the ledger, memory of the loads
+LENGTHS = _array("lengths", 4, "lanes", history=True)  # lengths of the chambers [m]
+# inputs of the segments' kernels, followed by the inputs of the actuators
 ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))
 ACTUATOR_PAST = _array(
     "actuator",
@@ -342,13 +345,13 @@ ACTUATOR_PAST = _array(
     inside=("segment_in", segment.LAYOUT.rows + actuator.SIDES * len(COMMANDS)),
     history=True,
 )
-STARTED_ACTUATORS = _array("actuator_start", actuator.START_ROWS, "lanes")  # what they are known to do in the step
-ACTUATOR_OUT = _array("actuator_out", "chamber_out", "lanes")  # terms of the ledger, what is given, states
-HINGED = _array("hinged", "hinge_rows", "joint_lanes", inside=("joint_in", 0))  # joints and their actuators
+STARTED_ACTUATORS = _array("actuator_start", actuator.START_ROWS, "lanes")  # known outputs at the start of the step
+ACTUATOR_OUT = _array("actuator_out", "chamber_out", "lanes")  # terms of the ledger, outputs, states
+HINGED = _array("hinged", "hinge_rows", "joint_lanes", inside=("joint_in", 0))  # inputs of joints and hinge actuators
 HINGE_PAST = _array(
     "hinge_states", "hinge_past", "joint_lanes", inside=("joint_in", joint.LAYOUT.rows + len(COMMANDS)), history=True
 )
-HINGE_OUT = _array("hinge_out", "hinge_out", "joint_lanes")  # command, what is given, states
+HINGE_OUT = _array("hinge_out", "hinge_out", "joint_lanes")  # command, output, states
 HINGES = _array("hinges", 4, "lanes", history=True)  # angles of the apex hinges [rad]
 # c.d, c.u, twist, sum of the bends
 JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), history=True)
@@ -362,7 +365,7 @@ COUNTERS = len(series.COUNTERS)
 
 
 class Core(NamedTuple):
-    """What compiled code receives: the number of segments, and where everything stands."""
+    """Input of compiled code: the number of segments, and the addresses of all data."""
 
     n: int
     kernels: int
@@ -375,7 +378,7 @@ class Core(NamedTuple):
 
 @cache
 def plan(sizes: Sizes) -> Plan:
-    """Return where the arrays of cores of these sizes stand."""
+    """Return the plan of the arrays in cores of these sizes."""
     inside = {}
     for name, row in ARRAYS.items():
         if row.inside is not None:
@@ -404,13 +407,13 @@ class CoreMemory:
         self.arrays = self._memory.arrays()
 
     def copy(self, kernels: NDArray[np.int64]) -> CoreMemory:
-        """Return another core with the same numbers, and these addresses."""
+        """Return another core with the same numbers and the given addresses."""
         other = CoreMemory(self.sizes, kernels)
         other._memory.take(self._memory)
         return other
 
     def remembered(self) -> dict[str, FloatArray]:
-        """Return views of all that the next step depends on, by name."""
+        """Return views, by name, of all arrays that the next step depends on."""
         views = {}
         for name, row in ARRAYS.items():
             if (row.remembered is True or row.history) and self.arrays[name].size > 0:

@@ -1,7 +1,8 @@
-"""Rows of the instants between the ends of steps: what is recorded is put there, gathered, and put back.
+"""Rows of instants between the ends of steps: recorded values are interpolated, gathered, and restored.
 
-Places lie on the cubic through both ends of a step and their velocities, all else on a straight line. Sums since the
-row before grow evenly in a step, so that the energy ledger of a row is as closed as that of the step.
+Positions lie on the cubic through the positions and velocities at both ends of a step, all other values on a straight
+line. Sums since the row before grow evenly in a step, so that the energy ledger of a row closes as well as the ledger
+of the step.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from worm3d.solver.records import BEFORE, CURVED, NOW, REGIONS, SUMS, gather, re
 
 @inner
 def keep(records: Block, to: int) -> None:
-    """Copy what rows are made of: to `BEFORE` at the start of a step, to `NOW` at its end."""
+    """Copy the regions that fill rows: to `BEFORE` at the start of a step, to `NOW` at the end."""
     at = address(records, to, 0)
     for r in range(matrix(records, REGIONS).shape[0]):
         here, size = _region(records, r)
@@ -31,7 +32,7 @@ def keep(records: Block, to: int) -> None:
 
 @inner
 def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
-    """Write the row of an instant in the step of length h [s] that was finished last; `share` of it has passed then."""
+    """Write the row of an instant after a `share` of the last finished step, of length h [s]."""
     if share >= 1.0 - 1e-9:
         record(core, records, row)
         return
@@ -50,7 +51,7 @@ def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
     at = 0
     for r in range(regions):
         here, size = _region(records, r)
-        if r >= regions - SUMS:  # this part is in a row
+        if r >= regions - SUMS:  # this share of the sums is already in a row
             values = carray(doubles_at(here), (size,))
             for sums in (before, now):
                 combine(sums[at : at + size], 1.0, sums[at : at + size], -1.0, values)
@@ -60,13 +61,13 @@ def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
 
 @inner
 def _region(records: Block, r: int) -> NDArray[np.int64]:
-    """Return where a region begins, and its size."""
+    """Return begin and size of a region."""
     return integers(address(records, REGIONS, r), 2)
 
 
 @inner
 def _bend(core: Core, places: int, velocities: int, share: float, h: float) -> None:
-    """Put places, which are those of the end of a step, on the cubic through both of its ends and their velocities."""
+    """Move positions from the end of a step to the cubic through the positions and velocities at both ends."""
     x, x_n = rows(core.block, places, 0, 3), rows(core.block, places, 3, 3)
     v, v_n = rows(core.block, velocities, 0, 3), rows(core.block, velocities, 3, 3)
     left = 1.0 - share

@@ -1,8 +1,9 @@
-"""Many named arrays in one block of memory, for compiled code: what a function receives stays small.
+"""Many named arrays in one block of memory, for compiled code: functions receive few arguments.
 
-Numba passes every array as seven numbers and counts its references; a hundred arrays make its compile time minutes.
-Compiled code gets a block as two addresses, of the numbers and of a table that says where each array stands:
-`matrix(block, NAME)` is the array itself. Python gets the same arrays by name from `Memory`, which owns them.
+Numba passes every array as seven numbers and counts references to the array; with a hundred arrays the compile time
+becomes minutes. Compiled code gets a block as two addresses: the address of the numbers, and the address of a table
+with the place of each array. `matrix(block, NAME)` is the array itself. Python gets the same arrays by name from
+`Memory`, which owns the arrays.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ from worm3d.machine.vectors import doubles_at, integers_at
 from worm3d.values.arrays import FloatArray
 
 LINE = 8
-"""Doubles in a cache line; every array begins on one."""
+"""Doubles in a cache line; every array begins at the start of a cache line."""
 
 
 class Block(NamedTuple):
     """Addresses of a block of arrays, for compiled code."""
 
     memory: int
-    """Address of its numbers."""
+    """Address of the numbers."""
     table: int
     """Address of (begin, rows, columns) of each array."""
 
 
 class Plan(NamedTuple):
-    """Where arrays stand in a block, each on a cache line."""
+    """Layout of arrays in a block, each array at the start of a cache line."""
 
     names: tuple[str, ...]
     table: NDArray[np.int64]
@@ -56,10 +57,10 @@ class Plan(NamedTuple):
         shapes : sequence of tuple of int
             Rows and columns of each array.
         inside : mapping of str to (str, int), optional
-            Arrays that share memory: the array before them in which they begin, and how many numbers behind its
-            beginning.
+            Arrays that share memory: the earlier array that contains the array, and the offset from the beginning of
+            that array.
         """
-        places: dict[str, tuple[str, int]] = {}  # array with memory of its own, and the offset in it
+        places: dict[str, tuple[str, int]] = {}  # array that owns the memory, and the offset in that array
         room = dict.fromkeys((name for name in names if name not in inside), 0)
         for name, (rows, columns) in zip(names, shapes, strict=True):
             host, offset = inside.get(name, (name, 0))
@@ -79,7 +80,7 @@ class Plan(NamedTuple):
 
 
 class Memory:
-    """A block of arrays of zeros, or with `cleared` False of what the memory holds: to be written before it is read."""
+    """A block of arrays of zeros; with `cleared` False the arrays are uninitialised."""
 
     def __init__(self, plan: Plan, *, cleared: bool = True) -> None:
         self._plan, self.table = plan, plan.table
@@ -89,15 +90,15 @@ class Memory:
 
     @property
     def block(self) -> Block:
-        """The block for compiled code, valid as long as this object lives."""
+        """Block for compiled code, valid as long as this object lives."""
         return Block(self._numbers.ctypes.data, self.table.ctypes.data)
 
     def take(self, other: Memory) -> None:
-        """Take over the numbers of a block of the same shapes."""
+        """Copy the numbers of a block of the same shapes."""
         self._numbers[:] = other._numbers
 
     def arrays(self) -> dict[str, FloatArray]:
-        """Return the arrays by name, not copies."""
+        """Return views of the arrays by name."""
         return {
             name: self._numbers[start : start + rows * columns].reshape(rows, columns)
             for name, (start, rows, columns) in self._plan.places().items()
@@ -106,14 +107,14 @@ class Memory:
 
 @inner
 def integers(address: int, count: int) -> NDArray[np.int64]:
-    """Return the whole numbers that stand at an address, not a copy."""
+    """Return a view of the whole numbers at an address."""
     found: NDArray[np.int64] = carray(integers_at(address), (count,))
     return found
 
 
 @inner
 def matrix(block: Block, k: int) -> FloatArray:
-    """Return array k, shape (rows, columns), not a copy."""
+    """Return a view of array k, shape (rows, columns)."""
     place = integers(block.table + 24 * k, 3)
     found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1], place[2]))
     return found
@@ -121,7 +122,7 @@ def matrix(block: Block, k: int) -> FloatArray:
 
 @inner
 def vector(block: Block, k: int) -> FloatArray:
-    """Return array k, all rows one after the other, not a copy."""
+    """Return a view of array k, all rows one after the other."""
     place = integers(block.table + 24 * k, 3)
     found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1] * place[2],))
     return found
@@ -129,7 +130,7 @@ def vector(block: Block, k: int) -> FloatArray:
 
 @inner
 def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
-    """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
+    """Return a view of some rows of array k, one after the other, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
     start = block.memory + 8 * (place[0] + first * place[2])
     found: FloatArray = carray(doubles_at(start), (count * place[2],))
@@ -138,12 +139,12 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
 
 @inner
 def address(block: Block, k: int, row: int) -> int:
-    """Return where row `row` of array k begins."""
+    """Return the address where row `row` of array k begins."""
     place = integers(block.table + 24 * k, 3)
     return int(block.memory + 8 * (place[0] + row * place[2]))
 
 
-# Loops rather than array expressions, each of which would take Numba a third of a second to compile.
+# Loops, since Numba would compile each array expression for a third of a second.
 
 
 @inner
@@ -162,14 +163,14 @@ def copy(to: FloatArray, source: FloatArray) -> None:
 
 @inner
 def combine(to: FloatArray, u: float, x: FloatArray, v: float, y: FloatArray) -> None:
-    """Set a vector to u x + v y; it may be one of them."""
+    """Set a vector to u x + v y; the vector may be x or y."""
     for k in range(len(to)):
         to[k] = u * x[k] + v * y[k]
 
 
 @inner
 def dot(x: FloatArray, y: FloatArray) -> float:
-    """Return the scalar product of two vectors; Numba's own imports SciPy, which takes longer than a short run."""
+    """Return the scalar product of two vectors; Numba's `dot` imports SciPy, which takes longer than a short run."""
     value = 0.0
     for k in range(len(x)):
         value += x[k] * y[k]

@@ -47,7 +47,7 @@ def _heading(core: Core, j: int) -> tuple[float, float]:
 
 @inner
 def _p10(core: Core, j: int, along: float, across: float, load: float) -> tuple[float, float]:
-    """Return the friction (P10) along and across for a velocity: N mu against it, on the ellipse of the gauge."""
+    """Return the friction (P10) along and across: N mu against the velocity, on the ellipse of the gauge."""
     mu, threshold = matrix(core.block, a.JOINT_MU), vector(core.block, a.NUMBERS_)[a.THRESHOLD]
     mu_x, mu_l = mu[0 if along > 0.0 else 1, j], mu[2, j]
     gauge = np.sqrt((mu_x * along) ** 2 + (mu_l * across) ** 2)

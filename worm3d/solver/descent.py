@@ -1,7 +1,7 @@
-"""Descent: minimisation of the potential of a step for given normal loads, the fallback of Newton's method.
+"""Minimisation of the potential of a step for given normal loads, the fallback of Newton's method.
 
-The Hessian is shifted until it is positive definite, and a line search makes every iteration go down, so that it cannot
-run in circles.
+The Hessian is shifted until it is positive definite, and a line search lowers the potential in every iteration, so that
+the descent cannot run in circles.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ MAX_DESCENT = 60
 MAX_SEARCH = 40
 """Largest number of trial points of a line search."""
 SUFFICIENT = 1e-4
-"""Fraction of the first-order decrease by which a trial point has to be lower (Armijo's rule)."""
+"""Least decrease at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
 ROUNDING = 1e-14
 """Relative rise of the potential that counts as rounding."""
 SLOPE_LEFT = 0.9
-"""Fraction of the initial slope at which a line search ends."""
+"""Largest slope at the end of a line search, as a fraction of the initial slope."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends a descent, as a fraction of the body length."""
 
@@ -38,7 +38,7 @@ _LOAD, _MU = point.LAYOUT.firsts("load", "mu")
 
 @inner
 def descend(core: Core) -> bool:
-    """Move x to where the potential is least for the given normal loads; return whether a minimum was found."""
+    """Move x to the minimum of the potential for the given normal loads; return whether a minimum was found."""
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
     for _ in range(MAX_DESCENT):
@@ -58,7 +58,7 @@ def descend(core: Core) -> bool:
 
 @inner
 def _descent_direction(core: Core) -> bool:
-    """Solve with the Hessian, shifted until it is positive definite."""
+    """Solve with the Hessian, shifted until positive definite."""
     direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
     band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
     square = vector(core.block, a.NUMBERS_)[a.LEVER] ** 2
@@ -80,10 +80,10 @@ def _descent_direction(core: Core) -> bool:
 
 @inner
 def _search(core: Core, phi: float) -> bool:
-    """Put into "best" a point further down the direction; False if there is none above rounding.
+    """Put a lower point along the direction into "best"; return False if there is no decrease above rounding.
 
-    Friction's slope jumps within the tiny displacement in which a contact sticks; halving alone takes ages to find
-    that place: where contacts come to rest on the way is tried first.
+    The slope of friction jumps within the tiny displacement in which a contact sticks; halving alone would find this
+    place very slowly. The search first tries the steps at which contacts come to rest.
     """
     x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
     direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
@@ -111,7 +111,7 @@ def _search(core: Core, phi: float) -> bool:
 
 @inner
 def _between(kinks: FloatArray, low: float, high: float) -> float:
-    """Return the middle one of the kinks between two steps, or half-way."""
+    """Return the middle kink between two steps, or the mean of the steps if there is no kink."""
     inside, middle = 0, 0
     for kink in kinks:
         if low < kink < high:
@@ -126,7 +126,7 @@ def _between(kinks: FloatArray, low: float, high: float) -> float:
 
 @inner
 def _sort(values: FloatArray) -> None:
-    """Sort a few values in place; Numba's own sort takes seconds to compile."""
+    """Sort a few values in place; Numba's sort takes seconds to compile."""
     for i in range(1, len(values)):
         value, k = values[i], i
         while k > 0 and values[k - 1] > value:
@@ -166,7 +166,7 @@ def _resting_points(core: Core) -> int:
 
 @inner
 def _slides(core: Core, which: int) -> bool:
-    """Run the kernel that says which contacts slide at x."""
+    """Run the kernel that determines the sliding contacts at x."""
     if not evaluate(core, which, False, NONE) < np.inf:
         return False
     regimes.evaluate_yielding(core)
@@ -175,6 +175,6 @@ def _slides(core: Core, which: int) -> bool:
 
 @inner
 def largest(core: Core, step: FloatArray) -> float:
-    """Return the largest entry of a step, rolls and bends turned into metres."""
+    """Return the largest entry of a step, with rolls and bends converted to metres."""
     lever = vector(core.block, a.NUMBERS_)[a.LEVER]
     return float(vectors.largest(step.ctypes.data, len(step), lever))

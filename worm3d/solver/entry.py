@@ -1,7 +1,7 @@
-"""Boundaries inside the compiled code: functions that are compiled on their own and called through their address.
+"""Boundaries inside the compiled code: functions that are compiled separately and called through an address.
 
-Numba optimises everything that a function calls once more with that function; in a deep tree compile time becomes
-minutes. An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`; its handle is the address of
+Numba optimises all called functions again together with each caller; in a deep call tree the compile time becomes
+minutes. An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`; the handle is the address of
 the numbers of a `Core`.
 """
 
@@ -23,7 +23,7 @@ def call(w: Writer, address: Any, handle: Any, value: Any, a: Any, b: Any) -> An
 
 @inner
 def opened(handle: int) -> Core:
-    """Return the core that a handle stands for."""
+    """Return the core of a handle."""
     n, memory, table, kernels, counters = integers(handle, HANDLE)
     return Core(n, kernels, Block(memory, table), counters, handle)
 

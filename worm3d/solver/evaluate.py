@@ -1,9 +1,10 @@
-"""Potential, residual and Jacobian of a step at a trial state, put together from the kernels' outputs.
+"""Potential, residual and Jacobian of a step at a trial state, assembled from the kernels' outputs.
 
-A Jacobian is first made as if all points were free masses. The K (3, 3) of a contact, and what it changes by between
-two steps of Newton, is exchanged then: J^T dK J is added, J being the derivative of the point in the coordinates of its
-segment when it was first exchanged. The second derivatives of the point keep the old contact force. Their error,
-relative to dK, is the ratio of the penetration, or of the distance to the yield limit, to the segment length.
+A Jacobian is first made as if all points were free masses. The K (3, 3) of a contact, and the change dK of K between
+two Newton steps, are added afterwards as J^T dK J. J is the derivative of the point with respect to the coordinates of
+the segment, at the first such exchange. The second derivatives of the point keep the old contact force. The error of
+these terms, relative to dK, is the ratio of the penetration, or of the distance to the yield limit, to the segment
+length.
 """
 
 from __future__ import annotations
@@ -30,22 +31,22 @@ _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
 _ROOTS = (1 + joint.STRAINS) * joint.ROW
 SHORTEST = 1e-4
-"""Shortest length of a chamber, as a fraction of that of its links, which they can take."""
+"""Shortest possible length of a chamber, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
 NONE, WHOLE, EXACT, LOCAL, FORCES, CHOICES = range(6)
-"""What `evaluate` fills, and the number of these choices."""
+"""Choices for the outputs of `evaluate`, and the number of choices."""
 PHI, LOAD = 3, 4
 """Rows of "point_out"."""
 STIFFNESS, _ROWS = 8, 17
-"""First row of K in "point_out", its last rows, and the number of all of them."""
+"""First row of K in "point_out" (K has the last rows), and the number of all rows."""
 _FORCES = 5
-"""Number of rows of "point_out" that point_force writes."""
+"""Number of rows of "point_out" written by point_force."""
 
 
 @inner
 def to_segments(core: Core, row: int, x: int) -> None:
-    """Write the coordinates that stand at an address, or their motion, into rows of the segments' inputs."""
+    """Write the coordinates at an address, or the motion of the coordinates, into rows of the segments' inputs."""
     for i in range(0, core.n, vectors.WIDTH):
         to = address(core.block, a.SEGMENT_IN, row) + 8 * i
         vectors.transpose(to, matrix(core.block, a.SEGMENT_IN).shape[1], x + 8 * BLOCK * i, BLOCK)
@@ -53,7 +54,7 @@ def to_segments(core: Core, row: int, x: int) -> None:
 
 @inner
 def to_joints(core: Core, row: int, x: int) -> None:
-    """Write them into rows of the joints' inputs."""
+    """Write the coordinates, or their motion, into rows of the joints' inputs."""
     for i in range(0, core.n - 1, vectors.WIDTH):
         for r in (0, _BOTH - vectors.WIDTH):  # the two overlap
             to = address(core.block, a.JOINT_IN, row + r) + 8 * i
@@ -62,7 +63,7 @@ def to_joints(core: Core, row: int, x: int) -> None:
 
 @inner
 def place(core: Core, x: FloatArray) -> bool:
-    """Compute points and distances at x; return whether the linkages can take that shape."""
+    """Compute points and distances at x; return whether the linkages can have this shape."""
     segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.REST)
     to_segments(core, _Q, x.ctypes.data)
     evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
@@ -84,19 +85,20 @@ def place(core: Core, x: FloatArray) -> bool:
 
 @njit
 def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
-    """Return the potential of a step (infinite where a linkage cannot reach), fill gradient and perhaps band.
+    """Return the potential of a step (infinite for an impossible shape), and fill gradient and perhaps band.
 
-    With `coupled` friction takes the normal loads of x itself: the gradient is then the true residual, the band its
-    unsymmetric Jacobian, and the return value means nothing. Held coordinates have their forces in the gradient.
+    With `coupled`, friction uses the normal loads of x itself: the gradient is then the true residual, the band is the
+    unsymmetric Jacobian of the residual, and the return value has no meaning. The gradient contains the forces of held
+    coordinates.
 
     Parameters
     ----------
     which : int
         Array with the coordinates, X or TRIAL.
     hessian : int
-        Whether to fill the band: NONE; WHOLE, with Gauss-Newton's part of the joints; EXACT, with all of it, which
-        bodies near their limit point need; or LOCAL, only the contributions of the contacts that "changed" names. With
-        FORCES not even the gradient is filled: points are placed, and their forces computed.
+        Whether to fill the band: NONE; WHOLE, with the Gauss-Newton part of the joints; EXACT, with the full Hessian of
+        the joints, which bodies near the limit point need; or LOCAL, only the contributions of the contacts marked in
+        "changed". With FORCES not even the gradient is filled: only points and forces on points are computed.
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
@@ -147,13 +149,13 @@ def _potentials(core: Core) -> float:
 
 @inner
 def open_at(core: Core, first: int) -> bool:
-    """Return whether all of a vector of points are taken for open."""
+    """Return whether all points of a vector have the regime OPEN."""
     return bool(vectors.all_equal(address(core.block, a.POINT_IN, _REGIME) + 8 * first, point.OPEN) != 0)
 
 
 @inner
 def _points(core: Core, coupled: bool, hessian: int) -> None:
-    """Run the kernel of the points; where all of a vector of them are open there is no contact to compute."""
+    """Run the kernel of the points; if all points of a vector are open, no contact is computed."""
     point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS
     for first in range(0, point_in.shape[1], vectors.WIDTH):
@@ -173,7 +175,7 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
 
 @inner
 def _segments(core: Core, hessian: int) -> None:
-    """Run the segments' kernel, and fill the band as far as that is asked for."""
+    """Run the segments' kernel, and fill the requested part of the band."""
     segment_in, segment_out = matrix(core.block, a.ACTUATED), matrix(core.block, a.SEGMENT_OUT)
     if hessian in (NONE, LOCAL):
         evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
@@ -187,7 +189,7 @@ def _segments(core: Core, hessian: int) -> None:
 
 @inner
 def _joints(core: Core, x: FloatArray) -> float:
-    """Inertia (P4), weight, viscous medium (P8) and forces of the joints."""
+    """Add inertia (P4), weight, viscous medium (P8) and forces of the joints."""
     gradient, numbers = vector(core.block, a.GRADIENT), vector(core.block, a.NUMBERS_)
     inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
     hat, drag_hat = matrix(core.block, a.JOINT_HAT), matrix(core.block, a.JOINT_DRAG_HAT)
@@ -208,7 +210,7 @@ def _joints(core: Core, x: FloatArray) -> float:
 
 @inner
 def _add_gradients(core: Core) -> None:
-    """Add those of segments and joints, one number after the other: vectors that overlap would wait for each other."""
+    """Add the gradients of segments and joints one number at a time: overlapping vectors would wait for each other."""
     gradient = vector(core.block, a.GRADIENT)
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
     for r in range(_OWN):
@@ -221,7 +223,7 @@ def _add_gradients(core: Core) -> None:
 
 @inner
 def hold(core: Core, in_band: bool) -> None:
-    """Set the gradient of held coordinates to zero, and their rows and columns in the band to those of the identity."""
+    """Set the gradient of held coordinates to zero, and the rows and columns in the band to the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
     band, size = matrix(core.block, a.BAND), vector(core.block, a.HELD).size
     for first in range(0, size, vectors.WIDTH):
@@ -241,7 +243,7 @@ def hold(core: Core, in_band: bool) -> None:
 
 @inner
 def _fill_band(core: Core, exact: bool) -> None:
-    """Put the band together from what joints, their masses and segments contribute."""
+    """Assemble the band from the contributions of joints, masses of joints and segments."""
     band = matrix(core.block, a.BAND)
     inertia, drag, pitch = (
         vector(core.block, a.JOINT_INERTIA),
@@ -263,7 +265,7 @@ def _fill_band(core: Core, exact: bool) -> None:
             0,
             matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS,
         )
-    for begin in range(2):  # blocks that overlap would wait for each other
+    for begin in range(2):  # overlapping blocks would wait for each other
         for i in range(begin, core.n, 2):
             own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
             vectors.add_rows(_row(core, a.BAND, i, 0), pitch, own, _OWN, _OWN)
@@ -279,7 +281,7 @@ def _fill_band(core: Core, exact: bool) -> None:
 
 @inner
 def _exchange(core: Core) -> None:
-    """Exchange what the contacts that "changed" names contribute to the band."""
+    """Exchange the contributions to the band of the contacts marked in "changed"."""
     changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.KNOWN)
     point_in, lanes = matrix(core.block, a.POINT_IN), len(changed) // POINTS
     for first in range(0, len(changed), vectors.WIDTH):
@@ -297,7 +299,7 @@ def _exchange(core: Core) -> None:
 
 @inner
 def _differentiate(core: Core, slot: int, first: int) -> None:
-    """Compute the derivatives of one point each of a vector of segments."""
+    """Compute the derivatives of one point of each segment in a vector of segments."""
     known, v = matrix(core.block, a.KNOWN), first // vectors.WIDTH
     if known[POINTS, v] == 0.0:
         segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
@@ -309,7 +311,7 @@ def _differentiate(core: Core, slot: int, first: int) -> None:
 
 @inner
 def _exchange_one(core: Core, k: int) -> None:
-    """Exchange what a contact contributes: its K is the new one from now on, and the array beside it holds dK."""
+    """Exchange the contribution of a contact: "point_out" gets the new K, and "point_anew" gets dK."""
     old, new = matrix(core.block, a.POINT_OUT), matrix(core.block, a.POINT_ANEW)
     lanes = old.shape[1] // POINTS
     slot, i = k // lanes, k % lanes
@@ -323,13 +325,13 @@ def _exchange_one(core: Core, k: int) -> None:
 
 @inner
 def _row(core: Core, k: int, i: int, r: int) -> int:
-    """Return where, in a band, row r of the Hessian of segment or joint i begins."""
+    """Return the address where row r of the Hessian of segment or joint i begins in a band."""
     return int(address(core.block, k, BLOCK * i + r) + 8 * (B - r))
 
 
 @inner
 def _transpose(core: Core, source: int, to: int, first: int, begin: int, end: int) -> None:
-    """Write derivatives of a vector of lanes, which potentials may precede, as some numbers of rows."""
+    """Transpose derivatives of a vector of lanes, after any potentials, into entries `begin` to `end` of rows."""
     lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
     before = matrix(core.block, source).shape[0] - pitch
     for r in range(begin, end, vectors.WIDTH):

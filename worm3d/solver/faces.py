@@ -1,4 +1,4 @@
-"""End faces: which place of the rim touches the world in a step."""
+"""End faces: the point on the rim that touches the world in a step."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ _POINT_NORMAL, _ANCHOR = point.LAYOUT.firsts("normal", "anchor")
 
 @njit
 def turn_faces(core: Core) -> None:
-    """Choose the places of the rims nearest to the world, fixed to the body until this is called again.
+    """Choose the points on the rims nearest to the world, fixed to the body until the next call.
 
-    A rolling face touches with one place after the other: anchor and past go over to the new one as they are to the
-    old. The points are placed; distances stay those of the old places, a second-order difference in the roll of a step.
+    A rolling face touches with one point after the other: anchor and past keep their positions relative to the point.
+    The new points are placed; the distances still belong to the old points, a second-order difference in the roll of a
+    step.
     """
     radii = matrix(core.block, a.SEGMENT_IN)[_RADIUS : _RADIUS + 2]
     for first in range(0, core.n, vectors.WIDTH):

@@ -1,8 +1,9 @@
-"""Prediction of regimes, friction and loads in a step, from which Newton's method begins.
+"""Prediction of regimes, friction and loads in a step: the initial guess of Newton's method.
 
-A wave runs along the body, and contacts change one after the other where its fronts pass. A contact that changes notes
-by how many steps its neighbour was ahead of it; where two in a row agree, the next contact is expected to change as
-many steps later. All others go on as in their last two steps. A wrong guess costs iterations, nothing else.
+A wave runs along the body, and contacts change one after the other as the fronts of the wave pass. For each contact
+that changes, the lead of the neighbour is recorded: the number of steps by which the neighbour changed earlier. If two
+successive leads agree, the next contact is expected to change as many steps later. All other contacts continue as in
+the last two steps. A wrong guess costs iterations, nothing else.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from worm3d.solver.entry import kernel
 STATE, PREVIOUS, AGE, LEAD, LEAD_CONFIRMED, STEPS_LEFT = range(6)
 """Rows of "fronts".
 
-STATE: state of a contact: a regime, negative where it slides towards the tail.
+STATE: state of a contact: a regime, negative if the contact slides towards the tail.
 PREVIOUS: the state before. AGE: steps since the state changed.
 LEAD: steps by which a neighbour changed earlier, negative for the neighbour behind.
-LEAD_CONFIRMED: 1 where that neighbour's own lead was as long.
-STEPS_LEFT: steps until a front arrives, 0 where none is awaited.
+LEAD_CONFIRMED: 1 if the neighbour's own lead was equal.
+STEPS_LEFT: steps until a front arrives, 0 if no front is expected.
 """
 MAX_LEAD = 20.0
-"""Largest number of steps between neighbouring contacts at which a front is awaited."""
+"""Largest number of steps between the changes of neighbouring contacts for which a front is expected."""
 SMOOTH = 0.02
-"""Largest change of motion that is expected to go on, square of its norm over that of the motion."""
+"""Largest change of motion that is extrapolated: squared norm of the change over squared norm of the motion."""
 
 _LOAD_N, _LOAD_M, _REGIME = point.LAYOUT.firsts("load_n", "load_m", "regime")
 _PULL, _PULL_M = point.LAYOUT.firsts("pull", "pull_m")
@@ -38,14 +39,14 @@ _FORESEEN, _ERROR, _FIRST, _DT = point.LAYOUT.firsts("foreseen", "error", "first
 
 @inner
 def goes_on(core: Core) -> bool:
-    """Return whether the last step's change of motion is small enough to be expected once more."""
+    """Return whether the change of motion in the last step is small enough to extrapolate."""
     last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
     return bool(dot(curve, curve) < SMOOTH * dot(last, last))
 
 
 @inner
 def expect(core: Core) -> None:
-    """Take contacts for what they are expected to be; so far they are taken for what they were in the last step."""
+    """Set contacts to the expected regimes; before the call they have the regimes of the last step."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     first, now = rows(core.block, a.POINT_IN, _FIRST, 3), rows(core.block, a.POINTS_PAST, 0, 3)
     before = rows(core.block, a.POINTS_PAST, 3, 3)
@@ -63,7 +64,7 @@ def expect(core: Core) -> None:
             evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], vectors.WIDTH, start)
             for k in range(start, start + vectors.WIDTH):
                 for row in range(4):
-                    if not eta[k] > 0.0:  # what is awaited is trusted
+                    if not eta[k] > 0.0:  # an expected front is trusted
                         p[_PULL + row, k] = out[row, k]
     for k in range(p.shape[1]):
         if eta[k] == 1.0:
@@ -72,7 +73,7 @@ def expect(core: Core) -> None:
 
 @inner
 def _arrive(core: Core, k: int) -> None:
-    """Take a contact for what its neighbour is on the side from which a front arrives."""
+    """Give a contact the state of the neighbour on the side where the front comes from."""
     p, fronts, pull = matrix(core.block, a.POINT_IN), matrix(core.block, a.FRONTS), matrix(core.block, a.PULL_N)
     for side in (1, -1):
         j, state = k + side, 0.0
@@ -89,7 +90,7 @@ def _arrive(core: Core, k: int) -> None:
 
 @inner
 def _passed(core: Core, k: int, side: int) -> bool:
-    """Return whether a front has passed the neighbour of a contact on a side, towards it."""
+    """Return whether a front has passed the neighbour on a side of a contact, towards the contact."""
     fronts, j = matrix(core.block, a.FRONTS), k + side
     if not 0 <= k % (fronts.shape[1] // POINTS) + side < core.n:
         return False
@@ -99,14 +100,14 @@ def _passed(core: Core, k: int, side: int) -> bool:
 
 @inner
 def keep(core: Core) -> None:
-    """Keep friction and loads of the start of the step, from which their trend is seen in the next one."""
+    """Store friction and loads at the start of the step; the next step derives the trend from these values."""
     copy(rows(core.block, a.POINT_IN, _PULL_M, 2), vector(core.block, a.PULL_N))
     copy(rows(core.block, a.POINT_IN, _LOAD_M, 1), rows(core.block, a.POINT_IN, _LOAD_N, 1))
 
 
 @inner
 def note(core: Core) -> None:
-    """Note, at the end of a step, which contacts do something else than before, and where fronts are awaited."""
+    """Record, at the end of a step, the contacts that have changed state and the expected fronts."""
     fronts, found = matrix(core.block, a.FRONTS), matrix(core.block, a.Y_START)
     age, eta, lanes, changed = fronts[AGE], fronts[STEPS_LEFT], fronts.shape[1] // POINTS, 0
     for k in range(len(age)):
@@ -155,7 +156,7 @@ def _lead(core: Core, k: int) -> tuple[float, float]:
 
 @inner
 def _awaited(core: Core, k: int) -> float:
-    """Return in how many steps a steady front arrives at a contact, 0 where there is none."""
+    """Return the number of steps until a steady front arrives at a contact, 0 if there is none."""
     fronts, steps = matrix(core.block, a.FRONTS), 0.0
     for side in (1, -1):
         if _passed(core, k, side) and fronts[LEAD_CONFIRMED, k + side] != 0.0:

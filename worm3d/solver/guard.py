@@ -1,4 +1,4 @@
-"""Shapes that the model does not stand for: how a step that ends in one is refused, and what to do about it."""
+"""Shapes outside the model: the solver refuses a step that ends in such a shape, and reports the reason and remedy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DISTANCE = point.LAYOUT.first("distance")
 
 @inner
 def guard(core: Core) -> int:
-    """Return OK for a shape that the model stands for, else what became of it."""
+    """Return OK for a shape within the model, else the reason of the refusal."""
     rest, longest = matrix(core.block, a.REST), vector(core.block, a.LONGEST)
     if not (np.isfinite(total(vector(core.block, a.X))) and _actuators_end_finite(core)):
         return NOT_FINITE
@@ -45,7 +45,7 @@ def guard(core: Core) -> int:
 
 @inner
 def actuators_start_finite(core: Core) -> bool:
-    """Return whether all that is known of the actuators at the start of a step is finite."""
+    """Return whether all known outputs of the actuators at the start of a step are finite."""
     block = core.block
     value = total(vector(block, a.ASKED)) + total(vector(block, a.GIVEN)) + total(rows(block, a.SEGMENT_IN, _REST, 2))
     return bool(np.isfinite(value + _sum(matrix(block, a.HINGE_OUT), core.n - 1)))
@@ -53,7 +53,7 @@ def actuators_start_finite(core: Core) -> bool:
 
 @inner
 def _actuators_end_finite(core: Core) -> bool:
-    """Return whether what the chambers' actuators give at the end of the step is finite, with states and energy."""
+    """Return whether the outputs, states and energies of the chambers' actuators at the end of the step are finite."""
     end, out = kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATOR_OUT)
     if end == 0:
         return True
@@ -72,7 +72,7 @@ def _sum(values: FloatArray, count: int) -> float:
 
 @inner
 def _folded(core: Core) -> bool:
-    """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge together ask for it."""
+    """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge command such an angle."""
     rest, joints = matrix(core.block, a.REST), matrix(core.block, a.JOINT_IN)
     x = vector(core.block, a.X)
     for i in range(core.n - 1):
@@ -96,13 +96,13 @@ def _sunk(core: Core) -> bool:
 
 
 def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
-    """Return the segment in which a step ended that the solver's guard refused, and why, in words.
+    """Return the segment that caused the refusal of a step by the solver's guard, and the reason in words.
 
     Parameters
     ----------
     arrays : dict of str to ndarray
-        Of the solver, as the step left them (`worm3d.solver.arrays`): all but the coordinates are those of the shape
-        that was refused.
+        Arrays of the solver after the step (`worm3d.solver.arrays`): all arrays except the coordinates belong to the
+        refused shape.
     segments : int
         N.
     status : Status
@@ -112,7 +112,7 @@ def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
 
 
 def joint_angles(arrays: Arrays, segments: int) -> tuple[FloatArray, FloatArray]:
-    """Return the angles between neighbouring segments, and those that bends and hinges ask for, each (N-1,) [rad]."""
+    """Return the angles between neighbouring segments, and the angles that bends and hinges command, (N-1,) [rad]."""
     tangent = arrays["rest"][TANGENT : TANGENT + 3, :segments]
     cosine = np.sum(tangent[:, :-1] * tangent[:, 1:], axis=0)
     bend = arrays["segment_in"][segment.LAYOUT.first("q") + BEND, :segments]

@@ -1,4 +1,4 @@
-"""Energy ledger of a step, every term computed on its own.
+"""Energy ledger of a step; every term is computed independently.
 
 Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the first-order motion of a mass point,
 
@@ -6,26 +6,26 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
     = change of kinetic, elastic, potential, penetration and anchor energy
       + friction loss + viscous loss + impact + numerical loss - residual.dq
 
-* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, likewise for hinges, by the trapezoidal
-  rule (its difference to the command first and the motion then is numerical loss, of either sign); -F dl of chamber
-  forces.
-* Actuators with a potential Psi: what their source puts in, the change of what they keep, and what they lose, as they
-  say; the rest of dPsi/dl times the first-order change of the length is numerical loss.
+* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, also for hinges, by the trapezoidal rule,
+  and -F dl of chamber forces. The difference from a change of command before the motion is numerical loss, of either
+  sign.
+* Actuators with a potential Psi: the work of the source, the change of the stored energy and the loss, all given by the
+  actuator; the rest of dPsi/dl times the first-order change of the length is numerical loss.
 * Friction: N rho(motion of the anchor); (P10) as -F.dq for the clamped worm.
-* Friction in the joints of the chambers: the loss of what slides, (H4), and the change of its springs, elastic; the
-  rest of dPsi/dl times the first-order change of the length is numerical loss.
+* Friction in the joints of the chambers: the loss of the sliding elements, (H4), and the change of energy of the
+  springs of these elements (elastic); the rest of dPsi/dl times the first-order change of the length is numerical loss.
 * Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of friction.
-* Impact: the loss in the damper of the normal contact. In a step in which a point strikes the world (`STRIKE`), too
-  short for what contacts resolve, it is instead the impulse N dt times the mean (V + V_n)/2 of the normal velocities
-  before and after, less what the contact stores. Friction's impulse likewise, of which N rho(motion of the anchor) has
-  the velocity after alone: f.(dt (V + V_n)/2 - dX). And since N carries the weight meanwhile, which is none of the
-  impact's, m g.(J dq - dt (V + V_n)/2) for every mass point.
+* Impact: the loss in the damper of the normal contact. A strike (`STRIKE`) is too fast for the step to resolve the
+  contact. In a step with a strike, the loss is instead the impulse N dt times the mean (V + V_n)/2 of the normal
+  velocities before and after, less the energy stored in the contact. Friction's impulse adds f.(dt (V + V_n)/2 - dX),
+  since N rho(motion of the anchor) contains only the velocity after the strike. N also carries the weight, which is not
+  part of the impact; hence m g.(J dq - dt (V + V_n)/2) for every mass point.
 * Numerical: for inertia m [e_v.(V + V_n)/2 + A.e_x] with the defects of the integrator
 
       e_x = dX - dt (V + V_n)/2,   e_v = dt A - dV = w/(1 + w) (V - (1 + w) V_n + w V_{n-1})
 
   with w = dt/dt_old, 0 and so m |dV|^2/2 for implicit Euler; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and,
-  since X(q) and the strains s(q) are not linear, force times (J dq - dX); less what of this is impact.
+  since X(q) and the strains s(q) are not linear, force times (J dq - dX); less the part counted as impact.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ _DT, _LANDS = point.LAYOUT.firsts("dt", "lands")
 _NODE_LANDS = node.LAYOUT.first("lands")
 
 STRIKE = 2.0
-"""Speed of approach from which on a point strikes the world, over what gravity gives it in a time step.
+"""Least speed of approach of a strike, divided by the speed that gravity causes in a time step.
 
-Slower landings are those of a crawling worm, whose springs and dampers press it down with more than its momentum.
+A crawling worm lands more slowly: the springs and dampers press the worm down more strongly than the momentum does.
 """
 
 
@@ -90,7 +90,7 @@ def _lands(core: Core) -> bool:
 
 @inner
 def prepare(core: Core) -> None:
-    """Fill the motion of the step, to first order in the points, and run the ledgers of segments and mass points."""
+    """Fill the motion of the step, to first order for the points, and run the ledgers of segments and mass points."""
     lands = 1.0 if _lands(core) else 0.0
     fill(rows(core.block, a.POINT_IN, _LANDS, 1), lands)
     fill(rows(core.block, a.NODE_IN, _NODE_LANDS, 1), lands)
@@ -116,9 +116,9 @@ def prepare(core: Core) -> None:
 
 @inner
 def add(core: Core, terms: FloatArray) -> None:
-    """Add the step's terms, shape (19,) [J]; `prepare` has run, the past is that before the step.
+    """Add the terms of the step, shape (19,) [J]; `prepare` has run, and the past still precedes the step.
 
-    The hinge angles of the segments are left behind the terms in "segment_ledger", the joints' angles in "joint_out".
+    The hinge angles of the segments are stored after the terms in "segment_ledger", the joints' angles in "joint_out".
     """
     n, worked, dragged = core.n, terms[WORK_CONTRACT], terms[DRAG]
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
@@ -141,7 +141,7 @@ def add(core: Core, terms: FloatArray) -> None:
 
 @inner
 def _collect(core: Core, outputs: int, count: int, of: NDArray[np.int64], terms: FloatArray) -> None:
-    """Add the sums of the first rows of a kernel's outputs to the terms that they are, at most eight."""
+    """Add the sums of the first rows (at most eight) of a kernel's outputs to the corresponding terms."""
     sums, lanes = vector(core.block, a.SUMS), matrix(core.block, outputs).shape[1]
     vectors.totals(address(core.block, a.SUMS, 0), address(core.block, outputs, 0), lanes, count)
     for k in range(len(of)):

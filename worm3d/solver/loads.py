@@ -1,4 +1,4 @@
-"""Loads on joints in a step: their forces, the regimes that Newton's method takes them in, and their energy."""
+"""Loads on joints in a step: forces, regimes in Newton's method, and energy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def loaded(core: Core) -> bool:
 
 @inner
 def begin(core: Core, dt: float, span: float, ratio: float) -> None:
-    """Fill what is known of the loads' joints at the start of a step."""
+    """Fill the known values of the loads' joints at the start of a step."""
     block, at = core.block, vector(core.block, a.LOADED)
     given, count, kept = matrix(block, a.LOAD_IN), len(at), vector(block, a.LOADS)
     joints, velocity, segments = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY), matrix(block, a.SEGMENT_IN)
@@ -58,7 +58,7 @@ def begin(core: Core, dt: float, span: float, ratio: float) -> None:
 
 @inner
 def release(core: Core) -> None:
-    """Let the laws themselves decide on regimes."""
+    """Let the laws themselves determine the regimes."""
     given, count = matrix(core.block, a.LOAD_IN), len(vector(core.block, a.LOADED))
     for k in range(count):
         given[_OWN + _REGIME * count + k, 0] = LOAD_FREE
@@ -66,7 +66,7 @@ def release(core: Core) -> None:
 
 @inner
 def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
-    """Put the loads' joints where they are at x less a share of a step."""
+    """Set the positions of the loads' joints at x less a share of a step."""
     at, given = vector(core.block, a.LOADED), matrix(core.block, a.LOAD_IN)
     for k in range(len(at)):
         for d in range(3):
@@ -76,7 +76,7 @@ def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
 
 @inner
 def add(core: Core, x: FloatArray, in_band: bool) -> float:
-    """Add the loads to the gradient, and perhaps the band; return their potential."""
+    """Add the loads to the gradient, and perhaps the band; return the potential of the loads."""
     at, gradient, band = vector(core.block, a.LOADED), vector(core.block, a.GRADIENT), matrix(core.block, a.BAND)
     given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(at)
     _place(core, x, 0.0, x)
@@ -96,7 +96,7 @@ def add(core: Core, x: FloatArray, in_band: bool) -> float:
 
 @inner
 def turn(core: Core, step: FloatArray) -> bool:
-    """Give each load the regime that follows at x less a step; return whether one changes."""
+    """Give each load the regime that follows at x less a step; return whether a regime changes."""
     given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(vector(core.block, a.LOADED))
     _place(core, vector(core.block, a.X), 1.0, step)
     evaluate_kernel(kernel(core, a.LOAD_TURN), given, out[:count], 1)
@@ -110,7 +110,7 @@ def turn(core: Core, step: FloatArray) -> bool:
 
 @inner
 def finish(core: Core, terms: FloatArray) -> None:
-    """Add the loads' terms of the ledger, and take over their states; the kernels' inputs are those of the solution."""
+    """Add the loads' terms of the ledger, and store the loads' states; the kernels' inputs belong to the solution."""
     given, out, kept = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_ENDS), vector(core.block, a.LOADS)
     x, nodes = vector(core.block, a.X), matrix(core.block, a.NODE_IN)
     given[_LANDS, 0] = nodes[_NODE_LANDS, 0]

@@ -1,8 +1,9 @@
 """Newton-Raphson (P1), (P2) with exact derivatives, compiled.
 
-First it solves the residual with the normal loads of the iterate itself, whose Jacobian is unsymmetric, from the first
-guess, and again from the start of the step. Where that does not converge the fallback begins: passes that minimise the
-potential of the step for given loads (`worm3d.solver.descent`) and solve from there; after each, the loads are updated.
+Newton's method first solves the residual with the normal loads of the iterate itself from the first guess, and again
+from the start of the step; the Jacobian is unsymmetric. If neither converges, the fallback begins: each pass minimises
+the potential of the step for given loads (`worm3d.solver.descent`), solves from the minimum, and then updates the
+loads.
 """
 
 from __future__ import annotations
@@ -23,41 +24,45 @@ from worm3d.solver.evaluate import EXACT, FORCES, LOAD, LOCAL, NONE, WHOLE, eval
 from worm3d.values.arrays import FloatArray
 
 MAX_ITERATIONS = 40
-"""Largest number of Newton iterations, counted anew whenever contacts break away."""
+"""Largest number of Newton iterations; the count restarts whenever contacts break away."""
 RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
 """Relaxation factor of the normal loads after each pass of the fallback."""
 DIVERGED = 0.1
-"""Newton step, as a fraction of the body length, beyond which the iteration is given up."""
+"""Largest Newton step, as a fraction of the body length; a larger step ends the iteration."""
 STRAY_STEP = 0.02
-"""Newton step, as a fraction of the segment length, beyond which one that is longer than the first strays."""
+"""Largest Newton step, as a fraction of the segment length, that never counts as straying; a step strays if it exceeds
+both this limit and the first step."""
 MAX_STRAYS = 2
-"""Number of straying steps that are tolerated: where contacts let go all at once the descent finds them sooner."""
+"""Number of tolerated straying steps: if many contacts release at once, the descent finds the solution sooner."""
 MAX_CHANGES = 16
-"""Number of iterations with a change of regime that are tolerated."""
+"""Number of tolerated iterations with a change of regime."""
 CONTRACTION = 0.2
-"""Largest ratio of successive steps at which the Jacobian is kept."""
+"""Largest ratio of successive steps for which the Jacobian is kept."""
 CURVATURE = 10.0
-"""Error of the first-order motion of a contact point in a step of size s, over s^2/l0."""
+"""Error of the first-order motion of a contact point in a step of size s, divided by s^2/l0."""
 DOUBT = 2.0
-"""Factor on that error for each earlier change of regime in the same step."""
+"""Factor on this error for each earlier change of regime in the same step."""
 EARLY_RELEASE_MARGIN = 10.0
-"""Distance of every stuck contact from its static limit, over its last change, from which on those beyond the limit
-break away before Newton's method has converged; the outcome is the same as after convergence."""
+"""Smallest distance of every stuck contact from the static limit, divided by the last change of this distance, for an
+early breakaway: contacts beyond the limit then break away before Newton's method has converged. The outcome is the same
+as after convergence."""
 SLIDE_AT_ONCE = 25.0
-"""Square of y over the yield limit beyond which a stuck contact slides at once, where no guess is to be trusted."""
+"""Square of y over the yield limit beyond which a stuck contact slides at once, if no guess can be trusted."""
 KEPT = 3e-4
-"""Motion of x, as a fraction of the segment length, up to which the Jacobian is kept but for contacts that change."""
+"""Largest motion of x, as a fraction of the segment length, for which the Jacobian is kept except for changed
+contacts."""
 SLOWEST = 0.1
 """Lower bound for the ratio of the next Newton step to the last with a kept Jacobian. If the next step, predicted with
 this bound, is within the tolerance, it is not computed."""
 QUIET = 1e-9
-"""Newton step, as a fraction of the body length, below which contacts at which nothing was new are not looked at before
-the last one."""
+"""Newton step, as a fraction of the body length; in smaller steps unchanged contacts are not examined before the last
+step."""
 STAGNATION = 1e-12
-"""Newton step, as a fraction of the body length, below which steps that no longer shrink count as rounding."""
+"""Newton step, as a fraction of the body length; smaller steps that no longer shrink count as rounding."""
 
 NOTHING, TURNED, FREED, CHANGED = range(4)
-"""Event among the contacts in an iteration: none, a sliding or stuck one turns, one breaks away, one changes regime."""
+"""Event among the contacts in an iteration: none, a sliding or stuck contact turns, a contact breaks away, a contact
+changes regime."""
 
 _LOAD, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "regime", "breaks")
 
@@ -66,7 +71,7 @@ _LOAD, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "regime", "breaks")
 def solve(core: Core, again: bool) -> bool:
     """Move x to the state that solves the step; return whether Newton converged.
 
-    On success the kernels' outputs are those of the solution, with its own loads.
+    On success the kernels' outputs belong to the solution, with the loads of the solution.
 
     Parameters
     ----------
@@ -97,7 +102,7 @@ def _solve(core: Core, again: bool) -> bool:
     found = _follow(core, WHOLE)
     if not found and loads.loaded(core):
         loads.release(core)
-    if not found and guessed and not again:  # other contacts may hold there than at the start of the step
+    if not found and guessed and not again:  # at the guess other contacts may stick than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.set_regimes_from_last_step(core)
         fill(breaks, SLIDE_AT_ONCE)
@@ -127,18 +132,19 @@ def _solve(core: Core, again: bool) -> bool:
 
 @inner
 def _follow(core: Core, whole: int) -> bool:
-    """Newton with the loads of the iterate itself, whose Jacobian is unsymmetric; it is kept while it serves.
+    """Run Newton's method with the loads of the iterate itself; the unsymmetric Jacobian is kept while useful.
 
-    The residual is exact. In the Jacobian stand, where it depends on forces, those of the contacts that the step before
-    has foreseen. Those of the iterate are far off where contacts are stiff: a step of Newton follows the tangent of a
-    curved path, so that it changes the penetration by the square of its size, and a stiff contact turns this into a
+    The residual is exact. Where the Jacobian depends on contact forces, it uses the forces predicted by the previous
+    Newton step. The forces of the iterate are far off at stiff contacts: a Newton step follows the tangent of a curved
+    path and thus changes the penetration by the square of the step size, and a stiff contact turns this change into a
     large load (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
 
-    Every contact keeps its regime until the step, to first order, leads where it is inconsistent with the friction law
-    by more than the step's own error: contacts stick within nanometres, and by the law alone the iterates would jump to
-    and fro over that. There is no potential to descend: it gives up where regimes go on changing or it does not come
-    closer. The first Jacobian is EXACT: by a worse one a body near its limit point comes to another solution of the
-    step. `whole` says what a new one is after it, WHOLE or EXACT.
+    Every contact keeps the regime until the step, to first order, makes the regime inconsistent with the friction law
+    by more than the error of the step: contacts stick within nanometres, and with the law alone the iterates would jump
+    to and fro across this distance. There is no potential to descend: the iteration gives up if regimes continue to
+    change or the iterates come no closer to the solution. The first Jacobian is EXACT: with a less exact Jacobian a
+    body near the limit point reaches another solution of the step. `whole` is the kind of later new Jacobians, WHOLE or
+    EXACT.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
@@ -184,7 +190,7 @@ def _follow(core: Core, whole: int) -> bool:
 
 @inner
 def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
-    """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
+    """Return the event among the contacts in a step of this size, and whether an open contact lands in this step."""
     l0 = vector(core.block, a.NUMBERS_)[a.L0]
     error = doubt * CURVATURE * size * size / l0
     regimes.predict_yielding(core, vector(core.block, a.DIRECTION), error)
@@ -199,7 +205,7 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 @inner
 def _converged(size: float, previous: float, fresh: int, hessian: int, tolerance: float) -> bool:
-    """Return whether a step, as a fraction of the body length, or the next one is small enough, or it is rounding."""
+    """Return whether this or the next step, as a fraction of the body length, is small enough, or is rounding."""
     if size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous):
         return True
     return hessian == NONE and size * max(size, SLOWEST * previous) < tolerance * previous
@@ -207,7 +213,7 @@ def _converged(size: float, previous: float, fresh: int, hessian: int, tolerance
 
 @inner
 def _ended(core: Core, reached: bool) -> bool:
-    """Take the last step, which leads to the solution, unless x is there; return True."""
+    """Take the last step, which leads to the solution, unless x is already there; return True."""
     if not reached:
         combine(vector(core.block, a.X), 1.0, vector(core.block, a.X), -1.0, vector(core.block, a.DIRECTION))
         evaluate(core, a.X, True, FORCES)
@@ -218,17 +224,17 @@ def _ended(core: Core, reached: bool) -> bool:
 def _excused(core: Core, hessian: int, before: int) -> bool:
     """Return whether a step may be large for contacts that the Jacobian was adapted to.
 
-    The step may have any size if a contact changed its regime, and always in a body of several vectors of segments:
-    to make the whole Jacobian anew for one contact costs more than it saves.
+    The step may have any size if a contact changed regime, and always in a body of several vectors of segments: a whole
+    new Jacobian for one contact costs more than it saves.
     """
     return hessian == LOCAL and (before == CHANGED or core.n > vectors.WIDTH)
 
 
 @inner
 def _newton_step(core: Core, hessian: int, follows: bool) -> float:
-    """Put Newton's step into "direction"; return its size, infinite where there is none.
+    """Put Newton's step into "direction"; return the size of the step, infinite if there is no step.
 
-    Where it follows another one ("trial") with the same Jacobian it is corrected by what that one has shown.
+    If the step follows another step ("trial") with the same Jacobian, Broyden's correction is applied.
     """
     begin = _first_changed(core) if hessian == LOCAL else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
@@ -246,7 +252,7 @@ def _newton_step(core: Core, hessian: int, follows: bool) -> float:
 
 @inner
 def _correct(step: FloatArray, before: FloatArray) -> None:
-    """Broyden's correction of a step with a kept Jacobian, from the step before."""
+    """Apply Broyden's correction to a step with a kept Jacobian, from the step before."""
     left = dot(before, step) / dot(before, before)
     if abs(left) < CONTRACTION:
         combine(step, 1.0 / (1.0 - left), step, 0.0, step)
@@ -254,7 +260,7 @@ def _correct(step: FloatArray, before: FloatArray) -> None:
 
 @inner
 def _first_changed(core: Core) -> int:
-    """Return the first row of the band that the contacts' changes concern."""
+    """Return the first row of the band affected by the changed contacts."""
     changed, first = vector(core.block, a.CHANGED), core.n
     for k in range(0, len(changed), vectors.WIDTH):
         if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * k, 0.0) == 0:

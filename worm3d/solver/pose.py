@@ -1,4 +1,4 @@
-"""Poses, compiled: a worm is put somewhere, with its past, and comes to rest."""
+"""Poses, compiled: a worm is placed, with a past, and comes to rest."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _COMMAND = actuator.CHAMBER_COMMANDS[0]
 _TERMS = len(segment.LEDGER_TERMS)
 _HISTORIES = np.array([list(a.ARRAYS).index(name) for name, row in a.ARRAYS.items() if row.history])
 PLACINGS = 3
-"""Times that the faces' places are looked for: they depend on the world's normal there."""
+"""Number of searches for the contact points of the faces, which depend on the world's normal at these points."""
 
 
 def put_entry(handle: int, _value: float, stops: int, _b: int) -> float:
-    """Put the worm at x with the directors as given, its actuators at rest at the contraction that is asked; an entry.
+    """Put the worm at x with the given directors and the actuators at rest at the commanded contraction; an entry.
 
-    It has no stored friction, and its past is its present. "trial" has the rates of the coordinates. With `stops` the
-    worm stays where it is, at rest: its anchors move to the points, and its loads are kept.
+    The worm has no stored friction, and the past equals the present. "trial" has the rates of the coordinates. With
+    `stops` the worm keeps the present pose, at rest: the anchors move to the points, and the loads are kept.
     """
     core = opened(handle)
     if stops == 0:
@@ -80,7 +80,7 @@ def _put(core: Core, rate: FloatArray) -> None:
 
 @inner
 def _orient(core: Core, i: int) -> None:
-    """Set the tangent of a segment, and make its director a unit vector across it; its roll counts from there."""
+    """Set the tangent of a segment, and make the director a unit vector across the segment, the origin of roll."""
     x, segments = vector(core.block, a.X), matrix(core.block, a.SEGMENT_IN)
     x[BLOCK * i + 3] = 0.0
     square, along, size = 0.0, 0.0, 0.0
@@ -99,7 +99,7 @@ def _orient(core: Core, i: int) -> None:
 
 @inner
 def _set_rates(core: Core, rate: FloatArray) -> None:
-    """Set the places of the joints, and the rates of all coordinates that are not held."""
+    """Set the positions of the joints, and the rates of all coordinates that are not held."""
     block, x, held = core.block, vector(core.block, a.X), vector(core.block, a.HELD)
     joints, velocity = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY)
     segments = matrix(block, a.SEGMENT_IN)
@@ -125,14 +125,14 @@ def _place(core: Core) -> None:
         for d in range(3):
             joints[_J_T + d, i], joints[_J_T + 3 + d, i] = segments[_T_REF + d, i], segments[_T_REF + d, i + 1]
             joints[_J_D + d, i], joints[_J_D + 3 + d, i] = segments[_D_REF + d, i], segments[_D_REF + d, i + 1]
-    if not place(core, x):  # a shape that no step takes has its distances all the same
+    if not place(core, x):  # compute distances also for a shape that no step accepts
         copy(rows(block, a.WORLD_IN, 0, 3), rows(block, a.POINT_IN, 0, 3))
         evaluate_kernel(kernel(core, a.WORLD), world_in, matrix(block, a.WORLD_OUT), world_in.shape[1])
 
 
 @inner
 def _rest_actuators(core: Core) -> None:
-    """Let actuators rest at the contraction that is asked, without forces and hinge commands."""
+    """Put actuators at rest at the commanded contraction, without forces and hinge commands."""
     block, n = core.block, core.n
     asked, segments = vector(block, a.ASKED), matrix(block, a.SEGMENT_IN)
     given, actuated, out = asked[: 2 * n], matrix(block, a.ACTUATED), matrix(block, a.ACTUATOR_OUT)
@@ -173,7 +173,7 @@ def _stop(core: Core) -> None:
 def settle(
     core: Core, command: FloatArray, dt: float, most: int, slides: bool, rest: float, far: float
 ) -> tuple[int, float, float]:
-    """Take steps of implicit Euler until the worm rests; return how the last one ended, and two ways of the joints.
+    """Take steps of implicit Euler until the worm rests; return the end of the last step and two motions of the joints.
 
     Parameters
     ----------
@@ -184,10 +184,10 @@ def settle(
     most : int
         Number of steps.
     slides : bool
-        Whether the worm slides without friction, with its velocities set to zero after each step.
+        Whether the worm slides without friction, with velocities set to zero after each step.
     rest, far : float
-        Way in a step, below which it rests, and way since the start beyond which it is not held [m]. Those of the last
-        step, infinite if none has ended well, are returned.
+        Motion in a step below which the worm rests, and motion since the start beyond which the worm is not held [m].
+        The returned motions are the values of the last step, infinite if no step succeeded.
     """
     joints = rows(core.block, a.JOINTS, 0, 3)
     start, before, moved, away = joints.copy(), joints.copy(), np.inf, np.inf

@@ -1,8 +1,8 @@
-"""What is kept of a run: a row for every recorded instant.
+"""Records of a run: a row for every recorded instant.
 
-Which arrays of a core a row is gathered from follows from the declarations in `worm3d.recorded.series`: Python makes a
-plan of them, and compiled code follows it. An entry of the plan is a block of numbers, i < count_i, j < count_j,
-k < count_k:
+The declarations in `worm3d.recorded.series` determine the arrays of a core that fill a row: Python turns the
+declarations into a plan, and compiled code executes the plan. An entry of the plan is a block of numbers, i < count_i,
+j < count_j, k < count_k:
 
     row[(i count_j + j) count_k + k] = source[i step_i + j step_j + k step_k]
 """
@@ -45,11 +45,11 @@ STATE = "actuator_"
 """Prefix of the names of the actuators' states."""
 
 PLAN, MOMENTA, REGIONS, BEFORE, NOW = range(5)
-"""Arrays of the block of records that are no series: the plan; momentum, angular momentum and centre of mass; for rows
-between the ends of steps (`worm3d.solver.between`) the parts of the core that rows are made of, what they held at the
-start of a step, and at its end."""
+"""Arrays of the block of records that are not series: the plan; momentum, angular momentum and centre of mass; the
+regions of the core that fill rows; and copies of the regions at the start and at the end of a step. Regions and copies
+are only for rows between the ends of steps (`worm3d.solver.between`)."""
 CURVED, SUMS = 2, 2
-"""Numbers of regions at the beginning that hold places, and at the end that hold sums since the row before."""
+"""Number of regions at the beginning that hold positions, and at the end that hold sums since the row before."""
 MOMENTUM_SIZE = 9
 
 ENTRY = 9
@@ -61,23 +61,24 @@ class _Piece(NamedTuple):
 
     array: str
     first: int
-    """Entry of the array with which it begins."""
+    """Entry of the array where the piece begins."""
     counts: tuple[int, int, int]
     steps: tuple[int, int, int]
     to: int = 0
-    """Entry of the row to which it goes."""
+    """Entry of the row where the piece is written."""
 
 
 class _Form(NamedTuple):
-    """What the records of worms with the same kinds of parts have in common."""
+    """Common layout of the records of worms with the same kinds of parts."""
 
     shapes: dict[str, tuple[int, ...]]
     """Shape of each series at one instant."""
     plan: Plan
     entries: NDArray[np.int64]
-    """Entries of the plan; sources count from the core's memory, or from that of the records, and rows from these."""
+    """Entries of the plan; sources count from the memory of the core or of the records, rows from the memory of the
+    records."""
     own: NDArray[np.bool_]
-    """Whether the source of an entry stands in the records."""
+    """Whether the source of an entry is in the records."""
     regions: NDArray[np.int64]
     """Regions, from the core's memory."""
 
@@ -105,19 +106,19 @@ def _form(sizes: a.Sizes, parts: tuple[Any, ...], clamped: bool, rows: int, betw
 
 
 class Records:
-    """Series of a run in progress, and where compiled code finds them.
+    """Series of a run in progress, with the addresses for compiled code.
 
     Parameters
     ----------
     core : CoreMemory
-        Its arrays are read as long as rows are written.
+        The arrays of the core are read as long as rows are written.
     worm : Worm
     clamped : bool
-        Whether the ground is the paper's.
+        Whether the ground is the clamped ground of the paper.
     rows : int
-        Instants; `record` writes every number of a row.
+        Number of instants; `record` writes every number of a row.
     between : bool
-        Whether they may lie between the ends of steps.
+        Whether the instants may lie between the ends of steps.
     """
 
     def __init__(self, core: CoreMemory, worm: Worm, clamped: bool, rows: int, between: bool = False) -> None:
@@ -132,7 +133,7 @@ class Records:
         own["regions"].view(np.int64)[:] = form.regions + np.array([there, 0])
 
     def arrays(self, rows: slice = slice(None)) -> dict[str, FloatArray]:
-        """Return rows of each series, and of the energy ledger, by name, not copies."""
+        """Return views of rows of each series, and of the energy ledger, by name."""
         found = {name: array[rows] for name, array in self._memory.arrays().items() if name in self._shapes}
         return {name: array.reshape(len(array), *self._shapes[name]) for name, array in found.items()}
 
@@ -148,7 +149,7 @@ class Records:
 
 
 def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]) -> list[_Piece]:
-    """Return where the numbers of a series stand."""
+    """Return the places of the numbers of a series."""
     source, shape = _source(series, clamped), series.shape(n)
     if isinstance(source, Entries):
         first = source.first + source.first_per_segment * n
@@ -160,7 +161,7 @@ def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]
     first, steps = _row(source) * POINTS * lanes, (1, lanes, POINTS * lanes)
     if series.dims[1] == "segment":
         return [_Piece(source.array, first, (n, shape[1], prod(shape[2:])), steps)]
-    tail, head = POINTS - 2, POINTS - 1  # a joint is the tail face of its segment, the last one the head face
+    tail, head = POINTS - 2, POINTS - 1  # a joint is the tail face of its segment, the last joint the head face
     return [
         _Piece(source.array, first + tail * lanes, (n, 1, 1), steps),
         _Piece(source.array, first + head * lanes + n - 1, (1, 1, 1), steps, to=n),
@@ -170,7 +171,7 @@ def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]
 def _regions(
     declared: Mapping[str, Series], clamped: bool, n: int, core: Mapping[str, list[int]]
 ) -> list[tuple[int, int]]:
-    """Return where each part of the core begins that rows are made of, and its size: places first, sums last."""
+    """Return begin and size of each part of the core that fills rows: positions first, sums last."""
     first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS), ("terms", 0, 1)]
     found = dict.fromkeys([*first, ("joint_velocity", 0, 3), ("point_velocity", 0, 3)])
     for series in declared.values():
@@ -196,7 +197,7 @@ def _row(source: Rows) -> int:
 
 @njit
 def record(core: Core, records: Block, row: int) -> None:
-    """Write one row, and start to gather for the next."""
+    """Write one row, and start the sums for the next row."""
     gather(core, records, row)
     fill(vector(core.block, a.TERMS_), 0.0)
     fill(vector(core.block, a.SLID), 0.0)
@@ -249,7 +250,7 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
 
 @njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
-    """Momentum, angular momentum and centre of mass of all mass points."""
+    """Compute momentum, angular momentum and centre of mass of all mass points."""
     points, nodes = matrix(core.block, a.POINT_IN), matrix(core.block, a.NODE_IN)
     fill(momentum, 0.0)
     fill(com, 0.0)
@@ -264,7 +265,7 @@ def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
 
 @inner
 def _add_sums(core: Core, count: int, momentum: FloatArray, com: FloatArray) -> None:
-    """Add the sums of what a kernel says of momenta and mass times place."""
+    """Add the sums of a kernel's outputs: momenta, and mass times position."""
     sums, lanes = vector(core.block, a.SUMS), matrix(core.block, a.MOMENTA_OUT).shape[1]
     vectors.totals(address(core.block, a.SUMS, 0), address(core.block, a.MOMENTA_OUT, 0), lanes, count)
     for k in range(6):

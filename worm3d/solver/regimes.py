@@ -1,6 +1,6 @@
-"""Regimes of the contacts (open, sliding, sticking), kept by Newton's method until inconsistent with the friction law.
+"""Regimes of contacts (open, sliding, sticking), which Newton's method keeps until they contradict the friction law.
 
-The rows "pull" of the points hold the predicted friction f of (C5); they keep that name since stored states have it.
+The rows "pull" of the points hold the predicted friction f of (C5); stored states contain the name "pull".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Y, EXCESS, TOUCHING, PREDICTED_FRICTION, SWING, NEXT, STALE, STATIC_EXCESS, RECE
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5
-"""Penetration of a landing contact, as a fraction of the segment length, up to which a step is taken."""
+"""Largest penetration of a landing contact, as a fraction of the segment length, for which a step is taken."""
 
 PRESSED = 1e-3
 """Penetration, as a fraction of the segment length, that sets the load of a landing contact in its first iteration."""
@@ -31,7 +31,7 @@ PRESSED = 1e-3
 
 @inner
 def set_regimes_from_last_step(core: Core) -> None:
-    """Set regime, friction and load of every contact to those at the end of the last step."""
+    """Set regime, friction and load of every contact to the values at the end of the last step."""
     p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
     copy(rows(core.block, a.POINT_IN, _FRICTION, 2), vector(core.block, a.PULL_N))
     copy(p[_FORESEEN], p[_LOAD_N])
@@ -43,7 +43,7 @@ def set_regimes_from_last_step(core: Core) -> None:
 
 @inner
 def set_regimes_from_law(core: Core) -> None:
-    """Set the regime of every contact to what the friction law gives at the last evaluation."""
+    """Set the regime of every contact to the result of the friction law at the last evaluation."""
     evaluate_yielding(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     copy(p[_REGIME], out[NEXT])
@@ -66,7 +66,7 @@ def evaluate_yielding(core: Core) -> None:
 
 @inner
 def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
-    """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of that prediction [m]."""
+    """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of this prediction [m]."""
     p, segments, moved = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN), vector(core.block, a.MOVED)
     combine(moved[: len(step)], -1.0, step, 0.0, step)
     to_segments(core, _DQ, address(core.block, a.MOVED, 0))
@@ -85,20 +85,20 @@ def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
 
 @inner
 def look(core: Core, which: int) -> None:
-    """Fill the row "stale" by a kernel that names the points which another one has to be run for."""
+    """Fill the row "stale" by a kernel that marks the points for which another kernel has to run."""
     p = matrix(core.block, a.POINT_IN)
     evaluate_kernel(kernel(core, which), p, matrix(core.block, a.YIELDING_OUT)[STALE : STALE + 1], p.shape[1])
 
 
 @inner
 def seen(core: Core, first: int) -> bool:
-    """Return whether the row "stale" names one of a vector of points."""
+    """Return whether the row "stale" marks a point in a vector of points."""
     return bool(vectors.all_equal(address(core.block, a.YIELDING_OUT, STALE) + 8 * first, 0.0) == 0)
 
 
 @inner
 def lands(core: Core) -> bool:
-    """Return whether the step would drive an open contact, which it treats as absent, deep into the world."""
+    """Return whether the step, which ignores open contacts, would drive an open contact deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
     for first in range(0, p.shape[1], vectors.WIDTH):
@@ -116,14 +116,14 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
     Parameters
     ----------
     step_rejected : bool
-        Whether the step will not be taken: stuck contacts then change to open or not at all.
+        Whether the step will not be taken: stuck contacts then either open or do not change.
 
     Returns
     -------
     changed : bool
-        Whether a contact has another regime.
+        Whether a contact has a new regime.
     turned : bool
-        Whether a contact that goes on sliding does so in another direction, or a stuck one changed its side.
+        Whether a sliding contact has a new direction, or a stuck contact has changed side.
     """
     p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
     concerned = vector(core.block, a.CHANGED)
@@ -149,19 +149,19 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
 
 @inner
 def sticking(y: float) -> float:
-    """Return the regime of a stuck contact with this displacement, or force against it, along the segment."""
+    """Return the regime of a stuck contact with displacement `y`, or an opposing force `y`, along the segment."""
     return point.STICKING if y >= 0.0 else point.STICKING_BACK
 
 
 @inner
 def break_away(core: Core, margin: float) -> bool:
-    """Give all stuck contacts at their static limit the kinetic limit (C6); return whether there was one.
+    """Give all stuck contacts at the static limit the kinetic limit (C6); return whether there was such a contact.
 
     Parameters
     ----------
     margin : float
-        Nothing breaks away while a stuck contact is no further from its limit than this times what the last iteration
-        has changed; 0 where the iterate solves the step.
+        Nothing breaks away while the distance of a stuck contact from the limit is at most `margin` times the last
+        change of this distance; 0 if the iterate solves the step.
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)

@@ -1,4 +1,4 @@
-"""One segment along a given way, compiled: its kernels at each length, without masses, weight and contact."""
+"""One segment along a given motion, compiled: the kernels at each length, without masses, weight and contact."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from worm3d.physics.kernels import actuator, segment
 from worm3d.values.arrays import FloatArray
 
 KERNELS = ("segment_gradient", "segment_ledger", "actuator_end")
-"""Kernels whose addresses `follow` takes."""
+"""Kernels of `follow`."""
 
 _HEAD = 5
 """Coordinate along x of the joint ahead."""
@@ -23,7 +23,7 @@ _LENGTH_HAT, _ANGLE_HAT = segment.LAYOUT.firsts("length_hat", "angle_hat")
 _ELASTIC, _VISCOUS = (segment.LEDGER_TERMS.index(name) for name in ("elastic", "viscous_loss"))
 _GIVES, _RUBS = (actuator.LEDGER_TERMS.index(name) for name in ("elastic", "hysteresis_loss"))
 _STATES = actuator.CHAMBER_COMMANDS[-1] + actuator.SIDES
-"""First row of the states at the start of a step; an actuator of first order has none of its own."""
+"""First row of the states at the start of a step; a first-order actuator has no states."""
 _STATES_OUT = actuator.LEDGER_ROWS + actuator.SIDES
 
 
@@ -44,9 +44,9 @@ def follow(
     Parameters
     ----------
     addresses : ndarray of int, shape (3,)
-        Of `KERNELS`; the last is not needed without states.
+        Addresses of `KERNELS`; the last address is not needed without states.
     rows : ndarray, shape (R, lanes)
-        Inputs of a segment along the x axis and of its friction, in the first lane.
+        Inputs of a segment along the x axis and of the segment's friction, in the first lane.
     slope, terms, end : ndarray
         Outputs of the kernels, working memory.
     states : int

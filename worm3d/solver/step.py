@@ -1,4 +1,4 @@
-"""One time step, compiled: implicit Euler or BDF2, contacts that break away, and the histories."""
+"""One time step, compiled: implicit Euler or BDF2, breakaway of contacts, and the histories."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ _GIVEN, _HINGE_STATES = actuator.LEDGER_ROWS, actuator.HINGE_ROWS
 
 @inner
 def step(core: Core, dt: float, bdf2: bool) -> int:
-    """Advance the worm by one step to the given commands; return OK or what became of it (`worm3d.solver.guard`).
+    """Advance the worm by one step to the given commands; return OK or the reason of failure (`worm3d.solver.guard`).
 
-    A step that does not end well leaves the worm as it was. The energy ledger is added to "terms", the way that each
-    contact has slid to "slid".
+    A failed step leaves the worm unchanged. The energy ledger is added to "terms", the sliding distance of each contact
+    to "slid".
 
     Parameters
     ----------
     dt : float
         [s]
     bdf2 : bool
-        Whether to take BDF2: the past holds two instants, dt over the number "ratio" apart.
+        Whether to use BDF2: the past holds two instants, separated by dt divided by the number "ratio".
     """
     return int(call(kernel(core, a.STEP), core.handle, dt, bdf2, 0))
 
@@ -82,7 +82,7 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
     if loads.loaded(core):
         loads.finish(core, vector(core.block, a.TERMS_))
     _commit(core)
-    if bdf2 and span == dt:  # the jump of velocity is over: the next step starts from its outcome alone
+    if bdf2 and span == dt:  # the velocity has jumped: the next step starts from the new velocity alone
         for velocity in (a.JOINT_VELOCITY, a.POINT_VELOCITY):
             copy(rows(core.block, velocity, 3, 3), rows(core.block, velocity, 0, 3))
     return OK
@@ -95,8 +95,8 @@ _weights = inner(inertia.weights)
 def _fine(core: Core) -> bool:
     """Return whether the error of a step is allowed: half the largest distance of a joint from its prediction.
 
-    Joints are predicted on the parabola through their last three places. The error of BDF2 is 2/11 of that distance at
-    equal steps, 1/7 to 1/4 at any.
+    The prediction of a joint lies on the parabola through the last three positions. The error of BDF2 is 2/11 of the
+    distance for equal steps, and 1/7 to 1/4 for any steps.
     """
     numbers = vector(core.block, a.NUMBERS_)
     if numbers[a.ALLOWED] == np.inf:
@@ -112,7 +112,7 @@ def _fine(core: Core) -> bool:
 
 @inner
 def place_start(core: Core) -> None:
-    """Make the present state the start of a step, and put the points there."""
+    """Make the present state the start of a step, and place the points."""
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
         x[BLOCK * j + 3] = 0.0
@@ -124,10 +124,11 @@ def place_start(core: Core) -> None:
 
 @inner
 def _strikes(core: Core, dt: float) -> bool:
-    """Return whether a point strikes the world in this step: it would sink in by more than at rest, beyond where it is.
+    """Return whether a point strikes the world in this step: the point would sink further in by more than at rest.
 
-    BDF2, which extrapolates velocities, would throw it back; implicit Euler's impact is inelastic. A point that gravity
-    alone moves as far in the step does not strike, nor does a foot that bears much and stays where it is.
+    BDF2 extrapolates velocities and would throw the point back; with implicit Euler the impact is inelastic. If gravity
+    alone moves the point as far in the step, the point does not strike. A heavily loaded foot that does not move does
+    not strike either.
     """
     p, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
     deep = max(gravity(core) * dt * dt, RESTING_PENETRATION * numbers[a.L0])
@@ -136,9 +137,9 @@ def _strikes(core: Core, dt: float) -> bool:
 
 @inner
 def begin(core: Core, dt: float, bdf2: bool) -> float:
-    """Fill everything else that is known at the start of a step.
+    """Fill all other values that are known at the start of a step.
 
-    Return span = beta dt, the effective step [s]: 2/3 dt in BDF2 at equal steps, dt in implicit Euler and where a point
+    Return span = beta dt, the effective step [s]: 2/3 dt in BDF2 at equal steps, dt in implicit Euler and if a point
     strikes.
     """
     ratio = vector(core.block, a.NUMBERS_)[a.RATIO] if bdf2 else 0.0
@@ -163,7 +164,7 @@ def begin(core: Core, dt: float, bdf2: bool) -> float:
 
 @inner
 def _begin_medium(core: Core, dt: float, ratio: float) -> None:
-    """Set the resistance of the medium to each joint, (D1), by the shape foreseen for the end of the step, (D2)."""
+    """Set the resistance of the medium to each joint, (D1), for the predicted shape at the end of the step, (D2)."""
     block, l0 = core.block, vector(core.block, a.NUMBERS_)[a.L0]
     lengths, velocity = matrix(block, a.LENGTHS), matrix(block, a.JOINT_VELOCITY)
     segments, given = matrix(block, a.SEGMENT_IN), matrix(block, a.MEDIUM_IN)
@@ -212,7 +213,7 @@ def _begin_strains(core: Core, dt: float, span: float, ratio: float) -> None:
 
 @inner
 def _begin_points(core: Core, dt: float, span: float, ratio: float) -> None:
-    """Freeze the tangents and what else contacts remember of the start of the step, and preset their inertia."""
+    """Freeze the tangents and the other memory of contacts at the start of the step, and preset the inertia."""
     p, lanes = matrix(core.block, a.POINT_IN), matrix(core.block, a.REST).shape[1]
     fill(p[_P_DT], dt)
     fill(p[_P_SPAN], span)
@@ -226,7 +227,7 @@ def _begin_points(core: Core, dt: float, span: float, ratio: float) -> None:
 
 @inner
 def _solve_contact(core: Core) -> bool:
-    """Solve with the static limit where contacts are stuck until they break away."""
+    """Solve with the static limit for stuck contacts until these contacts break away."""
     limit_ratio, stuck = rows(core.block, a.POINT_IN, _LIMIT_RATIO, 1), vector(core.block, a.STUCK)
     static_ratio = vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
     for k in range(len(limit_ratio)):
@@ -236,7 +237,7 @@ def _solve_contact(core: Core) -> bool:
 
 @inner
 def _commit(core: Core) -> None:
-    """Shift the histories, move the anchors, carry the directors along."""
+    """Shift the histories, move the anchors, update the directors."""
     block, x = core.block, vector(core.block, a.X)
     _remember(core, a.JOINTS, address(block, a.NODE_IN, 0))
     _remember(core, a.JOINT_VELOCITY, address(block, a.NODE_OUT, _OF_NODES_LEDGER))
@@ -259,7 +260,7 @@ def _commit(core: Core) -> None:
 
 @inner
 def _commit_actuators(core: Core) -> None:
-    """Take over what the actuators give at the end of the step, and their states."""
+    """Store the outputs and the states of the actuators at the end of the step."""
     block, given = core.block, vector(core.block, a.GIVEN)
     if kernel(core, a.ACTUATOR_END) != 0:
         out = matrix(block, a.ACTUATOR_OUT)
@@ -273,7 +274,7 @@ def _commit_actuators(core: Core) -> None:
 
 @inner
 def _remember(core: Core, k: int, new: int) -> None:
-    """Make the present of an array that holds two instants its past, and what stands at an address its present."""
+    """Shift an array of two instants: the present becomes the past, the values at address `new` the present."""
     present, size = address(core.block, k, 0), vector(core.block, k).size // 2
     vectors.move(present + 8 * size, present, size)
     vectors.move(present, new, size)
@@ -281,7 +282,7 @@ def _remember(core: Core, k: int, new: int) -> None:
 
 @inner
 def _move_anchors(core: Core) -> None:
-    """Take over anchors, their energy and their slip from the outputs of point_after."""
+    """Copy anchors, and the energy and slip of the anchors, from the outputs of point_after."""
     block, slid = core.block, vector(core.block, a.SLID)
     anchors, lanes = address(block, a.POINT_IN, _ANCHOR), slid.size
     vectors.move(anchors, address(block, a.AFTER_OUT, _NEW_ANCHOR), 3 * lanes)
@@ -291,7 +292,7 @@ def _move_anchors(core: Core) -> None:
 
 @inner
 def _carry_directors(core: Core) -> None:
-    """Make tangents and directors of the end of the step those that the next one starts from, orthonormal again."""
+    """Make tangents and directors at the end of the step the reference of the next step, orthonormal again."""
     rest, segments = matrix(core.block, a.REST), matrix(core.block, a.SEGMENT_IN)
     for i in range(core.n):
         along, square = 0.0, 0.0

@@ -1,7 +1,7 @@
-"""Checks of what users give: each refuses with one sentence that says what, what was got, and what is allowed.
+"""Checks of user input: an error message names the argument, the value received and the allowed values.
 
-They return the value in the type that the rest relies on. Nothing is converted in silence: True is no number, "1" is
-none, and neither is an array of one. Raised is ValueError, whatever is wrong.
+Each check returns the value in the type that the rest of the program relies on. Nothing is converted silently: True,
+"1" and an array of one number are not numbers. Every check raises ValueError, whatever is wrong.
 """
 
 from __future__ import annotations
@@ -16,19 +16,20 @@ from worm3d.values.arrays import FloatArray
 T = TypeVar("T")
 
 LARGEST = 1e12
-"""Largest size of a number in SI units; what has to be above 0 is at least its inverse, so that cubes stay finite."""
+"""Largest size of a number in SI units; a number that must be above 0 is at least the inverse, so that cubes stay
+finite."""
 
 LARGEST_WHOLE = 2**63 - 1
 """Largest whole number of 64 bits."""
 
 _LONGEST = 80
-"""Largest number of characters of a value in a sentence."""
+"""Largest number of characters of a value in an error message."""
 
 MOST_MEMORY = 4e9
 """Largest memory of a run, grid or table [byte]."""
 
 BYTES_PER_STEP = 250.0
-"""Memory that a step takes beside the rows of the result [byte]."""
+"""Memory of a step in addition to the rows of the result [byte]."""
 
 
 class Bounds(TypedDict, total=False):
@@ -50,9 +51,9 @@ def number(
     allowed: str = "",
     **bounds: Unpack[Bounds],
 ) -> float:
-    """Return a real number within a range, finite unless `infinite`; `allowed` says the range in other words.
+    """Return a real number within a range, finite unless `infinite`; `allowed` describes the range in other words.
 
-    Its size lies below `largest` and, where it has to be above 0, above the inverse of that.
+    The absolute value lies below `largest`. If the number must be above 0, the number lies above 1 / `largest`.
     """
     found = _real(value)
     got = f"{shown(value)}{f' {unit}' if unit else ''}"
@@ -96,7 +97,7 @@ def instance(name: str, value: T, kind: Any, what: str) -> T:
 
 
 def function(name: str, value: T, what: str = "a function of time") -> T:
-    """Return what can be called."""
+    """Return a function or another callable object."""
     if not callable(value) or isinstance(value, type):
         raise ValueError(f"{name}: got {_type_of(value)}, must be {what}")
     return value
@@ -111,9 +112,9 @@ def array(
     fill: bool = False,
     **bounds: Unpack[Bounds],
 ) -> FloatArray:
-    """Return an array of finite numbers within a range, one's own and read-only; with `fill` a number fills it.
+    """Return a read-only copy of an array of finite numbers within a range; with `fill` a number fills the array.
 
-    A letter among the sizes in `shape` stands for any size of at least `least`.
+    A letter among the sizes in `shape` means any size of at least `least`.
     """
     found = floats(name, value)
     if found.ndim == 0 and fill:
@@ -135,10 +136,10 @@ def array(
 
 
 def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpack[Bounds]) -> FloatArray:
-    """Return a number, or an array of at most `depth` dimensions, as a read-only array of one's own.
+    """Return a read-only copy of a number, or of an array of at most `depth` dimensions.
 
-    Of two or more, the second one of all `depth` is for left and right. `form` says in words what the array may be. How
-    many numbers there must be is checked later.
+    If an array has all `depth` dimensions (two or more), the second dimension is for left and right. `form` describes
+    the allowed arrays in words. A later check compares the number of values.
     """
     found = floats(name, value)
     with np.errstate(invalid="ignore"):
@@ -152,13 +153,13 @@ def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpa
 
 
 def require_count(name: str, value: Any, count: int) -> None:
-    """Raise ValueError where an array in the place of a number is not of shape (count,)."""
+    """Raise ValueError if an array given instead of a number does not have the shape (count,)."""
     if np.ndim(value) > 0 and np.shape(value) != (count,):
         raise ValueError(f"{name}: got {np.size(value)} values, must be a number or {count} of them")
 
 
 def floats(name: str, value: Any) -> FloatArray:
-    """Return numbers as an array of one's own, of any shape and size, finite or not."""
+    """Return numbers as a new array of any shape and size, finite or not."""
     try:
         given = np.asarray(value)
     except Exception as error:  # lists of unequal length, and whatever an object's own conversion raises
@@ -169,7 +170,7 @@ def floats(name: str, value: Any) -> FloatArray:
 
 
 def shown(value: Any) -> str:
-    """Return a value as a sentence shows it: on one line, not too long."""
+    """Return a value as text for an error message: on one line, not too long."""
     if isinstance(value, np.ndarray) and value.size > 6:
         return f"an array of shape {value.shape}"
     try:
@@ -180,12 +181,12 @@ def shown(value: Any) -> str:
 
 
 def bytes_of_run(segments: int, steps: float, every: int) -> float:
-    """Return the memory that a run takes until it is on disc, half as much again as measured [byte]."""
+    """Return the memory of a run until the result is on disc, 1.5 times the measured memory [byte]."""
     return steps * (BYTES_PER_STEP + (1000.0 + 2100.0 * segments) / every)
 
 
 def require_room(name: str, needed: float, what: str, remedy: str) -> None:
-    """Raise ValueError for what would not fit into memory; `needed` in bytes."""
+    """Raise ValueError if `needed` bytes would not fit into memory."""
     if not needed <= MOST_MEMORY:
         raise ValueError(
             f"{name}: got {what}, about {needed / 1e9:.3g} GB of memory, must be at most {MOST_MEMORY / 1e9:g} GB; "
@@ -194,7 +195,7 @@ def require_room(name: str, needed: float, what: str, remedy: str) -> None:
 
 
 def _real(value: Any) -> float | None:
-    """Return a number as a float; None for what is none."""
+    """Return a number as a float; None for anything else."""
     if isinstance(value, np.ndarray) and value.shape == () and value.dtype.kind in "iuf":
         return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
@@ -206,7 +207,7 @@ def _real(value: Any) -> float | None:
 
 
 def _within(value: Any, bounds: Bounds) -> Any:
-    inside = value == value  # and not NaN
+    inside = value == value  # False for NaN
     for relation, bound in bounds.items():
         inside = inside & getattr(operator, relation)(value, bound)
     return inside

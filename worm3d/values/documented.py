@@ -1,4 +1,4 @@
-"""Docstrings of classes completed by what stands below their fields, so that `help` shows it."""
+"""Docstrings of classes, completed by the strings below the fields, so that `help` shows these strings."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ T = TypeVar("T")
 
 
 class _Doc:
-    """A docstring that is written when it is first read: few read any, and all of them take as long as a short run."""
+    """A docstring that is written on first access: few are read, and writing all takes as long as a short run."""
 
     def __init__(self, described: Callable[[Any], str], text: str) -> None:
         self._described, self._text = described, text
 
     def __get__(self, instance: object, holder: Any) -> str:
-        # Python 3.13 takes the indent off docstrings, earlier ones leave it.
+        # Python 3.13 removes the indent of docstrings; earlier versions keep the indent.
         head, raises, rest = inspect.cleandoc(self._text).partition("\n\nRaises\n")
         if lines := self._described(holder):
             head += f"\n\nAttributes\n----------\n{dedent(lines).rstrip()}"
@@ -30,7 +30,7 @@ class _Doc:
 
 
 def by(described: Callable[[Any], str]) -> Callable[[type[T]], type[T]]:
-    """Return a decorator that adds what is said of a class's attributes to its docstring, before the section Raises."""
+    """Return a decorator that adds the description of a class's attributes to the docstring, before Raises."""
 
     def decorate(holder: type[T]) -> type[T]:
         holder.__doc__ = _Doc(described, holder.__doc__ or "")  # type: ignore[assignment]
@@ -58,7 +58,7 @@ def _fields(holder: type) -> list[tuple[str, str, str]]:
 
 @cache
 def _classes(module: str) -> dict[str, list[ast.stmt]]:
-    """Return the statements of each class of a module; none where its source is not there."""
+    """Return the statements of each class of a module; empty if the source is not available."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, TypeError):

@@ -1,4 +1,4 @@
-"""Names, units and print of metrics; `worm3d.measures` has their table, NOTATION.md their formulas."""
+"""Names, units and text of metrics; `worm3d.measures` has the table of metrics, NOTATION.md has the formulas."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ UNITS = {
     "_bl_s": "BL/s",
     "_per_metre": "m/m",
 }
-"""Unit of a metric by the ending of its name, of which the longest counts; BL is a body length."""
+"""Unit of a metric by the ending of the name (the longest matching ending counts); BL is a body length."""
 
 
 ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
-"""Magnitude below which a metric is rounding and written as 0, by its unit."""
+"""Magnitude, by unit: a smaller metric is rounding error and is written as 0."""
 
 
 TWO_DIGITS = 2.95
-"""First digits of an error below which two digits are written: one digit alone would make it twice as large."""
+"""An error whose first digits are below this number is written with two digits; one digit could double the error."""
 MOST_DECIMALS = 9
-"""Largest number of decimals of a metric that is written with its error."""
+"""Largest number of decimals of a metric that is written with an error."""
 
 
 def written(value: float, unit: str, digits: int = 6) -> str:
-    """Return a metric as text, without its unit."""
+    """Return a metric as text, without the unit."""
     return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.{digits}g}"
 
 
 def rounded_up(error: float) -> float:
-    """Return an error rounded up to the digits with which it is written: two if the first is a 1 or a 2, else one."""
+    """Return an error rounded up to the written digits: two digits if the first digit is a 1 or a 2, else one digit."""
     if not 0.0 < error < inf:
         return error
     last = _last(error)
@@ -40,13 +40,13 @@ def rounded_up(error: float) -> float:
 
 
 def _last(error: float) -> int:
-    """Return the power of ten of the last digit of an error that is written."""
+    """Return the power of ten of the last written digit of an error."""
     first = floor(log10(error))
     return first - 1 if error < TWO_DIGITS * 10.0**first else first
 
 
 def with_error(value: float, error: float, unit: str) -> str:
-    """Return a metric and its error as text, both with the digits that the error leaves; no unit.
+    """Return a metric and the error as text without a unit, both with the digits that the error leaves.
 
     An error that is 0, or not known (NaN), is left out.
     """
@@ -60,7 +60,7 @@ def with_error(value: float, error: float, unit: str) -> str:
 
 
 def named(metric: str) -> tuple[str, str]:
-    """Return the name of a metric in words, and its unit: `mean_speed_m_s` is ("mean speed", "m/s")."""
+    """Return the name in words and the unit of a metric: `mean_speed_m_s` is ("mean speed", "m/s")."""
     ending = max((ending for ending in UNITS if metric.endswith(ending)), key=len, default="")
     return metric.removesuffix(ending).replace("_", " "), UNITS.get(ending, "")
 

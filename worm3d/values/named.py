@@ -1,9 +1,9 @@
-"""Parts by name: those of a registry, or a user's own as `module:NAME`, such as `my_robot:MyController`.
+"""Parts by name: parts of a registry, or a user's own parts as `module:NAME`, such as `my_robot:MyController`.
 
-The module is one that Python finds, or a file in the current folder. NAME is what it calls the part: a class, or where
-parts are used as they are, an object or a function that returns one. A name in a scene must not make a program out of
-whatever happens to be installed: a part has to be marked for the kind that is asked for, by its base class or by
-`marked`, and nothing that is not is called. The module itself is imported, which runs what stands in it.
+The module is a module that Python finds, or a file in the current folder. NAME is the name of the part in the module: a
+class or, for kinds whose parts are objects, an object or a function that returns an object. A name in a scene must not
+run arbitrary installed code. Therefore a part has to be marked for the requested kind, by the base class or by
+`marked`; unmarked parts are never called. Importing the module runs the code of the module.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ T = TypeVar("T", bound=Callable[..., Any])
 LONGEST = 200
 """Number of characters of an exception's text that are kept."""
 EXCEPTIONS = (Exception, SystemExit)
-"""Exceptions of a user's own code that become a sentence. A SystemExit is one: it would end this program silently."""
+"""Exceptions of a user's own code that become an error message; SystemExit would end this program silently."""
 FUNCTIONS = (FunctionType, BuiltinFunctionType)
 MARK = "__worm3d_parts__"
-"""Attribute of a class or function: the kinds of parts that it is marked as."""
+"""Attribute of a class or function that holds the marked kinds of parts."""
 _bases, _names, _title = (type.__dict__[name].__get__ for name in ("__mro__", "__dict__", "__name__"))
-"""Bases of a class, itself included, its attributes and its name; they run no code of a metaclass."""
+"""Functions for the bases (with the class itself), attributes and name of a class; they run no code of a metaclass."""
 _code_is_refused: ContextVar[bool] = ContextVar("_code_is_refused", default=False)
 
 
@@ -42,36 +42,36 @@ class Kind:
     """A kind of parts that users write."""
 
     name: str
-    """Name, as `marked` takes it."""
+    """Name, an argument of `marked`."""
     what: str
-    """With its article: "a controller"."""
+    """Name with the article: "a controller"."""
     module: str
-    """Module of its base class, imported when a part of this kind is asked for."""
+    """Module of the base class, imported when a part of this kind is requested."""
     base: str
-    """Name of the base class there."""
+    """Name of the base class in the module."""
     form: str = ""
     """Class method that a class of this kind has, with its arguments; empty for parts that are objects."""
     table: str = ""
-    """Name, in the module, of the table of those that ship; empty: they have none."""
+    """Name, in the module, of the table of the built-in parts; empty if there is no table."""
 
     @property
     def registry(self) -> Mapping[str, Any]:
-        """Those that ship, by name."""
+        """Built-in parts, by name."""
         found: Mapping[str, Any] = getattr(import_module(self.module), self.table) if self.table else {}
         return found
 
     @property
     def base_class(self) -> type:
-        """Class from which a part may be derived."""
+        """Class that a part may be derived from."""
         found: type = getattr(import_module(self.module), self.base)
         return found
 
     def marks(self, part: Any) -> bool:
-        """Return whether a class, function or object is marked as one, by its class or by `marked`; runs none of it."""
+        """Return whether a part is marked as this kind, by the class or by `marked`; no code of the part runs."""
         return self.name in _marks(part) or self.base_class in _bases(_class_of(part))
 
     def accepts(self, part: Any) -> bool:
-        """Return whether a marked part has the form of one."""
+        """Return whether a marked part has the form of this kind."""
         return not self.form or (_is_class(part) and callable(getattr(part, self.form.partition("(")[0], None)))
 
 
@@ -84,14 +84,14 @@ def marked(kind: str, part: T) -> T:
 
 
 def is_own(name: str) -> bool:
-    """Return whether a name is written as a user's own part, `module:NAME`."""
+    """Return whether a name has the form of a user's own part, `module:NAME`."""
     module, colon, attribute = name.partition(":")
     return bool(colon) and attribute.isidentifier() and all(map(str.isidentifier, module.split(".")))
 
 
 @contextmanager
 def code_refused() -> Iterator[None]:
-    """While entered, a user's own parts are refused, and no module of theirs is imported."""
+    """Refuse users' own parts within the context, without importing their modules."""
     token = _code_is_refused.set(True)
     try:
         yield
@@ -100,20 +100,20 @@ def code_refused() -> Iterator[None]:
 
 
 def own(name: str, kind: Kind) -> Any:
-    """Return a user's own part, of which nothing is called.
+    """Return a user's own part without calling the part.
 
     Parameters
     ----------
     name : str
         `module:NAME`.
     kind : Kind
-        What it has to be.
+        Required kind.
 
     Raises
     ------
     ValueError
-        There is no such module or part, the module cannot be imported, the part is not marked for the kind or has not
-        its form, or users' own parts are refused.
+        The module or part does not exist, the module cannot be imported, the part is not marked for the kind or does
+        not have the form of the kind, or users' own parts are refused.
     """
     if not is_own(name):
         raise ValueError(f"got {name!r}, must be {kind.what} of your own as module:NAME")
@@ -133,12 +133,13 @@ def own(name: str, kind: Kind) -> Any:
 
 
 def ready(name: str, kind: Kind, make: Callable[[Any], Any] = lambda part: part()) -> Any:
-    """Return a user's own part as an object of a kind; `make` makes it of a class or function.
+    """Return a user's own part as an object of a kind; `make` makes the object from a class or function.
 
     Raises
     ------
     ValueError
-        As of `own`, or making it raises an exception; that of a class with parameters is a refusal of these, unchanged.
+        `own` raises a ValueError, or making the object raises an exception. A ValueError of a class with parameters
+        refuses the parameters and is raised unchanged.
     """
     found = own(name, kind)
     base = kind.base_class
@@ -158,12 +159,12 @@ def ready(name: str, kind: Kind, make: Callable[[Any], Any] = lambda part: part(
 
 
 def declared(part: Any) -> Mapping[str, Parameter]:
-    """Return the parameters of a part by name: those of a class that is a dataclass, none of anything else."""
+    """Return the parameters of a part by name: the parameters of a dataclass; empty for any other part."""
     return parameters_of(part) if isinstance(part, type) and is_dataclass(part) else {}
 
 
 def told(error: BaseException) -> str:
-    """Return an exception of a user's own part as a line."""
+    """Return an exception of a user's own part as one line of text."""
     text = str(error) if isinstance(error, ValueError) and str(error) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())[:LONGEST]
 
@@ -177,7 +178,7 @@ def names_in(data: Any) -> list[str]:
 
 
 def raised(error: BaseException, names: Iterable[str]) -> str:
-    """Return which parts of a user's own may have raised an exception, what it says, and the line in their modules."""
+    """Return the user's own parts that may have raised an exception, the message, and the line in the module."""
     files = {getattr(sys.modules.get(name.partition(":")[0]), "__file__", None) for name in names}
     at = [frame for frame in extract_tb(error.__traceback__) if frame.filename in files][-1:]
     where = "".join(f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in at)
@@ -185,7 +186,7 @@ def raised(error: BaseException, names: Iterable[str]) -> str:
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Return what is wrong with a name that is neither in a registry nor a user's own."""
+    """Return the error message for a name that is neither in a registry nor a user's own part."""
     words = list(known)
     close = get_close_matches(name, words, n=1)
     meant = f"; did you mean {close[0]!r}?" if close else ""
@@ -201,21 +202,21 @@ def _class_of(part: Any) -> Any:
 
 
 def _marks(part: Any) -> frozenset[str]:
-    """Return the kinds that a function, or a class or one of its bases, is marked as by hand."""
+    """Return the kinds marked by hand on a function, or on a class or a base class."""
     is_function = type(part) is FunctionType
     spaces = [part.__dict__] if is_function else [_names(base) for base in _bases(_class_of(part))]
     return frozenset().union(*(space.get(MARK, ()) for space in spaces))
 
 
 def _described(part: Any) -> str:
-    """Return what something is, in words; what its class says of itself is not asked."""
+    """Return a description of an object in words, without calling the object's own repr."""
     if _is_class(part):
         return f"the class {_title(part)}"
     return "a function" if type(part) in FUNCTIONS else f"an object of {_title(type(part))}"
 
 
 def _how(part: Any, kind: Kind) -> str:
-    """Return what to write so that a part is marked."""
+    """Return an instruction for marking a part."""
     by_hand = f"write @part({kind.name!r}) above it (from control.parts import part)"
     if type(part) in FUNCTIONS and not kind.form:
         return by_hand
@@ -224,7 +225,7 @@ def _how(part: Any, kind: Kind) -> str:
 
 
 def _require_allowed(name: str, module: str) -> None:
-    """Refuse what cannot be a user's own part, before it is imported."""
+    """Refuse a name that cannot be a user's own part, before the module is imported."""
     first = module.partition(".")[0]
     if _code_is_refused.get():
         raise ValueError(f"{name} is code of a module, refused here (--no-code): choose a part that ships with worm3d")
@@ -239,7 +240,7 @@ def _require_allowed(name: str, module: str) -> None:
 def _imported(module: str) -> Any:
     here = str(Path.cwd())
     if here not in sys.path:
-        sys.path.append(here)  # last, so that no file there hides an installed module
+        sys.path.append(here)  # last, so that no file in this folder hides an installed module
     _announce(module)
     try:
         return import_module(module)
@@ -252,8 +253,8 @@ def _imported(module: str) -> Any:
 
 
 def _announce(module: str) -> None:
-    """Print which code is about to be run; workers, whose scenes have been announced, do not."""
-    from multiprocessing import parent_process  # few name a module
+    """Print which code will run next; workers print nothing, since the main process has announced their scenes."""
+    from multiprocessing import parent_process  # few scenes name a module
 
     first = module.partition(".")[0]
     spec = None if module in sys.modules or parent_process() is not None else PathFinder.find_spec(first)
@@ -262,7 +263,7 @@ def _announce(module: str) -> None:
 
 
 def _attribute(found: Any, module: str, attribute: str) -> Any:
-    names: dict[str, Any] = object.__getattribute__(found, "__dict__")  # and no __getattr__ of the module
+    names: dict[str, Any] = object.__getattribute__(found, "__dict__")  # does not call a __getattr__ of the module
     if attribute not in names:
         close = get_close_matches(attribute, [name for name in names if not name.startswith("_")], n=1)
         meant = f"; did you mean {close[0]!r}?" if close else ""

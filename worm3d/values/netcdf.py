@@ -1,16 +1,18 @@
-"""Files of named arrays: one NetCDF4 file per run, for planar and 3D worms alike, however it was started.
+"""Files of named arrays: one NetCDF4 file per run, for planar and 3D worms alike, however the run was started.
 
-Variables stand in the root group with named dimensions, `units` and `long_name`; further groups hold wall-clock figures
-and that from which a run can go on. Nothing is compressed: it would take six times as long to write; nor chunked, so
-that HDF5's own checksums (fletcher32) do not apply.
+The root group holds the variables with named dimensions, `units` and `long_name`. Further groups hold wall-clock times
+and the checkpoint that resumes a run. Nothing is compressed, since writing would take six times as long. Nothing is
+chunked, so HDF5's own checksums (fletcher32) do not apply.
 
-Damage is noticed by two digests. One of the file's bytes follows the HDF5 data, where every program that reads HDF5
-ignores it; it is checked before anything else reads the file, since a few wrong bytes can make the HDF5 library loop
-for ever, ask for all memory or crash. The other, the attribute `digest`, is one of what the file says: it tells what
-another program changed when it wrote the file anew, and holds where that changed nothing.
+Two digests detect damage. The first digest, of the file's bytes, follows the HDF5 data, where every program that reads
+HDF5 ignores these bytes. This digest is checked before anything else reads the file, since a few wrong bytes can make
+the HDF5 library loop for ever, request all memory or crash. The second digest, the attribute `digest`, covers the
+content of the file. If another program rewrites the file, this digest still matches unless that program changed the
+content.
 
-A file whose bytes have no digest was not written by this program as it is. A process with little time and memory reads
-it first and hands it on as worm3d writes it: `python -m worm3d.values.netcdf FILE NAME`.
+A file without a digest of the bytes was not written by worm3d in this form. A separate process with limited time and
+memory, `python -m worm3d.values.netcdf FILE NAME`, reads such a file first and passes the content on in worm3d's own
+form.
 """
 
 from __future__ import annotations
@@ -38,16 +40,16 @@ from worm3d.values.netcdf_image import image
 from worm3d.values.variable import Variable
 
 FORMAT = "worm3d result 2"
-"""Value of the attribute `format` by which worm3d knows its files."""
+"""Value of the attribute `format`, which identifies the files of worm3d."""
 
 SAID = ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary", "run")
-"""Attributes that the attribute `digest` is of, as far as a file has them."""
+"""Attributes that the attribute `digest` covers, if a file has them."""
 IN_JSON = ("versions", "summary", "run")
-"""Attributes among them that are JSON."""
+"""Attributes of `SAID` that are JSON."""
 ROOT, TIMING = "", "timing"
 """Groups that every file has."""
 GROUPS = (ROOT, TIMING, "checkpoint")
-"""Groups that the digest is of even if they are empty; in this order, before the others."""
+"""Groups that the digest covers even if they are empty; in this order, before the others."""
 
 SEAL, SEAL_END = b"\nworm3d sha256 ", b"\n"
 """Bytes before and after the digest at the end of a file."""
@@ -56,30 +58,30 @@ SEAL_LENGTH = len(SEAL) + 64 + len(SEAL_END)
 PATIENCE = 60
 """Longest time to read a file that another program wrote [s]."""
 MEMORY = 3 * int(MOST_MEMORY)
-"""Memory of the process that reads it: a run's arrays, another copy of them, and programs [byte]."""
+"""Memory of the process that reads such a file: a run's arrays, a copy of the arrays, and programs [byte]."""
 REFUSED = 2
-"""Exit code of that process where it has said why."""
+"""Exit code of that process after it has written the reason."""
 
 
 class FileError(ValueError):
-    """A file is not a result, is damaged, or does not say what worm3d wrote."""
+    """A file is not a result, is damaged, or does not hold the content that worm3d wrote."""
 
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What a file says."""
+    """Content of a file."""
 
     attributes: Mapping[str, Any]
     """Texts and whole numbers by name."""
     groups: Mapping[str, tuple[Variable, ...]]
-    """Variables of each group, `ROOT` for those outside of any."""
+    """Variables of each group; `ROOT` is the root group."""
 
     @property
     def digest(self) -> str:
-        """Digest of all that it says, however it is stored."""
+        """Digest of the content, independent of the storage layout."""
         said = {name: self.attributes[name] for name in SAID if name in self.attributes}
         said = {name: json.loads(value) if name in IN_JSON else value for name, value in said.items()}
-        said = {"kind" if name == "model" else name: value for name, value in said.items()}  # its name in older files
+        said = {"kind" if name == "model" else name: value for name, value in said.items()}  # the name in older files
         said["seed"] = int(said["seed"])
         digest = hashlib.sha256(_text(said))
         for name in (*GROUPS, *sorted(self.groups.keys() - set(GROUPS))):
@@ -90,7 +92,7 @@ class Content:
         return digest.hexdigest()
 
     def require_digest(self, name: str) -> None:
-        """Raise FileError where it is not what its attributes `format` and `digest` are of; `name` is the file's."""
+        """Raise FileError if the attribute `format` or `digest` does not match the content of the file `name`."""
         if self.attributes.get("format") != FORMAT:
             raise FileError(f"{name}: not a result of worm3d (its attribute 'format' is not '{FORMAT}')")
         try:
@@ -123,25 +125,25 @@ def _add(digest: hashlib._Hash, variable: Variable) -> None:
 
 
 def signed(content: Content) -> Content:
-    """Return a content with the attributes `format` and `digest`."""
+    """Return content with the attributes `format` and `digest`."""
     return Content({"format": FORMAT, **content.attributes, "digest": content.digest}, content.groups)
 
 
 def packed(content: Content) -> bytes:
-    """Return a content as the bytes of a file."""
+    """Return content as the bytes of a file."""
     data = image(content.attributes, content.groups)
     return b"".join((data, SEAL, hashlib.sha256(data).hexdigest().encode(), SEAL_END))
 
 
 def unpacked(file: Path | BinaryIO, name: str) -> Content:
-    """Return what a file says, without looking at its digests.
+    """Return the content of a file, without checking the digests.
 
     Raises
     ------
     FileError
-        No NetCDF file, or one that is cut short.
+        The file is not a NetCDF file, or is cut short.
     PermissionError
-        It may not be read.
+        The file may not be read.
     """
     try:
         with h5netcdf.File(file, "r") as opened:
@@ -149,7 +151,7 @@ def unpacked(file: Path | BinaryIO, name: str) -> Content:
             return Content(dict(opened.attrs), {each: _variables(group) for each, group in groups.items()})
     except PermissionError:
         raise
-    except Exception as error:  # a few wrong bytes come out of the HDF5 libraries as almost anything
+    except Exception as error:  # a few wrong bytes make the HDF5 libraries raise almost any exception
         line = (str(error).splitlines() or [type(error).__name__])[0]
         raise FileError(f"{name}: not a result of worm3d, or cut short: {line}") from error
 
@@ -162,17 +164,17 @@ def _variables(group: Any) -> tuple[Variable, ...]:
 
 
 def _decoded(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values as they were given: HDF5 has texts as bytes."""
+    """Return values in their original type: HDF5 stores texts as bytes."""
     return np.char.decode(values.astype(bytes), "utf-8") if values.dtype.kind == "O" else values
 
 
 def load(path: Path) -> Content:
-    """Return what a file says, read so that damage does no harm; `Content.require_digest` is the caller's.
+    """Return the content of a file, read so that damage does no harm; the caller calls `Content.require_digest`.
 
     Raises
     ------
     FileError
-        No NetCDF file, cut short or damaged.
+        The file is not a NetCDF file, is cut short, or is damaged.
     OSError
         The file cannot be read.
     """
@@ -188,7 +190,7 @@ def load(path: Path) -> Content:
 
 
 def is_whole(path: Path) -> bool | None:
-    """Return whether a file is as it was written; None if it has no digest at its end.
+    """Return whether a file is unchanged since it was written; None if the file has no digest at the end.
 
     Raises
     ------
@@ -208,12 +210,12 @@ def is_whole(path: Path) -> bool | None:
 
 
 def handed_on(path: Path) -> bytes:
-    """Return a file that another program wrote, as worm3d writes it.
+    """Return the bytes of a file that another program wrote, in the form that worm3d writes.
 
     Raises
     ------
     FileError
-        It is no NetCDF file, is damaged, or cannot be read in time.
+        The file is not a NetCDF file, is damaged, or cannot be read in time.
     """
     command = [sys.executable, "-P", "-m", "worm3d.values.netcdf", str(path.resolve()), str(path)]
     try:
@@ -229,14 +231,14 @@ def handed_on(path: Path) -> bytes:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all: an earlier one stands until all is written.
+    """Write a file whole or not at all: an earlier file stays until all is written.
 
     Raises
     ------
     OSError
-        There is no such folder, or the disc refused.
+        The folder does not exist, or the disc refused the data.
     """
-    if not path.parent.is_dir():  # before the name of a part comes up
+    if not path.parent.is_dir():  # before an error would show the name of the temporary file
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
     part = path.with_name(f".{path.name}-{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
@@ -248,7 +250,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def main() -> None:
-    """Read the file that the first argument names and the second one calls, and write it to standard output."""
+    """Read the file at the first argument (the second is the displayed name) and write the file to standard output."""
     with suppress(ImportError, ValueError, OSError):
         import resource
 

@@ -1,7 +1,7 @@
-"""Bytes of a NetCDF4 file, written by HDF5 itself: an HDF5 file whose dimensions are dimension scales.
+"""Bytes of a NetCDF4 file, written directly with HDF5: an HDF5 file whose dimensions are dimension scales.
 
-The rules are those of "File Format Specifications", NetCDF-4 format, in the NetCDF documentation of Unidata. They are
-written in low-level calls of h5py, which take a ninth of the time that h5netcdf needs for a run of 90 variables.
+The format follows "File Format Specifications", NetCDF-4 format, in the NetCDF documentation of Unidata. The code uses
+low-level calls of h5py, which take a ninth of the time of h5netcdf for a run of 90 variables.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from worm3d.values.variable import Variable
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{:10d}"
-"""Name that a dimension scale without a variable has, given the length of the dimension."""
+"""Name of a dimension scale without a variable, given the length of the dimension."""
 
 OTHER_THAN_DIMENSION = "_nc4_non_coord_{}"
-"""Name in the HDF5 file of a variable that has the name of a dimension without being its coordinate."""
+"""HDF5 name of a variable that has the name of a dimension but is not the coordinate of that dimension."""
 
 TEXT = h5py.string_dtype()
 """Type of texts of any length, in UTF-8."""
@@ -37,9 +37,9 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
     attributes : mapping
         Texts and whole numbers of the root group by name.
     groups : mapping
-        Variables of each group by its name, "" for the root group; each group has dimensions of its own.
+        Variables of each group by the group's name, "" for the root group; each group has its own dimensions.
     """
-    # In memory, since the HDF5 library crashes when the disc is full; it never touches the name.
+    # In memory, since the HDF5 library crashes when the disc is full. The file name "image" is never used.
     with h5py.File("image", "w", driver="core", backing_store=False, track_order=True) as file:
         dimensions = 0
         for name, variables in groups.items():
@@ -55,7 +55,7 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
 
 
 def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
-    """Write variables and their dimensions to a group and return how many dimensions these are; `known` are before."""
+    """Write variables and their dimensions to a group; return the number of dimensions, in addition to `known`."""
     sizes = {dim: size for variable in variables for dim, size in variable.sizes.items()}
     written = {}
     for variable in variables:
@@ -76,14 +76,14 @@ def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
 
 
 def _is_free(variable: Variable, sizes: Mapping[str, int]) -> bool:
-    """Return whether a variable may have its name in the file: no dimension has it, or the variable is its scale."""
+    """Return whether the file may use a variable's name: no dimension has the name, or the variable is its scale."""
     return variable.name not in sizes or variable.dims == (variable.name,)
 
 
 def _array(group: Any, name: str, values: NDArray[Any]) -> Any:
-    """Write an array and return its identifier; a dimension without entries is one that could grow."""
+    """Write an array and return the identifier; a dimension without entries is stored as an unlimited dimension."""
     creation, greatest = h5p.create(h5p.DATASET_CREATE), None
-    creation.set_obj_track_times(False)  # the same content is to give the same bytes
+    creation.set_obj_track_times(False)  # so that the same content gives the same bytes
     if 0 in values.shape:
         greatest = tuple(size or h5s.UNLIMITED for size in values.shape)
         creation.set_chunk(tuple(size or 1 for size in values.shape))

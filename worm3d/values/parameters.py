@@ -48,7 +48,7 @@ EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
         ),
     }
 )
-"""By what an array has numbers for: its largest number of dimensions, its type and its form in words."""
+"""Keys: the objects that an array has numbers for. Values: largest number of dimensions, type, and form in words."""
 
 WIDTH = 110
 """Columns of a documented parameter."""
@@ -56,26 +56,26 @@ WIDTH = 110
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """What is known of a parameter."""
+    """Description of a parameter."""
 
     meaning: str
-    """What it is, a noun phrase."""
+    """Meaning of the parameter, a noun phrase."""
     unit: str = ""
     """Unit, SI and radians; empty for a pure number."""
     bounds: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    """Range: of gt, ge, lt, le those that it has."""
+    """Range: the given bounds among gt, ge, lt and le."""
     each: Literal["", "segment", "joint", "side", "sample"] = ""
-    """What an array has numbers for, a key of `EACH`; empty: one number."""
+    """Objects that an array has numbers for, a key of `EACH`; empty for a single number."""
     infinite: bool = False
-    """Whether it may be infinite."""
+    """Whether the parameter may be infinite."""
     allowed: str = ""
-    """Range in words, where an error is to say it in others than its own."""
+    """Range in words for error messages, if these replace the words made from `bounds`."""
     key: str = ""
-    """Name in a scene, if that is not its own name and unit."""
+    """Name in a scene, if this differs from the name of the field and the unit."""
     aka: tuple[str, ...] = ()
     """Further names that people try in a scene."""
     left_out: str = ""
-    """What holds where it has no finite default."""
+    """Text that replaces the default in the documentation, if there is no finite default."""
     name: str = ""
     default: Any = None
     hint: Any = None
@@ -83,28 +83,28 @@ class Parameter:
 
     @property
     def optional(self) -> bool:
-        """Whether None stands for a default that follows from other parameters."""
+        """Whether None means a default that follows from other parameters."""
         return type(None) in get_args(self.hint)
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The words to choose from; empty if it is none of several words."""
+        """The allowed words; empty if the parameter is not a choice between words."""
         return get_args(self.hint) if get_origin(self.hint) is Literal else ()
 
     @property
     def is_pair(self) -> bool:
-        """Whether it is a pair of numbers, which its class checks."""
+        """Whether the parameter is a pair of numbers, which the class of the parameter checks."""
         return get_origin(self.hint) is tuple
 
     def checked(self, value: Any, size: int | None = None, largest: float = arguments.LARGEST) -> Any:
-        """Return a value in the type that the rest relies on: a number of at most `largest`, or an array.
+        """Return a value in the type that the rest of the program uses: a number of at most `largest`, or an array.
 
-        The array has `size` numbers; None where its class does not know how many.
+        The array has `size` numbers; None if the class does not know the number.
 
         Raises
         ------
         ValueError
-            A value of another type, or out of range.
+            The value has another type or is out of range.
         """
         if (value is None and self.optional) or self.is_pair:
             return value
@@ -159,13 +159,13 @@ def _read(part: Any) -> Mapping[str, Parameter]:
 
 
 parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
-"""Parameters of a dataclass (the class) by name; fields that are declared otherwise are left out."""
+"""Parameters of a dataclass (the class) by name; fields not declared with `parameter` are left out."""
 
 
 def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) -> None:
-    """Check the parameters of a (frozen) instance and store them in the types that the rest relies on.
+    """Check the parameters of a (frozen) instance and store them in the types that the rest of the program uses.
 
-    Numbers are at most `largest`; `segment=6, joint=5` are the sizes of arrays with one for each of these.
+    Numbers are at most `largest`; `segment=6, joint=5` are the sizes of arrays with one number per segment or joint.
     """
     for name, known in parameters_of(type(instance)).items():
         value = known.checked(getattr(instance, name), sizes.get(known.each), largest)
@@ -198,7 +198,7 @@ def _type_text(known: Parameter) -> str:
 
 
 def in_degrees(known: Parameter) -> Parameter:
-    """Return a parameter in radians (also per second) as one in degrees; any other as it is."""
+    """Return a parameter in radians (also per second) as a parameter in degrees; any other unchanged."""
     if not known.unit.startswith("rad"):
         return known
     turned = {name: round(math.degrees(bound), 9) for name, bound in known.bounds.items()}

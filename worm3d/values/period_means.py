@@ -1,4 +1,4 @@
-"""The way of the centre of mass, averaged over a period of the gait: a wave rocks it, which the mean takes out."""
+"""Path of the centre of mass, averaged over a gait period; the average removes the oscillation of each wave."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def averaged(com: FloatArray, window: int) -> FloatArray:
 def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
     """Return the length of the path of the centre of mass, averaged over a period about each instant [m].
 
-    A wave rocks the centre of mass; a mean over a period takes that out. From the first place to the mean over the
-    first period, and from that over the last one to the last place, it is straight: nothing of the way is lost, and a
-    shorter mean would rock. Between the instants the centre of mass moves on straight lines. A run shorter than a
-    period has one mean, over all of it.
+    A wave rocks the centre of mass; a mean over a period removes this oscillation. The path is straight from the first
+    position to the mean over the first period, and from the mean over the last period to the last position. Thus no
+    part of the path is lost; a shorter mean would oscillate. Between the instants the centre of mass moves on straight
+    lines. A run shorter than a period has one mean, over the whole run.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
 
 
 def integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray:
-    """Return integrals from time[0] to each t, (K,), of straight lines through values, (T, D), at times, (K, D)."""
+    """Return integrals, (K, D), from time[0] to t, (K,), of straight lines through values, (T, D), at times, (T,)."""
     step = np.diff(time)[:, None]
     up_to = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
     k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(step) - 1)

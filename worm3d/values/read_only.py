@@ -1,4 +1,4 @@
-"""Frozen classes whose arrays stay read-only, also in copies and where they were pickled, and are printed in short."""
+"""Frozen classes whose arrays stay read-only, also in copies and after pickling, and are printed in short form."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ H = TypeVar("H")
 T = TypeVar("T")
 
 LISTED = 3
-"""Arrays of so many numbers at most are printed whole."""
+"""Largest number of values of an array that is printed whole."""
 
 COLUMNS, LINES = 110, 5
-"""An object is printed on so many lines at most, so wide."""
+"""Largest width and number of lines of a printed object."""
 
 
 class ReadOnly(Spelled):
     """Base of frozen dataclasses that hold arrays, or mappings of arrays.
 
-    A dataclass that has a `__post_init__` of its own makes its arrays read-only there; others inherit this one.
+    A dataclass with its own `__post_init__` makes the arrays read-only there; other dataclasses inherit this one.
     """
 
     def __init_subclass__(cls) -> None:
-        if "__repr__" not in vars(cls):  # or a dataclass would get one that prints every number
+        if "__repr__" not in vars(cls):  # otherwise the dataclass would print every number
             cls.__repr__ = ReadOnly.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
@@ -50,7 +50,7 @@ class ReadOnly(Spelled):
 
 
 def read_only(value: Any) -> Any:
-    """Return a view of an array, or of the arrays of a mapping, that cannot be written to; anything else as it is."""
+    """Return a read-only view of an array, or of the arrays of a mapping; anything else unchanged."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.setflags(write=False)
@@ -61,7 +61,7 @@ def read_only(value: Any) -> Any:
 
 
 def kept(function: Callable[[H], T]) -> Callable[[H], T]:
-    """Keep what a function returns of a frozen instance with that instance, as `cached_property` does for a method."""
+    """Store a function's result in the frozen instance given as argument, as `cached_property` does for a method."""
     name = f"_{function.__name__}"
 
     @wraps(function)
@@ -75,7 +75,7 @@ def kept(function: Callable[[H], T]) -> Callable[[H], T]:
 
 
 def brief(value: Any) -> str:
-    """Return a value as it is printed within an object: of long arrays their shape and range only."""
+    """Return a value as text within a printed object: for long arrays only the shape and range."""
     if isinstance(value, np.ndarray):
         return _brief_array(value)
     if isinstance(value, Mapping):
@@ -96,12 +96,12 @@ def _brief_array(array: np.ndarray[Any, Any]) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Return a text on a few lines; what does not fit on them is left out."""
+    """Return a text wrapped to a few lines; the rest of the text is left out."""
     return "\n".join(
         wrap(text, COLUMNS, subsequent_indent="  ", max_lines=LINES, placeholder=" ...)", break_on_hyphens=False)
     )
 
 
 def listed(lines: Iterable[str]) -> str:
-    """Return lines below one another, each cut where it would be too wide."""
+    """Return lines below one another; a line that is too wide is cut."""
     return "\n".join(line if len(line) <= COLUMNS else f"{line[: COLUMNS - 4]} ..." for line in lines)

@@ -1,4 +1,4 @@
-"""Files read whole, but never more of them than expected: no pipe is waited for, no device read without end."""
+"""Files read whole up to a largest size: reading does not wait for a pipe or read a device without end."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def read(path: str | os.PathLike[str], most: int) -> bytes:
     Raises
     ------
     OSError
-        It cannot be opened, is no regular file (a folder, pipe, socket or device) or is larger; `strerror` says which,
-        also for a path that no file system takes.
+        The file cannot be opened, is not a regular file (a folder, pipe, socket or device), or is larger. `strerror`
+        names the reason, also for a path that no file system accepts.
     """
     try:
         # Without O_NONBLOCK, opening a pipe would wait for somebody to write to it.

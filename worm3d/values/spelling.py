@@ -1,6 +1,6 @@
-"""Misspelt names, of arguments, attributes and keys: which one was meant, in the same words everywhere.
+"""Misspelt names of arguments, attributes and keys: the error suggests the intended name, in the same words everywhere.
 
-A class below `Spelled`, and a function with `@spelled`, refuse an argument that they do not have with a sentence:
+A subclass of `Spelled`, or a function with `@spelled`, refuses an unknown argument with an error message:
 
     Worm: n_segments: unknown argument; did you mean 'segments'?
 """
@@ -30,18 +30,18 @@ ELSEWHERE = {
     "time": "duration",
     "time_step": "dt",
 }
-"""Words of scenes, pages and other programs for what arguments are called here."""
+"""Words of scenes, pages and other programs, with the corresponding names of arguments in worm3d."""
 
 
 def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
-    """Return the name that `word` was probably meant to be; `known` pairs what people write with the name."""
+    """Return the probable intended name for `word`; `known` pairs the words that people write with the names."""
     meaning = {tried.lower(): name for tried, name in known}
     close = get_close_matches(word.lower(), meaning, n=1)
     return meaning[close[0]] if close else None
 
 
 def unknown(what: str, word: str, known: Iterable[tuple[str, str]]) -> str:
-    """Return the sentence about an unknown name; `what` is a word for such names, the rest as of `did_you_mean`."""
+    """Return the error message for an unknown name; `what` is a word for such names, the rest as in `did_you_mean`."""
     pairs = list(known)
     meant = did_you_mean(word, pairs)
     listed = ", ".join(dict.fromkeys(name for _, name in pairs)) or "none"
@@ -50,7 +50,7 @@ def unknown(what: str, word: str, known: Iterable[tuple[str, str]]) -> str:
 
 
 class Spelled:
-    """Base of classes that refuse arguments that they do not have, with the one that may have been meant."""
+    """Base of classes that refuse unknown arguments and suggest the argument that may have been intended."""
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Return the object, which `__init__` fills.
@@ -58,7 +58,7 @@ class Spelled:
         Raises
         ------
         TypeError
-            An argument by a name that `__init__` does not have.
+            `__init__` has no argument of this name.
         """
         if named:
             _require_known(cls, cls.__init__, named)
@@ -66,7 +66,7 @@ class Spelled:
 
 
 def spelled(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function refuse arguments that it does not have, as classes below `Spelled` do: with a TypeError."""
+    """Make a function refuse unknown arguments with a TypeError, as subclasses of `Spelled` do."""
 
     @wraps(function)
     def called(*given: P.args, **named: P.kwargs) -> R:
@@ -84,11 +84,11 @@ def no_attribute(module: str, name: str, known: Iterable[str], elsewhere: Iterab
     ----------
     module, name : str
     known : iterable of str
-        Names that it has.
+        Names in the module.
     elsewhere : iterable of str
-        Other modules, in which the name is sought too; their own last names count.
+        Other modules that are searched for the name; the last component of a module's name counts too.
     """
-    # Programs ask for names with "_", and `from package import submodule` for that submodule, which is imported next.
+    # Programs request names with "_". `from package import submodule` requests the submodule, which is imported next.
     if name.startswith("_") or find_spec(f"{module}.{name}") is not None:
         return AttributeError(f"module {module!r} has no attribute {name!r}")
     for other in elsewhere:
@@ -114,7 +114,7 @@ def _require_known(owner: Any, function: Callable[..., Any], named: Mapping[str,
 
 
 def _tried(owner: Any) -> Iterable[tuple[str, str]]:
-    """Yield what people try in the place of the parameters of a dataclass, and the names of these."""
+    """Yield the words that people try for the parameters of a dataclass, with the names of the parameters."""
     for field in dataclasses.fields(owner):
         if known := field.metadata.get(PARAMETER):
             yield from ((other, field.name) for other in (known.key, *known.aka) if other)
@@ -122,7 +122,7 @@ def _tried(owner: Any) -> Iterable[tuple[str, str]]:
 
 @cache
 def _arguments(function: Callable[..., Any]) -> dict[str, None] | None:
-    """Return the arguments that a function takes by name; None if it takes any."""
+    """Return the arguments that a function takes by name; None if the function takes any name."""
     if function is object.__init__:
         return {}
     found = signature(function).parameters.values()

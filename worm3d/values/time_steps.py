@@ -1,4 +1,4 @@
-"""How long time steps may be: the rules of scenes and of Python."""
+"""Largest length of time steps: the rules for scenes and for Python."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ CONTRACTION_MISSED = "or the steps miss the contraction"
 
 
 def fits(dt: float, span: float, times: int = 1) -> bool:
-    """Return whether so many time steps fit into a span of time [s]."""
+    """Return whether `times` time steps fit into a span of time [s]."""
     return dt * times <= span * (1.0 + EQUAL)
 
 
 def require_fit(dt: float, name: str, span: float, why: str = "", times: int = 1) -> None:
-    """Raise ValueError unless so many time steps fit into a span of time [s]; `name` says what the span is."""
+    """Raise ValueError unless `times` time steps fit into a span of time [s]; `name` describes the span."""
     if not fits(dt, span, times):
         most = "at most" if times == 1 else f"at most a {times}th of"
         raise ValueError(f"dt: got {dt:g} s, must be {most} {name}, {span:g} s{why and f', {why}'}")
 
 
 def require_period(dt: float, name: str, period: float) -> None:
-    """Raise ValueError where too few time steps [s] make a period of a gait, called `name` [s]."""
+    """Raise ValueError if a gait period [s], called `name`, has too few time steps [s]."""
     require_fit(dt, name, period, WAVE_MISSED, PER_PERIOD)

@@ -26,7 +26,7 @@ class Variable:
     units: str
     """Unit, "1" for a pure number."""
     long_name: str
-    """What it is, in a few words."""
+    """Meaning, in a few words."""
 
     def __init__(self, name: str, dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str) -> None:
         array = np.array(values)
@@ -52,9 +52,9 @@ def column_names(variable: Variable) -> Iterator[str]:
 
 
 def write_csv(variables: Iterable[Variable], path: str | PathLike[str]) -> None:
-    """Write variables whose first dimension is time: a row for each instant, a column for each number known there.
+    """Write variables whose first dimension is time: a row for each instant, a column for each number.
 
-    Every float is written so that it reads back exactly.
+    Reading the file gives exactly the same floats.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Pictures from plain arrays: a page for the browser, figures, movies, meshes. Knows no simulator.
+"""Pictures from plain arrays: a page for the browser, figures, movies, meshes. Independent of the simulator.
 
-Heavy libraries are imported where they are used: take `figure`, `movie`, `meshes` and `live` as modules.
+Heavy libraries are imported only where used: import `figure`, `movie`, `meshes` and `live` as modules.
 """
 
 from worm3d.viewer.frames import Frames

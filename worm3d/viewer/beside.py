@@ -10,17 +10,17 @@ from html import escape
 from worm3d.viewer.html import filled, resource
 
 MOST = 6
-"""Largest number of pages: browsers draw no more than some ten scenes at a time."""
+"""Largest number of pages: browsers draw only about ten scenes at a time."""
 
 
 @dataclass(frozen=True)
 class Page:
-    """The page of a run, as one of several."""
+    """The page of a run, shown beside other pages."""
 
     label: str
-    """What stands above it."""
+    """Caption above the page."""
     html: str
-    """What `worm3d.viewer.html.html` returns."""
+    """Page from `worm3d.viewer.html.html`."""
     begin: float
     """First instant of the run [s]."""
     end: float
@@ -28,9 +28,9 @@ class Page:
 
 
 def side_by_side(pages: Sequence[Page], title: str = "worm3d") -> str:
-    """Return a page that shows others side by side, all at the same time of their runs and from the same side.
+    """Return a page that shows other pages side by side, all at the same time of the runs and from the same side.
 
-    A run that begins later or ends earlier stands still before and after. An address may say what is seen first:
+    A run that begins later or ends earlier stands still before and after. The page's address may select the first view:
     `compare.html#t=2.5&camera=top&play=1`, with the time of the runs [s] and the cameras of the pages.
 
     Raises

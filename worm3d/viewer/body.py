@@ -1,8 +1,8 @@
-"""The worm's parts at every instant: chambers with their lengths and heights, and the links around them.
+"""The worm's parts at every instant: chambers with lengths and heights, and the links around the chambers.
 
     t = e/l,   u = t x d,   centre of chamber c = middle of below and above,   h_c = |above - below|/2
 
-Both chambers of a segment have links of one length a, a^2 = h_c^2 + l_c^2/4, and l_L + l_R = 2 l; so
+Both chambers of a segment have links of the same length a, a^2 = h_c^2 + l_c^2/4, and l_L + l_R = 2 l; so
 
     l_L = l + (h_R^2 - h_L^2)/l,   l_R = l - (h_R^2 - h_L^2)/l.
 """
@@ -31,7 +31,7 @@ class Bars:
 
     @property
     def length(self) -> FloatArray:
-        """Mean length of each, shape (B,) [m]."""
+        """Mean length of each bar, shape (B,) [m]."""
         return np.asarray(np.linalg.norm(self.end - self.start, axis=2).mean(axis=0))
 
 
@@ -91,7 +91,7 @@ class Body:
         return Bars((*names, *rod_names), *(np.concatenate(pair, axis=1) for pair in zip(parts, rods, strict=True)))
 
     def _crossbars(self, joints: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """Return starts, ends and normals of rods between the chambers across each joint; None if these coincide."""
+        """Return starts, ends and normals of rods between the chambers at each joint; None if the chambers coincide."""
         apart = np.linalg.norm(self.centre[:, :, 0] - self.centre[:, :, 1], axis=2).mean()
         if apart < 0.02 * self.length.mean():
             return None
@@ -104,7 +104,7 @@ class Body:
     def _at_joints(behind: FloatArray, ahead: FloatArray) -> FloatArray:
         """Return sums over the segments that meet at each joint, shape (T, N+1, 3).
 
-        `behind` belongs to the tail end of each segment, `ahead` to its head end.
+        `behind` belongs to the tail end of each segment, `ahead` to the head end.
         """
         none = np.zeros_like(behind[:, :1])
         return np.asarray(np.concatenate([behind, none], axis=1) + np.concatenate([none, ahead], axis=1))

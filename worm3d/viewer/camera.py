@@ -1,4 +1,4 @@
-"""Geometry for the cameras: the heading of the worm, the floor, and the place inside the pipe ahead of it."""
+"""Geometry for the cameras: the heading of the worm, the floor, and the place ahead of the worm inside a pipe."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ AHEAD = 0.4
 """Distance of the camera inside a pipe from the head, in body lengths."""
 
 FRONT = (0.9, 0.3)
-"""Distances of the camera ahead of the head and above it where there is no pipe, in body lengths."""
+"""Distances of the camera ahead of and above the head where there is no pipe, in body lengths."""
 
 
 def azimuths(frames: Frames) -> FloatArray:
     """Return the heading in every frame, a mean over the period, since a wave sways the worm, shape (T,) [rad].
 
-    It is that of the chord from tail to head; while this is upright, the one before.
+    The heading is the azimuth of the chord from tail to head; while the chord is upright, the last heading is kept.
     """
     chord = frames.joints[:, -1] - frames.joints[:, 0]
     level = np.linalg.norm(chord[:, :2], axis=1) > 0.05 * np.linalg.norm(chord, axis=1)
@@ -28,9 +28,9 @@ def azimuths(frames: Frames) -> FloatArray:
 
 
 def floor(world: tuple[WorldMesh, ...]) -> FloatArray | None:
-    """Return the plane z = a + b x + c y through what one cannot see through, as (a, b, c); None if there is no such.
+    """Return the plane z = a + b x + c y through the opaque meshes, as (a, b, c); None without opaque meshes.
 
-    It is level where what is there is not wide enough to say how it tilts.
+    The plane is level in directions where the meshes are too narrow to determine the tilt.
     """
     solid = [mesh.vertices for mesh in world if mesh.opacity == 1.0 and len(mesh.vertices)]
     if not solid:
@@ -41,10 +41,10 @@ def floor(world: tuple[WorldMesh, ...]) -> FloatArray | None:
 
 
 def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
-    """Return where the camera is and where it looks in every frame, each of shape (T, 3) [m].
+    """Return the camera's place and the point in view in every frame, each of shape (T, 3) [m].
 
-    It stands just above the centre line of the pipe if the head is near it, or else where the head points, further away
-    and higher.
+    If the head is near the centre line of the pipe, the camera is just above this line. Otherwise the camera is where
+    the head points, further away and higher.
     """
     heads, size = frames.joints[:, -1], frames.body_length
     pointing = heads - frames.joints[:, max(frames.segments - 2, 0)]
@@ -60,7 +60,7 @@ def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
 
 
 def _ahead_on(line: FloatArray, head: FloatArray, direction: FloatArray, reach: float) -> FloatArray | None:
-    """Return the point of the line a distance `reach` ahead of the head along it; None if the head is far from it."""
+    """Return the point a distance `reach` ahead of the head along the line; None if the head is far from the line."""
     edges = np.diff(line, axis=0)
     square = np.maximum(np.sum(edges**2, axis=1), 1e-300)
     share = np.clip(np.sum((head - line[:-1]) * edges, axis=1) / square, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""One colour for one meaning, in the browser, in figures and in exported meshes."""
+"""Colours with the same meaning in the browser, in figures and in exported meshes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HORIZON: Colour = (0.85, 0.10, 0.62)
 
 
 def strain_limit(strain: FloatArray) -> float:
-    """Return the strain at full colour: the largest that occurs, at least 0.05."""
+    """Return the strain at full colour: the largest strain, at least 0.05."""
     return max(float(np.abs(strain).max(initial=0.0)), 0.05)
 
 

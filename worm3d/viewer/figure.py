@@ -34,9 +34,9 @@ _BAR = 260
 _WIDE, _HIGH = 760, 760
 """Largest size of the views together [pixel]."""
 _TITLE = 560
-"""Smallest width of the figure, so that the title finds room [pixel]."""
+"""Smallest width of the figure, so that the title fits [pixel]."""
 DULLEST = 0.6
-"""Brightness of what is seen from its edge, over that of what faces the viewer."""
+"""Brightness of a surface seen edge-on, relative to a surface that faces the viewer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +59,13 @@ class Projection:
     def facing(self, corners: FloatArray) -> FloatArray:
         """Return how much polygons face the viewer: the cosine of the angle to their normals, shape (K,).
 
-        Their corners, shape (K, C, 3), are anticlockwise seen from where the normals point.
+        The corners of the polygons, shape (K, C, 3), are anticlockwise seen from the side that the normals point to.
         """
         normal, _ = _unit(np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
         return np.asarray(normal @ self.near)
 
     def arrows(self, start: FloatArray, vector: FloatArray, wide: float) -> FloatArray:
-        """Return the outlines of arrows from places (A, 3), with heads so wide, shape (A, 7, 2) [m]."""
+        """Return the outlines of arrows from places (A, 3), with heads of width `wide`, shape (A, 7, 2) [m]."""
         a, v = self.points(start), self.points(vector)
         along, size = _unit(v)
         head = np.minimum(1.6 * wide, 0.5 * size)
@@ -75,12 +75,12 @@ class Projection:
         return np.stack([a - thin, neck - thin, neck - broad, tip, neck + broad, neck + thin, a + thin], axis=1)
 
     def cut(self, vertices: FloatArray, faces: NDArray[np.int64], through: FloatArray) -> FloatArray:
-        """Return where a mesh meets the plane of the picture through a point, as lines, shape (S, 2, 2) [m]."""
+        """Return the section of a mesh with the plane of the picture through a point, as lines, shape (S, 2, 2) [m]."""
         height = (vertices - through) @ self.near
         above = height[faces] >= 0.0
         crossed = above.any(axis=1) & ~above.all(axis=1)
         corners, above, height = vertices[faces[crossed]], above[crossed], height[faces[crossed]]
-        # The corner that is alone on its side.
+        # The corner that is alone on one side of the plane.
         alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
         rows = np.arange(len(alone))
         ends = []
@@ -93,7 +93,7 @@ class Projection:
 
 
 def _unit(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors and lengths, shape (..., 1); no direction where there is no length."""
+    """Return unit vectors and lengths, shape (..., 1); a zero vector has no direction."""
     size = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.maximum(size, 1e-300)), size
 
@@ -105,8 +105,8 @@ def _turned(vectors: FloatArray) -> FloatArray:
 class Stage:
     """Side and top view of a worm, ready to be drawn at any instant.
 
-    The views show the whole run, or three bodies' lengths (one and a half across) that follow the worm; both have one
-    scale. `axes` are those of the side and of the top.
+    The views show the whole run, or follow the worm with three body lengths (one and a half across); both views have
+    the same scale. `axes` are the axes of the side view and of the top view.
     """
 
     def __init__(self, frames: Frames) -> None:
@@ -128,7 +128,7 @@ class Stage:
         self._title = self.axes[0].set_title("", fontsize=9, loc="left")
 
     def _frame(self) -> tuple[Figure, tuple[Axes, Axes]]:
-        """Return a figure in which both views have one scale; its size is even, for MP4."""
+        """Return a figure whose views have the same scale, with an even size for MP4."""
         long, wide, high = self._span
         scale = min(_WIDE / long, _HIGH / (wide + high))
         width = 2 * round(max(scale * long + _LEFT + _RIGHT, _TITLE) / 2)
@@ -161,7 +161,7 @@ class Stage:
         if not -len(self.frames) <= index < len(self.frames):
             raise IndexError(f"frame: got {index}, must be in [0, {len(self.frames) - 1}]")
         index %= len(self.frames)
-        step = 0.5 * self.frames.body_length  # in between the axes stand still
+        step = 0.5 * self.frames.body_length  # in between the axes do not move
         here = step * np.round(self.frames.axes @ self.frames.centre[index] / step)
         middle = np.where(self._follows, here, self._middle)
         low, high = middle - 0.5 * self._span, middle + 0.5 * self._span
@@ -175,17 +175,17 @@ class Stage:
 
     @property
     def view(self) -> tuple[float, ...]:
-        """Limits of the axes; they change where the views follow the worm."""
+        """Limits of the axes; the limits change if the views follow the worm."""
         return tuple(limit for axes in self.axes for limit in (*axes.get_xlim(), *axes.get_ylim()))
 
     @property
     def artists(self) -> list[Artist]:
-        """Artists that differ between frames, in the order in which they are drawn."""
+        """Artists that differ between frames, in drawing order."""
         return [self._title, *(artist for picture in self._pictures for artist in picture.artists)]
 
     @contextmanager
     def moving(self) -> Iterator[None]:
-        """Leave out of the figure, for a while, what differs between frames."""
+        """Temporarily leave the artists that differ between frames out of the figure."""
         for artist in self.artists:
             artist.set_animated(True)
         try:
@@ -215,13 +215,13 @@ class Stage:
 
 
 class _View:
-    """One of the two views, with its artists."""
+    """One of the two views, with the artists."""
 
     def __init__(self, stage: Stage, view: Projection, axes: Axes) -> None:
         self._stage, self._view, self._axes = stage, view, axes
         frames = stage.frames
         axes.set_aspect("equal", adjustable="box")
-        # What one can see through is a wall; below anything else is ground, which fills the view from the side.
+        # A transparent mesh is a wall; an opaque mesh is ground, and the side view is filled below the ground.
         self._grounds = [mesh for mesh in frames.world if mesh.opacity == 1.0]
         self._ground = PolyCollection([], facecolors=[GROUND], lw=0.0, antialiaseds=False)
         if self._grounds and view.up[2] == 0.0:
@@ -230,7 +230,7 @@ class _View:
         if frames.path is not None:
             axes.plot(*view.points(frames.path).T, color=colours.PATH, lw=1.2, ls="--", scalex=False, scaley=False)
         self._trail = axes.plot([], [], color=colours.TRAIL, lw=1.2)[0]
-        self._worm: Any = PolyCollection([], lw=0.4, edgecolors="face")  # takes arrays, which its types do not say
+        self._worm: Any = PolyCollection([], lw=0.4, edgecolors="face")  # takes arrays, although the type hints do not
         self._forces = PolyCollection([], facecolors=[colours.FORCE], lw=0.0)
         for collection in (self._ground, self._world, self._worm, self._forces):
             axes.add_collection(collection, autolim=False)
@@ -266,7 +266,7 @@ class _View:
             self._draw_forces(frames.contacts[index].reshape(-1, 3), frames.contact_force[index].reshape(-1, 3))
 
     def _cuts(self, meshes: Iterable[WorldMesh], index: int) -> list[FloatArray]:
-        """Return where meshes meet the plane of the picture through the centre of mass, as lines of shape (2, 2)."""
+        """Return sections of meshes with the picture's plane through the centre of mass, as lines of shape (2, 2)."""
         through = self._stage.frames.centre[index]
         return [line for mesh in meshes for line in self._view.cut(mesh.vertices, mesh.faces, through)]
 
@@ -284,7 +284,7 @@ def _down(line: FloatArray, bottom: float) -> FloatArray:
 
 
 def figure(frames: Frames, index: int = 0) -> tuple[Figure, tuple[Axes, Axes]]:
-    """Return a figure of frame `index`, and its axes: from the side, and from above."""
+    """Return a figure of frame `index`, and the axes of the side view and of the top view."""
     stage = Stage(frames)
     return stage.draw(index), stage.axes
 
@@ -295,7 +295,7 @@ def write_png(frames: Frames, path: str | Path, index: int = 0) -> tuple[Figure,
     Raises
     ------
     ValueError
-        Another ending than .png.
+        The file name does not end in .png.
     IndexError
         No such frame.
     """

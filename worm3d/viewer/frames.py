@@ -12,7 +12,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.viewer.world import WorldMesh
 
 Shape = tuple[int | str, ...]
-"""Shape of an array: a letter stands for a size that is the same everywhere, "N+1" for N and one."""
+"""Shape of an array: a letter is a size that is the same everywhere, and "N+1" means N plus one."""
 
 _ARRAYS: dict[str, Shape] = {
     "time": ("T",),
@@ -45,38 +45,38 @@ class Frames:
     time: FloatArray
     """Shape (T,): instants, increasing [s]."""
     joints: FloatArray
-    """Shape (T, N+1, 3): joints, that of the tail first [m]."""
+    """Shape (T, N+1, 3): joints, from the tail to the head [m]."""
     apexes: FloatArray
     """Shape (T, N, 6, 3): apexes in the order L-below, L-above, L-outward, R-below, R-above, R-outward [m]."""
     directors: FloatArray
     """Shape (T, N, 3): unit directors d of the segments, normal to them, to the left."""
     chamber_strain: FloatArray
-    """Shape (T, N, 2): length of the left and the right chamber over its rest length, less 1; it gives the colour."""
+    """Shape (T, N, 2): length of the left and the right chamber over the rest length, less 1; sets the colour."""
     faces: FloatArray | None = None
     """Shape (T, N, 2, 3): contact points of the tail and the head end of each segment [m]."""
     contact_force: FloatArray | None = None
-    """Shape (T, N, K, 3): forces of the world on the K contact points of a segment, its 6 apexes and then its faces, if
+    """Shape (T, N, K, 3): forces of the world on the K contact points of a segment: 6 apexes, and then the faces, if
     given [N]."""
     anchored: NDArray[np.bool_] | None = None
     """Shape (T, N, K): whether a contact point sticks."""
     face_radius: FloatArray | None = None
-    """Shape (2,): radii of the discs across tail and head on which the worm stands; without them it has none [m]."""
+    """Shape (2,): radii of the discs across tail and head that the worm stands on; None without discs [m]."""
     com: FloatArray | None = None
     """Shape (T, 3): centre of mass [m]; gives the speed."""
     trail: FloatArray | None = None
-    """Shape (T, 3): way of the centre of mass as it is drawn, e.g. on the ground; `com` itself if left out [m]."""
+    """Shape (T, 3): drawn path of the centre of mass, e.g. on the ground; `com` if left out [m]."""
     reference_speed: FloatArray | None = None
-    """Shape (T,): speed that a controller was to keep to, shown beside the speed [m/s]."""
+    """Shape (T,): speed that the controller had to keep, shown beside the speed [m/s]."""
     period: float | None = None
-    """Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass."""
+    """Commanded period [s]: the speed shown is an average over a period, since a wave rocks the centre of mass."""
     path: FloatArray | None = None
-    """Shape (P, 3): reference path, which is drawn [m]."""
+    """Shape (P, 3): reference path to draw [m]."""
     centreline: FloatArray | None = None
-    """Shape (P, 3): centre line of the pipe, on which the camera inside it stands [m]."""
+    """Shape (P, 3): centre line of the pipe, for the camera inside the pipe [m]."""
     horizon: FloatArray | None = None
     """Shape (T, H, 3): points the controller expects to pass [m]."""
     world: tuple[WorldMesh, ...] = ()
-    """Surroundings; plain tuples (name, vertices, faces, colour, opacity) are taken too."""
+    """Surroundings; plain tuples (name, vertices, faces, colour, opacity) are also accepted."""
 
     def __post_init__(self) -> None:
         sizes = {"K": 6 if self.faces is None else 8}
@@ -139,7 +139,7 @@ class Frames:
             raise ValueError(f"directors: segment {_where(slant > 1e-2)}: must be normal to the segment (joints)")
 
     def _check_apexes(self) -> None:
-        """Check the order: above is above, left is left, outward is outward."""
+        """Check the order of the apexes: above and below, left and right, outward and inward."""
         below, above, outward = (self.apexes[:, :, k::3] for k in range(3))
         edges = np.diff(self.joints, axis=1)
         up = np.cross(edges, self.directors)[:, :, None]
@@ -169,7 +169,7 @@ class Frames:
 
     @property
     def contacts(self) -> FloatArray:
-        """Contact points of the segments: apexes and then faces, if given, shape (T, N, K, 3) [m]."""
+        """Contact points of the segments: apexes, and then faces, if given, shape (T, N, K, 3) [m]."""
         return self.apexes if self.faces is None else np.concatenate([self.apexes, self.faces], axis=2)
 
     @property
@@ -179,17 +179,17 @@ class Frames:
 
     @property
     def centre(self) -> FloatArray:
-        """Centre of mass, or of the joints where it is not known, shape (T, 3) [m]."""
+        """Centre of mass, or mean of the joints if the centre of mass is unknown, shape (T, 3) [m]."""
         return self.joints.mean(axis=1) if self.com is None else self.com
 
     @property
     def way(self) -> FloatArray | None:
-        """Way of the centre of mass as it is drawn: `trail`, or else `com`, shape (T, 3) [m]."""
+        """Drawn path of the centre of mass: `trail`, or else `com`, shape (T, 3) [m]."""
         return self.com if self.trail is None else self.trail
 
     @property
     def heading(self) -> FloatArray:
-        """Horizontal unit direction of the first frame's chord from tail to head, shape (3,); +x if it is vertical."""
+        """Horizontal unit direction of the first frame's chord from tail to head, shape (3,); +x if vertical."""
         chord = self.joints[0, -1] - self.joints[0, 0]
         flat = np.array([chord[0], chord[1], 0.0])
         size = float(np.linalg.norm(flat))
@@ -197,7 +197,7 @@ class Frames:
 
     @property
     def axes(self) -> FloatArray:
-        """Unit vectors along the heading, to its left, and up (z), as rows, shape (3, 3)."""
+        """Unit vectors along the heading, to the left, and up (z), as rows, shape (3, 3)."""
         ahead = self.heading
         return np.array([ahead, [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
 
@@ -218,12 +218,12 @@ class Frames:
 
     @property
     def speed_window(self) -> tuple[FloatArray, FloatArray]:
-        """Begin and end of the time of which `speed` is a mean, half a `period` to either side, each (T,) [s]."""
+        """Begin and end of the interval that `speed` averages over, half a `period` to either side, each (T,) [s]."""
         half = 0.5 * max(self.period or 0.0, 2.0 * float(np.diff(self.time).max(initial=0.0)))
         return np.maximum(self.time - half, self.time[0]), np.minimum(self.time + half, self.time[-1])
 
     def mean_over_period(self, values: FloatArray) -> FloatArray:
-        """Return means of values, shape (T,), over half a `period` to both sides; less to both near the ends."""
+        """Return means of values, shape (T,), over half a `period` to both sides; equally less near the ends."""
         ends = np.minimum(self.time - self.time[0], self.time[-1] - self.time)
         half = np.minimum(ends, 0.5 * (self.period or 0.0))
         inside = half > 0.0
@@ -241,7 +241,7 @@ class Frames:
         return replace(self, **{name: getattr(self, name)[rows] for name in names if getattr(self, name) is not None})
 
     def at_rate(self, fps: float) -> Frames:
-        """Return at most `fps` frames a second, evenly spaced as far as the frames at hand allow."""
+        """Return at most `fps` frames a second, as evenly spaced as the available frames allow."""
         return self.take(instants(self.time, fps)) if len(self) > 1 else self
 
 
@@ -261,7 +261,7 @@ def _as_mesh(mesh: WorldMesh | Iterable[object]) -> WorldMesh:
     parts = tuple(mesh)
     if len(parts) != 5:
         raise ValueError(f"world: got a mesh of {len(parts)} parts, must be (name, vertices, faces, colour, opacity)")
-    return WorldMesh(*parts)  # type: ignore[arg-type]  # checked by its constructor
+    return WorldMesh(*parts)  # type: ignore[arg-type]  # checked by the constructor
 
 
 def _where(wrong: NDArray[np.bool_]) -> str:
@@ -270,7 +270,7 @@ def _where(wrong: NDArray[np.bool_]) -> str:
 
 
 def _frozen(name: str, value: ArrayLike, shape: Shape, sizes: dict[str, int]) -> FloatArray:
-    """Return a read-only copy of an array, checked; sizes of new letters in its shape are entered into `sizes`."""
+    """Return a checked, read-only copy of an array; enter sizes of new letters in the shape into `sizes`."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -300,5 +300,5 @@ def _check_shape(name: str, got: tuple[int, ...], shape: Shape, sizes: dict[str,
 
 
 def _written(shape: Shape) -> str:
-    """Return a shape as it stands in documentation, e.g. "(T, N+1, 3)"."""
+    """Return a shape as written in documentation, e.g. "(T, N+1, 3)"."""
     return "(" + ", ".join(str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"

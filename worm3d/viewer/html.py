@@ -30,29 +30,30 @@ def write_html(
     skin: bool = True,
     title: str = "worm3d",
 ) -> None:
-    """Write the run as one HTML file that needs nothing else; the same frames give the same bytes.
+    """Write the run as one self-contained HTML file; the same frames give the same bytes.
 
-    An address may say what is seen first:
-    `viewer.html#t=2.5&camera=top&hide=skin,trail&show=links&world=0.3&play=1&bare=1`; cameras are side, top, follow
-    and inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given), `bare` leaves the scene alone.
+    The page's address may select the first view:
+    `viewer.html#t=2.5&camera=top&hide=skin,trail&show=links&world=0.3&play=1&bare=1`; cameras are side, top, follow and
+    inside, the layers are those in `LAYERS`, `world` is the world's opacity (0.5 as given), `bare` shows only the
+    scene.
 
     Parameters
     ----------
     frames : Frames
-        Between them things move on straight lines; `Frames.at_rate` takes fewer.
+        Frames to show, with straight motion in between; `Frames.at_rate` selects fewer frames.
     path : str or Path
-        Replaced if it exists.
+        File to write; an existing file is replaced.
     skin : bool
-        Whether a smooth skin covers the worm, which can be taken off to see chambers and links; or they are seen from
-        the start, and there is no skin.
+        Whether a smooth skin covers the worm. The skin can be hidden to show chambers and links; without a skin these
+        are visible from the start.
     title : str
-        Shown on the page.
+        Title on the page.
     """
     Path(path).write_text(html(frames, skin=skin, title=title), encoding="utf-8", newline="\n")
 
 
 def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
-    """Return what `write_html` writes."""
+    """Return the page that `write_html` writes."""
     scales = Scales.of(frames)
     parts = [
         *pieces.worm(frames, scales),
@@ -78,7 +79,7 @@ def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
 
 @dataclass(frozen=True)
 class NotebookView:
-    """Shows itself where it is the value of a notebook cell; the page lives in the notebook and needs no server."""
+    """The value of a notebook cell that displays a page; the page is part of the notebook and needs no server."""
 
     page: str = field(repr=False)
     """HTML of the page."""
@@ -100,7 +101,7 @@ class NotebookView:
 
 
 def show(frames: Frames, *, height: int = 520, skin: bool = True) -> NotebookView:
-    """Return the run for the end of a notebook cell; `skin` as in `write_html`.
+    """Return a view of the run for the end of a notebook cell; `skin` as in `write_html`.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def show(frames: Frames, *, height: int = 520, skin: bool = True) -> NotebookVie
 
 
 def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
-    """Return meshcat's packed commands: the stage, every piece in its first pose, and then how all of them move."""
+    """Return meshcat's packed commands: the stage, every piece in the first pose, and then the motion of all pieces."""
     from worm3d.viewer import recorder
 
     window = recorder.Recorder()
@@ -123,12 +124,12 @@ def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
 
 
 def filled(template: str, *inner: str, **parts: str) -> str:
-    """Return a template of the folder `page` with its parts in it, and the policy of the page.
+    """Return a template of the folder `page`, filled with parts and with the policy of the page.
 
-    It is filled in one pass, so that a part may contain what looks like the name of another. `inner` are pages that
-    stand in frames of this one.
+    The template is filled in one pass, so that a part may contain text that looks like the name of another part.
+    `inner` are pages in frames of this page.
     """
-    later = {"policy": "{{policy}}"}  # the first of what the page contains
+    later = {"policy": "{{policy}}"}  # the first placeholder that the page contains
     page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], resource(template))
     return page.replace("{{policy}}", policy.of_page(page, *inner), 1)
 
@@ -145,7 +146,7 @@ def _meshcat_script() -> str:
 
 
 def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None) -> dict[str, Any]:
-    """Return what the page knows besides meshcat's commands."""
+    """Return the data of the page besides meshcat's commands."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
     ahead = frames.heading
@@ -175,13 +176,13 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None
 
 
 def _size(frames: Frames) -> float:
-    """Return how large the worm is in the first frame, corner to corner [m]."""
+    """Return the size of the worm in the first frame, corner to corner [m]."""
     low, high = frames.take([0]).extent
     return float(np.linalg.norm(high - low))
 
 
 def _skin(skin: Skin) -> dict[str, Any]:
-    """Return what the page makes the skin of: the sections, and the weights of their points and colours."""
+    """Return the page's data of the skin: the sections, and the weights of their points and colours."""
     return {
         "sections": _floats(skin.sections),
         "tint": _floats(skin.tint),
@@ -192,7 +193,7 @@ def _skin(skin: Skin) -> dict[str, Any]:
 
 
 def _layers(parts: list[Piece], where: str) -> list[dict[str, Any]]:
-    """Return the switches; what the skin covers is switched off. `where` says where the trail is drawn."""
+    """Return the switches, off for layers that the skin covers. `where` is a note on the place of the trail."""
     first = {part.layer: part.colour for part in reversed(parts)}
     covered = ("links", "chambers") if "skin" in first else ()
     return [

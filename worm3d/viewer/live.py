@@ -1,4 +1,4 @@
-"""The worm in the browser while it is simulated, through meshcat's server; a server of ours stops with this process."""
+"""The simulated worm live in the browser, through meshcat's server; a server started here stops with this process."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from worm3d.viewer.pieces import Scales
 from worm3d.viewer.world import WorldMesh
 
 STARTUP = 60.0
-"""Longest start of a server of our own [s]: 1 s on an idle machine; a busy one takes many times as long. Half would
-give up on busy machines; double would make one wait for what has stopped."""
+"""Longest start of a server [s]: 1 s on an idle machine; a busy machine takes many times as long. Half would give up on
+busy machines; double would make the user wait for a server that has stopped."""
 
 REFRESH = 500
-"""Number of frames after which coloured pieces are sent anew."""
+"""Number of frames after which coloured pieces are sent again."""
 
 UNANSWERED = 200
-"""Largest number of commands under way at a time; the server drops answers beyond a thousand."""
+"""Largest number of unanswered commands at a time; the server drops answers beyond a thousand."""
 
 DROPPED = "dropped="
-"""Begin of the server's line that says that a browser was dropped, and why."""
+"""Beginning of the server's line about a dropped browser and the reason."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -39,18 +39,18 @@ SERVER = Path(__file__).with_name("server.py")
 
 
 class LiveView:
-    """A window in the browser that shows the worm as it is now; use it in a `with` statement.
+    """A window in the browser that shows the current state of the worm; for use in a `with` statement.
 
-    It shows chambers, links and end faces, which only have to be moved; a skin, as on the page of a result, would have
-    to be sent anew for each picture.
+    The window shows chambers, links and end faces, which only have to be moved; a skin, as on the page of a result,
+    would have to be sent again for each picture.
 
     Parameters
     ----------
     world : sequence of WorldMesh
         Surroundings of the worm, sent once.
     address : str, optional
-        Address of the command socket of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; if left out,
-        one is started, and stopped by `close`.
+        Address of the command socket of a running meshcat server, e.g. "tcp://127.0.0.1:6000"; if left out, a new
+        server is started, and `close` stops this server.
     strain_limit : float
         Strain at full colour.
     force_scale : float
@@ -58,7 +58,7 @@ class LiveView:
     open_browser : bool
         Whether a browser is opened; the address to visit is `url` in any case.
     timeout : float
-        How long to wait for an answer of the server [s].
+        Longest wait for an answer of the server [s].
 
     Raises
     ------
@@ -120,7 +120,7 @@ class LiveView:
 
     def _send(self, window: Connection, parts: dict[str, Piece]) -> None:
         for path, part in parts.items():
-            # The server keeps every colour it is told, until the piece is placed again.
+            # The server keeps every colour it receives until the piece is placed again.
             stale = part.tint is not None and self._shown % REFRESH == 0
             if stale or path not in self._placed:
                 recorder.place(window, part)
@@ -131,7 +131,7 @@ class LiveView:
         self._shown += 1
 
     def close(self) -> None:
-        """Close the connection, and stop the server if it was started here; may be called twice."""
+        """Close the connection, and stop the server if started here; may be called twice."""
         if self._window is not None:
             self._window.close()
             self._window = None
@@ -147,9 +147,9 @@ class LiveView:
 
 
 class Connection:
-    """A connection to a meshcat server that gives up after a while instead of waiting for ever.
+    """A connection to a meshcat server, with a timeout instead of an endless wait.
 
-    Commands do not wait for their answers one by one, which would take most of the time.
+    Commands do not wait for single answers, which would take most of the time.
     """
 
     def __init__(self, address: str, timeout: float) -> None:
@@ -181,7 +181,7 @@ class Connection:
             self.settle()
 
     def settle(self) -> None:
-        """Wait until everything has been answered."""
+        """Wait until all commands have been answered."""
         while self._unanswered:
             self._answer()
 
@@ -206,17 +206,17 @@ class Connection:
             ) from error
 
     def close(self) -> None:
-        """Close the socket; what is still under way is dropped."""
+        """Close the socket, and drop unanswered commands."""
         self._socket.close()
         self._context.term()
 
 
 class Server:
-    """A meshcat server of our own; it also stops when this process ends, however that happens."""
+    """A meshcat server that also stops when this process ends for any reason."""
 
     def __init__(self, timeout: float = STARTUP) -> None:
         self._process = subprocess.Popen(
-            # As a file: the package would bring the simulator along. -P: its neighbours are not to be imported.
+            # As a file: the package would import the simulator. -P: the neighbouring files must not be imported.
             [sys.executable, "-P", str(SERVER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -237,7 +237,7 @@ class Server:
         self.address = address[0]
 
     def _read(self) -> None:
-        """Read all it says, or it would wait for us; the address is said first."""
+        """Read all output, since the server would wait otherwise; the address comes first."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines = [*self._lines[-20:], line.strip()]

@@ -22,9 +22,9 @@ _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0
 
 
 def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
-    """Return the worm and what surrounds it in frame `index`, each piece under its own name, z up [m].
+    """Return the worm and the surroundings in frame `index`, each piece with a name, z up [m].
 
-    The skin, "skin/skin", covers chambers and links: hide it to see these.
+    The skin, "skin/skin", covers chambers and links: hide the skin to see them.
     """
     shown, scales = _one(frames, index)
     skin = Skin.of(shown, scales.strain).piece()
@@ -39,12 +39,12 @@ def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
 
 
 def export_glb(frames: Frames, index: int, path: str | Path) -> None:
-    """Write what is seen in frame `index` as a binary glTF file, with y up, as that format wants it.
+    """Write the scene of frame `index` as a binary glTF file, with y up, as the format requires.
 
     Raises
     ------
     ValueError
-        Another ending than .glb.
+        The file name does not end in .glb.
     IndexError
         No such frame.
     """
@@ -54,14 +54,14 @@ def export_glb(frames: Frames, index: int, path: str | Path) -> None:
 
 
 def glb(frames: Frames, index: int) -> bytes:
-    """Return what `export_glb` writes."""
+    """Return the bytes that `export_glb` writes."""
     shown = scene(frames, index)
     shown.apply_transform(_Y_UP)  # type: ignore[no-untyped-call]
     return cast(bytes, shown.export(file_type="glb"))  # type: ignore[no-untyped-call]
 
 
 def _one(frames: Frames, index: int) -> tuple[Frames, Scales]:
-    """Return one frame, with the scales of all."""
+    """Return one frame, with the scales of all frames."""
     if not -len(frames) <= index < len(frames):
         raise IndexError(f"frame: got {index}, must be in [0, {len(frames) - 1}]")
     return frames.take([index]), Scales.of(frames)

@@ -1,6 +1,6 @@
 """The worm from the side and from above as a movie: GIF, or MP4 where ffmpeg is found.
 
-What does not move is drawn once; matplotlib takes most of its time for the lettering of axes.
+The parts that do not move are drawn once, as matplotlib spends most of the time on the lettering of axes.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ Picture = NDArray[np.uint8]
 
 
 def write_movie(frames: Frames, path: str | Path, *, fps: float = 20.0) -> tuple[Figure, tuple[Axes, Axes]]:
-    """Write the run in real time and return the figure as it was drawn last; `.gif` by Pillow, `.mp4` by ffmpeg.
+    """Write the run in real time and return the last figure; `.gif` by Pillow, `.mp4` by ffmpeg.
 
     Raises
     ------
     ValueError
-        Another ending than .gif or .mp4, or frames a second that are not above 0.
+        A file name that does not end in .gif or .mp4, or frames per second that are not above 0.
     FileNotFoundError
-        MP4 wanted, but no ffmpeg on this machine.
+        MP4 requested, but no ffmpeg on this machine.
     """
     if not (np.isfinite(fps) and fps > 0.0):
         raise ValueError(f"fps: got {fps!r}, must be a finite number above 0 of frames a second")
@@ -44,7 +44,7 @@ def write_movie(frames: Frames, path: str | Path, *, fps: float = 20.0) -> tuple
         raise FileNotFoundError(
             "MP4 needs the program ffmpeg, which was not found: install it, or take a name that ends in .gif"
         )
-    # A GIF counts its delays in hundredths of a second.
+    # A GIF counts delays in hundredths of a second.
     interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1.0 / fps
     stage = Stage(frames)
     indices = _indices(frames.time, interval)
@@ -56,15 +56,15 @@ def write_movie(frames: Frames, path: str | Path, *, fps: float = 20.0) -> tuple
 
 
 def _indices(time: FloatArray, interval: float) -> list[int]:
-    """Return the frame to show in every interval; one that lasts is shown again."""
+    """Return the frame to show in every interval; a frame that lasts is shown again."""
     instants = np.arange(time[0], time[-1] + 0.5 * interval, interval)
     return [int(np.abs(time - instant).argmin()) for instant in instants]
 
 
 def pictures(stage: Stage, indices: Iterable[int]) -> Iterator[Picture]:
-    """Draw some frames, each on top of what stands still."""
+    """Draw some frames, each on top of the parts that do not move."""
     canvas: Any = stage.figure.canvas  # matplotlib has no types for it
-    canvas.draw()  # only now does matplotlib know how large everything is
+    canvas.draw()  # only now does matplotlib know all sizes
     ground, view = None, None
     with stage.moving():
         for index in indices:
@@ -102,7 +102,7 @@ def _write_mp4(drawn: Iterator[Picture], path: Path, interval: float) -> None:
                 process.stdin.write(picture.tobytes())
             process.stdin.close()
         except BrokenPipeError:
-            pass  # it says why below
+            pass  # ffmpeg's message follows below
         trouble = process.stderr.read().decode(errors="replace")
     if process.returncode:
         raise OSError(f"ffmpeg could not write {path}: {trouble.strip()}")

@@ -1,4 +1,4 @@
-"""A piece of the scene: a mesh, its colour, and where it is in every frame; quaternions are (x, y, z, w)."""
+"""A piece of the scene: a mesh with a colour, and the pose in every frame; quaternions are (x, y, z, w)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from worm3d.viewer.shapes import Mesh
 from worm3d.viewer.world import Colour
 
 HIDDEN = 1e-6
-"""Scale of what is not to be seen; 0 would have no inverse, which the lighting needs."""
+"""Scale of a hidden piece; 0 would have no inverse, which the lighting needs."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,19 +24,19 @@ class Piece:
     colour: Colour
     opacity: float = 1.0
     on_top: bool = False
-    """Whether it is seen through everything else."""
+    """Whether the piece is visible through everything else."""
     position: FloatArray | None = None
-    """Shape (T, 3): place [m]; a piece without one stands still at the origin."""
+    """Shape (T, 3): place [m]; a piece without places stays at the origin."""
     quaternion: FloatArray | None = None
     """Shape (T, 4): turn, (x, y, z, w)."""
     scale: FloatArray | None = None
-    """Shape (T, 3): factors along its axes."""
+    """Shape (T, 3): factors along the axes of the piece."""
     tint: FloatArray | None = None
     """Shape (T, 3): colour in every frame."""
     stepped: bool = False
     """Whether the scale changes at the frames, not between them."""
     paint: FloatArray | None = None
-    """Shape (V, 3): colours of the vertices, in the place of `colour`."""
+    """Shape (V, 3): colours of the vertices, instead of `colour`."""
 
     @property
     def layer(self) -> str:
@@ -67,7 +67,7 @@ def quaternions(axes: FloatArray) -> FloatArray:
     m = axes
     diagonal = np.stack([m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
     trace = diagonal.sum(axis=-1)
-    # Squares of 2 x, 2 y, 2 z, 2 w; the largest is taken as the divisor.
+    # Squares of 2 x, 2 y, 2 z, 2 w; the largest is the divisor.
     squares = np.concatenate([1.0 + 2.0 * diagonal - trace[..., None], 1.0 + trace[..., None]], axis=-1)
     symmetric, skew = _pairs(m, 1.0), _pairs(m, -1.0)
     yz, zx, xy = (symmetric[..., k] for k in range(3))
@@ -108,7 +108,7 @@ def matrices(q: FloatArray) -> FloatArray:
 
 
 def y_onto(direction: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return the quaternions that turn y onto `direction` and x as near to `normal` as that allows, shape (..., 4).
+    """Return the quaternions that turn y onto `direction`, and x as near to `normal` as possible, shape (..., 4).
 
     Both have shape (..., 3) and are not parallel; neither needs unit length.
     """
@@ -119,6 +119,6 @@ def y_onto(direction: FloatArray, normal: FloatArray) -> FloatArray:
 
 
 def any_normal(direction: FloatArray) -> FloatArray:
-    """Return a vector that is not parallel to `direction`, shape (..., 3): x, or y where that is nearer to x."""
+    """Return a vector that is not parallel to `direction`, shape (..., 3): x, or y if `direction` is near x."""
     along_x = np.abs(direction[..., :1]) > 0.7 * np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.where(along_x, np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))

@@ -1,4 +1,4 @@
-"""The worm, what acts on it and where it goes, as pieces of a scene; the sizes are shares of the body."""
+"""The worm, the contact forces and the paths, as pieces of a scene; sizes are fractions of the body."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ LAYERS: dict[str, tuple[str, Colour | None]] = {
     "horizon": ("horizon", colours.HORIZON),
     "world": ("world", None),
 }
-"""Layers by their names in paths: the name and the colour that are shown; None for that of the layer's first piece."""
+"""Layers by their names in paths: displayed name and colour; None means the colour of the layer's first piece."""
 
 FULLNESS = 0.74
 """Ratio of the semi-axes of a chamber's ellipsoid to half the diagonals of its linkage; 0.71 touches the links."""
 FACE_THICKNESS = 0.05
-"""Thickness of the discs at the ends, over their radius, outwards beyond the face that touches."""
+"""Thickness of the discs at the ends, relative to the radius, outwards beyond the face that touches."""
 ARROW = 0.2
-"""Length of the arrow of `Scales.force` in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
+"""Approximate length of the arrow of `Scales.force` in body lengths; the length is 1, 2 or 5 times a power of ten
+[m]."""
 TRAIL_SIDES = 6
 """Corners of the trail's cross-section."""
 
@@ -49,7 +50,7 @@ class Scales:
 
     @classmethod
     def of(cls, frames: Frames) -> Scales:
-        """Return scales that suit all frames: a round force that most forces stay below."""
+        """Return scales that suit all frames: a round force that exceeds most forces."""
         return cls(colours.strain_limit(frames.chamber_strain), _round_force(frames.contact_force))
 
 
@@ -94,7 +95,7 @@ def _links(bars: Bars, thick: float) -> list[Piece]:
 
 
 def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
-    """Return an ellipsoid for each chamber, its long axis y along t, x to the left, z down."""
+    """Return an ellipsoid for each chamber, with the long axis y along t, x to the left, z down."""
     mesh = shapes.ball()
     turn = piece.quaternions(np.stack([body.d, body.t, -body.u], axis=-1))
     half = FULLNESS * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
@@ -115,7 +116,7 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
 
 
 def _faces(frames: Frames, body: Body) -> list[Piece]:
-    """Return the discs on which the worm stands with its tail and its head."""
+    """Return the discs across the tail and the head that the worm stands on."""
     if frames.face_radius is None:
         return []
     ends = (("tail", 0, -1.0), ("head", -1, 1.0))
@@ -132,7 +133,7 @@ def _faces(frames: Frames, body: Body) -> list[Piece]:
 
 
 def contact(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return contact forces as arrows, and the contact points that stick as dots."""
+    """Return contact forces as arrows, and sticking contact points as dots."""
     places = frames.contacts.reshape(len(frames), -1, 3)
     pieces = []
     if frames.contact_force is not None:
@@ -186,7 +187,7 @@ def _dots(places: FloatArray, radius: FloatArray) -> list[Piece]:
 
 
 def way(frames: Frames) -> list[Piece]:
-    """Return the way of the centre of mass, the reference path and the controller's horizon."""
+    """Return the path of the centre of mass, the reference path and the controller's horizon."""
     pieces = []
     size = frames.body_length
     if frames.way is not None:
@@ -207,9 +208,9 @@ def way(frames: Frames) -> list[Piece]:
 
 
 def trail_rings(com: FloatArray, body_length: float) -> tuple[list[int], list[int]]:
-    """Return the frames that the trail goes through, and for every frame how many of them it has passed.
+    """Return the frames on the trail, and for every frame the number of trail frames already passed.
 
-    The centre of mass of a worm at rest would crowd one place with rings.
+    Frames with little motion are left out, since a worm at rest would crowd one place with rings.
     """
     kept, passed = [0], []
     for k, place in enumerate(com):

@@ -1,9 +1,9 @@
-"""Commands for meshcat's viewer, made of pieces as `meshcat.commands` would; a recorder keeps them.
+"""Commands for meshcat's viewer, made from pieces as in `meshcat.commands`; a recorder keeps the commands.
 
-Of meshcat 0.3.2 only the viewer for the browser is used. Its Python side imports a web server and IPython, makes random
-identities, and repeats the key times of an animation in lists of objects. Here identities follow from the paths, so
-that the same frames give the same bytes, and tracks go as packed arrays, which three.js takes as well and which are a
-tenth of the size.
+Only the browser viewer of meshcat 0.3.2 is used. The Python side of meshcat imports a web server and IPython, makes
+random identifiers, and repeats the key times of an animation in lists of objects. Here identifiers follow from the
+paths, so that the same frames give the same bytes. Tracks are sent as packed arrays, which three.js also accepts and
+which take a tenth of the size.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from worm3d.viewer.colours import as_number
 from worm3d.viewer.piece import Piece
 
 Content = dict[str, Any]
-"""A part of a command, as it is packed."""
+"""A part of a command, in the form that is packed."""
 
 _DISCRETE = 2300
 """Value of InterpolateDiscrete in three.js."""
@@ -31,14 +31,15 @@ _TOP, _BOTTOM = [0.93, 0.95, 0.97], [0.72, 0.76, 0.80]
 _ROOT = "/meshcat"
 _STANDING = np.eye(4).ravel().tolist()
 _ARRAY_TYPES = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
-"""Types of packed arrays: name in three.js, and the number by which meshcat's viewer knows them."""
+"""Types of packed arrays: name in three.js, and the type number in meshcat's viewer."""
 
 
 FONT = 22
-"""Size of a caption's letters, in pixels of a picture 256 wide; longer captions get smaller ones."""
+"""Size of a caption's letters, in pixels of a picture 256 wide; longer captions get smaller letters."""
 
 CAPTION_SIZE, CAPTION_AT = 0.6, (0.0, 0.68, -1.0)
-"""Side of the square in whose middle a caption stands; its place before the camera, which sees from -0.77 to 0.77."""
+"""Side of the square with a caption in the middle; place of the square before the camera, which sees from -0.77 to
+0.77."""
 
 _CAMERA = "/Cameras/default/rotated/<object>"
 
@@ -51,7 +52,7 @@ class Window(Protocol):
 
 
 class Recorder:
-    """A window without server: keeps the packed commands, in order."""
+    """A window without a server, which keeps the packed commands in order."""
 
     def __init__(self) -> None:
         self.messages: list[bytes] = []
@@ -62,7 +63,7 @@ class Recorder:
 
 
 def packed(content: Content) -> bytes:
-    """Return the content of a command as it travels."""
+    """Return the content of a command in the form for transmission."""
     message: bytes = umsgpack.packb(content)
     return message
 
@@ -70,7 +71,7 @@ def packed(content: Content) -> bytes:
 def _show(
     path: str, geometry: Content, material: Content, textures: tuple[Content, ...] = (), order: int = 0
 ) -> Content:
-    """Return the command that puts a mesh at a path; `order` says how late it is drawn."""
+    """Return the command that puts a mesh at a path; meshes with a higher `order` are drawn later."""
     ids = {part: f"{path}:{part}" for part in ("geometry", "material")}
     scene = _object(path, type="Mesh", **ids, matrix=_STANDING, renderOrder=order)
     scene["geometries"] = [{"uuid": ids["geometry"], **geometry}]
@@ -80,7 +81,7 @@ def _show(
 
 
 def _object(path: str, **properties: Any) -> Content:
-    """Return a scene of three.js with one object and nothing else yet."""
+    """Return a scene of three.js with one object and nothing else."""
     about = {"version": 4.5, "type": "Object"}
     return {"metadata": about, "geometries": [], "materials": [], "object": {"uuid": path, **properties}}
 
@@ -104,7 +105,7 @@ def _binary(values: NDArray[Any], form: str = "<f4") -> Any:
 
 
 def _track(name: str, form: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
-    """Return a track; one whose values never change keeps its first key only."""
+    """Return a track; a track with constant values keeps the first key only."""
     if (values == values[0]).all():
         time, values = time[:1], values[:1]
     track = {"name": name, "type": form, "times": _binary(time), "values": _binary(values)}
@@ -112,18 +113,18 @@ def _track(name: str, form: str, time: FloatArray, values: FloatArray, stepped: 
 
 
 def stage(window: Window) -> None:
-    """Set light and background, and take away meshcat's grid, axes and near lights."""
+    """Set light and background, and remove meshcat's grid, axes and near lights."""
     for name in ("Grid", "Axes", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX", "Lights/FillLight"):
         window.send(_property(f"/{name}", "visible", False))
     window.send(_property("/Background", "top_color", _TOP))
     window.send(_property("/Background", "bottom_color", _BOTTOM))
-    # These reach everywhere; those of meshcat end ten metres from the origin.
+    # These lights reach everywhere; meshcat's lights end ten metres from the origin.
     sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0x8A7F78, "intensity": 0.2}
     sun = {"type": "DirectionalLight", "color": 0xFFFFFF, "intensity": 0.4, "matrix": [*_STANDING[:12], -2, -3, 4, 1]}
     for name, light in (("Sky", sky), ("Sun", sun)):
         path = f"/Lights/{name}"
         window.send({"type": "set_object", "object": _object(path, **light), "path": path})
-        # The viewer makes every object cast shadows, which a sky cannot and nobody needs.
+        # The viewer makes every object cast shadows, which a sky light cannot do and nobody needs.
         window.send(_property(f"{path}/<object>", "castShadow", False))
 
 
@@ -132,7 +133,7 @@ def _at(piece: Piece) -> str:
 
 
 def place(window: Window, piece: Piece) -> None:
-    """Send the mesh of a piece and where it is in the first frame."""
+    """Send the mesh of a piece and the pose of the piece in the first frame."""
     window.send(_show(_at(piece), _geometry(piece), _material(piece), order=int(piece.on_top)))
     if piece.position is not None:
         window.send(_transform(_at(piece), piece.matrix(0)))
@@ -154,7 +155,7 @@ def _material(piece: Piece) -> Content:
         "reflectivity": 0.5,
         "side": _DOUBLE_SIDE,
         "opacity": piece.opacity,
-        # What is seen through everything comes last, with what is clear.
+        # Pieces on top are drawn last, together with transparent pieces.
         "transparent": clear or piece.on_top,
         "depthTest": not piece.on_top,
         "depthWrite": not clear,
@@ -163,19 +164,19 @@ def _material(piece: Piece) -> Content:
 
 
 def move(window: Window, piece: Piece) -> None:
-    """Send where a piece is, and its colour, in the first frame of it."""
+    """Send the pose and the colour of a piece in the piece's first frame."""
     window.send(_transform(_at(piece), piece.matrix(0)))
     if piece.tint is not None:
         window.send(_property(_at(piece), "color", [*piece.colour_at(0), piece.opacity]))
 
 
 def remove(window: Window, path: str) -> None:
-    """Take a piece away."""
+    """Remove a piece."""
     window.send({"type": "delete", "path": f"{_ROOT}/{path}"})
 
 
 def caption(window: Window, text: str) -> None:
-    """Write a line of text at the top of the picture, in the place of the last one."""
+    """Write a line of text at the top of the picture, instead of the last line."""
     path, picture = f"{_CAMERA}/caption", f"{_CAMERA}/caption:text"
     square = {"type": "PlaneGeometry", "width": CAPTION_SIZE, "height": CAPTION_SIZE}
     material = {
@@ -193,9 +194,9 @@ def caption(window: Window, text: str) -> None:
 
 
 def look_at(window: Window, place: FloatArray) -> None:
-    """Move everything so that a place, shape (3,) [m], is where the camera looks and what it turns about, the origin.
+    """Move everything so that a place, shape (3,) [m], becomes the origin, the point that the camera orbits and faces.
 
-    The page's camera turns about the origin wherever it is: one that moved along would look back.
+    The page's camera always turns about the origin: a camera that moved along with the worm would look back.
     """
     transform = np.eye(4)
     transform[:3, 3] = -place
@@ -203,16 +204,16 @@ def look_at(window: Window, place: FloatArray) -> None:
 
 
 def stand(window: Window, axes: FloatArray, body_length: float) -> None:
-    """Put the camera behind, to the right and above of what it turns about; `axes` as in `Frames`."""
+    """Put the camera behind, to the right and above the point that the camera orbits; `axes` as in `Frames`."""
     x, y, z = (body_length * np.array([-0.45, -0.8, 0.5]) @ axes).tolist()
     window.send(_property(_CAMERA, "position", [x, z, -y]))
 
 
 def animate(window: Window, pieces: list[Piece], time: FloatArray) -> None:
-    """Send how all pieces move, at times (T,) from 0 [s]; they have to be placed before."""
+    """Send the motion of all pieces, at times (T,) from 0 [s]; the pieces have to be placed before."""
     tracks = {_at(piece): _moves(piece, time) for piece in pieces}
     tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}
-    # One key a second, so that times are in seconds.
+    # One key per second, so that times are in seconds.
     clips = [{"path": path, "clip": {"fps": 1, "name": "default", "tracks": of}} for path, of in tracks.items() if of]
     window.send(
         {"type": "set_animation", "animations": clips, "options": {"play": False, "repetitions": 1}, "path": ""}
@@ -235,8 +236,8 @@ def _looks(piece: Piece, time: FloatArray) -> list[Content]:
 
 
 def script() -> str:
-    """Return meshcat's viewer, three.js included, as it comes in its wheel."""
+    """Return meshcat's viewer, three.js included, from meshcat's wheel."""
     spec = find_spec("meshcat")
-    assert spec is not None  # a requirement of ours
+    assert spec is not None  # a requirement of worm3d
     assert spec.origin is not None
     return (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")

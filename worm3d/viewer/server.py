@@ -1,9 +1,9 @@
-"""meshcat's server as a process of its own: for this machine only, and not longer than whoever started it.
+"""meshcat's server as a process of its own: for this machine only, and not longer than the parent process.
 
-Started as it is, it listens on every network interface, survives its parent, answers whatever name it is called by (so
-that a page from elsewhere whose name leads to 127.0.0.1 could look on), stops answering for good when a browser goes
-away while it is sent to, and keeps for ever what a browser does not read. Started here, by running this file, it does
-none of that.
+The unmodified server listens on every network interface and survives the parent process. It answers requests for any
+host name (so that a page from elsewhere whose name leads to 127.0.0.1 could look on). It stops answering for good when
+a browser disconnects during a transmission, and keeps unread data for ever. A server that is started by running this
+file does none of that.
 """
 
 from __future__ import annotations
@@ -21,43 +21,44 @@ from tornado.web import Application, HTTPError
 from tornado.websocket import WebSocketClosedError
 
 with warnings.catch_warnings():
-    # It imports zmq.eventloop.ioloop, which warns of its age.
+    # meshcat imports zmq.eventloop.ioloop, which is deprecated and warns.
     warnings.simplefilter("ignore", DeprecationWarning)
     from meshcat.servers import zmqserver
 
 MOST_BROWSERS = 8
-"""Largest number of browsers at a time; more are refused.
+"""Largest number of browsers at a time; further browsers are refused.
 
-The server sends each command to each of them: half as many would be enough for one user, twice as many slow pictures.
+The server sends each command to each browser: half as many would be enough for one user, twice as many would slow the
+pictures down.
 """
 
 PATIENCE = 10.0
-"""Time in which a browser must answer a ping [s]; one that reads nothing never does.
+"""Time in which a browser must answer a ping [s]; a browser that reads nothing never answers.
 
-Half would drop slow ones that still load a large world; double would let silent ones keep their places longer.
+Half would drop slow browsers that still load a large world; double would let silent browsers keep their places longer.
 """
 
 MOST_UNREAD = 32_000_000
-"""Bytes on their way to a browser, beside the scene that it begins with, at which it is dropped: a thousand pictures.
+"""Unread bytes, besides the first scene, above which a browser is dropped: a thousand pictures.
 
-Half would do as well; double is memory for nothing.
+Half would be enough; double would waste memory.
 """
 
 DROPPED = "dropped="
-"""Begin of the line that says that a browser was dropped."""
+"""Beginning of the line about a dropped browser."""
 
 NAMES = ("127.0.0.1", "localhost", "[::1]")
-"""Names of this machine, as a browser may call it."""
+"""Names that a browser may use for this machine."""
 
 
 class Local:
-    """Mixin of handlers that refuses requests which do not call this machine by one of its names."""
+    """Mixin of handlers that refuses requests whose host is not a name of this machine."""
 
     request: Any
     application: Any
 
     def prepare(self) -> None:
-        """Look at the request before it is answered."""
+        """Check the request before answering."""
         if self.request.host.lower() not in hosts(self.application.bridge.fileserver_port):
             raise HTTPError(403, "not a name of this machine")
 
@@ -66,7 +67,7 @@ class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  #
     """meshcat's page and scripts."""
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
-        """Return the path of a file, or refuse it as missing where no file can have such a name."""
+        """Return the path of a file, or refuse the path as missing if no file can have such a name."""
         if "\0" in absolute_path:
             raise HTTPError(404)
         found: str | None = super().validate_absolute_path(root, absolute_path)
@@ -80,24 +81,24 @@ class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  #
 
 
 class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
-    """A browser's connection, which may end at any time; tornado refuses those from pages of other hosts."""
+    """A browser's connection, which may end at any time; tornado refuses connections from pages of other hosts."""
 
     _unread, _most, _reads = 0, float("inf"), True
 
     def prepare(self) -> None:
-        """Refuse it where there are enough."""
+        """Refuse the connection if there are enough browsers."""
         super().prepare()
         if len(self.bridge.websocket_pool) >= MOST_BROWSERS:
             raise HTTPError(503, reason=f"{MOST_BROWSERS} browsers look on already: close one of them")
 
     def open(self) -> None:
-        """Send the scene, however large that is."""
+        """Send the scene, however large."""
         super().open()
         self._most = self._unread + MOST_UNREAD
         self._ask()
 
     def _ask(self) -> None:
-        """Ask it for a sign of life, and drop it if none comes."""
+        """Send a ping, and drop the browser if no answer comes."""
         self._reads = False
         with suppress(WebSocketClosedError):
             self.ping()
@@ -108,18 +109,18 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
             self._ask() if self._reads else self._drop(f"it read nothing for {PATIENCE:g} s")
 
     def on_pong(self, data: bytes) -> None:
-        """Take note that it reads."""
+        """Record that the browser reads."""
         self._reads = True
 
     def on_message(self, message: object) -> None:
-        """Do nothing: a picture that nobody asked for would take the place of an answer."""
+        """Do nothing: an unrequested picture would take the place of an answer."""
 
     def on_close(self) -> None:
-        """Leave those that are sent to."""
+        """Remove the browser from the pool."""
         self.bridge.websocket_pool.discard(self)
 
     def write_message(self, *arguments: Any, **options: Any) -> None:
-        """Send, if there is still somebody who reads."""
+        """Send a message if the browser still reads."""
         if self._unread > self._most:
             self._drop(f"it left {self._unread / 1e6:.3g} MB unread")
             return
@@ -131,20 +132,20 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
             self.on_close()
 
     def _sent(self, size: int, sent: Any) -> None:
-        """Take note of how sending ended: the connection's own end follows."""
+        """Record the end of a transmission; an error is ignored, as the end of the connection follows."""
         self._unread, self._reads = self._unread - size, True
         with suppress(Exception):
             sent.exception()
 
     def _drop(self, why: str) -> None:
-        """End the connection, and say why; a closing frame would wait behind what is not read."""
+        """End the connection, and print the reason; a closing frame would wait behind unread data."""
         self.on_close()
         _say(f"{DROPPED}a browser was dropped: {why}")
         self.ws_connection.stream.close()
 
 
 class LocalBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
-    """meshcat's server with these handlers, on 127.0.0.1."""
+    """meshcat's server with these handlers, listening on 127.0.0.1."""
 
     def make_app(self) -> Any:
         """Return the application."""
@@ -154,13 +155,13 @@ class LocalBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
         return app
 
     def forward_to_websockets(self, frames: list[bytes]) -> None:
-        """Send a command to all browsers; some of them may leave meanwhile."""
+        """Send a command to all browsers; some browsers may leave meanwhile."""
         for browser in tuple(self.websocket_pool):
             browser.write_message(frames[2], binary=True)
 
 
 def main() -> None:
-    """Serve; print the addresses for commands and for the browser, a line each."""
+    """Serve; print the addresses for commands and for the browser, one line each."""
     bridge = LocalBridge()
     threading.Thread(target=_stop_with_parent, args=(bridge.ioloop,), daemon=True).start()
     _say(f"zmq_url={bridge.zmq_url}\nweb_url={bridge.web_url}")
@@ -168,7 +169,7 @@ def main() -> None:
 
 
 def hosts(port: int) -> list[str]:
-    """Return the hosts that a browser on this machine may name in its request."""
+    """Return the hosts that a browser on this machine may request."""
     return [f"{name}:{port}" for name in NAMES]
 
 
@@ -180,7 +181,7 @@ def _policy(port: int) -> str:
 
 
 def _beside(name: str) -> Any:
-    """Import a module next to this file without its package, which would bring the simulator along."""
+    """Import a module next to this file without the package, which would import the simulator."""
     specification = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
     assert specification is not None
     assert specification.loader is not None

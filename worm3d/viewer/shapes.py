@@ -1,4 +1,4 @@
-"""Meshes that everything is put together of: bars, discs, balls, arrows with y as long axis, and tubes along lines."""
+"""Meshes for all parts of the pictures: bars, discs, balls, arrows with y as long axis, and tubes along lines."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from worm3d.values.arrays import FloatArray
 
 
 class Mesh(NamedTuple):
-    """Triangles: vertices (V, 3) [m] and rows of them, faces (F, 3), seen from outside anticlockwise."""
+    """Triangles: vertices (V, 3) [m], and faces (F, 3) of rows of vertices, anticlockwise seen from outside."""
 
     vertices: FloatArray
     faces: NDArray[np.int64]
 
 
 def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
-    """Return a bar along y, centred, with rounded ends within a radius beyond its length [m]."""
+    """Return a bar along y, centred, with rounded ends within a radius beyond the length [m]."""
     half = 0.5 * length
     return _turned(
         [(-half - 0.7 * radius, 0.6 * radius), (-half, radius), (half, radius), (half + 0.7 * radius, 0.6 * radius)],
@@ -27,7 +27,7 @@ def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
 
 
 def disc(radius: float, thick: float, *, sides: int = 32) -> Mesh:
-    """Return a disc across y, from the origin to y = `thick`, with its edge there rounded off [m]."""
+    """Return a disc across y, from the origin to y = `thick`, with a rounded edge there [m]."""
     return _turned([(0.0, radius), (0.5 * thick, radius), (thick, radius - 0.5 * thick)], sides)
 
 
@@ -45,7 +45,7 @@ def arrow(*, sides: int = 10) -> Mesh:
 def _turned(
     profile: list[tuple[float, float]], sides: int, *, pole: float | None = None, tip: float | None = None
 ) -> Mesh:
-    """Return the solid of (y, radius) turned about y; its ends are flat unless their middles are moved outwards."""
+    """Return the solid of (y, radius) turned about y, with flat ends unless the middles are moved outwards."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
     circle = np.stack([np.sin(angle), np.zeros(sides), np.cos(angle)], axis=1)
     heights = np.array(profile)
@@ -59,9 +59,10 @@ def _turned(
 
 
 def tube(points: FloatArray, radius: float | FloatArray, *, sides: int = 6, capped: bool = True) -> Mesh:
-    """Return a tube around a polyline of at least two points (P, 3), of which neighbours may coincide [m].
+    """Return a tube around a polyline of at least two points (P, 3); neighbours may coincide [m].
 
-    It has one radius, or one at each point, shape (P,) [m]; `sides` corners around it; and, if `capped`, closed ends.
+    The tube has one radius, or a radius at each point, shape (P,) [m]; `sides` corners around; and, if `capped`, closed
+    ends.
     """
     tangents = _tangents(points)
     normals = _transported(tangents)
@@ -73,7 +74,7 @@ def tube(points: FloatArray, radius: float | FloatArray, *, sides: int = 6, capp
 
 
 def rings_mesh(rings: FloatArray, *, capped: bool = True) -> Mesh:
-    """Join rings of vertices, shape (P, sides, 3), anticlockwise about the direction they follow each other in.
+    """Join rings of vertices, shape (P, sides, 3), anticlockwise about the direction from ring to ring.
 
     Faces come in order along the rings, 2 * sides between two rings, the caps at the end.
     """
@@ -96,7 +97,7 @@ def wall_faces(count: int, sides: int) -> NDArray[np.int64]:
 
 
 def cap_faces(count: int, sides: int) -> NDArray[np.int64]:
-    """Return the triangles that close both ends; their middles are the two vertices after those of the rings."""
+    """Return the triangles that close both ends; the two vertices after the rings are the middles of the ends."""
     corner = np.arange(sides)
     after = (corner + 1) % sides
     middle, last = count * sides, (count - 1) * sides
@@ -106,7 +107,7 @@ def cap_faces(count: int, sides: int) -> NDArray[np.int64]:
 
 
 def _tangents(points: FloatArray) -> FloatArray:
-    """Return unit tangents at the points, shape (P, 3); that of the point before where it stands still."""
+    """Return unit tangents at the points, shape (P, 3); a repeated point has the tangent of the point before."""
     edges = np.gradient(points, axis=0)
     length = np.linalg.norm(edges, axis=1)
     moving = length > 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)

@@ -1,14 +1,14 @@
-"""A smooth skin: splines along the worm through its apexes and end faces, so that it touches what the worm touches.
+"""A smooth skin: splines along the worm through apexes and end faces, so that skin and worm touch the same surfaces.
 
-A cross-section stands at each joint and in the middle of each segment. Six points give it, in the order of the apexes:
-below, above and outward on the left, and on the right. With P = (below + above)/2, U = (above - below)/2 and
-D = outward - P each half of its outline is
+There is a cross-section at each joint and in the middle of each segment. Six points define a section, in the order of
+the apexes: below, above and outward on the left, and on the right. With P = (below + above)/2, U = (above - below)/2
+and D = outward - P each half of the outline is
 
     P + cos(a) D + sin(a) U,   -pi/2 <= a <= pi/2
 
-and lines that are straight join the halves. Along the worm each point of the outline moves on a uniform Catmull-Rom
-spline through the sections. So a vertex is a sum of the points of four sections whose weights never change, `ALONG`
-and `AROUND`: a page is given the sections and the weights, and needs no formula of its own.
+and straight lines join the halves. Along the worm each point of the outline moves on a uniform Catmull-Rom spline
+through the sections. So a vertex is a weighted sum of the points of four sections, with constant weights `ALONG` and
+`AROUND`: a page receives the sections and the weights, and needs no formula.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ RINGS = 6
 SIDES = 28
 """Corners of a ring: the halves have 14 each."""
 WAIST = 0.68
-"""Size of a section at a joint over that of the segments beside it; nothing but the joint itself touches there."""
+"""Size of a section at a joint relative to the neighbouring segments; only the joint itself touches there."""
 WAIST_OFFSET = 0.9
-"""Distance between the chambers at a joint over that of the segments beside it."""
+"""Distance between the chambers at a joint relative to the neighbouring segments."""
 
 PANEL_RINGS = 3
 PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + SIDES // 2 for corner in _HALF)]
-"""Step between the rings of a coarser skin, and its corners; those at apexes are among them."""
+"""Step between the rings of a coarser skin, and corners of a ring, which include the corners at apexes."""
 JOINT_SHADE = 0.85
-"""Brightness at the joints, so that one can tell segments."""
+"""Brightness at the joints, so that the segments can be distinguished."""
 
 
 def _along() -> FloatArray:
-    """Return weights of four sections for the rings from the second of them up to the third, shape (RINGS, 4)."""
+    """Return weights of four sections for the rings from the second section up to the third, shape (RINGS, 4)."""
     s = np.arange(RINGS) / RINGS
     cubic = [-(s**3) + 2 * s**2 - s, 3 * s**3 - 5 * s**2 + 2, -3 * s**3 + 4 * s**2 + s, s**3 - s**2]
     return np.stack(cubic, axis=1) / 2.0
 
 
 def _around() -> FloatArray:
-    """Return weights of a section's six points for the corners of its outline, and for its middle, (SIDES + 1, 6)."""
+    """Return weights of a section's six points for the corners of the outline and for the middle, (SIDES + 1, 6)."""
     angle = np.pi * (np.arange(SIDES // 2) / (SIDES // 2 - 1) - 0.5)
     cos, sin = np.cos(angle), np.sin(angle)
     half = np.stack([0.5 - 0.5 * sin - 0.5 * cos, 0.5 + 0.5 * sin - 0.5 * cos, cos], axis=1)
@@ -59,24 +59,24 @@ def _around() -> FloatArray:
 
 ALONG, AROUND = _along(), _around()
 LEFT = np.append(np.repeat([1.0, 0.0], SIDES // 2), 0.5)
-"""Share of the left chamber's colour at each corner of an outline, and in its middle."""
+"""Share of the left chamber's colour at each corner of an outline, and in the middle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin at T instants, as sections and their colours; the first and the last of S sections are its ends."""
+    """The skin at T instants, as sections and their colours; the first and the last of S sections are the ends."""
 
     sections: FloatArray
-    """Shape (T, S+2, 6, 3): their points, and those of one more beyond each end, which only give the spline its
-    direction there [m]."""
+    """Shape (T, S+2, 6, 3): points of the sections, and of one more section beyond each end, which only sets the
+    direction of the spline there [m]."""
     tint: FloatArray
-    """Shape (T, S+2, 2, 3): colours of the left and of the right."""
+    """Shape (T, S+2, 2, 3): colours of the left and of the right side."""
     end_faces: bool
-    """Whether its ends are those on which the worm stands."""
+    """Whether the ends of the skin are end faces that the worm stands on."""
 
     @classmethod
     def of(cls, frames: Frames, strain_limit: float) -> Skin:
-        """Return the skin of a worm; full colour is at `strain_limit`."""
+        """Return the skin of a worm, with full colour at `strain_limit`."""
         tint = colours.strain_colour(frames.chamber_strain, strain_limit)
         ends = tint[:, :1], tint[:, -1:]
         between = np.concatenate([ends[0], 0.5 * JOINT_SHADE * (tint[:, 1:] + tint[:, :-1]), ends[1]], axis=1)
@@ -114,7 +114,7 @@ class Skin:
         return np.concatenate([_quads(places), ends]), np.concatenate([panels, np.tile(paint, (len(ends), 1))])
 
     def piece(self, frame: int = 0) -> Piece:
-        """Return the skin at an instant, as it stands there."""
+        """Return the skin at an instant, in the pose at that instant."""
         mesh = Mesh(self.vertices(frame), self.faces)
         return Piece(path="skin/skin", mesh=mesh, colour=colours.SKIN, paint=self.paint(frame))
 
@@ -142,32 +142,32 @@ def _discs(frames: Frames) -> FloatArray:
 
 
 def _alternating(at_joints: FloatArray, at_middles: FloatArray) -> FloatArray:
-    """Return N+1 and N values along the second axis in the order in which they stand along the worm."""
+    """Return N+1 and N values along the second axis, in alternating order along the worm."""
     result = np.empty((len(at_joints), at_joints.shape[1] + at_middles.shape[1], *at_joints.shape[2:]))
     result[:, 0::2], result[:, 1::2] = at_joints, at_middles
     return result
 
 
 def _extended(values: FloatArray) -> FloatArray:
-    """Return values along the second axis with one more at each end, on a straight line."""
+    """Return values along the second axis with one more value at each end, on a straight line."""
     first, last = 2.0 * values[:, :1] - values[:, 1:2], 2.0 * values[:, -1:] - values[:, -2:-1]
     return np.concatenate([first, values, last], axis=1)
 
 
 def _fan(ring: FloatArray) -> FloatArray:
-    """Return quadrilaterals from the middle of a ring of corners, (C, 3), to three of them each, shape (C/2, 4, 3)."""
+    """Return quadrilaterals of the middle of a ring of corners, (C, 3), and three corners each, shape (C/2, 4, 3)."""
     middle = np.broadcast_to(ring.mean(axis=0), (len(ring) // 2, 3))
     return np.stack([middle, ring[0::2], ring[1::2], np.roll(ring, -2, axis=0)[0::2]], axis=1)
 
 
 def _quads(rings: FloatArray) -> FloatArray:
-    """Return the quadrilaterals between rings of corners, (R, C, 3), and their successors, shape ((R - 1) C, 4, 3)."""
+    """Return the quadrilaterals between successive rings of corners, (R, C, 3), shape ((R - 1) C, 4, 3)."""
     after = np.roll(rings, -1, axis=1)
     return np.stack([rings[:-1], after[:-1], after[1:], rings[1:]], axis=2).reshape(-1, 4, 3)
 
 
 def _spline(outlines: FloatArray) -> FloatArray:
-    """Return what is between outlines (S+2, SIDES + 1, 3): the rings' corners and the middles of the ends, (V, 3)."""
+    """Return the spline through outlines (S+2, SIDES + 1, 3): corners of rings and middles of the ends, (V, 3)."""
     count = len(outlines) - 3
     windows = np.stack([outlines[k : k + count] for k in range(4)])
     inside = np.einsum("rk,kscx->srcx", ALONG, windows[:, :, :SIDES]).reshape(-1, 3)

@@ -1,8 +1,8 @@
 """Meshes of the world for pictures, in plain NumPy: planes, pipes, heightfields, and surfaces where a function is zero.
 
-Such a surface has one corner in each cell of a grid that it passes through. Each edge of the grid along which the sign
-changes is crossed by a quadrilateral between the corners of the four cells around it ("naive surface nets", Gibson
-1998); a corner is the mean of the places where its cell's edges are crossed.
+Such a surface has one corner in each grid cell that contains a part of the surface. If the sign changes along an edge
+of the grid, a quadrilateral between the corners of the four cells around the edge crosses the edge ("naive surface
+nets", Gibson 1998). A corner is the mean of the places where the surface crosses the edges of the cell.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class WorldMesh:
     colour: Colour = GROUND
     """Red, green, blue, each in [0, 1]."""
     opacity: float = 1.0
-    """Opacity, 0 to 1; 1 hides what is behind."""
+    """Opacity, 0 to 1; 1 hides everything behind."""
 
     def __post_init__(self) -> None:
         what = f"world mesh {self.name!r}"
@@ -82,12 +82,12 @@ def plane(
     along: FloatArray | None = None,
     opacity: float = 1.0,
 ) -> tuple[WorldMesh, WorldMesh]:
-    """Return a rectangle of a plane as a chequerboard, so that one sees the worm move: its light and its dark tiles.
+    """Return a rectangle of a plane as a chequerboard, light and dark tiles, which makes the worm's motion visible.
 
     Parameters
     ----------
     centre, normal : ndarray, shape (3,)
-        A point of the plane [m] and its normal.
+        A point of the plane [m] and the normal.
     length, width : float
         Along the first side of the rectangle, and across [m]; rounded up to whole tiles.
     tile : float
@@ -133,7 +133,7 @@ def pipe(
 def banded_pipe(
     centreline: FloatArray, radius: float | FloatArray, *, band: float, sides: int = 32, opacity: float = 0.3
 ) -> tuple[WorldMesh, WorldMesh]:
-    """Return the wall of a `pipe` in light and dark bands [m], so that one sees the worm move and the pipe bend.
+    """Return the wall of a `pipe` in light and dark bands [m], which show the worm's motion and the pipe's bends.
 
     The points of the centre line should be closer together than the bands are wide.
     """
@@ -146,9 +146,9 @@ def banded_pipe(
 
 
 def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[WorldMesh, WorldMesh]:
-    """Return a mesh in light and dark squares with sides `tile` [m], seen from above, as its faces allow.
+    """Return a mesh in light and dark squares with sides `tile` [m], seen from above, as far as the faces allow.
 
-    So many successive faces stay `together`: 2 where they are the halves of quadrilaterals.
+    `together` is the number of successive faces that get one colour: 2 for the halves of quadrilaterals.
     """
     x, y, _ = mesh.vertices[mesh.faces].mean(axis=1).reshape(-1, together, 3).mean(axis=1).T
     dark = (np.floor(x / tile) + np.floor(y / tile)) % 2 == 1
@@ -156,7 +156,7 @@ def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[World
 
 
 def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[WorldMesh, WorldMesh]:
-    """Return the light and the dark faces of a mesh, each shaded as if they were one."""
+    """Return the light and the dark faces of a mesh, each shaded as if the mesh were whole."""
     return replace(mesh, faces=mesh.faces[~dark]), replace(
         mesh, name=f"{mesh.name}, dark", faces=mesh.faces[dark], colour=colour
     )
@@ -178,9 +178,9 @@ def heightfield(
 
 
 def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
-    """Return the surface on which a function is zero, seen from where it is positive; empty if there is none.
+    """Return the zero surface of a function, seen from the positive side; empty if there is no such surface.
 
-    The function is given on a grid, shape (A, B, C), each size at least 2; `origin` is the place of its first node.
+    The function is given on a grid, shape (A, B, C), each size at least 2; `origin` is the place of the first node.
     """
     cells, places = _crossed_cells(values)
     number = np.full(np.array(values.shape) - 1, -1)

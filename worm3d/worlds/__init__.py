@@ -1,4 +1,4 @@
-"""Worlds in which worms crawl: a signed distance with its gradient and Hessian, and the friction of each place."""
+"""Worlds for worms to crawl in: a signed distance with gradient and Hessian, and the friction of each place."""
 
 from worm3d.worlds.base import WORLDS, World
 from worm3d.worlds.centreline import Bend, Centreline, Straight

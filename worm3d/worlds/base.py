@@ -1,4 +1,4 @@
-"""The base class of all worlds: what the simulator, the metrics and the pictures ask of one."""
+"""The base class of all worlds: the interface to the simulator, the metrics and the pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from worm3d.values.spelling import Spelled
 from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
 
 WORLDS: dict[str, type[World]] = {}
-"""Class of each world that is found by name, such as by `world.kind` in a scene."""
+"""Class of each world with a name; `world.kind` in a scene is such a name."""
 
 NORMAL_STEP = 1e-6
 """Step of the central differences that give a normal, as a fraction of the length given."""
@@ -23,11 +23,12 @@ UPRIGHT = 1e-3
 
 
 class World(Spelled):
-    """Base of everything to crawl on or in: a signed distance, negative inside the solid, and what follows from it.
+    """Base of everything to crawl on or in: a signed distance, negative inside the solid, and derived quantities.
 
-    A world of one's own has `symbolic` (a formula) or a `kernel` and `distance` of its own, and `height` or a `placed`
-    of its own; `from_distance` needs a Python function alone. A subclass with a name, `class Hill(World, name="hill")`,
-    is a dataclass whose fields are declared by `worm3d.values.parameters.parameter`; scenes have it under that name.
+    A user-defined world overrides `symbolic` (a formula) or both `kernel` and `distance`, and also `height` or
+    `placed`. `from_distance` needs only a Python function. A subclass with a name, `class Hill(World, name="hill")`, is
+    a dataclass whose fields are declared by `worm3d.values.parameters.parameter`; scenes refer to the world by that
+    name.
     """
 
     def __init_subclass__(cls, name: str = "") -> None:
@@ -35,7 +36,7 @@ class World(Spelled):
         known = WORLDS.get(name)
         if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ValueError(f"name: got {name!r}, must be another than those of the worlds that there are")
-        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
+        if name:  # a class that is defined again, as in a notebook, replaces the former one
             WORLDS[name] = cls
 
     @staticmethod
@@ -44,45 +45,48 @@ class World(Spelled):
     ) -> World:
         """Return the world of a signed distance given as a Python function, which is sampled once on a grid.
 
-        It counts as uneven whatever its shape: a worm comes to rest on it with friction, and on a plane that is made so
-        it starts up to some millimetres away from where it starts on `Plane`.
+        The world counts as uneven, whatever the shape: a worm comes to rest there with friction. On a plane made in
+        this way, a worm starts up to some millimetres away from the start on `Plane`.
 
         Parameters
         ----------
         f : callable
             Signed distance [m] of points of shape (n, 3) [m], shape (n,): positive in free space, where the worm is,
-            negative inside the solid. It is called for points within the bounds only, widened to whole spacings.
+            negative inside the solid. The function is called only for points within the bounds, widened to whole
+            spacings.
         bounds : array_like, shape (2, 3)
-            Lowest and highest corner of the box that is sampled [m]. Beyond it the world goes on straight: along the
-            tangent plane at the nearest place of the box.
+            Lowest and highest corner of the box that is sampled [m]. Beyond the box the world continues straight, along
+            the tangent plane at the nearest place of the box.
         spacing : float, optional
-            Of the grid [m]; that of a grid of a million nodes if left out. The distance is a cubic spline through the
-            nodes: smooth surfaces come out with errors of its fourth power, edges rounded by about a spacing.
+            Spacing of the grid [m]; if left out, the grid has up to a million nodes. The distance is a cubic spline
+            through the nodes: errors on smooth surfaces scale with the fourth power of the spacing, and edges are
+            rounded by about a spacing.
         grip : float
             Multiplier of the friction coefficients.
 
         Raises
         ------
         ValueError
-            `f` returns another shape or what is not finite, has no surface in the bounds, or is not a distance there
-            (its gradient is far from a unit vector); bounds or a spacing out of range, or a grid that is too large.
+            `f` returns another shape or values that are not finite, has no surface in the bounds, or is not a distance
+            there (the gradient is far from a unit vector); bounds or a spacing out of range, or a grid that is too
+            large.
         """
         return World.sampled(f, bounds, spacing, grip)
 
     sampled: ClassVar[Callable[[Callable[[FloatArray], ArrayLike], ArrayLike, float | None, float], World]]
-    """Constructor behind `from_distance`; `worm3d.worlds.sampled`, which knows how, sets it."""
+    """Constructor behind `from_distance`; `worm3d.worlds.sampled` sets this attribute."""
 
     clamped: ClassVar[bool] = False
-    """Whether it holds the joints' heights instead of touching the worm."""
+    """Whether the world holds the joints' heights instead of touching the worm."""
 
     flat: ClassVar[bool] = False
-    """Whether its surface is one plane, so that a worm that rises on its feet makes no way."""
+    """Whether the surface is one plane, so that a worm that rises on its feet makes no progress."""
 
     velocity_threshold: float = 0.0
-    """eps of (P10) of a world that is `clamped` [m/s]."""
+    """eps of (P10) for a `clamped` world [m/s]."""
 
     def symbolic(self) -> Formula | None:
-        """Return the world's rows as a function of a point and parameters, and these; None if it has no formula."""
+        """Return the world's rows as a function of a point and parameters, and the parameters; None without formula."""
         return None
 
     def kernel(self) -> WorldKernel:
@@ -101,7 +105,8 @@ class World(Spelled):
     def uneven(self) -> bool:
         """Whether a worm without friction could slide away under `pressing`.
 
-        There it is brought to rest with contacts that stick, and then by the friction of its run.
+        On such a world the worm is first brought to rest with contacts that stick, and then with the friction of the
+        run.
         """
         return True
 
@@ -110,13 +115,13 @@ class World(Spelled):
         return np.array(gravity, dtype=float)
 
     def bumps(self, within: float) -> float:
-        """Return how high bumps are that stand within a distance [m]; between contact points they would pass."""
+        """Return the height of bumps narrower than a distance [m], which could pass between contact points."""
         return 0.0
 
     def normal(self, at: FloatArray, length: float) -> FloatArray:
         """Return the gradient of the distance at points (..., 3) by central differences over a small part of a length.
 
-        Of the same shape; the length is in metres.
+        The gradient has the same shape as the points; the length is in metres.
         """
         h = NORMAL_STEP * length
         d = self.distance(np.asarray(at)[..., None, None, :] + h * np.stack([np.eye(3), -np.eye(3)], axis=1))
@@ -124,9 +129,9 @@ class World(Spelled):
         return gradient
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
-        """Return the unit vector in which a worm with joints (N+1, 3) heads: that of a level one, in the tangent plane.
+        """Return the heading of a worm with joints (N+1, 3), a unit vector: `level`, tilted into the tangent plane.
 
-        On worlds of which the normal changes from place to place it is the chord from tail to head.
+        Worlds whose normal changes from place to place return the chord from tail to head.
         """
         normal = self.normal(joints.mean(axis=0), float(np.linalg.norm(joints[-1] - joints[0])))
         along = np.array(level, dtype=float)
@@ -134,9 +139,9 @@ class World(Spelled):
         return along / float(np.linalg.norm(along))
 
     def course(self, points: FloatArray, joints: FloatArray) -> FloatArray | None:
-        """Return how far along the world's own course points (K, 3) are, growing towards the head of joints (N+1, 3).
+        """Return distances of points (K, 3) along the world's own course, towards the head of joints (N+1, 3).
 
-        None where it has no course, and distances count along `forward`; else of shape (K,) [m].
+        The result has the shape (K,) [m]. Without a course the result is None, and distances count along `forward`.
         """
         return None
 
@@ -147,9 +152,9 @@ class World(Spelled):
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm on the world, and its director to the left.
+        """Return joints of a straight worm on the world, and the director to the left.
 
-        It is laid on the ground, of which `height` tells, from above.
+        The worm is laid from above on the ground that `height` describes.
 
         Parameters
         ----------
@@ -158,7 +163,7 @@ class World(Spelled):
         clearance : float
             Distance of the joints from the surface [m].
         position : ndarray, shape (2,)
-            Where the tail is, seen from above [m].
+            Position of the tail, seen from above [m].
         azimuth : float
             Heading [rad].
 
@@ -195,13 +200,14 @@ PIT = 1e3
 """Depth of places beside a worm that have no ground, in body lengths."""
 
 REACH = 1.6
-"""Reach of the body sideways from its axis, in clearances: that of the outward apexes of the default worm."""
+"""Sideways reach of the body from the axis, in clearances: the reach of the default worm's outward apexes."""
 
 SOLE = 0.8
-"""Offset up to which the body is as deep as the clearance, in clearances; it rises to its axis at `REACH`."""
+"""Sideways offset within which the body is as deep as the clearance, in clearances; from there the bottom rises to the
+axis at `REACH`."""
 
 ACROSS, ALONG = 17, 129
-"""Samples of the ground under the body, across and along it."""
+"""Numbers of samples of the ground under the body, across and along the body."""
 
 
 EVEN = 1e-9
@@ -215,10 +221,10 @@ def laid(
     position: FloatArray,
     azimuth: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return joints and director of a straight worm on ground of which the height is known; see `World.placed`.
+    """Return joints and director of a straight worm on ground with a known height; see `World.placed`.
 
-    The axis is the line that is nowhere lower than the body needs, and lowest in its middle: the edge of the upper
-    convex hull, over that middle, of what each place asks for.
+    The axis is the line that is nowhere lower than the body needs, and that is lowest in the middle of the worm: the
+    edge, over this middle, of the upper convex hull of the needed heights.
     """
     forward = np.array([np.cos(azimuth), np.sin(azimuth)])
     left = np.array([-forward[1], forward[0]])
@@ -229,26 +235,26 @@ def laid(
     needed = _widened((ground.reshape(ALONG, ACROSS) + deep).max(axis=1), s, clearance / 2.0)
     begin, rise = _lowest_line_above(s, needed, float(along[[0, -1]].mean()))
     tangent = np.append(forward, rise) / np.hypot(1.0, rise)
-    # Needed along the line's normal what the ground asks for upwards.
+    # The clearance is needed along the line's normal, not only upwards.
     lift = begin + (np.hypot(1.0, rise) - 1.0) * clearance
     return np.append(position, lift) + along[:, None] * tangent, np.append(left, 0.0)
 
 
 def _widened(values: FloatArray, s: FloatArray, reach: float) -> FloatArray:
-    """Return the greatest value within a reach of each place."""
+    """Return the greatest value within reach of each place."""
     near = np.abs(s[:, None] - s) <= reach + EVEN * (s[-1] - s[0])
     widest: FloatArray = np.where(near, values, -np.inf).max(axis=1)
     return widest
 
 
 def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tuple[float, float]:
-    """Return height at 0 and slope of the line above all values that is lowest in the middle; of several the flattest.
+    """Return height at 0 and slope of the line above all values that is lowest in the middle; the flattest of several.
 
-    There are several where the middle lies below a corner of the hull, as on the top of a bump.
+    Several lines are lowest where the middle lies below a corner of the hull, as on the top of a bump.
     """
     floor, slack = values.min() - (s[-1] - s[0]), EVEN * (s[-1] - s[0])
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
-    import scipy.spatial  # takes long, and few ask for it
+    import scipy.spatial  # slow to import, and rarely needed
 
     hull = scipy.spatial.ConvexHull(points).simplices
     ends = points[hull]

@@ -1,4 +1,4 @@
-"""Centre lines of pipes: chains of straight pieces and circular arcs without kinks, straight on beyond both ends.
+"""Centre lines of pipes: chains of straight pieces and circular arcs without kinks, straight beyond both ends.
 
 A smooth curve through points is a cubic spline, replaced by pairs of arcs. Such a biarc joins two points with given
 tangents by two arcs that meet without a kink (Bolton, "Biarc curves", 1975; in space Sharrock, "Biarcs in three
@@ -30,28 +30,28 @@ from worm3d.values.spelling import Spelled, spelled
 Side = Literal["left", "right", "up", "down"]
 
 LONGEST_ARC = np.pi / 2.0
-"""Longest arc that is kept whole [rad]: the nearest point is looked for between the normal planes at its ends."""
+"""Longest arc that is not divided [rad]: the nearest point is searched between the normal planes at the arc's ends."""
 
 SAMPLED = 0.05
-"""Distance of the places by which a reach is looked for, as a fraction of it."""
+"""Distance between the places that test a reach, as a fraction of the reach."""
 
 LESS = 0.8
-"""Factor by which a reach that is too large is tried anew."""
+"""Factor from a reach that is too large to the next trial value."""
 
 LARGEST_TURN = 200.0 * np.pi
-"""Largest angle of a bend: a hundred turns, as of a helix seen along its axis [rad]."""
+"""Largest angle of a bend: a hundred turns, as in a helix seen along the axis [rad]."""
 
 MOST_PIECES = 100_000
 """Largest number of pieces of a centre line: some 12,000 points of a spline."""
 
 MOST_SAMPLES = 100_000
-"""Largest number of samples by which a reach is looked for; a line that would take more has none that is known."""
+"""Largest number of samples that test a reach; a line that would need more samples has no known reach."""
 
 STRAIGHT = 1e-9
-"""Turn of an arc below which it is a straight piece [rad]."""
+"""Angle of an arc below which the arc counts as a straight piece [rad]."""
 
 KINK = 1e-9
-"""Largest difference of positions [m] and of tangents at which two pieces meet."""
+"""Largest difference of positions [m] and of tangents where two pieces meet."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,11 @@ class Bend(Spelled):
     Attributes
     ----------
     angle : float
-        By how much the pipe turns [rad].
+        Angle of the turn [rad].
     radius : float
         Radius of the centre line [m].
     towards : str
-        "left", "right", "up" or "down", as one sees it looking along the pipe.
+        "left", "right", "up" or "down", as seen when looking along the pipe.
     """
 
     angle: float
@@ -92,13 +92,13 @@ class Bend(Spelled):
 class Centreline(ReadOnly):
     """The pieces of a centre line, each of constant curvature; frozen, with read-only arrays.
 
-    Made by `of` (straight pieces and bends) or `through` (points). Distances along it count from its start.
+    Made by `of` (straight pieces and bends) or `through` (points). Distances along the line count from the start.
 
     Attributes
     ----------
     start, tangent, normal : ndarray, shape (M, 3)
-        Where each piece begins [m], its direction there, and the unit vector towards the centre of the arc (any normal
-        vector of a straight piece).
+        Start of each piece [m], direction there, and unit vector towards the centre of the arc (any normal vector of a
+        straight piece).
     curvature : ndarray, shape (M,)
         0 for a straight piece [1/m].
     length : ndarray, shape (M,)
@@ -150,11 +150,11 @@ class Centreline(ReadOnly):
         ----------
         pieces : sequence of Straight and Bend
         start : array_like, shape (3,)
-            Where it begins [m].
+            Start of the line [m].
         heading : float
-            Azimuth of its first piece [rad].
+            Azimuth of the first piece [rad].
         tilt : float
-            Angle of its first piece with the horizontal; pi/2 goes straight up [rad].
+            Angle of the first piece with the horizontal; pi/2 goes straight up [rad].
         """
         at = arguments.array("start", start, (3,))
         heading, tilt = (arguments.number(*given, "rad") for given in (("heading", heading), ("tilt", tilt)))
@@ -174,15 +174,15 @@ class Centreline(ReadOnly):
     def through(cls, points: ArrayLike, spans: int = 4) -> Centreline:
         """Return a smooth centre line through points: a cubic spline, replaced by pairs of arcs (biarcs).
 
-        It passes through the points and, between them, follows the spline at `spans` - 1 further places with its
-        tangents; distances are those to the arcs. Two points give a straight line.
+        The line passes through the points. Between two points the line shares positions and tangents with the spline at
+        `spans` - 1 further places; distances are measured to the arcs. Two points give a straight line.
 
         Parameters
         ----------
         points : array_like, shape (P, 3)
             At least two, each apart from the next [m].
         spans : int
-            Pairs of arcs between two points.
+            Number of pairs of arcs between two points.
 
         Raises
         ------
@@ -216,11 +216,11 @@ class Centreline(ReadOnly):
 
     @cached_property
     def reach(self) -> float:
-        """A distance below which each point's nearest place is the only one in whose normal plane it lies [m].
+        """Distance from the line below which a point lies in the normal plane of the nearest place only [m].
 
-        It holds (Federer 1959, Curvature measures) where no bend is sharper, and where places that are pi times as far
-        apart along the line are twice as far apart in space: the chord between closer ones is not normal to both. A
-        line that crosses itself has no reach: 0. Neither has one on which it would take too many places to look for.
+        A reach r is valid (Federer 1959, Curvature measures) if no bend is sharper, and if places pi r or more apart
+        along the line are 2 r or more apart in space: the chord between closer places is not normal to the line at
+        both. The reach is 0 for a line that crosses itself, and for a line that would need too many samples.
         """
         least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_SAMPLES))
         longest = min(self.total, 1.0 / float(self.curvature.max())) if self.curvature.any() else self.total
@@ -230,21 +230,21 @@ class Centreline(ReadOnly):
         return reach if reach > least else 0.0
 
     def _is_apart(self, reach: float) -> bool:
-        """Return whether places that are pi times the reach apart along the line are twice as far apart in space."""
-        import scipy  # takes long, and few ask for it
+        """Return whether places pi reaches or more apart along the line are two reaches or more apart in space."""
+        import scipy  # slow to import, and rarely needed
 
         beyond = float(np.linalg.norm(np.ptp(self.start, axis=0))) + self.total / len(self.length) + 4.0 * reach
         count = int(np.ceil((self.total + 2.0 * beyond) / (SAMPLED * reach))) + 1
         along, step = np.linspace(-beyond, self.total + beyond, count, retstep=True)
         places, near = self.at(along)[0], 2.0 * reach + 1.001 * float(step)
         tree, beside = scipy.spatial.KDTree(places), range(1, math.ceil(np.pi * reach / float(step) - 1.0))
-        # Counted, not listed: where a line comes back upon itself often, pairs are more than memory has room for.
+        # Pairs are counted, not listed: a line that often returns to itself has more pairs than memory can hold.
         of_neighbours = sum(int((np.linalg.norm(places[k:] - places[:-k], axis=1) <= near).sum()) for k in beside)
         return int(tree.count_neighbors(tree, near)) == count + 2 * of_neighbours
 
     @property
     def mirrored(self) -> Centreline:
-        """The same line from its other end."""
+        """The same line, starting from the other end."""
         ends, tangents = self._run(np.arange(len(self.length)), self.length)
         turn = (self.curvature * self.length)[:, None]
         normal = np.cos(turn) * self.normal - np.sin(turn) * self.tangent
@@ -261,7 +261,7 @@ class Centreline(ReadOnly):
         return points + (s - inside)[..., None] * tangents, tangents
 
     def _run(self, k: NDArray[np.int64], way: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return points and tangents after a way on piece k."""
+        """Return points and tangents at a distance from the start of piece k."""
         kappa = self.curvature[k]
         turn = kappa * way
         bent = kappa > 0.0
@@ -280,7 +280,7 @@ def _append(
     at: FloatArray,
     frame: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Add a piece, or one of the equal parts of a bend; return where it ends and the frame (ahead, left, up) there."""
+    """Add a piece, or one of the equal parts of a bend; return the end and the frame (ahead, left, up) there."""
     t, left, up = frame
     if isinstance(piece, Straight):
         rows.append((at, t, left, 0.0, piece.length))
@@ -308,7 +308,7 @@ def _require_pieces(pieces: Any) -> None:
 
 def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
     """Return places and unit tangents of the spline through points (P, 3), `spans` to each stretch, each (S, 3)."""
-    import scipy  # takes long, and few ask for it
+    import scipy  # slow to import, and rarely needed
 
     chord = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     spline = scipy.interpolate.CubicSpline(chord, points, bc_type="natural" if len(points) > 2 else "not-a-knot")
@@ -349,7 +349,7 @@ def _arc(p: FloatArray, t: FloatArray, q: FloatArray) -> tuple[FloatArray, Float
     ahead = float(v @ t)
     aside = v - ahead * t
     side = float(np.linalg.norm(aside))
-    half = float(np.arctan2(side, ahead))  # of the angle by which it turns
+    half = float(np.arctan2(side, ahead))  # half the angle of the turn
     if half < STRAIGHT:
         return p, t, _any_normal(t), 0.0, ahead
     chord = float(np.linalg.norm(v))

@@ -1,16 +1,16 @@
 """The foot of a hill: a slope that ends at a steeper face.
 
-With the outward normals n_1 of the slope, which goes through the origin, and n_2 of the face, which meets it in a
-level line through the point p, the signed distance is, with a = n_1.x, b = n_2.(x - p) and c = n_1.n_2,
+The slope goes through the origin; n_1 is the slope's outward normal. The face, with the outward normal n_2, meets the
+slope in a level line through the point p. With a = n_1.x, b = n_2.(x - p) and c = n_1.n_2, the signed distance is
 
     g = min(a, b),   and -d where a < c b and b < c a,   d^2 = (a^2 + b^2 - 2 a b c)/(1 - c^2)                    (WF1)
 
-It is exact everywhere, as the two meet at less than 180 degrees in free space. Behind their line, d is the distance
-from that, with the gradient and Hessian, m being the direction across the line and the gradient,
+The distance is exact everywhere, as slope and face meet at less than 180 degrees in free space. Behind the common line,
+d is the distance from the line. With m normal to the line and to the gradient, gradient and Hessian there are
 
     n = ((c b - a) n_1 + (c a - b) n_2)/((1 - c^2) d),   H = -m m^T/d                                             (WF2)
 
-so that the normal turns from that of one side to that of the other, and a point in the corner rests on both.
+The normal thus turns from n_1 to n_2, and a point in the corner rests on slope and face.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from worm3d.worlds.plane import Plane
 @documented
 @dataclass(frozen=True)
 class Foot(World):
-    """A slope through the origin up to a steeper face across its ascent.
+    """A slope through the origin up to a steeper face across the ascent.
 
     Raises
     ------
@@ -61,7 +61,7 @@ class Foot(World):
 
     @property
     def corner(self) -> FloatArray:
-        """Point of the slope at which the face begins, shape (3,) [m]."""
+        """Point of the slope where the face begins, shape (3,) [m]."""
         return np.asarray(self.place * self.sides[0].axes[0])
 
     def symbolic(self) -> Formula:

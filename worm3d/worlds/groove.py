@@ -1,8 +1,8 @@
 """A groove with walls that rise to both sides of a round bottom.
 
-Across the groove, with y to the left and z above its lowest line, q = (|y|, z - r) is the place of a point seen from
-the axis of the bottom, a circular cylinder of radius r. With the wall's outward normal N = (-sin a, cos a) and its
-direction of ascent T = (cos a, sin a) the signed distance and its gradient are
+The bottom is a circular cylinder of radius r. In a section across the groove, with y to the left and z above the lowest
+line, q = (|y|, z - r) is the position of a point relative to the cylinder's axis. The wall has the outward normal N =
+(-sin a, cos a) and the direction of ascent T = (cos a, sin a). Signed distance and gradient are
 
     g = r - |q|,      -q/|q|     where q.T < 0: the nearest place lies on the bottom,                        (WG1)
     g = r + q.N,      N          else, on the wall,
@@ -24,13 +24,13 @@ from worm3d.worlds.base import World
 from worm3d.worlds.kernels import Formula
 
 ON_AXIS = 1e-30
-"""Square of the distance below which a point on the axis of the bottom has no direction to it [m^2]."""
+"""Square of the distance below which a point on the axis of the bottom has no direction to the bottom [m^2]."""
 
 
 @documented
 @dataclass(frozen=True)
 class Groove(World, name="groove"):
-    """A straight groove with a round bottom, of which the lowest line goes through the origin.
+    """A straight groove with a round bottom, whose lowest line goes through the origin.
 
     Raises
     ------
@@ -50,7 +50,7 @@ class Groove(World, name="groove"):
 
     @property
     def uneven(self) -> bool:
-        """False: a worm without friction comes to rest on the bottom, wherever along it."""
+        """False: a worm without friction comes to rest on the bottom, at any place along the groove."""
         return False
 
     @property

@@ -19,21 +19,21 @@ from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
 EDGE = 14
-"""Number of nodes added on each side, as high as the edge: the spline is level there to single precision."""
+"""Number of nodes added on each side, at the height of the edge: the spline is level there to single precision."""
 
 BYTES_PER_HEIGHT = 64.0
-"""Memory of the tables of a height, and of what is needed while they are made [byte]."""
+"""Memory for the tables of each height, and for computing the tables [byte]."""
 
 BAND = 4.0
-"""Height above the surface up to which `Heightfield.distance` is that to the foot point, in cells."""
+"""Height above the surface up to which `Heightfield.distance` is the distance to the foot point, in cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class Heightfield(World, ReadOnly):
-    """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below it.
+    """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below.
 
-    Beyond the grid the terrain goes on as high as its edge. The spline has continuous curvature, so that normals are
-    smooth; distances are those to the foot point on it (`worm3d.worlds.heightfield_kernel`).
+    Beyond the grid the terrain continues at the height of the edge. The spline has continuous curvature, so that
+    normals are smooth; distances are measured to the foot point on the spline (`worm3d.worlds.heightfield_kernel`).
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Heightfield(World, ReadOnly):
     origin : tuple of float
         x and y of the first height [m].
     grip : float or ndarray, shape (A, B)
-        Multiplier of the friction coefficients, everywhere or at each of the grid's nodes, linear between them.
+        Multiplier of the friction coefficients, everywhere or at each node of the grid; linear between nodes.
 
     Raises
     ------
@@ -84,10 +84,10 @@ class Heightfield(World, ReadOnly):
 
     @classmethod
     def from_image(cls, path: str | PathLike[str], spacing: float, low: float, high: float, **more: Any) -> Heightfield:
-        """Return the terrain of a greyscale image, a pixel a node, black at `low` and white at `high` [m].
+        """Return the terrain of a greyscale image, one node per pixel, black at `low` and white at `high` [m].
 
         The left edge is x = origin[0], the lower edge y = origin[1]. Pictures of more than 8 bits are stretched from
-        their darkest to their lightest value.
+        the darkest to the lightest value.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Heightfield(World, ReadOnly):
     def steps(
         cls, length: float, width: float, spacing: float, *, height: float, tread: float, ramp: float, **more: Any
     ) -> Heightfield:
-        """Return stairs up along x, each a rise of `height` over `ramp` at the end of its tread [m]."""
+        """Return stairs up along x; each step rises by `height` over `ramp` at the end of the tread [m]."""
         return cls._made(terrain.steps, length, width, spacing, more, height=height, tread=tread, ramp=ramp)
 
     @classmethod
@@ -153,7 +153,7 @@ class Heightfield(World, ReadOnly):
     @cached_property
     def _tables(self) -> tuple[FloatArray, FloatArray]:
         """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
-        import scipy  # takes long, and few ask for it
+        import scipy  # slow to import, and rarely needed
 
         grips = np.broadcast_to(self.grip, self.heights.shape)
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
@@ -161,14 +161,14 @@ class Heightfield(World, ReadOnly):
 
     @cached_property
     def _tops(self) -> FloatArray:
-        """Return what the surface in each cell lies below: the largest coefficient about it."""
-        import scipy  # takes long, and few ask for it
+        """Return an upper bound of the surface in each cell: the largest coefficient about the cell."""
+        import scipy  # slow to import, and rarely needed
 
         tops: FloatArray = scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1)
         return np.ascontiguousarray(tops)
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, which looks for foot points of points less than so many cells above a cell."""
+        """Return the compiled world, with foot points for points less than `band` cells above a cell's upper bound."""
         first = np.asarray(self.origin) - EDGE * self.spacing
         (coefficients, grips), tops = self._tables, self._tops
         parameters = [
@@ -188,7 +188,7 @@ class Heightfield(World, ReadOnly):
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
-        import scipy  # takes long, and few ask for it
+        import scipy  # slow to import, and rarely needed
 
         nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE
         found: FloatArray = scipy.ndimage.map_coordinates(
@@ -212,7 +212,7 @@ class Heightfield(World, ReadOnly):
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm laid over the terrain from above, and its director.
+        """Return joints of a straight worm laid over the terrain from above, and the director.
 
         Raises
         ------
@@ -230,11 +230,12 @@ class Heightfield(World, ReadOnly):
 
     @lru_cache(maxsize=8)  # noqa: B019 - a few worlds are kept
     def bumps(self, within: float) -> float:
-        """Return how high bumps are that stand within a distance [m] along x and y, 0 where the grid has none [m].
+        """Return the height of bumps narrower than a distance [m] along x and y, 0 if the grid has none [m].
 
-        What an opening by a square of that side takes away (Serra, Image Analysis and Mathematical Morphology, 1982).
+        An opening by a square of that side removes these bumps (Serra, Image Analysis and Mathematical Morphology,
+        1982).
         """
-        import scipy  # takes long, and few ask for it
+        import scipy  # slow to import, and rarely needed
 
         nodes = 2 * round(within / self.spacing / 2.0) + 1
         if min(nodes, *self.heights.shape) < 3:

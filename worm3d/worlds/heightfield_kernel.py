@@ -1,4 +1,4 @@
-"""The compiled heightfield: distance to a bicubic surface z = h(x, y) by its foot point.
+"""The compiled heightfield: distance to a bicubic surface z = h(x, y) from the foot point.
 
 With the surface S(u, v) = (u, v, h), N = (-h_u, -h_v, 1) and J = (S_u, S_v), the foot of a point P is where
 
@@ -10,9 +10,9 @@ fundamental forms I = J'J and II = Hess(h)/|N|,
     g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (WH2)
 
 (do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (WH1)).
-I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus. There, and where P is so many
-cells, a parameter, above all coefficients of the spline about it, which its surface is below, g is the distance to the
-tangent plane below P: it only tells that it is far.
+Newton's matrix is I - g II too; where this matrix is not positive definite, P lies beyond a focus. There g is the
+distance to the tangent plane below P. The same holds if P is higher than a parameter, in cells, above all coefficients
+of the spline about P, and so above the surface: g then only tells that P is far away.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ Height = tuple[float, float, float, float, float, float]
 """h, h_u, h_v, h_uu, h_uv, h_vv."""
 
 CONTACT = 0.05
-"""Height above all coefficients about a cell, and so above its surface, up to which a worm's contacts get the foot
-point, in cells; the parameter in a simulation."""
+"""Height above all coefficients about a cell, and so above the cell's surface, up to which a worm's contacts get the
+foot point, in cells; the value of the parameter in a simulation."""
 
 ITERATIONS = 20
 """Largest number of Newton iterations for a foot point."""
 
 CLOSE = 1e-5
-"""Way of the foot in the last iteration, which takes the surface from its Taylor series, in cells: the error of foot
-and normal is about its square, that of the distance its third power."""
+"""Step of the foot below which an iteration is the last, in cells; the last iteration takes the surface from a Taylor
+series. The errors of foot and normal are about the square of this step, and the error of the distance is about the
+third power."""
 
 ROWS_IN, ROWS_OUT = 3 + 12, 11
-"""Rows of the inputs: point; addresses of coefficients, of the largest about each cell, and of grips (2 each), nodes
-along x and y, first x and y, spacing, `CONTACT`. Rows of the outputs."""
+"""Rows of the inputs: point; addresses of coefficients, of the largest coefficient about each cell, and of grips (2
+each), nodes along x and y, first x and y, spacing, `CONTACT`. Rows of the outputs."""
 
 _COEFFICIENTS, _TOPS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 13, 14
 
@@ -71,14 +72,14 @@ def height(coefficients: FloatArray, u: float, v: float) -> Height:
 
 @inner
 def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) -> tuple[bool, float, float, Height]:
-    """Return whether Newton's method found a foot (WH1), its place and the surface there, all in cells."""
+    """Return whether Newton's method found a foot (WH1), the foot's place and the surface there, all in cells."""
     u, v, at = x, y, begin
     gap = (z - at[0]) ** 2
     for _ in range(ITERATIONS):
         up = z - at[0]
         r_u, r_v = x - u + up * at[1], y - v + up * at[2]
         uu, uv, vv = 1.0 + at[1] * at[1] - up * at[3], at[1] * at[2] - up * at[4], 1.0 + at[2] * at[2] - up * at[5]
-        if uu <= 0.0 or uu * vv - uv * uv <= 0.0:  # Gauss and Newton's matrix I instead
+        if uu <= 0.0 or uu * vv - uv * uv <= 0.0:  # the Gauss-Newton matrix I instead
             uu, uv, vv = 1.0 + at[1] * at[1], at[1] * at[2], 1.0 + at[2] * at[2]
         det = uu * vv - uv * uv
         d_u, d_v = (vv * r_u - uv * r_v) / det, (uu * r_v - uv * r_u) / det
@@ -97,7 +98,7 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) 
 
 @inner
 def _moved(at: Height, d_u: float, d_v: float) -> Height:
-    """Return the surface a small way from a place, by its Taylor series."""
+    """Return the surface a small step away from a place, by a Taylor series."""
     h, h_u, h_v, h_uu, h_uv, h_vv = at
     rise_u, rise_v = h_uu * d_u + h_uv * d_v, h_uv * d_u + h_vv * d_v
     h += (h_u + 0.5 * rise_u) * d_u + (h_v + 0.5 * rise_v) * d_v
@@ -121,7 +122,7 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
 
 @inner
 def look(coefficients: FloatArray, tops: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
-    """Return distance, normal and curvature at a point, a spacing as unit."""
+    """Return distance, normal and curvature at a point, with the spacing as unit."""
     if z > tops[kernels.cell(x, tops.shape[0])[0], kernels.cell(y, tops.shape[1])[0]] + contact:
         rough = _rough(coefficients, x, y)
         size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])

@@ -1,17 +1,17 @@
-"""Compiled kernels of worlds, of formulas and of tables, and how they are evaluated for points of one's own.
+"""Compiled kernels of worlds, from formulas and from tables, and their evaluation at given points.
 
-A world's compiled kernel takes points and its own parameters, as rows of the inputs, and returns as rows
+A world's compiled kernel takes points and the world's parameters, as rows of the inputs, and returns as rows
 
     g               signed distance, negative inside the solid [m]
-    n (3)           its gradient, a unit vector out of the solid
-    H (6)           its Hessian, xx, xy, xz, yy, yz, zz [1/m]; zero is allowed and costs Newton steps only
+    n (3)           gradient of g, a unit vector out of the solid
+    H (6)           Hessian of g, xx, xy, xz, yy, yz, zz [1/m]; zero is allowed and costs Newton steps only
     grip            multiplier of the friction coefficients at that place
 
-in the layout of `worm3d.machine.codegen`: row r of point k stands at [r, k].
+in the layout of `worm3d.machine.codegen`: row r of point k is at [r, k].
 
-A table cannot be a CasADi expression, so kernels that look something up are written by hand for Numba, with the
-signature of `worm3d.machine.codegen.emit`. Their arrays stand among a world's parameters as two numbers, the halves of
-an address, each exact in a double.
+A table cannot be a CasADi expression, so kernels with table look-ups are written by hand for Numba, with the signature
+of `worm3d.machine.codegen.emit`. Each table takes two of the world's parameters, the halves of the table's address,
+each exact in a double.
 
 Cubic B-spline (WS1), for 0 <= t < 1 between nodes 1 and 2 of four (de Boor, A Practical Guide to Splines):
 
@@ -75,13 +75,13 @@ def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:
 
 @lru_cache(maxsize=64)
 def kernel(function: ca.Function) -> Kernel:
-    """Return a compiled function, the same one for the same function; it computes the lanes beyond the points too."""
+    """Return a compiled function from a cache; the kernel computes the lanes beyond the points too."""
     return compile_kernel(function, padded=True)
 
 
 @cache
 def by_hand(function: Callable[..., int]) -> Any:
-    """Return a hand-written kernel compiled, the same one for the same function; it has an `address`."""
+    """Return a compiled hand-written kernel from a cache; the kernel has an `address`."""
     return cfunc(function, OPTIMISATION)
 
 
@@ -97,26 +97,26 @@ def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:
 
 
 def halves(*places: int) -> list[float]:
-    """Return addresses as two parameters each; what stands there has to outlive the kernel."""
+    """Return addresses as two parameters each; the memory there has to outlive the kernel."""
     return [float(half) for place in places for half in (place >> HALF, place & ((1 << HALF) - 1))]
 
 
 @inner
 def address(high: float, low: float) -> int:
-    """Return the address of which these are the halves."""
+    """Return the address with these halves."""
     return (int(high) << HALF) + int(low)
 
 
 @inner
 def doubles(at: int, rows: int, columns: int) -> FloatArray:
-    """Return the matrix that stands at an address, not a copy."""
+    """Return the matrix at an address, not a copy."""
     found: FloatArray = carray(doubles_at(at), (rows, columns))
     return found
 
 
 @inner
 def singles(at: int, count: int) -> NDArray[np.float32]:
-    """Return the numbers of single precision that stand at an address, not a copy."""
+    """Return the numbers of single precision at an address, not a copy."""
     found: NDArray[np.float32] = carray(singles_at(at), (count,))
     return found
 
@@ -137,9 +137,9 @@ def cubic(t: float) -> tuple[Weights, Weights, Weights]:
 
 @inner
 def cell(place: float, nodes: int) -> tuple[int, float]:
-    """Return the node before a place, counted in nodes, and the way from there: inside, and for NaN any."""
+    """Return the node before a place, counted in nodes, and the distance from there; a node inside also for NaN."""
     last = nodes - 2.0 - 1e-9
-    inside = place if place > 1.0 else 1.0  # NaN too: a node of it would lie anywhere in memory
+    inside = place if place > 1.0 else 1.0  # NaN too: the node of NaN would lie anywhere in memory
     inside = inside if inside < last else last
     node = int(inside)
     return node, inside - node
@@ -147,7 +147,7 @@ def cell(place: float, nodes: int) -> tuple[int, float]:
 
 @inner
 def repeats(points: FloatArray, k: int) -> bool:
-    """Return whether a point is the one before it, as in the lanes that only fill a vector."""
+    """Return whether a point equals the point before, as in lanes that only fill a vector."""
     if k == 0:
         return False
     return bool(
@@ -157,14 +157,14 @@ def repeats(points: FloatArray, k: int) -> bool:
 
 @inner
 def repeat(out: FloatArray, k: int) -> None:
-    """Write the rows of the lane before once more."""
+    """Copy the rows of the lane before."""
     for r in range(WORLD_ROWS):
         out[r, k] = out[r, k - 1]
 
 
 @inner
 def write(out: FloatArray, k: int, jet: Jet, length: float, side: float, per_length: float, grip: float) -> None:
-    """Write a world's rows of lane k, lengths, components and curvatures times the factors given."""
+    """Write a world's rows of lane k, with lengths, components and curvatures times the given factors."""
     out[0, k] = length * jet[0]
     out[1, k], out[2, k], out[3, k] = side * jet[1], side * jet[2], side * jet[3]
     out[4, k], out[5, k], out[6, k] = per_length * jet[4], per_length * jet[5], per_length * jet[6]

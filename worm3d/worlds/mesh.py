@@ -20,7 +20,7 @@ from worm3d.worlds.mesh_file import MeshError, Units
 from worm3d.worlds.sampled import MOST_NODES, NODES, Grid, GridWorld, coarsened
 
 VERSION = b"worm3d grid 3"
-"""Version of what `mesh_distance.filled` computes; after a change grids on disk are those of another one."""
+"""Version of the grids that `mesh_distance.filled` computes; stored grids of another version are not read."""
 
 KEPT = 20
 """Largest number of grids on disk; the oldest are removed."""
@@ -33,31 +33,31 @@ _HEAD = struct.Struct("<3q4d")
 class Mesh(GridWorld):
     """A closed triangle mesh from a file, as a grid of signed distances; frozen, validated.
 
-    The grid is computed once and kept on disk under a digest of the file and of what is asked for. Edges and corners
-    are rounded by about a cell (`worm3d.worlds.sampled_kernel`).
+    The grid is computed once and stored on disk under a digest of the file and the options. Edges and corners are
+    rounded by about a cell (`worm3d.worlds.sampled_kernel`).
 
     Attributes
     ----------
     path : str or path
         An STL, OBJ, PLY or GLB file.
     units : {"m", "cm", "mm", "in", "ft"}
-        Unit of the file's coordinates. STL, OBJ and PLY files do not say theirs; GLB is in metres if it is left out.
+        Unit of the file's coordinates. STL, OBJ and PLY files do not state a unit; for GLB the default is metres.
     solid : {"inside", "outside"}
-        "inside": what the mesh encloses is solid, the worm crawls on it (or through a hole in it). "outside": what it
-        encloses is free, as the air in a tunnel, and all around is solid.
+        "inside": the enclosed space is solid; the worm crawls on the mesh (or through a hole in the mesh). "outside":
+        the enclosed space is free, like the air in a tunnel, and everything around is solid.
     cell : float, optional
-        Cell of the grid [m]; that of a grid of a million nodes if left out.
+        Cell of the grid [m]; if left out, the grid has up to a million nodes.
     up : {"z", "y"}
         The file's axis that points up; y becomes z by a quarter turn about x. glTF's convention is y.
     position : tuple of float
-        Where the file's origin is in the world [m].
+        Position of the file's origin in the world [m].
     grip : float
         Multiplier of the friction coefficients.
 
     Raises
     ------
     MeshError
-        The file cannot be a world (`worm3d.worlds.mesh_file`), or its grid would be too large.
+        The file cannot be a world (`worm3d.worlds.mesh_file`), or the grid would be too large.
     ValueError
         A value out of range.
     """
@@ -84,7 +84,7 @@ class Mesh(GridWorld):
         object.__setattr__(self, "grid", self._grid())
 
     def _grid(self) -> Grid:
-        """Return the grid, from disk if it is there."""
+        """Return the grid, from disk if stored there."""
         path = Path(self.path)
         data, scale = mesh_file.content(path), mesh_file.scale_of(path, self.units)
         asked = f"{path.suffix.lower()} {scale!r} {self.up} {self.cell!r}".encode()
@@ -105,7 +105,7 @@ class Mesh(GridWorld):
         return vertices, faces
 
     def _cell(self, name: str, vertices: FloatArray) -> float:
-        """Return the size of a cell, one that memory has room for."""
+        """Return the size of a cell for which the grid fits into memory."""
         sides = np.ptp(vertices, axis=0)
         if self.cell is None:
             return coarsened(sides, float(sides.max()) / NODES, NODES, MARGIN)

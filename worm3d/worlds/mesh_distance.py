@@ -1,10 +1,10 @@
 """Signed distances of a triangle mesh on a regular grid, computed once.
 
-Near the surface each node has its exact distance to the triangles about it; the others have that to the triangle of
-the nearest such node, which is the nearest one or almost. The sign is that of the winding number along rows of the
-grid, counted by crossings (Bridson's scan conversion): edges and corners that a row hits exactly count once, because
-orientations of equal points are broken by one rule for all triangles. The spline through the nodes is then fitted to
-exact distances between them (`worm3d.worlds.sampled.fit`).
+A node near the surface has the exact distance to the triangles around the node. Any other node has the distance to the
+triangle of the nearest such node, which is the nearest triangle or almost. The sign is the sign of the winding number
+along rows of the grid, counted by crossings (Bridson's scan conversion). Edges and corners that a row hits exactly
+count once, because one rule for all triangles decides ties of orientation. The spline through the nodes is then fitted
+to exact distances between the nodes (`worm3d.worlds.sampled.fit`).
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ from worm3d.worlds.sampled import FITTED, Grid, fit, node_counts
 Vector = tuple[float, float, float]
 
 NEAR = 3.0
-"""Distance from a triangle within which nodes get their exact distance to it, in cells."""
+"""Distance from a triangle within which nodes get the exact distance to the triangle, in cells."""
 
 MARGIN = 6
 """Number of cells between the mesh and the edge of its grid."""
 
 PIECE = 8.0
-"""Longest edge of a triangle that is taken whole, in cells, lest the box about one is the whole grid."""
+"""Longest edge of a triangle that is not divided, in cells; the box around a larger triangle might be the whole
+grid."""
 
 PIECES = 256
-"""Largest number of parts of a triangle that wait to be taken."""
+"""Largest number of parts of a triangle that wait to be processed."""
 
 FAR = 1e30
-"""Value that stands for the square of a distance that is not known yet."""
+"""Value of a squared distance that is not known yet."""
 
 
 def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
     """Return the grid of a closed mesh whose faces look outwards."""
-    import scipy  # takes long, and few ask for it
+    import scipy  # slow to import, and rarely needed
 
     size = node_counts(np.ptp(vertices, axis=0), cell, MARGIN)
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
@@ -51,7 +52,7 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
 
 def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
     """Return the signed distance of all nodes."""
-    import scipy  # takes long, and few ask for it
+    import scipy  # slow to import, and rarely needed
 
     distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
     _near(corners, NEAR, distance, nearest)
@@ -64,7 +65,7 @@ def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
 
 
 def _close(corners: FloatArray, size: tuple[int, int, int]) -> tuple[IntArray, FloatArray]:
-    """Return the nodes to which the spline is fitted, shape (M, 3), and their signed distances, shape (M,)."""
+    """Return the nodes where the spline is fitted, shape (M, 3), and their signed distances, shape (M,)."""
     distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
     _near(corners, FITTED, distance, nearest)
     nodes = np.argwhere(nearest >= 0)
@@ -121,7 +122,7 @@ def _longest_edge(pieces: FloatArray, i: int) -> tuple[int, float]:
 
 @inner
 def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tuple[int, int]:
-    """Return the first node along an axis within reach of a triangle, and that behind the last one."""
+    """Return the first node along an axis within reach of a triangle, and the node after the last such node."""
     low = min(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) - reach
     high = max(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) + reach
     return max(0, int(np.ceil(low))), min(nodes - 1, int(np.floor(high))) + 1
@@ -131,7 +132,7 @@ def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tupl
 def _near_one(
     pieces: FloatArray, i: int, k: int, reach: float, distance: FloatArray, nearest: NDArray[np.int32]
 ) -> None:
-    """Write squared distances to piece i, of triangle k, where they are the least so far."""
+    """Write squared distances to piece i of triangle k where these are the smallest so far."""
     nodes = distance.shape
     a, b, c = _corner(pieces, i, 0), _corner(pieces, i, 1), _corner(pieces, i, 2)
     (x_0, x_1), (y_0, y_1) = _span(pieces, i, 0, reach, nodes[0]), _span(pieces, i, 1, reach, nodes[1])
@@ -147,7 +148,7 @@ def _near_one(
 
 @njit
 def _far(corners: FloatArray, places: IntArray, nearest: NDArray[np.int32], distance: FloatArray) -> None:
-    """Write the squared distances of other nodes to the triangles given."""
+    """Write the squared distances of other nodes to the given triangles."""
     rows, columns = distance.shape[1], distance.shape[2]
     for n in range(len(places)):
         x, rest = divmod(places[n], rows * columns)
@@ -183,7 +184,7 @@ def _to_segment(p: Vector, a: Vector, edge: Vector) -> float:
 
 @inner
 def _to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
-    """Return the squared distance of a point to a triangle: to its plane over it, else to its nearest edge."""
+    """Return the squared distance of a point to a triangle: to the plane above it, else to the nearest edge."""
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     n = ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]
     area = _dot(n, n)
@@ -202,7 +203,7 @@ def _left(p: Vector, a: Vector, edge: Vector, n: Vector) -> bool:
 
 @inner
 def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, float]:
-    """Return the side on which the second point lies of the first, seen from 0, ties broken, and twice the area."""
+    """Return the sense of the turn from the first point to the second about 0, ties broken, and twice the area."""
     area = y_1 * x_2 - x_1 * y_2
     if area != 0.0:
         return (1 if area > 0.0 else -1), area
@@ -215,7 +216,7 @@ def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, f
 
 @njit
 def _crossings(corners: FloatArray, winding: NDArray[np.int32]) -> None:
-    """Add, for each row of nodes along x, +1 where it enters the solid and -1 where it leaves, at the next node."""
+    """Add +1 where a row of nodes along x enters the solid, and -1 where the row leaves, at the next node."""
     for k in range(len(corners)):
         y_0, y_1 = _span(corners, k, 1, 0.0, winding.shape[1])
         z_0, z_1 = _span(corners, k, 2, 0.0, winding.shape[2])
@@ -229,7 +230,7 @@ def _crossings(corners: FloatArray, winding: NDArray[np.int32]) -> None:
 
 @inner
 def _crossing(corners: FloatArray, k: int, y: float, z: float) -> tuple[int, float]:
-    """Return how a triangle is crossed by a row along x (0: it is not), and where."""
+    """Return how a row along x crosses a triangle (0: not at all), and where."""
     y_0, y_1, y_2 = corners[k, 0, 1] - y, corners[k, 1, 1] - y, corners[k, 2, 1] - y
     z_0, z_1, z_2 = corners[k, 0, 2] - z, corners[k, 1, 2] - z, corners[k, 2, 2] - z
     side_0, a = _orientation(y_1, z_1, y_2, z_2)

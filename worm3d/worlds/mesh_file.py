@@ -1,6 +1,7 @@
-"""Triangles of a mesh file, in metres, closed and the right way out, or one sentence that says what is wrong with it.
+"""Triangles of a mesh file, in metres, closed and facing outwards, or an error that names the fault.
 
-trimesh reads the file. It takes garbage for an empty mesh, keeps NaN, and fails in its own ways on what is cut off.
+trimesh reads the file. The library takes garbage for an empty mesh, keeps NaN, and raises various errors for truncated
+files.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ STL_HEADER, STL_TRIANGLE = 84, 50
 
 
 class MeshError(ValueError):
-    """A mesh file cannot be a world; the sentence says why and what to do."""
+    """A mesh file cannot be a world; the message says why and how to correct the file."""
 
 
 def content(path: Path) -> bytes:
@@ -72,10 +73,10 @@ def scale_of(path: Path, units: str | None) -> float:
     Raises
     ------
     MeshError
-        Units that are unknown, or left out for a format that does not say its own.
+        Units that are unknown, or left out for a format that does not state units.
     """
     if units is None and path.suffix.lower() == ".glb":
-        return METRES["m"]  # glTF's own
+        return METRES["m"]  # the unit of glTF
     if units not in METRES:
         given = "none" if units is None else repr(units)
         raise MeshError(
@@ -91,7 +92,7 @@ def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArr
     Raises
     ------
     MeshError
-        What the file has is truncated, garbage, not finite, of an unlikely size, not closed, or inside-out.
+        A mesh that is truncated, garbage, not finite, of an unlikely size, not closed, or inside-out.
     """
     _require_whole_stl(path, data)
     if said := mesh_format.wrong(path.suffix.lower(), data):
@@ -132,7 +133,7 @@ def _read(path: Path, data: bytes) -> Any:
             vertices, faces = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces, dtype=np.int64)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError("vertices without x, y and z")
-    except Exception as error:  # readers fail in ways of their own
+    except Exception as error:  # readers raise many kinds of errors
         dangles = isinstance(error, LookupError | TypeError | AttributeError)
         reason = ["it refers to what it does not have"] if dangles else str(error).strip().splitlines()
         raise MeshError(
@@ -142,12 +143,12 @@ def _read(path: Path, data: bytes) -> Any:
     if len(faces) == 0:
         raise MeshError(f"mesh {path.name!r}: no triangles in it: empty, truncated or garbage; export it again")
     _require_indices(path.name, faces, len(vertices))
-    # Of plain arrays anew: its readers leave normals, colours and caches that need not fit.
+    # Built again from plain arrays: trimesh's readers leave normals, colours and caches that may not fit.
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _require_indices(name: str, faces: IntArray, count: int) -> None:
-    """Raise MeshError for faces of vertices that are not there, before anything goes by them."""
+    """Raise MeshError for faces with vertices that do not exist, before the faces are used."""
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise MeshError(f"mesh {name!r}: got faces that are no triangles; export it again, triangulated")
     wrong = (faces < 0) | (faces >= count)
@@ -156,7 +157,7 @@ def _require_indices(name: str, faces: IntArray, count: int) -> None:
 
 
 def _require_finite(name: str, mesh: Any) -> None:
-    """Raise MeshError for NaN and infinity, which trimesh would drop or keep without a word."""
+    """Raise MeshError for NaN and infinity, which trimesh would silently drop or keep."""
     count = np.count_nonzero(~np.isfinite(np.asarray(mesh.vertices, dtype=float)).all(axis=1))
     if count:
         raise MeshError(f"mesh {name!r}: got {count} vertices that are not finite (NaN); repair it where it was made")
@@ -172,7 +173,7 @@ def _require_size(name: str, vertices: FloatArray, faces: IntArray) -> None:
 
 
 def _require_solid(name: str, mesh: Any, vertices: FloatArray) -> None:
-    """Raise MeshError for a surface that does not say what is inside."""
+    """Raise MeshError for a surface without a definite inside."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         closed, consistent, volume = bool(mesh.is_watertight), bool(mesh.is_winding_consistent), float(mesh.volume)

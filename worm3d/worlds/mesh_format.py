@@ -1,4 +1,4 @@
-"""What the bytes of an OBJ or GLB file say of themselves before they are read, so that a refusal names the cause.
+"""Checks of the bytes of an OBJ or GLB file before the file is read, so that a refusal names the cause.
 
 GLB: Khronos Group, glTF 2.0 Specification, section 4: a header (magic, version, length), a chunk of JSON, one of data.
 """
@@ -12,22 +12,22 @@ MAGIC = {b"glTF": "a GLB file", b"ply\n": "a PLY file", b"ply\r": "a PLY file", 
 """Kind of a file by its first four bytes."""
 
 GLB_HEADER, CHUNK_HEADER = 12, 8
-"""Sizes in a GLB file [byte]."""
+"""Sizes of headers in a GLB file [byte]."""
 
 STRIPS = 4
-"""Least mode of a glTF primitive that is made of triangles: 4 are triangles, 5 and 6 strips and fans of them."""
+"""Smallest mode of a glTF primitive made of triangles: 4 means triangles, 5 and 6 mean triangle strips and fans."""
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
-"""Begins of the names of glTF extensions that change no shape."""
+"""Prefixes of names of glTF extensions that change no shape."""
 
 
 def wrong(suffix: str, data: bytes) -> str:
-    """Return what is wrong with the bytes of a file of a format and what to do, empty if nothing is seen."""
+    """Return the fault in the bytes of a file with a suffix, and the remedy, as text; empty if no fault is found."""
     return {".obj": _wrong_obj, ".glb": _wrong_glb}.get(suffix, lambda _: "")(data)
 
 
 def as_utf8(data: bytes) -> bytes:
-    """Return a text in UTF-8; what is none counts as Latin-1, in which some programs write names and comments."""
+    """Return a text in UTF-8; other bytes count as Latin-1, which some programs use for names and comments."""
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""The inside of a pipe: straight or bent, at any tilt, wide or narrow; a worm at rest in it."""
+"""The inside of a pipe: straight or bent, at any tilt, wide or narrow; and the placement of a worm at rest."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ Form = tuple[Bends, int, bool, bool]
 """Pieces of the wall that are arcs, number of patches, and whether there are walls at the start and the end."""
 
 MOST_GIVEN = 8
-"""Largest number of pieces of a centre line that one formula compares; of more the nearest one is looked up."""
+"""Largest number of pieces of a centre line that one formula compares; the nearest of more pieces is looked up in a
+table."""
 
 CERTAIN = 1e-12
-"""Distance from a plane at which rounding cannot change the side, as a fraction of the line's extent and 1 m."""
+"""Distance from a plane at which rounding cannot change the side, as a fraction of the line's extent plus 1 m."""
 
 PLACES = 2_000_000
 """Number of pairs of place and piece whose distances are computed at once."""
@@ -47,22 +48,22 @@ UP = np.array([0.0, 0.0, 1.0])
 class Pipe(World, ReadOnly):
     """The inside of a pipe; gravity stays -z.
 
-    Where the radius is constant, and where it changes, the distance to the wall is exact, in bends too; the radius may
-    change on straight pieces only. (Within a bend but nearer to a change of radius than to the wall beside it, the
-    distance is that in the pipe's own coordinates. A point there touches nothing.) A pipe that comes back upon itself
-    is open there: of several places of the centre line the nearest counts.
+    The distance to the wall is exact, both in bends and where the radius changes; the radius may change on straight
+    pieces only. (For a point in a bend that is nearer to a change of radius than to the wall beside the point, the
+    distance is measured in the pipe's own coordinates. Such a point touches nothing.) A pipe that returns to itself is
+    open there: the nearest place of the centre line counts.
 
     Attributes
     ----------
     centreline : Centreline or array_like, shape (P, 3)
-        Centre line, or points for `Centreline.through` [m]. Beyond its ends it goes straight on.
+        Centre line, or points for `Centreline.through` [m]. The line continues straight beyond both ends.
     radius : float or Profile
-        Inner radius [m], less than that of any bend of the centre line.
+        Inner radius [m], less than the radius of any bend of the centre line.
     patches : tuple of Patch
-        Stretches with another friction, `along` the centre line; where they overlap, the last one counts.
+        Stretches with another friction, `along` the centre line; where stretches overlap, the last one counts.
     start_wall, end_wall : bool
-        Whether a flat wall closes the pipe where its centre line starts and ends; the piece there has to be straight
-        and as long as the pipe is wide.
+        Whether a flat wall closes the pipe at the start and at the end of the centre line; the piece there has to be
+        straight and as long as the pipe is wide.
 
     Raises
     ------
@@ -129,12 +130,12 @@ class Pipe(World, ReadOnly):
 
     @cached_property
     def profile(self) -> Profile:
-        """Its radius along the centre line."""
+        """Radius along the centre line."""
         return self.radius if isinstance(self.radius, Profile) else Profile([0.0], [self.radius])
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
+        """Whether a worm without friction would slide away under `pressing` alone."""
         return not (self.centreline.straight and self.profile.constant)
 
     def radius_at(self, along: ArrayLike) -> FloatArray:
@@ -152,7 +153,7 @@ class Pipe(World, ReadOnly):
     def _wall(self) -> tuple[Form, FloatArray]:
         """Return the form of the wall, as `pipe` has it, and the parameters of `pipe` after the centre line's."""
         wall = self.profile.pieces()[:1] if self.profile.constant else self.profile.pieces()
-        largest = np.finfo(float).max  # stands for infinity
+        largest = np.finfo(float).max  # in place of infinity
         grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
         form = _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall)
         return form, np.concatenate([wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
@@ -174,16 +175,16 @@ class Pipe(World, ReadOnly):
         return table
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world: the formula of the whole pipe, or of a piece at a time where that is faster."""
+        """Return the compiled world: the formula of the whole pipe, or of one piece at a time where that is faster."""
         whole = None if self._of_known_pieces() else self.symbolic()
         return self._looked_up() if whole is None else kernels.compiled(*whole)
 
     def _of_known_pieces(self) -> bool:
-        """Return whether it has several pieces, and each point inside comes with one of them alone into question."""
+        """Return whether the pipe has several pieces, and each point inside has only one candidate piece."""
         return len(self._pieces()) > 1 and self.centreline.reach > float(self.profile.radius.max())
 
     def _looked_up(self) -> WorldKernel:
-        """Return the world of which a table is looked up in."""
+        """Return the compiled world that looks up the piece of each point in a table."""
         form, parameters = self._wall()
         one, line, reach = kernels.kernel(piece(*form)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
@@ -195,20 +196,20 @@ class Pipe(World, ReadOnly):
         return WorldKernel(table.address, numbers, (table, one, pieces, planes))
 
     def along(self, points: FloatArray) -> FloatArray:
-        """Return how far along the centre line the places nearest to points of shape (..., 3) are, shape (...,) [m]."""
+        """Return distances along the centre line for the places nearest to points (..., 3), shape (...,) [m]."""
         flat, pieces = arguments.array("points", np.reshape(points, (-1, 3)), ("P", 3), least=0), self._pieces()
         at_once = max(1, PLACES // len(pieces))
         found = [_along(flat[k : k + at_once], pieces) for k in range(0, len(flat), at_once)]
         return np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
 
     def course(self, points: FloatArray, joints: FloatArray) -> FloatArray:
-        """Return how far along the centre line points (K, 3) are, towards the head of joints (N+1, 3), shape (K,)."""
+        """Return distances of points (K, 3) along the centre line, towards the head of joints (N+1, 3), shape (K,)."""
         tail, head = self.along(joints[[0, -1]])
         towards: FloatArray = np.sign(head - tail) * self.along(points)
         return towards
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return gravity without its part along the pipe where that is straight, else gravity, shape (3,) [m/s^2]."""
+        """Return gravity, in a straight pipe without the component along the pipe, shape (3,) [m/s^2]."""
         if self.uneven:
             return np.array(gravity, dtype=float)
         t = self.centreline.tangent[0]
@@ -219,10 +220,11 @@ class Pipe(World, ReadOnly):
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a worm that follows the pipe, and its directors to the left.
+        """Return joints of a worm that follows the pipe, and the directors to the left.
 
-        It lies on the bottom, or on the centre line where it is on a stretch steeper than `STEEP`. `position` is how
-        far along the centre line the tail is, and 0 [m]; `azimuth` 0 if the head looks along the pipe, pi if back.
+        The worm lies on the bottom, or on the centre line if the stretch is steeper than `STEEP`. `position` is the
+        distance of the tail along the centre line, and 0 [m]; `azimuth` is 0 if the head points along the pipe, and pi
+        if the head points back.
 
         Raises
         ------
@@ -246,8 +248,8 @@ def _bent(curvature: FloatArray) -> tuple[bool, ...]:
 
 
 def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
-    """Return how far along a chain of pieces (K, 11) the places nearest to points (P, 3) are, shape (P,) [m]."""
-    import scipy  # takes long, and few ask for it
+    """Return distances along a chain of pieces (K, 11) of the places nearest to points (P, 3), shape (P,) [m]."""
+    import scipy  # slow to import, and rarely needed
 
     length = np.concatenate([[np.inf], np.diff(pieces[1:, 9]), [np.inf]])[: len(pieces)]
     apart = scipy.spatial.distance.cdist(points, pieces[:, :3])
@@ -262,8 +264,8 @@ def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
 
 
 def _between(planes: FloatArray, margin: float) -> FloatArray:
-    """Return where pieces that begin at planes of shape (K, 4) begin and end, less a margin [m], shape (K, 5)."""
-    largest = np.finfo(float).max  # stands for infinity
+    """Return the limits of pieces that begin at planes of shape (K, 4), less a margin [m], shape (K, 5)."""
+    largest = np.finfo(float).max  # in place of infinity
     begins = np.full(len(planes), margin)
     begins[0] = -largest
     ends = np.vstack([planes[1:] - [0.0, 0.0, 0.0, margin], [0.0, 0.0, 0.0, largest]])
@@ -273,7 +275,7 @@ def _between(planes: FloatArray, margin: float) -> FloatArray:
 def _placed_in(
     line: Centreline, radius_at: Callable[[FloatArray], FloatArray], along: FloatArray, tail: float, clearance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return joints (N+1, 3) and directors (N, 3); `along` is negative where the head looks back."""
+    """Return joints (N+1, 3) and directors (N, 3); `along` is negative if the head points back."""
     sample = tail + along
     narrow = float(np.min(radius_at(sample)))
     if clearance > narrow:
@@ -298,7 +300,7 @@ def _placed_in(
 
 
 def _normal_to(tangent: FloatArray) -> FloatArray:
-    """Return a unit vector normal to another one: level, and along y where that one is vertical, shape (3,)."""
+    """Return a level unit vector normal to a tangent, along y for a vertical tangent, shape (3,)."""
     level = np.cross(UP, tangent)
     size = float(np.linalg.norm(level))
     normal: FloatArray = level / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
@@ -306,8 +308,8 @@ def _normal_to(tangent: FloatArray) -> FloatArray:
 
 
 def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: float) -> FloatArray:
-    """Return points on a path as far from one another as the joints."""
-    import scipy  # takes long, and few ask for it
+    """Return points on a path with the same distances between neighbours as the joints."""
+    import scipy  # slow to import, and rarely needed
 
     s, joints = tail, [on_path(tail)]
     for way in np.diff(along):
@@ -328,7 +330,7 @@ def _level(tangents: FloatArray) -> FloatArray:
 
 
 def _carried(tangents: FloatArray) -> FloatArray:
-    """Return directors carried from the first by parallel transport: a worm without twist."""
+    """Return directors of a worm without twist, by parallel transport of the first director."""
     directors = [_normal_to(tangents[0])]
     for a, b in pairwise(tangents):
         d = directors[-1]

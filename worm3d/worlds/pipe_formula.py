@@ -1,27 +1,27 @@
-"""Signed distance of a pipe's wall, its gradient and Hessian, symbolic.
+"""Signed distance of a pipe's wall, with gradient and Hessian, as symbolic expressions.
 
 Centre line and wall are chains of straight pieces and circular arcs. Piece k has the frame p, t, n at its beginning (a
-point, the tangent and the normal towards the centre, if it bends) and the curvature kappa; X, Y, Z are the coordinates
-of a point x in it (Z along t x n, 0 in a plane). With
+point, the tangent and the normal towards the centre of a bend) and the curvature kappa; X, Y, Z are the coordinates of
+a point x in this frame (Z along t x n, 0 in a plane). With
 
     w = sqrt((kappa X)^2 + (1 - kappa Y)^2)                                                                  (WP1)
 
-the line's nearest point, as far as the circle goes on, lies at
+the nearest point of the piece, continued as a line or a full circle, lies at
 
     s = atan2(kappa X, 1 - kappa Y)/kappa   along it (X where kappa = 0),                                     (WP2)
     delta = (kappa (X^2 + Y^2) - 2 Y)/(1 + w),   d^2 = delta^2 + Z^2                                          (WP3)
 
-where delta is how much farther than the piece x lies from the centre, and -Y where kappa = 0: nothing cancels and no
-case is told apart. Tangent and outward normal there, in the frame:
+where delta is the distance of x from the arc's centre less the arc's radius, and -Y where kappa = 0: nothing cancels
+and there is no case distinction. Tangent and outward normal there, in the frame:
 
     T = ((1 - kappa Y) t + kappa X n)/w,   O = (kappa X t - (1 - kappa Y) n)/w                               (WP4)
 
-A chain without kinks and without ends has its nearest point where x lies in the normal plane, so only pieces between
-whose end planes x lies come into question: X_k >= 0 and X_{k+1} < 0. Among them the smallest d counts.
+On a chain without kinks and without ends, x lies in the normal plane of the nearest point. The candidates are therefore
+the pieces between whose end planes x lies: X_k >= 0 and X_{k+1} < 0. The candidate with the smallest d counts.
 
-With s along the centre line, d from it, T its tangent there and e the unit vector from it to the point, the wall is the
-chain rho = R(s) in the half-plane (s, rho), which gives the distance y from it, positive inside the wall, with its
-outward normal (N_s, N_rho) and the curvature kappa_w, w_w of the wall's piece:
+Let s be the place along the centre line, d the distance from the centre line, T the tangent there and e the unit vector
+from the centre line to the point. In the half-plane (s, rho) the wall is the chain rho = R(s). With the distance y from
+the wall, positive inside the wall, the wall's outward normal (N_s, N_rho) and kappa_w, w_w of the wall's piece,
 
     g = -y,   n = -(N_s T + N_rho e)                                                                         (WP5)
 
@@ -30,10 +30,12 @@ m = N_rho T - N_s e along the wall, and T along the bend:
 
     H = -(N_rho/d) c c^T + min(0, kappa_w/w_w) m m^T + min(0, n.O kappa/w) T T^T                             (WP6)
 
-The cut parts, those of walls that bulge towards the worm, would make Newton's matrix indefinite; they are left out.
+The positive curvatures, from walls that bulge towards the worm, would make Newton's matrix indefinite; they are left
+out.
 
-A wall across the pipe at its end is at the distance f = s_end - s. In the corner of both the distance is
--sqrt(g^2 + f^2) where both are negative, else the smaller of the two: exact where the pipe's end is straight.
+A wall across the end of the pipe is at the distance f = s_end - s. Where g and f are negative, in the corner, the
+distance to both walls is -sqrt(g^2 + f^2); elsewhere the distance is the smaller of g and f. Both are exact where the
+pipe's end is straight.
 """
 
 from __future__ import annotations
@@ -50,8 +52,8 @@ PIECE = 11
 """Numbers of a piece of the centre line: p (3), t (3), n (3), s, kappa."""
 
 BETWEEN = 5
-"""Numbers that tell where a piece begins and ends for certain: margin beyond its first plane [m], and the normal (3) of
-its last plane and that plane's distance from the origin [m]."""
+"""Numbers of the range that certainly lies between a piece's end planes: margin beyond the first plane [m], normal (3)
+of the last plane, and distance of the last plane from the origin [m]."""
 
 WALL = 5
 """Numbers of a piece of the wall: s, rho, cosine and sine of its direction, kappa."""
@@ -63,7 +65,7 @@ ON_AXIS = 1e-30
 """Square of the distance below which a point on the centre line has no direction to the wall [m^2]."""
 
 OUT_OF_QUESTION = 1e30
-"""Square of the distance that stands for a piece whose end planes a point does not lie between [m^2]."""
+"""Squared distance assigned to a piece if the point does not lie between the piece's end planes [m^2]."""
 
 
 class Local(NamedTuple):
@@ -100,7 +102,7 @@ def _tangent_and_outward(c: Local, t: ca.SX, n: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def _nearest_piece(locals_: Sequence[Local], pieces: Sequence[ca.SX]) -> ca.SX:
-    """Return which of `pieces`, columns of numbers, is the nearest."""
+    """Return the nearest of `pieces`, which are columns of numbers."""
     best, chosen = ca.SX(OUT_OF_QUESTION), pieces[0]
     for k, c in enumerate(locals_):
         square = _excess(c) ** 2 + c.Z**2
@@ -126,7 +128,7 @@ class Surface(NamedTuple):
 
 
 class _Chain(NamedTuple):
-    """Numbers of the pieces, a column each with the curvature last, and which are arcs."""
+    """Numbers of the pieces, a column each with the curvature last, and whether each piece is an arc."""
 
     rows: ca.SX
     bent: Bends
@@ -151,9 +153,9 @@ class _Tube(NamedTuple):
 def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
     """Return the rows of a world for a point and the parameters of a pipe.
 
-    `bent` and `bent_walls` say which pieces of the centre line, and of the wall, are arcs; one straight wall is a
-    constant radius. The first and the last go on for ever. `stretches` have another friction, and there may be walls
-    across the ends.
+    `bent` and `bent_walls` say which pieces of the centre line, and of the wall, are arcs; a single straight wall means
+    a constant radius. The first and the last piece are infinite. `stretches` is the number of stretches with another
+    friction. There may be walls across the ends.
     """
     inputs, rows, _ = _world(bent, bent_walls, stretches, at_start, at_end)
     return ca.Function("pipe", list(inputs), [rows])
@@ -163,8 +165,9 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
 def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
     """Return the rows of `pipe` for one piece; the multiplier has a minus sign where another piece may be nearer.
 
-    None is where the point lies between the piece's end planes and closer to the centre line than the reach. Of the
-    inputs after the point the first are the numbers of the piece, then those of `BETWEEN`; the reach is the last.
+    No other piece is nearer if the point lies between the piece's end planes and closer to the centre line than the
+    reach. After the point, the inputs begin with the numbers of the piece and the numbers of `BETWEEN`; the reach is
+    last.
     """
     inside, reach = ca.SX.sym("between", BETWEEN), ca.SX.sym("reach")
     (x, given), rows, tube = _world((True,), bent_walls, stretches, at_start, at_end)
@@ -179,7 +182,7 @@ def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca
 def _world(
     bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool
 ) -> tuple[tuple[ca.SX, ca.SX], ca.SX, _Tube]:
-    """Return point and parameters, the rows of the world, and where in the pipe the point is."""
+    """Return point and parameters, the rows of the world, and the point's place in the pipe."""
     x, line = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
     wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
     ends = ca.SX.sym("ends", 2)
@@ -201,7 +204,7 @@ def _world(
 
 @cache
 def place() -> ca.Function:
-    """Return how far along a centre line a point lies beside a piece (second input), and the square of its distance."""
+    """Return a function of a point and a piece: place along the centre line, squared distance from the piece."""
     x, row = ca.SX.sym("x", 3), ca.SX.sym("piece", PIECE)
     c = _local(x, row)
     return ca.Function("place", [x, row], [row[9] + _way(c), _excess(c) ** 2 + c.Z**2])
@@ -229,7 +232,7 @@ def _local(x: ca.SX, piece: ca.SX) -> Local:
 
 
 def _wall(at: ca.SX, wall: _Chain) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return how deep (s, rho) lies in the wall [m], and the wall's outward normal (s, rho) and curvature there."""
+    """Return the depth of (s, rho) in the wall [m], and the wall's outward normal (s, rho) and curvature there."""
     if len(wall.bent) == 1:
         return at[1] - wall.rows[1, 0], ca.SX([0.0, 1.0]), ca.SX(0.0)
     piece = wall.nearest(_local_of_wall, at)
@@ -244,7 +247,7 @@ def _local_of_wall(at: ca.SX, piece: ca.SX) -> Local:
 
 
 def _closed(side: Surface, end: Surface) -> Surface:
-    """Return a surface of which a wall across closes the end."""
+    """Return a surface whose end is closed by a wall."""
     a, b = ca.fmin(0.0, side.g), ca.fmin(0.0, end.g)
     deep = ca.sqrt(a**2 + b**2)
     corner = ca.logic_and(a < 0.0, b < 0.0)

@@ -1,10 +1,10 @@
-"""The compiled pipe of many pieces: the formula is read for all points at once, each with the piece it had last.
+"""The compiled pipe of many pieces: the formula is evaluated for all points at once, with each point's last piece.
 
-The formulas are in `worm3d.worlds.pipe_formula`. Of the pieces between whose end planes a point lies the one with the
-smallest distance from the centre line counts; mostly there is one only. A point closer to the line than its reach
-(`Centreline.reach`) has one only. Whether that is the one it had last the formula says itself: where it is not certain
-the piece is looked for, from there on foot. What was kept never changes a result, only the time: each point's rows are
-those of the formula with its own piece.
+The formulas are in `worm3d.worlds.pipe_formula`. Candidates for a point are the pieces between whose end planes the
+point lies; mostly there is one. The candidate with the smallest distance from the centre line counts. A point closer to
+the line than the reach (`Centreline.reach`) has only one candidate. The formula itself tells whether the last piece is
+certainly the right piece. If not, a search walks along the chain from the last piece. The stored pieces never change a
+result, only the time: each point's rows always come from the formula with the point's own piece.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from worm3d.worlds import kernels
 from worm3d.worlds.pipe_formula import BETWEEN, PIECE
 
 KEPT = PIECE + BETWEEN
-"""Number of rows of the inputs after the point that describe a piece, and are written here."""
+"""Number of input rows after the point that describe a piece; this kernel writes these rows."""
 
 NONE = -1.0
-"""Number of the piece of a point that has not had one."""
+"""Piece number of a point without a last piece."""
 
 OWN = 9
-"""Rows of the inputs after those of the formula: number of the piece that a point had last; addresses of the pieces,
-of the planes at which they begin (normal and distance from the origin, a row each) and of the formula's kernel (2
-each); number of pieces; reach [m]."""
+"""Input rows after the rows of the formula: number of the point's last piece; addresses of the pieces, of the planes
+where the pieces begin (normal and distance from the origin, a row each) and of the formula's kernel (2 each); number of
+pieces; reach [m]."""
 
 _LAST, _PIECES, _PLANES, _KERNEL, _COUNT, _REACH = 0, 1, 3, 5, 7, 8
 _GRIP = kernels.WORLD_ROWS - 1
@@ -37,14 +37,14 @@ _GRIP = kernels.WORLD_ROWS - 1
 
 @inner
 def _signs(outputs: int, lanes: int) -> IntArray:
-    """Return the row of the multipliers as whole numbers, negative where a sign is, -0.0 too; not a copy."""
+    """Return the row of the multipliers as integers, negative where the sign bit is set (-0.0 too); not a copy."""
     found: IntArray = carray(integers_at(outputs + 8 * _GRIP * lanes), (lanes,))
     return found
 
 
 @inner
 def _any_negative(signs: IntArray, count: int) -> bool:
-    """Return whether one of the first `count` is negative."""
+    """Return whether one of the first `count` integers is negative."""
     bits = 0
     for lane in range(count):
         bits |= signs[lane]
@@ -53,13 +53,13 @@ def _any_negative(signs: IntArray, count: int) -> bool:
 
 @inner
 def _ahead(planes: FloatArray, k: int, p: FloatArray, lane: int) -> float:
-    """Return how far a point lies beyond the plane at which a piece begins [m]."""
+    """Return the signed distance of a point beyond the plane where a piece begins [m]."""
     return float(planes[k, 0] * p[0, lane] + planes[k, 1] * p[1, lane] + planes[k, 2] * p[2, lane] - planes[k, 3])
 
 
 @inner
 def _walk(planes: FloatArray, k: int, p: FloatArray, lane: int) -> int:
-    """Return a piece between whose end planes a point lies, the first one on the way from a piece."""
+    """Return the first piece, on a walk from piece k, between whose end planes a point lies."""
     while k > 0 and _ahead(planes, k, p, lane) < 0.0:
         k -= 1
     while k < len(planes) - 1 and _ahead(planes, k + 1, p, lane) >= 0.0:
@@ -103,7 +103,7 @@ def _nearest(pieces: FloatArray, planes: FloatArray, p: FloatArray, lane: int) -
 
 @inner
 def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: FloatArray, lane: int) -> int:
-    """Return the piece of a point, looked for from a piece on; the first one where the point is not a number."""
+    """Return the piece of a point, searched from piece k; the first piece if the point is NaN."""
     if reach > 0.0:
         here = _walk(planes, k, p, lane)
         if _square(pieces, here, p, lane) < reach * reach:
@@ -113,7 +113,7 @@ def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: Flo
 
 @inner
 def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> None:
-    """Write a piece as that of a point, and its number into the row `last`."""
+    """Write the piece of a point, and the number of the piece into the row `last`."""
     for r in range(KEPT):
         p[3 + r, lane] = pieces[k, r]
     p[last, lane] = k
@@ -121,7 +121,7 @@ def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> No
 
 @inner
 def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> bool:
-    """Look for the pieces of the points in question among some lanes; return whether one is not that kept before."""
+    """Search the pieces of the uncertain points among some lanes; return whether a piece differs from the last one."""
     count = int(p[own + _COUNT, 0])
     pieces = kernels.doubles(kernels.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), count, KEPT)
     planes = kernels.doubles(kernels.address(p[own + _PLANES, 0], p[own + _PLANES + 1, 0]), len(pieces), 4)

@@ -18,7 +18,8 @@ from worm3d.worlds.base import World
 from worm3d.worlds.kernels import Formula, WorldKernel
 
 MOST_PATCHES = 1000
-"""Largest number of patches: their formula takes three seconds to compile, and longer with their square."""
+"""Largest number of patches: the formula takes three seconds to compile, and the time grows with the square of the
+number."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Patch(Spelled):
     grip : float
         Multiplier of the friction coefficients, at least 0.
     along, across : tuple of float
-        From where to where: along the steepest ascent, and to the left of it, from the origin [m].
+        Limits (from, to) along the steepest ascent, and to the left of the ascent, from the origin [m].
     """
 
     grip: float
@@ -58,7 +59,7 @@ class Plane(World):
     heading : float
         Azimuth of the steepest ascent [rad].
     patches : tuple of Patch
-        Places with another friction; where they overlap, the last one counts.
+        Places with another friction; where patches overlap, the last one counts.
     """
 
     flat: ClassVar[bool] = True
@@ -74,17 +75,17 @@ class Plane(World):
 
     @property
     def axes(self) -> FloatArray:
-        """Rows: steepest ascent, to the left of it, and outward normal, shape (3, 3)."""
+        """Rows: steepest ascent, left of the ascent, and outward normal, shape (3, 3)."""
         return _axes(self.slope, self.heading)
 
     @property
     def uneven(self) -> bool:
-        """False: what is across the plane presses, what is along it does not."""
+        """False: gravity across the plane presses the worm, and gravity along the plane does not."""
         return False
 
     def symbolic(self) -> Formula:
         """Return the world's rows as a function of a point and parameters, and the parameters."""
-        largest = np.finfo(float).max  # stands for infinity
+        largest = np.finfo(float).max  # in place of infinity
         rectangles = [np.clip([*p.along, *p.across], -largest, largest) for p in self.patches]
         patches = [np.append(rectangle, p.grip) for rectangle, p in zip(rectangles, self.patches, strict=True)]
         return _function(len(self.patches)), np.concatenate([self.axes.ravel(), *patches])
@@ -95,7 +96,7 @@ class Plane(World):
         return distance
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return the part of gravity normal to the plane, 0 where it points away from it, shape (3,) [m/s^2]."""
+        """Return the part of gravity normal to the plane, 0 if pointing away from the plane, shape (3,) [m/s^2]."""
         normal = self.axes[2]
         pressing: FloatArray = min(0.0, float(gravity @ normal)) * normal
         return pressing
@@ -103,7 +104,7 @@ class Plane(World):
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm on the plane, and its director to the left."""
+        """Return joints of a straight worm on the plane, and the director to the left."""
         normal, horizontal = self.axes[2], np.array([np.cos(azimuth), np.sin(azimuth)])
 
         def above(xy: FloatArray) -> FloatArray:
@@ -129,9 +130,10 @@ def _axes(slope: float, heading: float) -> FloatArray:
 class ClampedGround(World, name="clamped"):
     """The paper's level ground in 3D, which holds the joints' heights and touches nothing.
 
-    The joints' z stays as it is. A predictor without friction gives the normal load of each joint, the force (P9) that
-    holds its z, and its velocity; (P10) turns them into friction: against the motion with the coefficients towards
-    the head, towards the tail and sideways, and none below the threshold. The corrector is solved with these forces.
+    The joints' z does not change. A predictor without friction gives the velocity of each joint, and the normal load,
+    which is the force (P9) that holds the joint's z. (P10) turns load and velocity into friction against the motion,
+    with the coefficients towards the head, towards the tail and sideways, and without friction below the threshold. The
+    corrector is solved with these forces.
     """
 
     clamped: ClassVar[bool] = True
@@ -169,12 +171,12 @@ class ClampedGround(World, name="clamped"):
 
 
 def patches_of(given: Any) -> tuple[Patch, ...]:
-    """Return patches that are given as a list or tuple.
+    """Return the patches of a list or tuple.
 
     Raises
     ------
     ValueError
-        Something else in it, or too many.
+        Another type, an item that is no patch, or too many patches.
     """
     if not isinstance(given, list | tuple):
         raise ValueError(f"patches: got {type(given).__name__}, must be a tuple of worm3d.Patch")

@@ -16,10 +16,11 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
 STRAIGHT = 1e-9
-"""Angle of a corner below which it stays as it is [rad]."""
+"""Angle of a corner below which the corner is not rounded [rad]."""
 
 MOST_PLACES = 200
-"""Largest number of places: their formula takes two seconds to compile, and longer with their square."""
+"""Largest number of places: the formula takes two seconds to compile, and the time grows with the square of the
+number."""
 
 STEEPEST = np.deg2rad(80.0)
 """Slope of the steepest ramp [rad]: a step of the radius is a short ramp."""
@@ -27,15 +28,15 @@ STEEPEST = np.deg2rad(80.0)
 
 @dataclass(frozen=True, eq=False)
 class Profile(ReadOnly):
-    """The wall of a pipe: straight between places, its corners rounded, level before the first and after the last.
+    """The wall of a pipe: straight between places, with rounded corners, level before the first and after the last.
 
     Attributes
     ----------
     along, radius : array_like, shape (K,)
         Places along the centre line, increasing, and the radius there before corners are rounded [m].
     rounding : float or None
-        Radius of the rounded corners [m], less where there is no room for it; None: as round as there is room, half of
-        the way to the next corner, but no more than ten times the pipe's radius.
+        Radius of the rounded corners [m], smaller where there is no room. None: as large as half of the way to the next
+        corner allows, but no more than ten times the pipe's radius.
 
     Raises
     ------
@@ -80,7 +81,7 @@ class Profile(ReadOnly):
 
     @property
     def changes(self) -> list[tuple[float, float]]:
-        """Stretches on which the radius changes, (from, to) each [m]."""
+        """Stretches where the radius changes, (from, to) each [m]."""
         stretches, begin = [], None
         for (start, _), (end, _), _, after, _ in self._corners():
             begin = start if begin is None else begin
@@ -92,9 +93,9 @@ class Profile(ReadOnly):
     def pieces(self) -> FloatArray:
         """Return the chain of the wall, shape (E, 5).
 
-        Each row has s and rho where the piece begins [m], cosine and sine of its direction there, and its curvature,
-        positive where the centre of the arc lies in the wall [1/m]. The first piece comes from infinity: its row gives
-        a point on it.
+        Each row has s and rho at the start of the piece [m], cosine and sine of the direction there, and the curvature,
+        positive if the centre of the arc lies in the wall [1/m]. The first piece comes from infinity: the first row
+        gives a point on the piece.
         """
         rows = [[float(self.along[0]), float(self.radius[0]), 1.0, 0.0, 0.0]]
         for begin, end, before, after, size in self._corners():
@@ -115,7 +116,7 @@ class Profile(ReadOnly):
         return radius
 
     def _corners(self) -> list[tuple[tuple[float, float], tuple[float, float], float, float, float]]:
-        """Return where each rounded corner begins and ends (s, rho), the direction before and after, and its radius."""
+        """Return where each rounded corner begins and ends (s, rho), the direction before and after, and the radius."""
         s, r = self.along, self.radius
         direction = np.concatenate([[0.0], np.arctan2(np.diff(r), np.diff(s)), [0.0]])
         sides = np.concatenate([[np.inf], np.hypot(np.diff(r), np.diff(s)), [np.inf]])

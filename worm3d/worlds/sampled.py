@@ -1,13 +1,14 @@
-"""Worlds kept as a grid of signed distances: how a spline is fitted to them, and such a world of a Python function.
+"""Worlds kept as a grid of signed distances: the fit of a spline to the distances, and the world of a Python function.
 
-A spline through the nodes rounds edges and corners, and errs by up to 0.28 of a cell there. Between nodes and half-way
-from node to node are eight samples a cell with weights w (WS1) of the coefficients c and distances d. Each that the
-spline misses by more than a tolerance e is met within it by the least change of the coefficients,
+A spline through the nodes rounds edges and corners, with errors of up to 0.28 of a cell there. Each cell has eight
+samples, shifted from a node by 0 or by half a cell along each axis. A sample has a distance d and weights w (WS1) of
+the coefficients c. Where the spline misses a sample by more than a tolerance e, the least change of the coefficients
+reduces the error to the tolerance:
 
     c <- c - w (r - e sign(r))/|w|^2,    r = w.c - d,                                                        (WM3)
 
-one after the other, in a few sweeps (Agmon, "The relaxation method for linear inequalities", 1954). Where the surface
-is smooth nothing is missed and nothing changes.
+The samples are corrected one after the other, in a few sweeps (Agmon, "The relaxation method for linear inequalities",
+1954). Where the surface is smooth, the spline misses no sample and nothing changes.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
 TOLERANCE = 0.1
-"""e of (WM3), in cells; what lies between the samples, and (WM1), add up to as much."""
+"""e of (WM3), in cells; the errors between the samples and the error of (WM1) add up to as much."""
 
 SWEEPS = 10
-"""Largest number of sweeps: at a few corners the tolerance cannot be met, and they are off by little more."""
+"""Largest number of sweeps: a few corners cannot meet the tolerance, and exceed it only slightly."""
 
 FITTED = 1.25
 """Distance from the surface within which the spline is fitted between the nodes, in cells."""
@@ -41,32 +42,34 @@ NODES = 1_000_000
 """Number of nodes of a grid whose cell is not given: 4 MB, about a second to fill."""
 
 NODES_KEPT = 60_000
-"""Largest number of nodes of a grid that a result keeps of a world of a user's own, for pictures: 0.2 MB, and cells of
-some 40 mm on a default worm's way. At half they are 50 mm, at double 32 mm wide, and the file is twice as large."""
+"""Largest number of nodes of the grid that a result stores for a user-defined world, for pictures: 0.2 MB, and cells of
+about 40 mm along the path of a default worm. Half as many nodes give cells of 50 mm; twice as many give cells of 32 mm
+and a file twice as large."""
 
 MOST_NODES = 8_000_000
-"""Largest number of nodes of a grid: 32 MB to keep, ten times as much while it is filled."""
+"""Largest number of nodes of a grid: 32 MB to store, and ten times as much while the grid is filled."""
 
 COARSER = 1.05
-"""Factor from one cell that is tried to the next."""
+"""Factor between one trial cell size and the next."""
 
 FEWEST_CELLS = 4
 """Smallest number of cells of a sampled distance along each axis."""
 
 EDGE = 14
-"""Number of nodes added on each side while the spline of a sampled distance is made, so that its ends do not matter."""
+"""Number of nodes added on each side while the spline of a sampled distance is computed, so that the ends of the spline
+have no effect."""
 
 AT_ONCE = 200_000
-"""Largest number of points for which a distance is asked at once."""
+"""Largest number of points in one call of a distance function."""
 
 STEEPNESS = (0.8, 1.25)
-"""Range of the gradient's length next to the surface, which a tenth of the places may be below, and a tenth above."""
+"""Range of the gradient's length next to the surface; a tenth of the places may lie below, and a tenth above."""
 
 STEEPEST = 1.75
 """Greatest length of the gradient anywhere next to the surface; differences of a true distance stay below 3^(1/2)."""
 
 Shift = tuple[float, ...]
-"""Part of a cell along x, y and z, each 0 to 1."""
+"""Fractions of a cell along x, y and z, each from 0 to 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +81,7 @@ class Grid(ReadOnly):
     first: FloatArray
     """Shape (3,): place of the first node [m]."""
     cell: float
-    """Distance of nodes [m]."""
+    """Distance between neighbouring nodes [m]."""
 
 
 class GridWorld(World, ReadOnly):
@@ -88,7 +91,7 @@ class GridWorld(World, ReadOnly):
     grip: float
 
     straight: ClassVar[bool] = True
-    """Whether the world goes on straight beyond its grid; else nothing is there."""
+    """Whether the world continues straight beyond the grid; otherwise there is nothing beyond the grid."""
 
     @property
     def first(self) -> FloatArray:
@@ -101,13 +104,13 @@ class GridWorld(World, ReadOnly):
         return 1.0
 
     def kernel(self, band: float = sampled_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, which reads the spline where a coefficient is less than so many cells."""
+        """Return the compiled world, which reads the spline where a coefficient is less than `band` cells."""
         c, spline, code = (
             self.grid.coefficients,
             sampled_kernel.spline_kernel(),
             kernels.by_hand(sampled_kernel.sampled),
         )
-        # Working memory of this kernel alone: others may run beside it.
+        # Working memory of this kernel only: other kernels may run at the same time.
         work = np.zeros((sampled_kernel.WORK_ROWS, sampled_kernel.TOGETHER))
         parameters = [
             *kernels.halves(c.ctypes.data, work.ctypes.data, spline.address),
@@ -127,7 +130,7 @@ class GridWorld(World, ReadOnly):
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the ground at x, y of shape (M, 2), NaN where there is none, shape (M,) [m].
 
-        The highest ground; the lowest where positive distances are solid.
+        The result is the highest ground, or the lowest ground where positive distances are solid.
         """
         z = self.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
         columns = np.concatenate(
@@ -147,10 +150,10 @@ class GridWorld(World, ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class SampledWorld(GridWorld):
-    """The world of a Python function, sampled; made by `World.from_distance`."""
+    """The sampled world of a Python function, made by `World.from_distance`."""
 
     grid: Grid
-    """Spline of its distances."""
+    """Spline of the distances."""
     grip: float = 1.0
     """Multiplier of the friction coefficients."""
 
@@ -159,7 +162,7 @@ class SampledWorld(GridWorld):
         cls, f: Callable[[FloatArray], ArrayLike], bounds: ArrayLike, spacing: float | None, grip: float
     ) -> SampledWorld:
         """Return the world of a signed distance; see `World.from_distance`."""
-        import scipy  # takes long, and few ask for it
+        import scipy  # slow to import, and rarely needed
 
         arguments.function("f", f, "a function of points, shape (n, 3), that returns distances, shape (n,)")
         arguments.number("grip", grip, ge=0.0)
@@ -175,7 +178,7 @@ class SampledWorld(GridWorld):
         points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1)
         distance = _asked(f, points.reshape(-1, 3)).reshape(size) / cell
         _require_a_distance(distance, cell)
-        # Continued by its reflection, without a kink, and cut off a node beyond the bounds, so that they count.
+        # Reflection continues the distances without a kink; one node beyond the bounds is kept, so that they count.
         spline = scipy.ndimage.spline_filter(np.pad(distance, EDGE, mode="reflect", reflect_type="odd"), order=3)
         beyond = EDGE - 1
         coefficients = np.ascontiguousarray(spline[beyond:-beyond, beyond:-beyond, beyond:-beyond])
@@ -184,8 +187,8 @@ class SampledWorld(GridWorld):
 
     @classmethod
     def around(cls, world: World, places: FloatArray, margin: float) -> SampledWorld:
-        """Return what a world is within a margin [m] around places, shape (..., 3) [m], for pictures alone."""
-        import scipy  # takes long, and few ask for it
+        """Return a sampled copy of a world within a margin [m] around places, shape (..., 3) [m]; for pictures only."""
+        import scipy  # slow to import, and rarely needed
 
         flat = places.reshape(-1, 3)
         low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
@@ -199,16 +202,16 @@ World.sampled = SampledWorld.of
 
 
 def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, int, int]:
-    """Return the number of nodes along each axis that boxes of these sides, shape (3,) [m], and a margin need.
+    """Return the number of nodes along each axis for a box with these sides, shape (3,) [m], and a margin [cells].
 
-    A side of whole cells has as many, however rounding makes it.
+    Rounding errors do not add a cell to a side that is a whole number of cells.
     """
     a, b, c = (int(np.ceil(side / cell * (1.0 - 1e-12))) + 2 * margin + 1 for side in sides)
     return a, b, c
 
 
 def coarsened(sides: FloatArray, cell: float, most: int, margin: int = 0) -> float:
-    """Return a cell, at least the one given [m], with which a grid has at most so many nodes."""
+    """Return a cell size, at least `cell` [m], for which a grid has at most `most` nodes."""
     while np.prod([float(n) for n in node_counts(sides, cell, margin)]) > most:
         cell *= COARSER
     return cell
@@ -233,7 +236,7 @@ def _spacing(sides: FloatArray, spacing: float | None) -> float:
 
 
 def _asked(f: Callable[[FloatArray], ArrayLike], points: FloatArray) -> FloatArray:
-    """Return the distances of points, shape (P, 3) [m], checked, shape (P,) [m]."""
+    """Return the checked distances of points, shape (P, 3) [m], as an array of shape (P,) [m]."""
     result = np.empty(len(points))
     for first in range(0, len(points), AT_ONCE):
         some = points[first : first + AT_ONCE]
@@ -255,7 +258,7 @@ def _asked(f: Callable[[FloatArray], ArrayLike], points: FloatArray) -> FloatArr
 
 
 def _require_a_distance(distance: FloatArray, cell: float) -> None:
-    """Raise ValueError where there is no surface, or the gradient next to it is far from a unit vector."""
+    """Raise ValueError if there is no surface, or if the gradient next to the surface is far from a unit vector."""
     solid = distance < 0.0
     if solid.all() or not solid.any():
         sign, nearest = ("negative", distance.max()) if solid.any() else ("positive", distance.min())
@@ -275,7 +278,7 @@ def _require_a_distance(distance: FloatArray, cell: float) -> None:
 
 def _next_to_surface(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which nodes have a neighbour on the other side of the surface."""
-    import scipy  # takes long, and few ask for it
+    import scipy  # slow to import, and rarely needed
 
     cross = scipy.ndimage.generate_binary_structure(3, 1)
     near: NDArray[np.bool_] = scipy.ndimage.binary_dilation(solid, cross) & scipy.ndimage.binary_dilation(~solid, cross)
@@ -285,7 +288,7 @@ def _next_to_surface(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _samples(
     f: Callable[[FloatArray], ArrayLike], distance: FloatArray, low: FloatArray, cell: float, shift: Shift
 ) -> tuple[Shift, IntArray, FloatArray]:
-    """Return distances at a shift from the nodes near the surface, as `fit` takes them."""
+    """Return distances at a shift from the nodes near the surface, in the form that `fit` takes."""
     behind = np.argwhere(np.abs(distance[:-1, :-1, :-1]) < FITTED + 1.0)
     found = _asked(f, low + cell * (behind + shift)) / cell
     near = np.abs(found) < FITTED
@@ -293,9 +296,9 @@ def _samples(
 
 
 def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, FloatArray]]) -> None:
-    """Change the coefficients of a spline (A, B, C) in place, so that it misses few samples by more than (WM3) allows.
+    """Change the coefficients (A, B, C) of a spline in place, so that few samples are missed by more than (WM3) allows.
 
-    Samples are given by the shift from their nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
+    Each group of samples has the shift from the nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
     """
     for _ in range(SWEEPS):
         missed = [
@@ -307,7 +310,7 @@ def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, Float
 
 @njit
 def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -> int:
-    """Take (WM3) for each sample, and return for how many it changed something."""
+    """Apply (WM3) to each sample, and return the number of samples that needed a change."""
     w, missed = _weights(shift), 0
     square = np.sum(w * w)
     for m in range(len(nodes)):

@@ -1,20 +1,20 @@
 """The compiled spline of a grid of signed distances: value, normal and Hessian at a point.
 
-For each point the coefficients about it are collected, and the spline is read for many points at once. Where the
-nearest coefficient says that a point is farther outside than `CONTACT`, a parameter, the distance is read linearly from
-it: it only tells how far away the surface is.
+The coefficients around each point are collected, and the spline is evaluated for many points at once. Where the nearest
+coefficient puts a point farther outside than `CONTACT`, a parameter, the distance is interpolated linearly from this
+coefficient, and only tells how far away the surface is.
 
-With the tricubic spline d of signed distances (WS1), its gradient v and Hessian D, m = |v| (1 but for errors of the
-grid) and a cell as unit,
+With the tricubic spline d of signed distances (WS1), the gradient v and the Hessian D of d, m = |v| (1 except for
+errors of the grid) and a cell as unit,
 
     g = psi d,    psi = 1 + (1/max(m, 1/2) - 1) phi,    phi = (1 + (d/w)^2)^-2                       (WM1)
 
-so that the gradient of g is a unit vector on the surface d = 0, which (WM1) does not move, and g is d a cell away from
-it, also beside edges, where the spline is rounded and m is small. As a function of d and v it gives
+The gradient of g is a unit vector on the surface d = 0, which (WM1) does not move. A cell away from the surface g
+equals d, also beside edges, where the spline is rounded and m is small. As g is a function of d and v,
 
     grad g = g_d v + D g_v,    Hess g = g_d D + v (D g_dv)' + (D g_dv) v'                             (WM2)
 
-where what vanishes with d is left out of the Hessian.
+where terms that vanish with d are left out of the Hessian.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ SIDE = 4
 """Number of coefficients about a point along each axis."""
 
 CONTACT = 2.8
-"""Distance in cells up to which the spline is read: the point is then a cell from the surface at least, as the node
-before it is at most sqrt(3) away."""
+"""Distance in cells up to which the spline is read. A point beyond is at least a cell from the surface, as the node
+before the point is at most sqrt(3) away."""
 
 TOGETHER = 16
-"""Number of points whose splines are read together: a multiple of every vector, few enough for the nearest cache."""
+"""Number of points evaluated together: a multiple of every vector length, and few enough for the nearest cache."""
 
 ROWS_IN, ROWS_OUT = 3 + 17, 11
 """Rows of the inputs: point; addresses of coefficients, of working memory and of the spline's kernel (2 each), nodes
-along each axis, first node, cell, side of the solid, grip, `CONTACT`, and whether the world goes on straight beyond the
-grid. Rows of the outputs."""
+along each axis, first node, cell, side of the solid, grip, `CONTACT`, and whether the world continues straight beyond
+the grid. Rows of the outputs."""
 
 _COEFFICIENTS, _WORK, _SPLINE, _NODES, _FIRST, _CELL, _SIDE, _GRIP, _CONTACT = 3, 5, 7, 9, 12, 15, 16, 17, 18
 _STRAIGHT = 19
 
 SPLINE_IN, SPLINE_OUT = SIDE**3 + 3, 10
-"""Coefficients, those along z next to one another, and the place between the middle ones along each axis; see `Jet`."""
+"""Coefficients, contiguous along z, and the place between the middle coefficients along each axis; see `Jet`."""
 
 WORK_ROWS = SPLINE_IN + SPLINE_OUT + 1
 """Rows of the working memory, `TOGETHER` columns: inputs and outputs of the spline, and the lanes of the points."""
@@ -63,7 +63,7 @@ _PLACE, _OUT, _LANE = SIDE**3, SPLINE_IN, SPLINE_IN + SPLINE_OUT
 
 Nodes = tuple[int, int, int]
 Cell = tuple[int, float, float, float]
-"""Number of the node before a place, and the way from there along each axis."""
+"""Number of the node before a place, and the distance from that node along each axis."""
 
 
 @inner
@@ -76,8 +76,8 @@ def _cell(nodes: Nodes, x: float, y: float, z: float) -> Cell:
 
 @inner
 def _collect(work: FloatArray, n: int, c: SingleArray, nodes: Nodes, at: Cell, lane: int) -> None:
-    """Write what the spline needs about a point as column n."""
-    row, one = np.uint64(0), np.uint64(1)  # unsigned: a negative index would mean the end, and be looked for
+    """Write the spline's inputs for a point into column n."""
+    row, one = np.uint64(0), np.uint64(1)  # unsigned: no check for negative indices, which count from the end
     column = np.uint64(n)
     for a in range(4):
         for b in range(4):
@@ -92,7 +92,7 @@ def _collect(work: FloatArray, n: int, c: SingleArray, nodes: Nodes, at: Cell, l
 
 @inner
 def _linear(c: SingleArray, nodes: Nodes, at: Cell) -> Jet:
-    """Return what is linear along each axis from the node before a point, and its direction of steepest ascent."""
+    """Return the linear interpolation from the node before a point, and the direction of steepest ascent."""
     node, r, s, t = at
     here = np.float64(c[node])
     x, y, z = c[node + nodes[1] * nodes[2]] - here, c[node + nodes[2]] - here, c[node + 1] - here
@@ -109,10 +109,10 @@ def _outside(place: float, nodes: int) -> float:
 
 @inner
 def _beyond(jet: Jet, nodes: Nodes, x: float, y: float, z: float, straight: float) -> Jet:
-    """Return the distance where a place is beyond the grid, else as it is.
+    """Return the distance for a place beyond the grid, else the given distance.
 
-    There the world goes on straight, along the tangent plane at the nearest place of the grid; or nothing of it is
-    there, and the distance is that from the grid.
+    Beyond the grid the world continues straight, along the tangent plane at the nearest place of the grid. If the world
+    ends with the grid instead, the distance from the grid is added.
     """
     x, y, z = _outside(x, nodes[0]), _outside(y, nodes[1]), _outside(z, nodes[2])
     size = np.sqrt(x * x + y * y + z * z)
@@ -187,7 +187,7 @@ def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: in
 
 def _cubic(t: ca.SX) -> list[ca.SX]:
     """Return the weights of (WS1) and their first and second derivatives with respect to t, shape (4,) each."""
-    formula: Any = kernels.cubic  # arithmetic alone: of symbols as of numbers
+    formula: Any = kernels.cubic  # arithmetic only, for symbols as for numbers
     return [ca.vertcat(*weights) for weights in formula(t)]
 
 

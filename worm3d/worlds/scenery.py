@@ -1,6 +1,6 @@
-"""Meshes of worlds for pictures: the part of each that surrounds a worm.
+"""Meshes of worlds for pictures: the part of a world that surrounds the worm.
 
-A world without a function under `@scenery.register` is drawn from its signed distance.
+A world without a function under `@scenery.register` is drawn from the signed distance.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ MARGIN = 1.0
 """Distance beyond the worm up to which the world is drawn, in body lengths."""
 
 TILE = 0.1
-"""Side of a tile of the ground in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
+"""Approximate side of a tile of the ground in body lengths; the side is 1, 2 or 5 times a power of ten [m]."""
 
 MOST_TILES = 3000
 """Largest number of tiles of a ground."""
 
 FINEST, MOST_CELLS = 0.02, 200_000
-"""Smallest spacing of the grid on which a distance is drawn, in body lengths, and its largest number of cells."""
+"""Smallest spacing of the grid for drawing a distance, in body lengths, and largest number of cells of the grid."""
 
 MOST_FACES = 40_000
-"""Largest number of faces of a mesh that is drawn as it is; another is drawn from its distance."""
+"""Largest number of faces of a mesh that is drawn directly; a larger mesh is drawn from the signed distance."""
 
 SLIPPERY: Colour = (0.62, 0.78, 0.92)
 """Colour of patches with less friction than the rest."""
@@ -43,7 +43,7 @@ ROUGH: Colour = (0.72, 0.60, 0.45)
 """Colour of patches with more friction than the rest."""
 
 ASKED = 300
-"""Number of places of the worm by which the stretch of a pipe that is drawn is found."""
+"""Number of the worm's places that determine the drawn stretch of a pipe."""
 
 RINGS, SIDES = 5, 40
 """Rings of corners in a band of a pipe, and corners of a ring."""
@@ -52,16 +52,17 @@ OPACITY = 0.3
 """Opacity of a pipe's wall."""
 
 FINE = 0.008
-"""Longest side of triangles next to an edge where worlds meet, in body lengths, so that it looks clean."""
+"""Longest side of triangles next to an edge where worlds meet, in body lengths, so that the edge looks clean."""
 
 UNION_OPACITY = 0.5
-"""Highest opacity of a union: what is inside one world may lie below another."""
+"""Highest opacity of a union: the inside of one world may lie below another world."""
 
 MOST_STEPS = 80
-"""Largest number of steps to the ground; on a plane of 60 degrees each takes half of what is left, at 80 a sixth."""
+"""Largest number of steps to the ground; on a plane of 60 degrees each step covers half of the remaining distance, at
+80 degrees a sixth."""
 
 EXACT = 1e-6
-"""Distance from the ground at which a place is on it, in body lengths."""
+"""Distance below which a place counts as on the ground, in body lengths."""
 
 DEEPEST = 1.0
 """Greatest distance of a place from the ground below or above it, in body lengths."""
@@ -84,12 +85,12 @@ class Scenery:
 
     meshes: tuple[WorldMesh, ...] = ()
     centreline: FloatArray | None = None
-    """Line in a pipe along which the camera inside it moves, shape (P, 3) [m]."""
+    """Path of the camera inside a pipe, shape (P, 3) [m]."""
 
 
 @singledispatch
 def scenery(world: World | None, window: Window) -> Scenery:
-    """Return what a world looks like around the worm."""
+    """Return the scenery of a world around the worm."""
     if world is None:
         return Scenery()
     low, high = window.points.min(axis=0), window.points.max(axis=0)
@@ -97,7 +98,7 @@ def scenery(world: World | None, window: Window) -> Scenery:
     low, high = low - margin, high + margin
     tile = tile_size(window.body_length, (high - low)[:2])
     finest = max(FINEST * window.body_length, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
-    # The corners of a level surface lie in the middle of cells: these then meet at the edges of tiles.
+    # The corners of a level surface lie in the middle of cells; on this grid they meet at the edges of tiles.
     spacing = tile / max(np.floor(tile / finest), 1.0)
     low = tile * np.floor(low / tile) - 0.5 * spacing
     sides = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
@@ -105,7 +106,7 @@ def scenery(world: World | None, window: Window) -> Scenery:
     mesh = isosurface(distance, low, spacing)
     if not len(mesh.faces):
         return Scenery()
-    covers = bool((distance[:, :, -1] < 0.0).any())  # it would hide the worm from above
+    covers = bool((distance[:, :, -1] < 0.0).any())  # the surface would hide the worm from above
     if covers:
         return Scenery((WorldMesh("wall", mesh.vertices, mesh.faces, PIPE, 0.35),))
     terrain = WorldMesh("terrain", mesh.vertices, mesh.faces, GROUND)
@@ -119,7 +120,7 @@ def tile_size(body_length: float, sides: FloatArray) -> float:
 
 @scenery.register
 def _clamped(world: ClampedGround, window: Window) -> Scenery:
-    """Return the level on which the joints are held; the worm reaches below it."""
+    """Return the level plane that holds the joints; the worm reaches below this plane."""
     return Scenery(_floor(Plane(), window, 0.35))
 
 
@@ -129,7 +130,7 @@ def _plane(world: Plane, window: Window) -> Scenery:
 
 
 def _floor(world: Plane, window: Window, opacity: float) -> tuple[WorldMesh, ...]:
-    """Return tiles that lie where they are whatever the worm does: the origin is a corner of four."""
+    """Return tiles whose positions do not depend on the worm: four tiles meet at the origin."""
     low, high = _extent(world, window)
     tile = tile_size(window.body_length, high - low)
     low, high = 2.0 * tile * np.floor(low / (2.0 * tile)), 2.0 * tile * np.ceil(high / (2.0 * tile))
@@ -147,7 +148,7 @@ def _floor(world: Plane, window: Window, opacity: float) -> tuple[WorldMesh, ...
 
 
 def _extent(world: Plane, window: Window) -> tuple[FloatArray, FloatArray]:
-    """Return from where to where a plane is drawn, along the ascent and to the left, each of shape (2,) [m]."""
+    """Return the limits of the drawn part of a plane, along the ascent and to the left, each of shape (2,) [m]."""
     places = window.points @ world.axes[:2].T
     margin = MARGIN * window.body_length
     return places.min(axis=0) - margin, places.max(axis=0) + margin
@@ -162,7 +163,7 @@ def _patches(world: Plane, window: Window) -> tuple[WorldMesh, ...]:
 def _patch(
     number: int, patch: Patch, world: Plane, low: FloatArray, high: FloatArray, window: Window
 ) -> WorldMesh | None:
-    """Return a patch as a sheet on the ground, a later one above an earlier; None if it is out of sight."""
+    """Return a patch as a sheet on the ground, later patches above earlier patches; None if out of sight."""
     begin = np.maximum(low, [patch.along[0], patch.across[0]])
     end = np.minimum(high, [patch.along[1], patch.across[1]])
     if not (begin < end).all():
@@ -218,7 +219,7 @@ def _pipe(world: Pipe, window: Window) -> Scenery:
     end = min(end, world.centreline.total) if world.end_wall else end
     band = rounded_up(TILE * window.body_length)
     count = RINGS * max(int(np.ceil((end - begin) / band)), 1) + 1
-    # The bands stay where they are whatever the worm does.
+    # The positions of the bands do not depend on the worm.
     s = np.linspace(band * np.floor(begin / band) if not world.start_wall else begin, end, count)
     points, radius = world.centreline.at(s)[0], world.radius_at(s)
     walls = [(k, s[k]) for k, closed in ((0, world.start_wall), (-1, world.end_wall)) if closed]
@@ -227,7 +228,7 @@ def _pipe(world: Pipe, window: Window) -> Scenery:
 
 
 def _cap(world: Pipe, middle: FloatArray, place: float, radius: float) -> WorldMesh:
-    """Return the flat wall that closes the pipe at a place along it."""
+    """Return the flat wall that closes the pipe at a place along the centre line."""
     _, tangent = world.centreline.at(place)
     across = np.linalg.svd(tangent[None])[2][1:]
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
@@ -250,7 +251,7 @@ def _union(world: Union, window: Window) -> Scenery:
 
 
 def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
-    """Return a mesh without what lies in the free space of other worlds."""
+    """Return a mesh without the parts in the free space of other worlds."""
     vertices, faces = mesh.vertices, mesh.faces
     while len(faces) < 100_000:
         near = np.abs([other.distance(vertices[faces].mean(axis=1)) for other in others]).min(axis=0, initial=np.inf)
@@ -267,7 +268,7 @@ def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
 def _quartered(
     vertices: FloatArray, faces: NDArray[np.int64], which: NDArray[np.bool_]
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return triangles of which some are cut into four at the middles of their sides."""
+    """Return triangles, with the selected triangles cut into four at the midpoints of the sides."""
     a, b, c = faces[which].T
     corners = vertices[faces[which]]
     middles = 0.5 * (corners + np.roll(corners, -1, axis=1))  # of ab, bc, ca
@@ -277,12 +278,12 @@ def _quartered(
 
 
 def on_ground(world: World | None, places: FloatArray, body_length: float, above: float = 0.0) -> FloatArray:
-    """Return places, shape (..., 3), moved along z on to the world; those with no ground near stay where they are [m].
+    """Return places, shape (..., 3), moved along z on to the world; places without ground nearby stay [m].
 
-    A place goes down by its distance again and again, which never leads beyond the surface nearest to it ("sphere
-    tracing", Hart 1996, The Visual Computer 12, 527); one below the ground comes up.
+    Each step moves a place down by the distance from the world, which never leads beyond the nearest surface ("sphere
+    tracing", Hart 1996, The Visual Computer 12, 527); a place below the ground moves up.
 
-    They lie `above` the ground [m], so that lines are seen.
+    The results lie `above` the ground [m], so that lines are visible.
     """
     result = np.array(places, dtype=float)
     if world is None:

@@ -14,23 +14,23 @@ from worm3d.values import arguments, regular_file
 from worm3d.values.arrays import FloatArray
 
 STONES = 4.0
-"""Number of stones per area of the square about one: they overlap, and little ground shows between."""
+"""Number of stones per area of the square around a stone: the stones overlap, and little ground is left between."""
 
 MOST_STONES = 100_000
 """Largest number of stones in rubble: a few seconds."""
 
 MOST_HEIGHTS = 4_000_000
-"""Largest number of nodes of terrain: 32 MB for each of its tables."""
+"""Largest number of nodes of terrain: 32 MB for each table."""
 
 LARGEST_FILE = 200_000_000
 """Largest image file [byte]."""
 
 FORMATS = ("PNG", "TIFF", "JPEG", "BMP", "PPM", "GIF")
-"""Formats of images that are read; other readers of the library run programs, or know no limits."""
+"""Formats of images that are read; the library's readers of other formats run programs, or have no limits."""
 
 
 def require_few(along: float, across: float) -> None:
-    """Raise ValueError for more heights than there is room for; a grid has so many along each side."""
+    """Raise ValueError for more heights than are allowed, from the numbers along each side of a grid."""
     if not along * across <= MOST_HEIGHTS:
         raise ValueError(
             f"spacing: got {along:.3g} x {across:.3g} heights, at most {MOST_HEIGHTS:.0g} are allowed; take a wider "
@@ -54,14 +54,14 @@ def nodes(length: float, width: float, spacing: float) -> tuple[FloatArray, Floa
 
 
 def sinusoid(x: FloatArray, y: FloatArray, amplitude: float, wavelength: float, azimuth: float = 0.0) -> FloatArray:
-    """Return waves of which the crests lie across an azimuth, with a crest at the origin, shape (A, B) [m]."""
+    """Return waves with crests across an azimuth, and a crest at the origin, shape (A, B) [m]."""
     along = x[:, None] * np.cos(azimuth) + y * np.sin(azimuth)
     heights: FloatArray = amplitude * np.cos(2.0 * np.pi * along / wavelength)
     return heights
 
 
 def steps(x: FloatArray, y: FloatArray, height: float, tread: float, ramp: float) -> FloatArray:
-    """Return stairs up along x, each step a smooth rise over `ramp` at the end of its tread, shape (A, B) [m]."""
+    """Return stairs up along x, each step a smooth rise over `ramp` at the end of the tread, shape (A, B) [m]."""
     stair, within = np.divmod(x, tread)
     t = np.clip((within - (tread - ramp)) / ramp, 0.0, 1.0)
     profile = height * (stair + t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
@@ -69,9 +69,9 @@ def steps(x: FloatArray, y: FloatArray, height: float, tread: float, ramp: float
 
 
 def rubble(x: FloatArray, y: FloatArray, height: float, size: float, seed: int) -> FloatArray:
-    """Return smooth stones thrown at random, the highest one counting at each place, shape (A, B) [m].
+    """Return smooth stones thrown at random; the highest stone counts at each place, shape (A, B) [m].
 
-    A stone of radius R rises by height (1 - r^2/R^2)^2 times its share; R is 0.5 to 1 of `size`, the share R/size.
+    A stone of radius R rises by height (1 - r^2/R^2)^2 times the share R/size; R is 0.5 to 1 of `size`.
     """
     rng = np.random.default_rng(seed)
     area = (x[-1] - x[0] + 2.0 * size) * (y[-1] - y[0] + 2.0 * size)
@@ -103,7 +103,7 @@ def _near(side: FloatArray, at: float, reach: float) -> NDArray[np.intp]:
 def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
     """Return the heights of a greyscale image, black `low` and white `high`, shape (A, B) [m].
 
-    The left edge of the picture is x = 0, its upper edge the largest y, as on a map.
+    The left edge of the picture is x = 0, and the upper edge is the largest y, as on a map.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
                 grey = np.asarray(picture if deep else picture.convert("L"), dtype=float)
     except UnidentifiedImageError:
         raise _no_picture(name, f"it is none of {', '.join(FORMATS)}") from None
-    except Exception as error:  # its readers fail in ways of their own
+    except Exception as error:  # readers raise many kinds of errors
         raise _no_picture(name, arguments.shown(str(error))) from None
     if not np.isfinite(grey).all():
         raise _no_picture(name, "it has values that are not finite")

@@ -1,6 +1,7 @@
-"""Several worlds as one: what is free in any of them is free.
+"""Several worlds as one: space that is free in any of the worlds is free.
 
-Its kernel asks those of its worlds one after the other, and takes at each point the greatest distance.
+The kernel of a union evaluates the kernels of the worlds one after the other, and takes the greatest distance at each
+point.
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
 
 MOST_WORLDS = 100
-"""Largest number of worlds in a union: each point is looked up in every one."""
+"""Largest number of worlds in a union: every world is evaluated at each point."""
 
 
 TOGETHER = 528
-"""Number of points that are handed over at once: a multiple of every vector, and no power of 2, by which rows would
-fall on the same lines of the cache. Points of a longer worm share what a world keeps of them, which takes time."""
+"""Number of points evaluated at once: a multiple of every vector length, and no power of 2, which would put rows on the
+same lines of the cache. With more points, several points of a worm share the data that a world keeps for a point, which
+takes time."""
 
 ROWS_IN = 3 + 3
 """Rows of the inputs: point; address (2) and number of the rows of `MEMBER`."""
@@ -49,20 +51,21 @@ _KERNEL, _INPUTS, _OUTPUTS, _ROWS = 0, 2, 4, 6
 class Union(World, ReadOnly):
     """The union of the free spaces of worlds: a pipe bored into the ground below a plane, pipes that cross.
 
-    The solid is what all of them have in common. The signed distance is the greatest of theirs: inside the solid, where
-    forces arise, it is exact; in free space, near the edges where the worlds meet, it may be less than the distance,
-    and its sign is right everywhere. At such an edge the normal jumps. Where a point touches several worlds, friction
-    is that of the one to which the distance belongs.
+    The solid is the intersection of the solids of all worlds. The signed distance is the greatest of the worlds'
+    distances. Inside the solid, where forces arise, this distance is exact. In free space, near the edges where the
+    worlds meet, it may be less than the true distance; the sign is right everywhere. The normal jumps at such an edge.
+    Where a point touches several worlds, the world with the greatest distance sets the friction.
 
     Attributes
     ----------
     worlds : tuple of World
-        At least one; any but the `ClampedGround`, which is no matter of distance. A worm is placed on the first.
+        At least one world; not the `ClampedGround`, which does not act through a distance. A worm is placed on the
+        first world.
 
     Raises
     ------
     ValueError
-        No world, or one without a distance.
+        No world, or a world without a distance.
     """
 
     worlds: tuple[World, ...]
@@ -82,7 +85,7 @@ class Union(World, ReadOnly):
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
+        """Whether a worm without friction would slide away under `pressing` alone."""
         return len(self.worlds) > 1 or self.worlds[0].uneven
 
     def symbolic(self) -> Formula | None:
@@ -100,7 +103,7 @@ class Union(World, ReadOnly):
         return function, np.concatenate([parameters for _, parameters in each])
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world: of formulas one kernel, else those of all worlds one after the other."""
+        """Return the compiled world: one kernel of all formulas, else the worlds' kernels one after the other."""
         whole = self.symbolic()
         return _joined([_kernel(world) for world in self.worlds]) if whole is None else kernels.compiled(*whole)
 
@@ -110,22 +113,22 @@ class Union(World, ReadOnly):
         return greatest
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return gravity, or what presses a worm to the only world, shape (3,) [m/s^2]."""
+        """Return gravity, or the part of gravity that presses a worm to a single world, shape (3,) [m/s^2]."""
         return np.array(gravity, dtype=float) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
 
     def bumps(self, within: float) -> float:
-        """Return how high bumps of any of its worlds are that stand within a distance [m]."""
+        """Return the greatest height of bumps narrower than a distance in any of the worlds [m]."""
         return max(world.bumps(within) for world in self.worlds)
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a worm on the first world, and its directors to the left; see `World.placed`."""
+        """Return joints of a worm on the first world, and the directors to the left; see `World.placed`."""
         return self.worlds[0].placed(along, clearance, position, azimuth)
 
 
 def _kernel(world: World) -> WorldKernel:
-    """Return a world's kernel: its whole formula if it has one, as most points may be far away from it."""
+    """Return a world's kernel: the whole formula if there is one, as most points may be far from the world."""
     formula = world.symbolic()
     return world.kernel() if formula is None else kernels.compiled(*formula)
 
@@ -138,7 +141,7 @@ def _joined(several: Sequence[WorldKernel]) -> WorldKernel:
 
 
 def _memory(kernel: WorldKernel) -> tuple[FloatArray, FloatArray]:
-    """Return inputs and outputs of a world within a union, of this union's kernel alone: others may run beside it."""
+    """Return memory for inputs and outputs of a world, for one kernel only: other kernels may run at the same time."""
     inputs = np.zeros((3 + len(kernel.parameters), TOGETHER))
     inputs[3:] = kernel.parameters[:, None]
     return inputs, np.zeros((kernels.WORLD_ROWS, TOGETHER))
@@ -151,7 +154,7 @@ def _member(kernel: WorldKernel, inputs: FloatArray, outputs: FloatArray) -> lis
 
 @inner
 def _ask(member: FloatArray, p: FloatArray, first: int, count: int) -> FloatArray:
-    """Return what a world says of some points, shape (11, `TOGETHER`)."""
+    """Return the rows of a world at some points, shape (11, `TOGETHER`)."""
     inputs = kernels.doubles(kernels.address(member[_INPUTS], member[_INPUTS + 1]), int(member[_ROWS]), TOGETHER)
     outputs = kernels.doubles(kernels.address(member[_OUTPUTS], member[_OUTPUTS + 1]), kernels.WORLD_ROWS, TOGETHER)
     for d in range(3):
@@ -171,7 +174,7 @@ def _keep(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
 
 @inner
 def _keep_greater(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
-    """Write the rows of a world where its distance is greater than that of those before."""
+    """Write the rows of a world where the distance is greater than for the worlds before."""
     for k in range(count):
         if rows[0, k] > out[0, first + k]:
             for r in range(kernels.WORLD_ROWS):
@@ -206,7 +209,7 @@ def slope_into_pipe(
 ) -> Union:
     """Return a slope that leads into a pipe: a hillside with a tunnel.
 
-    The pipe's bottom starts on the slope, which goes on above the mouth and to both sides of it, or ends there at a
+    The pipe's bottom starts on the slope. The slope continues above the mouth and on both sides, or ends there at a
     steeper face.
 
     Parameters
@@ -214,18 +217,18 @@ def slope_into_pipe(
     slope : float
         Slope of the plane through the origin [rad].
     mouth : float
-        How far up the slope the pipe's bottom starts, from the origin [m].
+        Distance up the slope from the origin to the start of the pipe's bottom [m].
     pieces : sequence of Straight and Bend
         Pieces of the pipe.
     radius : float or Profile
         Inner radius of the pipe [m].
     tilt : float
-        Tilt of the pipe's first piece, less than the slope, or than the face: it leads into the hill [rad].
+        Tilt of the pipe's first piece, less than the slope or the face, so that the pipe leads into the hill [rad].
     heading : float
         Azimuth of the slope's steepest ascent and of the pipe [rad].
     face : float, optional
-        Slope of the hill above the mouth [rad]; None: the slope goes on. The face begins a radius of the pipe farther
-        up than its bottom, so that there is no rim before the worm.
+        Slope of the hill above the mouth [rad]; None: the slope continues. The face begins one radius of the pipe
+        farther up than the pipe's bottom, so that there is no rim in front of the worm.
 
     Raises
     ------

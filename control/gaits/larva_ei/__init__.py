@@ -1,1 +1,1 @@
-"""Excitatory-inhibitory network of a fly's larva that closes its waves by what its segments feel; its own mechanics."""
+"""Excitatory-inhibitory network of a fly's larva, with waves driven by felt contraction, and the larva's mechanics."""

@@ -1,15 +1,15 @@
-"""Gait of the larva's network: a wave that goes on from segment to segment as each has shortened.
+"""Gait of the larva's network: a wave that passes from segment to segment after each segment has shortened.
 
-The network is that of `control.gaits.larva_ei.network`, (LE1) to (LE3), with the published parameters, of one unit for
-each segment; the worm's body is in the place of the larva's. What a segment feels is the shortening of its chambers,
-the mean of both sides; felt is a share
-`feeling_threshold` of the amplitude. The activation is the muscle's force f/f_max.
+The network is defined in `control.gaits.larva_ei.network`, (LE1) to (LE3), with the published parameters and one unit
+for each segment; the worm's body replaces the larva's. A segment feels the shortening of its chambers, the mean of both
+sides; the threshold `felt` is the share `feeling_threshold` of the amplitude. The activation is the muscle's force
+f/f_max.
 
-In the larva's own body 1/18 is felt of a peak of 0.298, a share of 0.19, which a segment reaches late, as its
-neighbours pull it back and its damping c/k is 3.5 tau_E. Those of a quicker worm reach it within tau_E: the wave comes
-round before the inhibition behind it has grown, and all segments stay contracted. A share of 0.75 carries waves in
-worms of 4 to 14 segments with actuator lags of 0.02 to 0.5 s and periods of 0.8 to 5 s. A worm whose actuators cannot
-shorten a segment so far, as in a pipe that is too narrow, holds still.
+In the larva's body the threshold is 1/18 for a peak of 0.298, a share of 0.19. A segment of the larva reaches this
+share late, since the neighbours pull the segment back and the damping c/k is 3.5 tau_E. A segment of a quicker worm
+reaches this share within tau_E: the wave returns before the inhibition behind the wave has grown, and all segments stay
+contracted. A share of 0.75 carries waves in worms of 4 to 14 segments with actuator lags of 0.02 to 0.5 s and periods
+of 0.8 to 5 s. A worm whose actuators cannot shorten a segment so far, as in a pipe that is too narrow, holds still.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 TAU_PER_SEGMENT = 2.64
-"""Time in which a wave goes on by a segment, in the larva's own body, of eight segments or more [tau_E]."""
+"""Time of a wave per segment, in the larva's body with eight segments or more [tau_E]."""
 LARGEST_STEP = 0.005
-"""Longest step of the network [tau_E]; half of it moves the larva's period by less than 0.1 %."""
+"""Longest step of the network [tau_E]; half this step changes the larva's period by less than 0.1 %."""
 FEWEST = 3
-"""Fewest segments that carry a wave and rest behind it."""
+"""Fewest segments that carry a wave and rest behind the wave."""
 
 
 @documented
@@ -57,20 +57,20 @@ class LarvaEI(FeedbackGait, name="larva_ei"):
     lengthens = False
 
     def require_body(self, segments: int) -> None:
-        """Raise ValueError unless a body of so many segments can have the gait."""
+        """Raise ValueError if the gait does not fit a body with this number of segments."""
         if segments < FEWEST:
             raise ValueError(
                 f"kind: got 'larva_ei', needs {FEWEST} segments or more for a wave; the worm has {segments}"
             )
 
     def start(self, body: Body) -> Network:
-        """Return a fresh network at rest; a short input to its last segment begins the first wave."""
+        """Return a fresh network at rest; a short input to the last segment starts the first wave."""
         self.require_body(body.segments)
         return Network(self, body.segments)
 
 
 class Network:
-    """Memory of a `LarvaEI`: its units in the order in which a larva has them, the last of which begins a wave."""
+    """Memory of a `LarvaEI`: the units in the larva's order; the last unit starts a wave."""
 
     def __init__(self, gait: LarvaEI, segments: int) -> None:
         from control.gaits.larva_ei.kernel import Parameters

@@ -1,6 +1,6 @@
-"""Compiled steps of the larva's network and mechanics; equations (LE..) stand in `control.gaits.larva_ei.network`.
+"""Compiled steps of the larva's network and mechanics; equations (LE..) are in `control.gaits.larva_ei.network`.
 
-Units of all: rest length of a segment L = 1, stiffness of a segment k = 1, time constant tau_E = 1.
+Units: rest length of a segment L = 1, stiffness of a segment k = 1, time constant tau_E = 1.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from worm3d.values.arrays import FloatArray
 
 
 class Parameters(NamedTuple):
-    """Numbers of the network and the body; the defaults are the published ones (table 1)."""
+    """Numbers of the network and the body; the defaults are the published values (table 1)."""
 
     w_EE: float = 1.0
     """Weight of a segment's excitation on itself."""
     w_EI: float = -2.0
-    """Weight of its inhibition on its excitation."""
+    """Weight of a segment's inhibition on the segment's excitation."""
     w_IE: float = 0.6
-    """Weight of its excitation on its inhibition."""
+    """Weight of a segment's excitation on the segment's inhibition."""
     w_II: float = 0.0
-    """Weight of its inhibition on itself."""
+    """Weight of a segment's inhibition on the inhibition itself."""
     w_En: float = 0.6
     """Weight of the excitation of the segment behind."""
     w_Ep: float = 1.95
     """Weight of the contraction of the segment behind on the excitation."""
     w_Ip: float = 1.95
-    """Weight of a segment's own contraction on its inhibition."""
+    """Weight of a segment's contraction on the segment's inhibition."""
     theta: float = 0.6
     """Threshold of both populations."""
     tau_I: float = 3.0
@@ -39,13 +39,13 @@ class Parameters(NamedTuple):
     f_max: float = 5.0 / 6.0
     """Force of an active muscle."""
     E_half: float = 0.4
-    """Excitation at which a muscle becomes active."""
+    """Excitation above which a muscle becomes active."""
     felt: float = 1.0 / 18.0
-    """Contraction that is felt, 1 + uh of the source."""
+    """Threshold of the felt contraction, 1 + uh of the source."""
     F_max: float = 25.0 / 3.0
     """Friction of a node on the ground."""
     f_half: float = 5.0 / 12.0
-    """Force above which a segment lifts its hind node."""
+    """Force above which a segment lifts the hind node."""
     c: float = 3.5
     """Damping of a segment."""
     g_n: float = 40000.0
@@ -57,7 +57,7 @@ class Parameters(NamedTuple):
 START, START_DRIVE = 10.0, 0.61
 """Duration and size of the input to the last segment that begins the first wave."""
 SWEEPS, TOLERANCE = 2000, 1e-12
-"""Most Gauss-Seidel sweeps of the velocities, and the change of one at which they end."""
+"""Greatest number of Gauss-Seidel sweeps of the velocities, and change of a velocity that ends the sweeps."""
 
 
 @inner
@@ -68,7 +68,7 @@ def switch(z: float, gain: float) -> float:
 
 @inner
 def fire(network: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float) -> None:
-    """Take a step of (LE1) to (LE3) with the contractions held; linear between switches, it is solved exactly.
+    """Take a step of (LE1) to (LE3) with the contractions held; the step is linear between switches and solved exactly.
 
     `network`, shape (3, n), has the rows E, I and f, and is overwritten; `contraction` has shape (n,); `start` is an
     input to the last segment.
@@ -99,7 +99,7 @@ def advance(network: FloatArray, contraction: FloatArray, start: float, p: Param
 
 @njit
 def crawl(p: Parameters, dt: float, every: int, networks: FloatArray, nodes: FloatArray) -> None:
-    """Let a larva of n segments crawl from rest, and record a row every so many steps.
+    """Let a larva of n segments crawl from rest, and record a row every `every` steps.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def crawl(p: Parameters, dt: float, every: int, networks: FloatArray, nodes: Flo
     network, u, v = np.zeros((3, n)), -1.0 * np.arange(n + 1), np.zeros(n)
     f, contraction, drive, friction = network[2], np.zeros(n), np.zeros(n), np.zeros(n)
     for step in range(len(nodes) * every):
-        # The last node moves as the first: a ring, of which segment i lies ahead of node i and i + 1 behind it.
+        # The last node moves as the first: a ring with segment i ahead of node i and segment i + 1 behind node i.
         for i in range(n):
             drive[i] = contraction[i] - contraction[i - 1] + f[i - 1] - f[i]
             friction[i] = p.F_max * switch(p.f_half - f[i - 1], p.g) * (2.0 if i == 0 else 1.0)

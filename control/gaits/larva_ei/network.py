@@ -5,18 +5,18 @@ head; lengths are in L, forces in k, times in tau_E, and l_i = u_(i-1) - u_i. Wi
 
     dE_i = -E_i + s_n(w_EE E_i + w_EI I_i + h_i - theta),
     tau_I dI_i = -I_i + s_n(w_IE E_i + w_II I_i + w_Ip s_p(1 - felt - l_i) - theta),                        (LE1)
-    h_i = w_En E_(i+1) + w_Ep s_p(1 - felt - l_(i+1)), of the last segment with those of the first,         (LE2)
+    h_i = w_En E_(i+1) + w_Ep s_p(1 - felt - l_(i+1)), segment n + 1 being segment 1,                       (LE2)
     tau_f df_i = -f_i + f_max s_f(E_i - E_half),                                                            (LE3)
     0 = l_i - l_(i+1) + c (dl_i - dl_(i+1)) + f_i - f_(i+1) - F_i,          i = 1 ... n-1,                  (LE4)
     0 = l_n - l_1 + c (dl_n - dl_1) + f_n - f_1 - F_n - F_0,                du_0 = du_n,                    (LE5)
     F_i = F_max sign(du_i) s_F(f_half - f_i), F_0 as F_n with f_n                                           (LE6)
 
 (Pehlevan, Paoletti, Mahadevan: Integrative neuromechanics of crawling in D. melanogaster larvae, eLife 5, 2016, e11031,
-equations 1 to 5 and table 1). Excitation spreads forward from the segment behind that is active and short; a segment's
-own shortening calls its inhibition and ends its activity. A segment that pulls hard enough lifts its hind node. Head
-and tail move as one, as the gut links them, and the body keeps its length: u_0 - u_n = n, the sign with which lengths
-are positive. (LE4) to (LE6) hold the condition for the least of a convex function of the velocities, which is found by
-Gauss-Seidel sweeps.
+equations 1 to 5 and table 1). Excitation spreads forward from the segment behind that is active and short; the
+shortening of a segment raises the inhibition, which ends the activity of the segment. A segment that pulls hard enough
+lifts the hind node. Head and tail move as one, since the gut links them, and the body keeps its length: u_0 - u_n = n,
+with the sign that makes lengths positive. (LE4) to (LE6) are the optimality condition of a convex function of the
+velocities; Gauss-Seidel sweeps find the minimum.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from worm3d.values import arguments
 from worm3d.values.arrays import BoolArray, FloatArray
 
 DT = 1e-3
-"""Time step [tau_E]; a tenth of it changes the period, the speed and the contraction by less than 0.1 %."""
+"""Time step [tau_E]; a tenth of this step changes the period, the speed and the contraction by less than 0.1 %."""
 RECORD = 20
 """Steps from row to row of a record."""
 
@@ -51,18 +51,18 @@ class Crawling:
 
     @property
     def contraction(self) -> FloatArray:
-        """Shortening of each segment, shape (T, n), as a share of its length at rest."""
+        """Shortening of each segment, shape (T, n), as a share of the length at rest."""
         return 1.0 + np.diff(self.nodes, axis=1)
 
     @property
     def starts(self) -> FloatArray:
-        """Times at which the segment in the middle becomes active [tau_E]."""
+        """Times of activation of the segment in the middle [tau_E]."""
         active = self.excitation[:, self.excitation.shape[1] // 2 - 1] > self.parameters.E_half
         return self.time[1:][active[1:] & ~active[:-1]]
 
     @property
     def _steady(self) -> BoolArray:
-        """The rows of whole waves, without the first two of these."""
+        """The rows of whole waves, without the first two waves."""
         starts = self.starts[2:]
         if len(starts) < 2:
             raise ValueError("the larva carries no waves, or the record is too short: it needs four of them")

@@ -1,1 +1,1 @@
-"""Networks of neurons as gaits, and what real larvae tell about them."""
+"""Networks of neurons as gaits, and the data of real larvae on them."""

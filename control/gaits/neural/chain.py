@@ -1,20 +1,22 @@
 """The larva's chain of neurons as a gait: `EiChain`.
 
-The equations are those of `control.gaits.neural.network`. Of the input h, the end at which waves begin gets the
-constant `drive`, above the threshold: it bursts again and again, by itself, and each burst runs along the body. The
-tail's end makes direct waves, as in a larva that crawls forward, the head's retrograde ones; nothing else differs. All
-populations of one side get `asymmetry` times TURNING more, those of the other as much less.
+`control.gaits.neural.network` defines the equations. The segment at one end of the body gets the constant `drive`,
+above the threshold, as its input h: this segment bursts repeatedly without other input, and each burst runs along the
+body. Drive at the tail makes direct waves, as in a larva that crawls forward, drive at the head makes retrograde waves;
+nothing else differs. All populations of one side get `asymmetry` times TURNING more input, the populations of the other
+side as much less.
 
-The pace is one input as well. It shortens the time constants, those of I as the period T demands, which follows, and
-those of E less, with the exponent p:
+One input sets the pace as well. A faster pace shortens the time constants: tau_I is adjusted until the waves have the
+period T, and tau_E changes less, with the exponent p:
 
     tau_E = tau_2 (T/2 s)^p  for T >= FASTEST,  in proportion to T below                                      (EI4)
 
-Delays from segment to segment follow tau_E: p = 1 keeps the phases at every pace, a small p the delays.
+Delays from segment to segment follow tau_E: p = 1 keeps the phases at every pace, a small p keeps the delays.
 
 Feeling: F = -strain/(FELT amplitude), clipped to [0, 1], is the share of the contraction that a chamber shows. With
-`feedback` = phi > 0 a segment's burst goes on until its chambers have contracted, its neighbour waits for that, and
-the next burst for their return: the wave becomes as slow as the actuators and the load demand.
+`feedback` = phi > 0 a segment's burst lasts until its chambers have contracted, the neighbour waits for this
+contraction, and the next burst waits for the chambers' return: the actuators and the load then limit the speed of the
+wave.
 """
 
 from __future__ import annotations
@@ -32,24 +34,24 @@ from worm3d.values.parameters import documented, parameter
 
 ITSELF, ACROSS, WIDTH = 1.5, 1.0, 0.2
 """Weights of E on itself and on the other side, and width of the sigmoid, in thresholds. With ITSELF above 1 a burst
-outlasts what set it off; ACROSS of the size of the threshold lets a side that has failed be set off by the other."""
+outlasts its trigger; with ACROSS about as large as the threshold, one side triggers the other side after a failure."""
 FELT = 0.5
-"""Share of the commanded contraction at which a chamber feels wholly contracted: friction may deny it the rest."""
+"""Share of the commanded contraction that counts as a full contraction: friction may prevent the rest."""
 TURNING = 0.4
-"""Input of each side at asymmetry 1, in thresholds: below 1, so that it sets nothing off by itself."""
+"""Input of each side at asymmetry 1, in thresholds: below 1, so that this input alone triggers no burst."""
 TAU_E = (0.08181, 0.07674, 0.07443, 0.06863, 0.08121, 0.1008, 0.09251)
 """Time constants tau_2 of the segments A7 to A1 [s]; these and the other defaults were fitted to the recordings 3a
-and 3c of `scenes/data/larva_denticle_bands.csv` without shrinkage. The recordings tell their size, the
-exponent and a little of a profile (`control.gaits.neural.shared`), but not each constant by itself."""
+and 3c of `scenes/data/larva_denticle_bands.csv` without shrinkage. The recordings determine the size, the exponent and
+some of the profile (`control.gaits.neural.shared`), but not each single constant."""
 FASTEST = 1.5
-"""Period below which all time constants are shortened alike [s]: larvae of third instar at their fastest, from whom no
-more of the exponent is known."""
+"""Period below which all time constants are shortened alike [s]: this is the fastest pace of third-instar larvae, and
+the exponent is not known beyond."""
 REFERENCE = 2.0
-"""Period at which tau_E is tau_e [s]."""
+"""Period for which tau_E equals tau_e [s]."""
 MOST_RATIO = 1000.0
 """Largest ratio of the period to the shortest time constant."""
 ROUNDS, TOLERANCE = 20, 1e-5
-"""Most rounds in which tau_I is sought, and error of the period that ends them."""
+"""Greatest number of iterations of the search for tau_I, and error of the period that ends the search."""
 
 
 @documented
@@ -88,11 +90,11 @@ class EiChain(FeedbackGait, name="ei_chain"):
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Names of the channels that it senses: strain, if any."""
+        """Names of the sensed channels: strain, if any."""
         return ("strain",) if self.feedback and self.amplitude else ()
 
     def network(self, segments: int) -> Network:
-        """Return the network of a body whose waves have the period; ValueError if it makes none."""
+        """Return the network of a body whose waves have the period; ValueError if there are no such waves."""
         places, known = (np.arange(segments) + 0.5) / segments, np.atleast_1d(self.tau_e)
         tau_e = np.interp(places, (np.arange(len(known)) + 0.5) / len(known), known)
         slower = max(self.period, FASTEST)
@@ -126,7 +128,7 @@ class Chain:
         self._begin, self._steps = np.nan, 0
 
     def step(self, t: float, felt: Felt) -> FloatArray:
-        """Advance to time t [s] on a grid of its own, and return E on straight lines between, shape (N, 2)."""
+        """Advance to time t [s] on an internal grid, and return E by linear interpolation, shape (N, 2)."""
         from control.gaits.neural.kernel import advance
 
         if np.isnan(self._begin):
@@ -154,7 +156,7 @@ def pace(
     Raises
     ------
     ValueError
-        It makes no waves, or none of this period.
+        The network makes no waves, or no waves of this period.
     """
     if min(tau_e) < period / MOST_RATIO:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Compiled steps of the chain, (EI1) to (EI3) of `control.gaits.neural.network`; importing them takes a second."""
+"""Compiled steps of the chain, (EI1) to (EI3) of `control.gaits.neural.network`; the import takes a second."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 ONSET = 0.5
-"""Rate E at which a segment counts as active."""
+"""Rate E above which a segment counts as active."""
 
 
 @njit
@@ -37,7 +37,7 @@ def slope(
 def advance(
     rates: FloatArray, constants: FloatArray, drive: FloatArray, share: float, felt: FloatArray, dt: float, steps: int
 ) -> None:
-    """Advance the rates in place by steps of dt [s], while input and what is felt stay as they are."""
+    """Advance the rates in place by steps of dt [s], with constant input and constant felt contraction."""
     at, k, total = np.empty_like(rates), np.empty_like(rates), np.empty_like(rates)
     for _ in range(steps):
         at[:], total[:] = rates, 0.0
@@ -55,14 +55,14 @@ def advance(
 def onsets(
     rates: FloatArray, constants: FloatArray, drive: FloatArray, dt: float, steps: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return when each E rose above `ONSET` in `steps` steps of a network that feels nothing.
+    """Return the times of each rise of E above `ONSET` in `steps` steps of a network that feels nothing.
 
     Returns
     -------
     times : ndarray, shape (N, 2, M)
-        Times [s], ascending, on straight lines between steps; NaN behind the last one.
+        Times [s], ascending, interpolated linearly between steps; NaN after the last time.
     on : ndarray, shape (N, 2)
-        Share of the time for which E was above it.
+        Share of the time with E above `ONSET`.
     """
     n, most = rates.shape[1], 64
     times, counts, on = np.full((n, 2, most), np.nan), np.zeros((n, 2), np.int64), np.zeros((n, 2))

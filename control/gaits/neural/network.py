@@ -1,4 +1,4 @@
-"""A chain of excitatory and inhibitory populations, a pair of them in each segment and side (Wilson, Cowan 1972).
+"""A chain of excitatory and inhibitory populations, one pair in each segment and side (Wilson, Cowan 1972).
 
 Rates of the populations of segment i (0 at the tail) and side s, with the opposite side s':
 
@@ -7,12 +7,12 @@ Rates of the populations of segment i (0 at the tail) and side s, with the oppos
     X_is = (1 - phi) E_is + phi F_is,      S(z) = 1/(1 + exp(-z/width))                                       (EI3)
 
 E in (0, 1) excites itself, the other side and both neighbours; the slower I follows the segment's activity X and ends
-it. X is what the segment does: its own E, or to the share phi what its body does, the contraction F that is felt.
-c_i couples the segments i - 1 and i either way, so that a wave runs from wherever the input h starts one, and what
-stays inhibited behind it keeps it from turning back. Thresholds are the unit of all inputs: theta = 1. The structure
-(segmental E and I populations, neighbours coupled either way, sides coupled by excitation, both directions from one
-network) is that of Gjorgjieva, Berni, Evers, Eglen: Neural circuits for peristaltic wave propagation in crawling
-Drosophila larvae, Frontiers in Computational Neuroscience 7:24 (2013); the constants are not theirs.
+this activity. X mixes the segment's own E with the share phi of the felt contraction F of the body. c_i couples the
+segments i - 1 and i in both directions: a wave runs from the place where the input h starts the wave, and the
+inhibition behind the wave prevents a reversal. Thresholds are the unit of all inputs: theta = 1. The structure
+(segmental E and I populations, neighbours coupled in both directions, sides coupled by excitation, both wave directions
+from one network) follows Gjorgjieva, Berni, Evers, Eglen: Neural circuits for peristaltic wave propagation in crawling
+Drosophila larvae, Frontiers in Computational Neuroscience 7:24 (2013); the constants are different.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 STEPS_PER_TAU = 12.0
-"""Integration steps (Runge-Kutta, fourth order) in the shortest time constant; at twice as many the onsets of waves
-move by less than 1e-4 of the period."""
+"""Integration steps (Runge-Kutta, fourth order) in the shortest time constant; twice as many move the onsets of waves
+by less than 1e-4 of the period."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Network:
     across: FloatArray
     """Weight w_x of the other side's E."""
     headward: FloatArray
-    """Weight c of the tailward neighbour, by which waves run towards the head; 0 in segment 0."""
+    """Weight c of the tailward neighbour, for waves towards the head; 0 in segment 0."""
     tailward: FloatArray
-    """Weight c of the headward neighbour, by which waves run towards the tail; 0 in segment N-1."""
+    """Weight c of the headward neighbour, for waves towards the tail; 0 in segment N-1."""
     inhibition: FloatArray
     """Weight w_i of I."""
     threshold: FloatArray

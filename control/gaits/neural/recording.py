@@ -1,11 +1,11 @@
-"""Waves in recordings of crawling animals: when each of a row of bands was pulled along, and with what delays.
+"""Waves in recordings of crawling animals: the times at which each band of a row was pulled along, and the delays.
 
-A trough is a least value below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation,
-of what was measured; values that are exactly 0 were not), or below two thirds of the band's deepest value, if that is
-less, and LEAST_GAP from deeper ones. A band whose values have hardly two signs, such as a length, is counted from its
-median. The time of a trough is that of the least
-value of the parabola through three samples. A wave is a trough of the middle band and, from band to band outwards, the
-deepest trough within REACH, on the side on which the wave comes or a little on the other.
+A trough is a minimum below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation of the
+measured values; values of exactly 0 were not measured), or below two thirds of the band's deepest value, if that is
+less, and LEAST_GAP from deeper troughs. If nearly all values of a band have one sign, as for a length, the values are
+taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A wave is a
+trough of the middle band and, from band to band outwards, the deepest trough within REACH in the direction of the wave,
+or a little in the other direction.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from worm3d.values.arrays import FloatArray
 DEPTH = 2.0
 """Depth of a trough, in robust standard deviations; 1.5 or 3 change no median delay by more than 7 ms."""
 ONE_SIDED = 0.05
-"""Share of values of the rarer sign below which a band is counted from its median."""
+"""Share of values of the rarer sign below which a band is taken relative to its median."""
 LEAST_GAP = 1.0
 """Least time between the waves [s]."""
 REACH, BACK = 0.4, 0.1
 """Longest delay of neighbouring bands with the wave, and against it [s]."""
 QUIET, PAUSE = 1.0, 1.5
 """A pause is a time of at least PAUSE [s] in which all bands stay within QUIET robust deviations: flashes stop a larva
-for 2 to 12 s, between two waves of slow crawling it is quiet for less than 1 s."""
+for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
 RESAMPLED, CONFIDENCE = 2000, 0.9
 """Number of bootstrap samples and level of the intervals."""
 
 
 @dataclass(frozen=True)
 class Waves:
-    """Waves of a recording whose bands are ordered as waves reach them."""
+    """Waves of a recording, with the bands in the order of the waves."""
 
     bands: tuple[str, ...]
-    """Names of the bands, the first one moves first."""
+    """Names of the bands; the first band moves first."""
     times: FloatArray
     """Time of each band's trough [s], shape (K, bands), NaN where a band has none."""
     periods: FloatArray
-    """Times from one wave to the next, without those with a pause between [s]."""
+    """Times from one wave to the next, except across pauses [s]."""
 
     @property
     def middle(self) -> int:
-        """Index of the band from which delays are counted."""
+        """Index of the reference band of the delays."""
         return len(self.bands) // 2
 
     @property
@@ -56,7 +56,7 @@ class Waves:
 
     @property
     def delays(self) -> FloatArray:
-        """Delay of each band behind the middle one in each wave [s], shape (K, bands)."""
+        """Delay of each band behind the middle band in each wave [s], shape (K, bands)."""
         delays: FloatArray = self.times - self.times[:, [self.middle]]
         return delays
 
@@ -81,14 +81,14 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
     time : ndarray, shape (T,)
         Evenly spaced times [s].
     values : ndarray, shape (T, bands)
-        What was recorded, its troughs being the events; in any unit. 0 and NaN stand for what was not measured.
+        Recorded values with the events as troughs, in any unit. 0 and NaN mark values that were not measured.
     bands : tuple of str
-        Name of each column, in the order in which a wave reaches them.
+        Name of each column, in the order of the wave.
 
     Raises
     ------
     ValueError
-        Fewer than three bands, uneven times, fewer than four waves, none that reaches a band, or none that runs.
+        Fewer than three bands, uneven times, fewer than four waves, no wave that reaches a band, or no wave that runs.
     """
     dt = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if len(bands) < 3 or len(time) < 10 or not (dt > 0.0 and np.allclose(np.diff(time), dt, rtol=0.01)):
@@ -123,7 +123,7 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
 
 
 def _scaled(values: FloatArray) -> FloatArray:
-    """Return each column over its robust standard deviation, or a fraction of its depth; what never moves as zeros."""
+    """Return each column over its robust standard deviation or a fraction of its depth; zeros for a constant column."""
     scaled = np.zeros_like(values)
     for j, column in enumerate(values.T):
         measured = column[column != 0.0]
@@ -139,13 +139,13 @@ def _scaled(values: FloatArray) -> FloatArray:
 
 
 def _least(x: FloatArray) -> NDArray[np.intp]:
-    """Return at which samples there is a trough, deep enough."""
+    """Return the samples with a sufficiently deep trough."""
     inner = (x[1:-1] < -DEPTH) & (x[1:-1] <= x[:-2]) & (x[1:-1] < x[2:])
     return 1 + np.flatnonzero(inner)
 
 
 def _troughs(x: FloatArray, gap: int) -> list[int]:
-    """Return the troughs that lie at least `gap` samples from any deeper one, in ascending order."""
+    """Return the troughs that lie at least `gap` samples from any deeper trough, in ascending order."""
     found: list[int] = []
     for k in sorted(_least(x), key=lambda k: float(x[k])):
         if all(abs(k - other) >= gap for other in found):
@@ -154,7 +154,7 @@ def _troughs(x: FloatArray, gap: int) -> list[int]:
 
 
 def _follow(x: FloatArray, wave: FloatArray, k: int, band: int, side: int, reach: tuple[int, int]) -> None:
-    """Enter the troughs of the bands on one side of band `band`, whose own is at sample k, as far as there are any."""
+    """Enter the troughs of the bands on one side of `band`, with its trough at sample k, to the first gap."""
     candidates = [_least(column) for column in x.T]
     for j in range(band + side, len(wave) if side > 0 else -1, side):
         near = [q for q in candidates[j] if -reach[1] <= side * (q - k) <= reach[0]]
@@ -165,7 +165,7 @@ def _follow(x: FloatArray, wave: FloatArray, k: int, band: int, side: int, reach
 
 
 def _refined(x: FloatArray, k: int) -> float:
-    """Return the place of the least value of the parabola through sample k and its neighbours."""
+    """Return the place of the minimum of the parabola through sample k and the samples beside k."""
     bend = x[k - 1] - 2.0 * x[k] + x[k + 1]
     return k + (0.5 * float((x[k - 1] - x[k + 1]) / bend) if bend > 0.0 else 0.0)
 
@@ -180,7 +180,7 @@ def _longest(flags: NDArray[np.bool_]) -> int:
 
 
 def median_of(values: FloatArray) -> FloatArray:
-    """Return the median of each column of what is not NaN; NaN of a column without any."""
+    """Return the median of each column, ignoring NaN; NaN for a column of NaN only."""
     some = np.isfinite(values).any(axis=0)
     median = np.full(values.shape[1], np.nan)
     median[some] = np.nanmedian(values[:, some], axis=0)

@@ -1,13 +1,13 @@
-"""What recordings of waves share: delays by few numbers, and how well they tell those of a recording that is left out.
+"""Delays shared by recordings of waves, as few numbers, and their prediction error for a recording that is left out.
 
-The delay of band b behind the middle one, at the period T, is taken for
+The delay of band b behind the middle band, at the period T, is modelled as
 
     T^p (s x_b + h_b),   x_b = places from the middle band                                                        (SP1)
 
-with a size s, an exponent of pace p and a profile h, all of them shared by the recordings. p makes the squares of the
-misses, over `FRAME` squared, and of (p - 1)/PACE_SPREAD least. The profile is what uniform delays miss on average, over
-1 + strength: a strength of 0 believes the recordings, an infinite one is the uniform wave. Leaving out each recording
-in turn chooses the strength, and waves drawn with replacement tell the error of that by sampling.
+with a size s, an exponent of pace p and a profile h, all shared by the recordings. p minimises the sum of the squares
+of the misses, over `FRAME` squared, and of (p - 1)/PACE_SPREAD. strength: a strength of 0 trusts + strength: a strength
+of 0 trusts the recordings, an infinite strength gives the uniform wave. Leave-one-out validation over the recordings
+chooses the strength, and waves drawn with replacement give the sampling error of this choice.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ from control.gaits.neural.training import FRAME, Target
 from worm3d.values.arrays import FloatArray
 
 PACE_SPREAD = 0.24
-"""Standard deviation of the exponent of pace about the 1 that is expected: larvae that crawl slower have slower waves
-(first-instar larvae at 5 s a wave, `L1`, take five times as long from segment to segment as third-instar ones at 1 s).
-It matters where paces are alike: with half of it the four recordings give 0.77, as it is 0.68, with twice 0.65 and with
-no expectation 0.64, but 3a and 3c alone 0.88, 0.65, 0.35 and 0.13. It was chosen in view of all four recordings."""
+"""Standard deviation of the exponent of pace about the expected 1: larvae that crawl slower have slower waves
+(first-instar larvae, `L1`, at 5 s a wave take five times as long from segment to segment as third-instar larvae at one
+second a wave). The value matters for recordings of similar pace: with half the value, this value, twice the value and
+no expectation, the four recordings give 0.77, 0.68, 0.65 and 0.64, but 3a and 3c alone 0.88, 0.65, 0.35 and 0.13. The
+value was chosen in view of all four recordings."""
 STRENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, np.inf)
 """Strengths of the shrinkage that are tried."""
 ALONE = 1.0
-"""Strength for a single recording, of which none can be left out: half of its profile is believed."""
+"""Strength for a single recording, which cannot be left out: half of the profile is trusted."""
 EXPONENTS = np.linspace(0.0, 2.0, 201)
 """Exponents of pace that are tried."""
 RESAMPLED, SEED = 200, 20261123
-"""Number of draws of waves with replacement, and their seed: the interval of 90 % to a tenth of its width."""
+"""Number of draws of waves with replacement, and the seed: they give the 90 % interval to a tenth of its width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,27 +57,27 @@ class Profile:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """How well recordings are told by the others."""
+    """Errors of the prediction of each recording from the others."""
 
     strength: float
     """Strength of the shrinkage with the least miss."""
     shared_s: float
     """Root mean square miss of the recordings that are left out [s]."""
     uniform_s: float
-    """That of uniform delays, size and exponent found alike [s]."""
+    """Error of uniform delays with size and exponent fitted in the same way [s]."""
     gain_s: tuple[float, float]
-    """Interval of 90 % by sampling of how much less the shared profile misses than uniform delays [s]."""
+    """Sampling interval of 90 % of the reduction of the miss by the shared profile, relative to uniform delays [s]."""
     exponents: tuple[float, float]
-    """Interval of 90 % by sampling of the exponent of pace of all recordings."""
+    """Sampling interval of 90 % of the exponent of pace of all recordings."""
 
     @property
     def learnt(self) -> bool:
-        """Whether the profile tells more than uniform delays, beyond the error of sampling."""
+        """Whether the profile predicts better than uniform delays, beyond the sampling error."""
         return self.gain_s[0] > 0.0
 
 
 def shared(targets: Sequence[Target], strength: float) -> Profile:
-    """Return what targets share, with a strength of the shrinkage."""
+    """Return the profile that targets share, for a strength of the shrinkage."""
     period = np.array([target.period for target in targets])
     delays = np.array([target.delays for target in targets])
     known = np.isfinite(delays)
@@ -93,7 +94,7 @@ def shared(targets: Sequence[Target], strength: float) -> Profile:
 
 
 def misses(targets: Sequence[Target], strength: float) -> FloatArray:
-    """Return the root mean square miss of each recording by what the others share [s], shape (recordings,)."""
+    """Return the root mean square miss of each recording, predicted from the others [s], shape (recordings,)."""
     found = []
     for k, target in enumerate(targets):
         others = shared([*targets[:k], *targets[k + 1 :]], strength)
@@ -103,7 +104,7 @@ def misses(targets: Sequence[Target], strength: float) -> FloatArray:
 
 
 def left_out(waves: Sequence[Waves]) -> LeftOut:
-    """Return how well each of at least two recordings is told by the others."""
+    """Return the errors of the prediction of each of at least two recordings from the others."""
     targets = [Target(each.period, each.median()) for each in waves]
     strength = min(STRENGTHS, key=lambda each: _rms(misses(targets, each)))
     random = np.random.default_rng(SEED)

@@ -1,18 +1,19 @@
 """Training of the chain of neurons on the waves of animals.
 
-The constants of `control.gaits.neural.chain.EiChain` are sought whose waves have the median delays of one or more
-recordings, each at its own pace, and that noise disturbs little. What is made least is the sum of the squares of
+The training fits the constants of `control.gaits.neural.chain.EiChain`: the waves shall have the median delays of one
+or more recordings, each at the pace of the recording, and noise shall disturb the waves little. The fit minimises the
+sum of the squares of
 
     g((delay - measured)/FRAME)             each band, each recording                                             (ET1)
     (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET2)
     (second difference of ln tau_e)/ROUGH   along the body                                                        (ET3)
 
-and of CARRIED times the share of DRAWS noisy networks that do not carry waves, direct and retrograde ones (ET4).
-g(e) is e^2, with the sign of e, for nobody sees a small part of a frame, and straight beyond COARSE frames.
-(ET1) to (ET3) are smooth: least squares over tau_e, inhibition and pace exponent, for each of `COUPLINGS`, of which
-that with the least sum is taken. A recording's period is no result: the pace is set to it. The exponent of pace is told
-by delays at two paces or more; from one it stays where the search begins, for what is expected of it has its part in
-`control.gaits.neural.shared` already.
+and of CARRIED times the share of DRAWS noisy networks that do not carry direct and retrograde waves (ET4). g(e) is e^2,
+with the sign of e, since a small part of a frame is not visible, and linear beyond COARSE frames. (ET1) to (ET3) are
+smooth: least squares over tau_e, inhibition and pace exponent solve them for each of `COUPLINGS`, and the coupling with
+the least sum is taken. The period of a recording is no result: the pace is set to this period. Delays at two or more
+paces determine the exponent of pace; with a single pace the exponent keeps its initial value, since
+`control.gaits.neural.shared` already accounts for the expected exponent.
 """
 
 from __future__ import annotations
@@ -30,37 +31,38 @@ from worm3d.values.arrays import FloatArray
 FRAME = 0.05
 """Unit of the errors of delays: a frame of 20 pictures a second [s]."""
 COARSE = 3.0
-"""Error beyond which g is straight, in frames."""
+"""Error beyond which g is linear, in frames."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
-"""Share of the period for which a segment is active: 0.32 to 0.48 in the larvae of `L1`."""
+"""Active share of a segment's period, and its spread: 0.32 to 0.48 in the larvae of `L1`."""
 ROUGH = 1.0
-"""Usual second difference of ln tau_e between neighbours: what the delays leave open is smooth."""
+"""Usual second difference of ln tau_e between neighbours: the term keeps tau_e smooth where the delays leave
+freedom."""
 COUPLINGS = (1.8, 2.0, 2.2)
-"""Weights of the neighbours that are tried, in thresholds. With less than 1.6 noise stops waves, with more than 3 it
-makes segments burst by themselves."""
+"""Weights of the neighbours that are tried, in thresholds. Below 1.6 noise stops waves, above 3 noise makes segments
+burst without input."""
 STEPS = (3e-2, 5e-3)
 """Relative steps of the differences in the two rounds of a search: the second begins where the first ends."""
 NOISE, DRAWS, SEED = 0.15, 60, 1
-"""Relative noise of the fit, half as much again as a network is to bear, so that failures tell early; number of
-networks that are drawn, and seed."""
+"""Relative noise of the fit, 1.5 times the noise that a network should tolerate, so that failures show early; number of
+drawn networks, and seed."""
 CARRIED = 4.0
-"""Weight of the share that fails: one in four counts as much as a delay that is a frame wrong."""
+"""Weight of the share that fails: one failure in four counts as much as a delay that is wrong by a frame."""
 LARGE = 1e3
 """Residual of a network without waves."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What waves are to be like."""
+    """Target of the waves."""
 
     period: float
     """Time between two waves [s]."""
     delays: FloatArray
-    """Delay of each segment behind the middle one, in the order in which a wave reaches them [s], shape (N,)."""
+    """Delay of each segment behind the middle segment, in the order of the wave [s], shape (N,)."""
 
 
 L1 = Target(period=5.04, delays=5.04 * np.array([-0.250, -0.180, -0.113, 0.0, 0.156, 0.291, 0.409, 0.482]))
-"""First-instar larvae in channels, medians of 18 animals, segments A7 to T3 with A4 as the middle one: Greaney,
+"""First-instar larvae in channels, medians of 18 animals, segments A7 to T3 with A4 as the middle segment: Greaney,
 Heckscher, Kaufman, Journal of Neuroscience 2026, doi 10.1523/JNEUROSCI.1623-25.2026, data under CC BY 4.0."""
 
 
@@ -79,7 +81,7 @@ class Training:
 
 
 class StoppedError(Exception):
-    """The fit was told to end."""
+    """The fit was stopped by the caller."""
 
 
 def fit(
@@ -94,16 +96,16 @@ def fit(
     targets : sequence of Target
         All with the same number of segments, at least 3.
     like : EiChain, optional
-        Chain with what is not sought, its direction foremost; left out: the default one.
+        Chain with the parameters that are not fitted, such as the direction; left out: the default chain.
     go_on : callable
-        Called with the number of networks tried; where it returns False, `StoppedError` is raised.
+        Called with the number of networks tried; if the call returns False, `StoppedError` is raised.
 
     Raises
     ------
     ValueError
         No target, or segments that differ in number.
     StoppedError
-        `go_on` said so.
+        `go_on` returned False.
     """
     sizes = {len(target.delays) for target in targets}
     if len(sizes) != 1 or min(sizes) < 3:
@@ -145,7 +147,7 @@ def gait_at(point: FloatArray, like: EiChain) -> EiChain:
 
 
 def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
-    """Return the terms (ET1) to (ET3) of a chain; `LARGE` ones of a chain that makes no waves."""
+    """Return the terms (ET1) to (ET3) of a chain; all terms are `LARGE` for a chain that makes no waves."""
     terms = [*(np.diff(np.log(gait.tau_e), 2) / ROUGH)]
     for target in targets:
         segments = len(target.delays)

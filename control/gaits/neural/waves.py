@@ -1,4 +1,5 @@
-"""Waves of a chain of neurons that feels nothing: their timing, and how often noisy networks carry them."""
+"""Waves of a chain of neurons that feels nothing: the timing of the waves, and the share of noisy networks that carry
+waves."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 
 WATCHED = 6.0
-"""Periods over which a network is watched; noisy ones keep their own."""
+"""Duration of the observation of a network, in periods of the gait; noisy networks have their own periods."""
 FEWEST = 3
 """Fewest bursts of the source in that time."""
 
@@ -24,15 +25,15 @@ class Timing:
     """Timing of waves."""
 
     period: float
-    """Time between the last two bursts of the segment that begins them [s]."""
+    """Time between the last two bursts of the segment that begins the waves [s]."""
     delays: FloatArray
-    """Delay of each segment behind the middle one in the last wave [s], in the order of the wave, shape (N,)."""
+    """Delay of each segment behind the middle segment in the last wave [s], in the order of the wave, shape (N,)."""
     duty: float
-    """Mean share of the time for which a segment is active."""
+    """Mean active share of a segment's time."""
 
 
 def timing_of(gait: EiChain, segments: int) -> Timing:
-    """Return the timing of a chain's waves; ValueError if none run along all segments."""
+    """Return the timing of a chain's waves; ValueError if no waves run along all segments."""
     times, duty = _watched(gait, gait.network(segments), gait.drives(segments))
     if not _runs(times):
         raise ValueError(
@@ -45,7 +46,7 @@ def timing_of(gait: EiChain, segments: int) -> Timing:
 
 
 def carrying(gait: EiChain, segments: int, noise: float, draws: int, seed: int = 0) -> float:
-    """Return the share of noisy networks that carry waves, both direct and retrograde ones.
+    """Return the share of noisy networks that carry waves, both direct and retrograde waves.
 
     Each constant of each population, and the drive, is multiplied by 1 + noise N(0, 1).
 
@@ -86,7 +87,7 @@ def _watched(gait: EiChain, network: Network, drives: FloatArray) -> tuple[Float
 
 
 def _runs(times: FloatArray) -> bool:
-    """Return whether all bursts, but the last that may be under way, run from segment to segment on both sides."""
+    """Return whether all bursts, except perhaps an unfinished last burst, run from segment to segment on both sides."""
     counts = np.isfinite(times).sum(axis=-1)
     if counts[0].min() < FEWEST or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
         return False

@@ -1,1 +1,1 @@
-"""Stable heteroclinic channels: cycles of saddles that noise and feedback pace, and the gait that they make."""
+"""Stable heteroclinic channels: cycles of saddles, paced by noise and feedback, and the gait of such a cycle."""

@@ -1,33 +1,34 @@
-"""Stable heteroclinic cycles: saddles that are visited one after the other, for a time that noise sets.
+"""Stable heteroclinic cycles: saddles that are visited one after the other; noise sets the time at each saddle.
 
     da_i = (a_i (alpha_i - sum_j rho_ij a_j) + u_i) dt + eps dW_i,   i = 0 ... n-1, a_i >= 0,                (SH1)
     rho_ii = alpha_i/beta_i,  rho_(i+1)i = (alpha_(i+1) - alpha_i/nu_i)/beta_i,
     rho_ji = (alpha_j + alpha_i)/beta_i for the other j                                                     (SH2)
 
 (Horchler, Daltorio, Chiel, Quinn: Designing responsive pattern generators, Bioinspiration & Biomimetics 10, 2015,
-026001). Node i is the saddle at which a_i = beta_i and all others vanish. From it a_(i+1) grows with the rate
-lam_u = alpha_i/nu_i, all others decay with alpha_i, so that the cycle is stable if nu > 1; node 0 follows node n-1.
+026001). Node i is the saddle with a_i = beta_i and all other states zero. From this saddle a_(i+1) grows with the rate
+lam_u = alpha_i/nu_i, and all others decay with alpha_i, so that the cycle is stable if nu > 1; node 0 follows node n-1.
 A saddle is left when the noise, or the input u_(i+1), has grown to a share DELTA of beta.
 
-*Passage.* The state that leaves node i has waited for this at node i-1, where it decayed with lam_s = alpha_(i-1). So
-it begins with the standard deviation eps/sqrt(2 lam_s), and on average passes after
+*Passage.* The state that leaves node i was at node i-1 before, and decayed there with lam_s = alpha_(i-1). The state
+thus begins with the standard deviation eps/sqrt(2 lam_s), and on average passes after
 
     tau_p = [2 ln(DELTA beta_(i+1)/eps) + ln(4 lam_u) - ln(1 + lam_u/lam_s) + gamma_E]/(2 lam_u)            (SH3)
 
-(Stone, Holmes 1990) with the standard deviation pi/(2 sqrt(2) lam_u), whatever the noise is. *Transition.* A logistic
-growth from the share DELTA of beta to 1 - DELTA takes
+(Stone, Holmes 1990) with the standard deviation pi/(2 sqrt(2) lam_u), for any noise. *Transition.* A logistic growth
+from the share DELTA of beta to 1 - DELTA takes
 
     tau_t = 2 ln(1/DELTA - 1)/alpha_(i+1).                                                                  (SH4)
 
 *Limit.* The sum of both is a few percent off, since the other states do not wait until a transition is over. In the
-limit of small noise the way from one saddle to the next is that without noise, started at a small share c of beta, and
-the state that leaves the next saddle obeys da = g(t) a dt + eps dW along it. With v its variance over eps^2 at the time
-t_e at which the way has come to the next saddle, whose rate is lam_u, and which is left at the share c again,
+limit of small noise, the path from one saddle to the next is the path without noise, started at a small share c of
+beta. Along this path the state that leaves the next saddle obeys da = g(t) a dt + eps dW. Let v be the variance of this
+state over eps^2 at the time t_e of arrival at the next saddle; this saddle has the rate lam_u, and is left at the share
+c again. Then
 
     dv/dt = 2 g v + 1, v = 1/(2 alpha_i) before,
     T = t_e + [2 ln(c beta_(i+2)/eps) - ln(v + 1/(2 lam_u)) + gamma_E + ln 2]/(2 lam_u).                    (SH5)
 
-Their sum is the period, with an error that vanishes with the noise.
+The sum of all T is the period, with an error that vanishes with the noise.
 """
 
 from __future__ import annotations
@@ -45,17 +46,17 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 DELTA = 0.1
-"""Share of beta at which a passage ends and a transition begins, and 1 less which it ends."""
+"""Share of beta at which a passage ends and a transition begins; the transition ends at 1 - DELTA."""
 EARLY = 1e-6
-"""Share c of beta at which the way to the next saddle begins in (SH5); its error is in proportion to it."""
+"""Share c of beta at which the path to the next saddle begins in (SH5); the error of (SH5) is proportional to c."""
 FEWEST = 3
 """Fewest nodes of a cycle: each but the next suppresses the active one's follower."""
 LEAST_EXCURSION = 20.0
-"""Least 2 e^gamma_E lam_u (DELTA beta/eps)^2 at which (SH3) holds within 0.5 % of 1/lam_u."""
+"""Least 2 e^gamma_E lam_u (DELTA beta/eps)^2 for which (SH3) holds within 0.5 % of 1/lam_u."""
 STEP = 0.1
-"""Time step times the largest alpha: 44 steps a transition; twice it moves the mean period by less than 0.1 %."""
+"""Time step times the largest alpha: 44 steps a transition; twice this changes the mean period by less than 0.1 %."""
 BLOCK = 4096
-"""Steps that are taken, and numbers that are drawn, at once."""
+"""Number of steps, and of random numbers, in a block."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -65,13 +66,13 @@ class Cycle:
     Raises
     ------
     ValueError
-        Fewer than three nodes, numbers out of range, or noise for which there is no passage.
+        Fewer than three nodes, numbers out of range, or noise that is too large for a passage.
     """
 
     alpha: FloatArray
     """Rate alpha of each node, shape (n,) [1/s]."""
     beta: FloatArray
-    """Size beta of each state at its saddle, shape (n,)."""
+    """Size beta of each state at the state's saddle, shape (n,)."""
     nu: FloatArray
     """Saddle value nu of each node, above 1, shape (n,)."""
     noise: float
@@ -100,7 +101,7 @@ class Cycle:
 
     @property
     def leaving(self) -> FloatArray:
-        """Rate lam_u = alpha/nu, at most the alpha of the next node, with which a saddle is left, shape (n,) [1/s]."""
+        """Rate lam_u = alpha/nu of leaving a saddle, at most the alpha of the next node, shape (n,) [1/s]."""
         rate: FloatArray = np.minimum(self.alpha / self.nu, np.roll(self.alpha, -1))
         return rate
 
@@ -112,7 +113,7 @@ class Cycle:
         following = (n + 1) % self.nodes
         rho[n, n] = a / self.beta
         rho[following, n] = (a[following] - self.leaving) / self.beta
-        return np.maximum(rho, 0.0)  # where a node is left faster than the next one's alpha
+        return np.maximum(rho, 0.0)  # negative where a node is left faster than the next node's alpha
 
     @property
     def passage_times(self) -> FloatArray:
@@ -136,7 +137,7 @@ class Cycle:
 
     @cached_property
     def mean_times(self) -> FloatArray:
-        """Mean time that each node is the most active one in the limit of small noise, by (SH5), shape (n,) [s]."""
+        """Mean time of each node as the most active node in the limit of small noise, by (SH5), shape (n,) [s]."""
         times, switches = np.array([self._way(node) for node in range(self.nodes)]).T
         found: FloatArray = np.roll(times, 1) + switches - np.roll(switches, 1)
         return found
@@ -148,18 +149,18 @@ class Cycle:
 
     @property
     def deviations(self) -> FloatArray:
-        """Standard deviation of the time that each saddle is left after, shape (n,) [s]."""
+        """Standard deviation of the time at each saddle, shape (n,) [s]."""
         found: FloatArray = np.pi / (2.0 * np.sqrt(2.0) * self.leaving)
         return found
 
     def lasting(self, period: float) -> Cycle:
-        """Return the same cycle in another unit of time, so that its mean period is this one [s]."""
+        """Return the same cycle in another unit of time, with the given mean period [s]."""
         faster = self.mean_period / period
         noise = self.noise * np.sqrt(faster)
         return Cycle(self.nodes, alpha=self.alpha * faster, beta=self.beta, nu=self.nu, noise=noise)
 
     def _way(self, node: int) -> tuple[float, float]:
-        """Return the time T of (SH5) of the way from a node to the next, and when on it the next is as active [s]."""
+        """Return the time T of (SH5) from a node to the next, and the time at which both are equally active [s]."""
         here = (np.arange(3) + node) % self.nodes
         beta, then = self.beta[here], float(self.leaving[here[1]])
         rho = tuple(map(tuple, self.rho[np.ix_(here, here)].tolist()))
@@ -173,12 +174,12 @@ class Cycle:
 def _quiet_way(
     alpha: tuple[float, ...], beta: tuple[float, ...], rho: tuple[tuple[float, ...], ...], leaving: float
 ) -> tuple[float, float, float]:
-    """Follow the way from a saddle to the next without noise, of nodes 0, 1 and 2 of which 2 stays small.
+    """Follow the path from a saddle to the next without noise, for nodes 0, 1 and 2; node 2 stays small.
 
     Returns
     -------
     end, switch : float
-        Times t_e, and at which nodes 0 and 1 are equally active, since a_1 = EARLY beta_1 [s].
+        Time t_e, and time at which nodes 0 and 1 are equally active, both since a_1 = EARLY beta_1 [s].
     variance : float
         v of node 2 at the end [s].
     """
@@ -200,7 +201,7 @@ def _quiet_way(
 
 
 class Walk:
-    """States of a cycle over time; the same seed gives the same walk, however it is cut into parts.
+    """States of a cycle over time; the same seed gives the same walk, for any division into parts.
 
     Parameters
     ----------
@@ -231,9 +232,9 @@ class Walk:
 
 
 def sojourns(walk: Walk, count: int) -> FloatArray:
-    """Return how long each of the next nodes is the one with the largest a/beta, shape (count,) [s].
+    """Return the time for which each of the next nodes has the largest a/beta, shape (count,) [s].
 
-    The first one that is counted begins with the first switch.
+    The first counted sojourn begins with the first switch.
     """
     active = [int(np.argmax(walk.states / walk.cycle.beta))]
     switches: list[float] = []

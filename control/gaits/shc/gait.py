@@ -1,8 +1,9 @@
-"""Gait of a stable heteroclinic cycle: segments are active in turn, paced by noise and by what they feel.
+"""Gait of a stable heteroclinic cycle: segments are active in turn, paced by noise and by feedback.
 
-The cycle is that of `control.gaits.shc.cycle`, (SH1) and (SH2). The i-th segment in the direction of the wave is at
-node i mod nodes; it is active as long as its node or one of the `breadth` - 1 after it is, its activation being the sum
-of their a/beta, at most 1. The cycle's own unit of time is such that it lasts `period` on average, without feedback.
+The cycle is defined in `control.gaits.shc.cycle`, (SH1) and (SH2). The i-th segment in the direction of the wave is at
+node i mod nodes. The segment is active while this node or one of the next `breadth` - 1 nodes is active; the activation
+is the sum of a/beta over these nodes, at most 1. The unit of time of the cycle is chosen for a mean duration of
+`period` without feedback.
 
 *Feedback* sends the cycle on as soon as the active segments have done their part. Each node whose segments have
 shortened, on average over their chambers, by the share `strain_threshold` of the amplitude, or bear `load_threshold` on
@@ -10,8 +11,8 @@ average, gives the next node j an input as long as it is active,
 
     u_j = gain alpha_i beta_j a_i/beta_i,                                                                   (SH6)
 
-under which a_j reaches its saddle within ln(nu/gain) nu/alpha or so instead of (SH3). With little noise the cycle waits
-long for it: the mean time of (SH5) is how long it waits at most, on average, before it goes on all the same.
+so that a_j reaches its saddle within about ln(nu/gain) nu/alpha instead of (SH3). With little noise the cycle waits
+long for feedback: the mean time of (SH5) is the longest mean wait before the cycle continues without feedback.
 """
 
 from __future__ import annotations
@@ -71,12 +72,12 @@ class SHC(FeedbackGait, name="shc"):
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Channels of the feedback that has a gain."""
+        """Channels whose feedback has a gain."""
         gains = {"strain": self.strain_gain, "contact_load": self.load_gain}
         return tuple(name for name, gain in gains.items() if gain)
 
     def cycle(self, segments: int) -> Cycle:
-        """Return the cycle of a body of so many segments, in seconds; its period is that of the gait.
+        """Return the cycle of a body with the given number of segments, in seconds; the period is the gait's.
 
         Raises
         ------
@@ -117,13 +118,13 @@ class SHC(FeedbackGait, name="shc"):
 
 
 class Turns:
-    """Memory of an `SHC`: the walk of its cycle, and which segment is at which node."""
+    """Memory of an `SHC`: the walk of the cycle, and the node of each segment."""
 
     def __init__(self, gait: SHC, segments: int) -> None:
         from control.gaits.shc.cycle import Walk
 
         self._gait, self._walk = gait, Walk(gait.cycle(segments), gait.seed)
-        self._node = gait.order(segments) % self._walk.cycle.nodes  # the order is its own inverse
+        self._node = gait.order(segments) % self._walk.cycle.nodes  # the order is self-inverse
         self._begun: float | None = None
         self._taken, self._before = 0, self._walk.states.copy()
 

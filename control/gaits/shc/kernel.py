@@ -21,9 +21,9 @@ def advance(
 ) -> None:
     """Take K steps and write the states after each; the states, shape (n,), are overwritten by the last.
 
-    With the rate g = alpha - rho a and the input u held over a step (the rate at its middle), the equation is linear
-    and solved exactly, so that no step is too long at a saddle, and states far below the rounding of the largest one
-    grow as they should:
+    With the rate g = alpha - rho a and the input u held over a step (the rate at the middle of the step), the equation
+    is linear and solved exactly, so that no step is too long at a saddle, and states far below the rounding of the
+    largest state grow correctly:
 
         a <- |a e^(g dt) + u (e^(g dt) - 1)/g + noise sqrt((e^(2 g dt) - 1)/(2 g)) xi|
 

@@ -41,7 +41,7 @@ def controller_of(scene: ControlScene) -> Driver:
     Raises
     ------
     SceneError
-        The worm is not identified nor near the default one, or a part of the user's own cannot be used.
+        The worm is neither identified nor near the default worm, or a user's own part cannot be used.
     """
     worm, found, asked = worm_of(scene), identified_of(scene), scene.controller
     told = sensors_of(scene).channels if asked.told else {}
@@ -58,12 +58,12 @@ def controller_of(scene: ControlScene) -> Driver:
         if not asked.inner_loop:
             driver.inner_loop = None
         if scene.world.kind in PIPES:
-            driver.descent.steepest = np.inf  # walls hold the worm
+            driver.descent.steepest = np.inf  # the walls hold the worm
     return driver
 
 
 def parts_of(scene: ControlScene) -> dict[str, Any]:
-    """Return the parts of the controller that are not the default ones, by the arguments of its `of`.
+    """Return the parts of the controller that differ from the default, by the argument names of its `of`.
 
     Raises
     ------
@@ -88,9 +88,9 @@ def parts_of(scene: ControlScene) -> dict[str, Any]:
 
 
 def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
-    """Return what the controller knows of the worm, or would know with a wave.
+    """Return the controller's knowledge of the worm, for the wave of the scene or for a given wave.
 
-    SceneError if it is not identified nor near the default one.
+    SceneError if the worm is neither identified nor near the default worm.
     """
     wave, asked = wave or wave_of(scene), scene.controller
     found = loaded(scene, wave) or nearby(worm_of(scene), friction_of(scene), asked.mechanism, WAVES[wave])
@@ -105,20 +105,20 @@ def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
 
 @cache
 def _usual_strains(segments: int, wave: Wave) -> StrainModel | None:
-    """Return the strains of the default worm with another number of segments; None where it cannot stand."""
+    """Return the strains of the default worm with another number of segments; None if this worm cannot stand."""
     found = kept.load(worm3d.Worm(), schedule=WAVES[wave])
-    assert found is not None  # it is shipped
+    assert found is not None  # the map is shipped
     return strain_model(Subject(worm3d.Worm(segments=segments), worm3d.Friction(), WAVES[wave]), found.maps["both"])
 
 
 def waves_of(scene: ControlScene) -> tuple[Wave, ...]:
-    """Return the waves that the controller may go by."""
+    """Return the waves that the controller may use."""
     asked = scene.controller.wave
     return tuple(WAVES) if asked == AUTO else (asked,)
 
 
 def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = None) -> Wave:
-    """Return the wave that the controller goes by in a run; `known` gives what is known of a wave (`identified_of`)."""
+    """Return the wave that the controller uses; `known` identifies the worm for a wave (`identified_of`)."""
     first, *others = waves_of(scene)
     if not others:
         return first
@@ -128,7 +128,7 @@ def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = No
 
 
 def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
-    """Return the identified map of a wave that the controller would go by; None if the default worm's is corrected."""
+    """Return the identified map that the controller would use for a wave; None if the default map is corrected."""
     worm, ground, schedule = worm_of(scene), friction_of(scene), WAVES[wave]
     chosen: dict[str, Callable[[], Identified | None]] = {
         "own": lambda: kept.load(worm, ground, schedule),
@@ -139,13 +139,13 @@ def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
 
 
 def maps_of(scene: ControlScene) -> dict[Wave, Any]:
-    """Return the content of each identified map that the controller may go by, None for one that is corrected."""
+    """Return the content of each identified map that the controller may use; None for a corrected map."""
     found = {wave: loaded(scene, wave) for wave in waves_of(scene)}
     return {wave: each and each.as_dict() for wave, each in found.items()}
 
 
 def map_name(scene: ControlScene) -> str:
-    """Return which map the controller goes by: "identified", "nearby" or "default"."""
+    """Return the source of the map that the controller uses: "identified", "nearby" or "default"."""
     asked = scene.controller.map
     if asked != "own":
         return asked
@@ -153,8 +153,8 @@ def map_name(scene: ControlScene) -> str:
 
 
 def faults_of(scene: ControlScene) -> list[Injected]:
-    """Return the faults that are put in; ValueError where there can be no such fault."""
-    own_channels(scene.sensor)  # enters channels of a user's own, which a fault may name
+    """Return the injected faults; ValueError if a fault is not possible."""
+    own_channels(scene.sensor)  # registers the user's own channels, which a fault may name
     faults = switched_parts(FAULT, scene.fault)
     for fault in faults:
         fault.require(worm_of(scene))
@@ -162,14 +162,14 @@ def faults_of(scene: ControlScene) -> list[Injected]:
 
 
 def sensors_of(scene: ControlScene) -> Sensors:
-    """Return the sensors; their errors follow from the scene's seed.
+    """Return the sensors; the scene's seed determines the sensor errors.
 
-    A channel that the section has no key for is there where every robot has it, or the controller `senses` it.
+    A channel without a key in the section is present if every robot has this channel, or the controller `senses` it.
 
     Raises
     ------
     SceneError
-        The controller senses a channel that there is not.
+        The controller senses a channel that does not exist.
     """
     senses = getattr(controller(scene.controller.kind), "senses", ())
     kept = {name for name, each in QUANTITIES.items() if each.standard or name in senses}

@@ -51,12 +51,12 @@ def _there_is_such_a_path(*sections: Section) -> Found:
 
 
 def _faults(*sections: Section) -> None:
-    """Raise ValueError for faults that the worm or the controller of a scene cannot have."""
+    """Raise ValueError for faults that are not possible for the worm or the controller of a scene."""
     scene = _scene(FAULTY, sections)
     known = [name for name in QUANTITIES if any(key.startswith(f"{name}_") for key in keys_in(Sensor))]
     known += own_channels(scene.sensor).values()
     for channel in (getattr(fault, "channel", known[0]) for fault in faults_of(scene)):
-        if channel not in known:  # of a scene that was looked at before
+        if channel not in known:  # from a scene that was checked before
             raise ValueError(f"channel: got {channel!r}, must be one of {', '.join(known)}")
     plans = getattr(controllers.controller(scene.controller.kind), "plans", False)
     if any(fault.of_plans for fault in faults_of(scene)) and not plans:
@@ -70,7 +70,7 @@ def _worm_has_it(asked: bool, *sections: Section, name: str) -> Found:
 
 
 def _senses(kind: str) -> tuple[str, ...]:
-    """Return what a controller needs to sense; nothing is said of one that there is not."""
+    """Return the channels that a controller needs; empty for an unknown controller."""
     try:
         needed: tuple[str, ...] = getattr(controllers.controller(kind), "senses", ())
     except ValueError:
@@ -79,7 +79,7 @@ def _senses(kind: str) -> tuple[str, ...]:
 
 
 def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
-    """Tell of a controller that needs a sensor that is not asked for."""
+    """Report a controller that needs a sensor that the scene does not switch on."""
     if asked or name not in _senses(kind):
         return None
     return {
@@ -159,10 +159,10 @@ def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
 
 
 OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
-"""Channels of sensors that a robot need not have."""
+"""Sensor channels that a robot may lack."""
 
 FAULTY = ("fault", "controller", "sensor", "worm", *PARTS)
-"""Sections that say which faults there can be."""
+"""Sections that decide which faults are possible."""
 STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,

@@ -1,4 +1,4 @@
-"""Faults that a controller found, as rows of the summary of a run."""
+"""Faults detected by a controller, as rows of the summary of a run."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from worm3d.values.arrays import FloatArray
 Row = dict[str, Cell]
 
 SOLVERS = {status.value for status in PlanStatus}
-"""Ends of a search that the fallback is made for; if it does not help for long, that is a fault."""
+"""Results of a search that the fallback covers; only a long series of such results is a fault."""
 
 
 def of_controller(controller: Driver) -> list[Row]:
-    """Return what a controller found, and what became of its measurements and plans."""
+    """Return the faults that a controller detected, and the refused measurements and plans."""
     found = [fault_row(fault.time, fault.kind, fault.what, fault.advice) for fault in controller.faults]
     plans = [] if isinstance(controller, Guest) else _of_plans(controller.decisions)  # a guest has no fallback
     return [*found, *plans, *_of_gate(controller.gate)]
 
 
 def entered(result: worm3d.Result, outline: FloatArray | None, reference: Reference) -> list[Row]:
-    """Return that the body was inside an obstacle, by its true outline (T, C, 2), if it was."""
+    """Return a row if the body was inside an obstacle, judged by the true outline (T, C, 2)."""
     if outline is None:
         return []
     clear = clearances(outline, reference) / result.worm.length
@@ -45,12 +45,12 @@ def entered(result: worm3d.Result, outline: FloatArray | None, reference: Refere
 
 
 def in_turn(rows: list[Row]) -> list[Row]:
-    """Return rows in the order of their times."""
+    """Return rows in the order of time."""
     return sorted(rows, key=itemgetter("time_s"))
 
 
 def refused(controller: Driver) -> int:
-    """Return how many samples the gate and the estimator refused."""
+    """Return the number of samples that the gate and the estimator refused."""
     last = controller.decisions[-1].estimate if controller.decisions else None
     return controller.gate.refused.total() + (last.refused if last is not None else 0)
 

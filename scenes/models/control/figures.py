@@ -1,4 +1,4 @@
-"""Figures of a controlled run from its record; each returns (figure, axes) and is named after its file."""
+"""Figures of a controlled run from a record; each function returns (figure, axes) and has the name of the file."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from worm3d.values.arrays import FloatArray
 COLOURS = {name: f"C{k}" for k, name in enumerate(SOURCES)}
 
 BOUND = 2.0
-"""Width of a bound that is drawn [standard deviations]."""
+"""Half width of the drawn bounds [standard deviations]."""
 
 UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s", "", "1", "deg")
-"""Units of the estimated state, as drawn."""
+"""Units of the estimated state in the figures."""
 
 
 def tracking(record: Record) -> tuple[Figure, Axes]:
-    """Draw the way seen from above with the path, and the offset from it and the heading's error over time."""
+    """Draw the path of the worm and the reference path from above, and the offset and the heading error over time."""
     seen, figure = _tracked(record), Figure(figsize=(6.8, 8.0), layout="constrained", dpi=120)
     way, aside, turned = figure.subplots(3, 1, height_ratios=(2.2, 1, 1))
     _from_above(way, record, seen)
@@ -53,7 +53,7 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
 
 
 def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
-    """Draw the path with its bounds, the centre of mass, its mean over a period, its estimate, and the body at ends."""
+    """Draw the path with bounds, the centre of mass, the period mean, the estimate, and the body at both ends."""
     reference, com, joints = reference_seen(record, _scene(record)), record["com"][:, :2], record["joints"][..., :2]
     if reference.path is not None:
         line = path_points(reference.path, com)
@@ -74,7 +74,7 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
-    """Draw the obstacles, and the corridor on both sides of points of the path (P, 2)."""
+    """Draw the obstacles, and the corridor on both sides of the points (P, 2) of the path."""
     for k, obstacle in enumerate(reference.obstacles):
         label = None if k else "obstacle"
         axes.fill(*obstacle.outline().T, color="C1", alpha=0.3, lw=0, label=label)
@@ -86,7 +86,7 @@ def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
 
 
 def speed_and_heading(record: Record) -> tuple[Figure, Axes]:
-    """Draw speed and heading, averaged over a period, with what was asked for and what was estimated."""
+    """Draw speed and heading, averaged over a period, with the desired and the estimated values."""
     seen, figure = _tracked(record), Figure(figsize=(6.8, 5.6), layout="constrained", dpi=120)
     speed, heading = figure.subplots(2, 1, sharex=True)
     _speed(speed, record, seen)
@@ -129,7 +129,7 @@ def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 
 def commands(record: Record) -> tuple[Figure, Axes]:
-    """Draw the gait parameters that were asked for, coloured by whose they were."""
+    """Draw the commanded gait parameters, coloured by their source."""
     figure = Figure(figsize=(6.8, 6.4), layout="constrained", dpi=120)
     rows = figure.subplots(4, 1, sharex=True, height_ratios=(2, 2, 2, 1))
     amplitude, frequency, bias, hinge = record["decision_parameters"].T
@@ -172,7 +172,7 @@ def estimates(record: Record) -> tuple[Figure, Axes]:
         axes.set_ylim(*_around(scale * values[len(values) // 4 :], float(scale * np.median(bound[:, k]))))
     last: Axes = grid[2, 3]
     last.plot(time, record["estimate_nis"], ".", ms=2, color="C3")
-    last.axhline(5.99, color="0.4", lw=0.8)  # of chi squared with two degrees of freedom
+    last.axhline(5.99, color="0.4", lw=0.8)  # quantile of chi squared with two degrees of freedom
     last.set_ylabel("normalised innovation\nsquared; line: 95 %", fontsize=8)
     for axes in grid[-1]:
         axes.set(xlabel="time [s]", xlim=_span(record))
@@ -182,7 +182,7 @@ def estimates(record: Record) -> tuple[Figure, Axes]:
 
 
 def control_steps(record: Record) -> tuple[Figure, Axes]:
-    """Draw how long the control steps took, against their period."""
+    """Draw the computing time of the control steps in comparison with the control period."""
     figure = Figure(figsize=(6.8, 3.4), layout="constrained", dpi=120)
     axes = figure.subplots()
     seconds = next((v.values for v in record.timing if v.name == "control_step_s"), np.zeros(0))
@@ -211,7 +211,7 @@ def _index(name: str) -> int:
 
 
 def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estimated: FloatArray) -> FloatArray:
-    """Return the true x, y or heading at instants; averaged over the period around each where that is known."""
+    """Return the true x, y or heading at instants, averaged over the surrounding period if possible."""
     if seen is None:
         return np.full(len(time), np.nan)
     middle = seen.time - 0.5 * (
@@ -223,7 +223,7 @@ def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estim
 
 
 def _same_turn(angle: FloatArray, other: FloatArray) -> FloatArray:
-    """Return angles [rad] on the turn of others."""
+    """Return angles [rad], shifted by whole turns to be near other angles."""
     moved: FloatArray = angle - 2.0 * np.pi * np.round((angle - other) / (2.0 * np.pi))
     return moved
 
@@ -241,7 +241,7 @@ def _shade(axes: Axes, seen: Tracking) -> None:
 
 
 def _mark_faults(axes: Axes, record: Record) -> None:
-    """Mark when faults were found."""
+    """Mark the detection times of faults."""
     for when, rows in groupby(record.summary.faults, key=itemgetter("time_s")):
         time, kinds = float(when or 0.0), ", ".join(str(row["kind"]) for row in rows)
         axes.axvline(time, color="C3", lw=0.8, ls=":")
@@ -269,7 +269,7 @@ def _at_least(axes: Axes, half: float) -> None:
 
 
 def _square(axes: Axes) -> None:
-    """Widen a narrow strip, so that the picture is no line."""
+    """Widen a narrow strip, so that the picture is not a line."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     least = 0.3 * max(right - left, high - low)
     for limits, put in (((left, right), axes.set_xlim), ((low, high), axes.set_ylim)):

@@ -1,4 +1,4 @@
-"""Runs of the plant that identify a worm: steady waves, fits of their maps, and steps and sines that give the lags."""
+"""Runs of the plant for the identification of a worm: steady waves with fitted maps, and steps and sines for lags."""
 
 from __future__ import annotations
 
@@ -42,49 +42,49 @@ from scenes.language.errors import SceneError
 from worm3d.values.arrays import FloatArray
 
 DT = 0.01
-"""Time step of the runs, that of the closed loop [s]."""
+"""Time step of the runs, the same as in the closed loop [s]."""
 TIPPED = np.deg2rad(20.0)
 """Mean roll of the segments beyond which a worm no longer stands on its feet [rad]: at rest it tips at 31 degrees."""
 SHRINK = 0.7
-"""Factor by which the greatest steering is reduced while the worm tips."""
+"""Factor by which the largest steering is reduced while the worm tips."""
 TRIES = 4
-"""Number of greatest steerings that are tried."""
+"""Number of values tried for the largest steering."""
 CHECKS = 12
-"""Number of runs at random places that check a map."""
+"""Number of runs with random parameters that check a map."""
 
 BEFORE, AFTER = 8, 8
 """Waves before and after a step of the parameters."""
 SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
-"""Parts of a wave at which the steps come: what follows depends on which feet stand just then."""
+"""Fractions of a wave at which the steps occur: the response depends on which feet stand at that moment."""
 FREQUENCY = 0.875
-"""Frequency of the wave whose steps give the lags, in the middle of the map [Hz]."""
+"""Frequency of the wave for the measurement of lags by steps, in the middle of the map [Hz]."""
 LEAST_LAG = 0.1
-"""Least lag of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
+"""Smallest lag of the steering beyond the lag of the generator [s]; shorter lags make no difference over a wave."""
 EXCITED = 60.0
-"""Duration of the run of which the strains are fitted [s]."""
+"""Duration of the run for the fit of the strains [s]."""
 CHANGES = 1.0
-"""Time between two changes of its wave [s]."""
+"""Time between two changes of the wave in this run [s]."""
 UNEQUAL, SHIFTED, STEERED = (0.8, 1.15), 0.2, 0.5
-"""Factors of the commands of its chambers, least and greatest, greatest shift of their phases [rad], and its greatest
-steering over that of the map: a worm of unequal chambers tips sooner."""
+"""Smallest and largest factor of the chamber commands in this run, largest shift of their phases [rad], and largest
+steering as a factor of the map's largest steering: a worm with unequal chambers tips sooner."""
 ENOUGH = 2.0 / 3.0
-"""Share of a whole worm's turn that one with a segment held still needs to make with the same hinges. Segments 0, 2, 4
-and 5 of the default one leave it 0.87 or more; hinges of their own, which turn it less, make its offset from a line
-0.0002 less to 0.003 body lengths more (seed 10)."""
+"""Share of the turn of an intact worm that a worm with one segment held still has to reach with the same hinge angles.
+With segments 0, 2, 4 and 5 of the default worm held, the share is 0.87 or more. Separate hinge angles for these
+segments reduce the turn and change the offset from a line by -0.0002 to 0.003 body lengths (seed 10)."""
 MOST_HELD = 12
-"""Number of segments up to which it is asked how a worm steers while one of them is held still: runs grow with its
-square."""
+"""Largest number of segments for which steering with one segment held still is measured: the number of runs grows with
+the square of the number of segments."""
 WINDING = 0.1
-"""Frequency of the sines of the steering that give its lag [Hz]."""
+"""Frequency of the sines of the steering for the measurement of the steering lag [Hz]."""
 WINDING_WAVES = (0.6, 0.9, 1.1)
-"""Frequencies of the waves that wind so [Hz]."""
+"""Frequencies of the waves in the runs with sines [Hz]."""
 
 Gait = SteeredWave | TravellingWave
 Drive = Gait | PlannedWave | Callable[[float], worm3d.Command]
 
 
 class Subject(NamedTuple):
-    """What is identified: a worm, the friction of its level ground, and the schedule of its wave."""
+    """The subject of an identification: a worm, the friction of level ground, and the schedule of a wave."""
 
     worm: worm3d.Worm
     ground: worm3d.Friction
@@ -93,14 +93,14 @@ class Subject(NamedTuple):
 
 @dataclass(frozen=True)
 class Steady:
-    """What a steady wave does."""
+    """Motion of a steady wave."""
 
     motion: Motion | None
-    """Motion a wave; None where the run did not end, or has no heading."""
+    """Motion per wave; None if the run did not finish, or the worm has no heading."""
     slip: float
-    """Way that the feet slide a wave, summed over them [body lengths]."""
+    """Sliding distance of the feet per wave, summed over all feet [body lengths]."""
     roll: float
-    """Greatest mean roll of the segments [rad]."""
+    """Largest mean roll of the segments [rad]."""
 
     @property
     def tipped(self) -> bool:
@@ -109,7 +109,7 @@ class Steady:
 
 
 def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, skipped: int) -> Steady:
-    """Run waves of constant parameters on level ground, and measure those after the first `skipped`."""
+    """Run waves with constant parameters on level ground, and evaluate the waves after the first `skipped`."""
     rows = round(gait.period / DT)
     run = _simulated(worm, ground, gait, waves * rows)
     if run.status is not worm3d.Status.DONE:
@@ -126,7 +126,7 @@ def identify(subject: Subject, design: Design, watch: Callable[[int], None] = la
     Raises
     ------
     SceneError
-        It does not crawl on its feet, however little it steers.
+        The worm does not crawl on its feet, even with little steering.
     """
     maps: dict[Mechanism, SteeringMap] = {}
     lags: dict[Mechanism, Lags] = {}
@@ -144,7 +144,7 @@ def identify(subject: Subject, design: Design, watch: Callable[[int], None] = la
 
 
 def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
-    """Return the map of one mechanism, that of a similar worm corrected if there is one; raises as `identify`."""
+    """Return the map of one mechanism, or a corrected map of a similar worm; raises the errors of `identify`."""
     for attempt in range(TRIES):
         greatest = MAX_STEERING[mechanism] * SHRINK**attempt
         ranges = design.ranges(greatest)
@@ -159,7 +159,7 @@ def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: Stee
 
 
 def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameters]) -> list[Sample] | None:
-    """Return the motions of waves with their parameters; None if the worm tipped in one of the runs."""
+    """Return the parameters and motions of waves; None if the worm tipped in a run."""
     worm, ground, schedule = subject
     stood = []
     for given in sorted(parameters, key=_risk):
@@ -171,14 +171,14 @@ def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameter
 
 
 def _risk(given: GaitParameters) -> float:
-    """Return a figure that is the less, the sooner a worm tips: strong waves, steered sharply."""
+    """Return a number that is smaller for waves at which a worm tips sooner: strong waves with sharp steering."""
     return -given.amplitude * (abs(given.hinge) + abs(given.bias))
 
 
 def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteering | None:
     """Return how a worm steers while one segment is held still, (HS2).
 
-    None where it needs no other hinges than as a whole worm, tips over, or cannot turn so.
+    None if the worm needs no hinge angles other than an intact worm's, tips over, or cannot turn in this way.
     """
     worm, ground, schedule = subject
 
@@ -206,7 +206,7 @@ def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteerin
 
 
 def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameters]:
-    """Return random parameters within the ranges, with whole steps in a period; always the same ones."""
+    """Return random parameters within the ranges, with whole steps in a period; they are the same in each call."""
     random = np.random.default_rng([7, len(mechanism)])
     amplitudes = random.uniform(*ranges.amplitude, CHECKS)
     periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, CHECKS) / DT)
@@ -220,7 +220,7 @@ def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameter
 def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straight: Lags | None = None) -> Lags:
     """Measure how speed, turn rate and drift lag behind the gait parameters; `steering` is the amplitude of the sines.
 
-    The lags of the speed are those of a straight wave: `straight`, of another mechanism, has them already.
+    The lags of the speed are measured with a straight wave; `straight`, of another mechanism, already contains them.
     """
     winding = [_winding(subject, mechanism, steering, frequency) for frequency in WINDING_WAVES]
     behind, swings = zip(*winding, strict=True)
@@ -233,17 +233,18 @@ def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straig
 
     def mean_lag(begin: GaitParameters, end: GaitParameters) -> float:
         rates = [step_response(subject, begin, end, shift)[0] for shift in SHIFTS]
-        # From mean to mean of two waves: the first rate after the step stands for half a wave before it.
+        # From mean to mean of two waves: the first rate after the step represents half a wave before it.
         return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
     return Lags(mean_lag(slow, long), mean_lag(long, quick), turning, swing, rise)
 
 
 def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency: float) -> tuple[float, float]:
-    """Return the time constant T [s] by which the turn rate follows a sine of the steering in force, and the swing.
+    """Return the time constant T [s] of the turn rate's response to a sine of the applied steering, and the swing.
 
-    T follows from its phase. A first-order response lags behind a sine of w rad/s by arctan(w T), and so does the
-    steering in force behind that asked for with T = blend/f; the heading is the integral of the turn rate.
+    T is computed from the phase of the response. A first-order response lags behind a sine of w rad/s by arctan(w T),
+    and so does the applied steering behind the commanded steering with T = blend/f; the heading is the integral of the
+    turn rate.
     """
     w = 2.0 * np.pi * WINDING
     wave, generator = GaitParameters(0.28, frequency), WaveGenerator(subject.schedule, subject.worm)
@@ -258,9 +259,9 @@ def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency:
 
 
 def _swing(run: worm3d.Result, rows: int) -> float:
-    """Return D of (R1) [body lengths s] from a run with sines of the steering; a wave has some `rows`.
+    """Return D of (R1) [body lengths s] from a run with sines of the steering; a wave has about `rows` rows.
 
-    Of the speed to the left it is the part in phase with the turn acceleration, -w^2 times the heading's sine.
+    D is the part of the speed to the left in phase with the turn acceleration, -w^2 times the heading's sine.
     """
     w = 2.0 * np.pi * WINDING
     t, x, y, h = (
@@ -277,9 +278,9 @@ def step_response(
 ) -> tuple[FloatArray, FloatArray]:
     """Return speed [m/s] and turn rate [rad/s] from wave to wave, around a step of the parameters.
 
-    The step comes after `BEFORE` waves and the part `shift` of one, and waves are counted from there. Place and heading
-    are averaged over each, since a step changes by how much a wave rocks them; rate k is from wave k to wave k + 1, so
-    that number `BEFORE` - 1 spans the step.
+    The step comes after `BEFORE` waves and the fraction `shift` of a wave, and waves are counted from there. Place and
+    heading are averaged over each wave, since a step changes how much a wave rocks them; rate k is from wave k to wave
+    k + 1, so that number `BEFORE` - 1 spans the step.
     """
     generator = WaveGenerator(subject.schedule, subject.worm)
     phases: list[float] = []
@@ -290,7 +291,7 @@ def step_response(
 
     duration = (BEFORE + shift) / begin.frequency + (AFTER + 1) / end.frequency
     run = _simulated(subject.worm, subject.ground, PlannedWave(plan, generator), round(duration / DT))
-    # A command given at the beginning of a step is in force at its end: entry k is the phase of row k's shape.
+    # A command given at the beginning of a step takes effect at the end: entry k is the phase of row k's shape.
     times, waves = run.time[1 : len(phases)], np.array(phases)[1:]
     ends = np.interp(np.arange(BEFORE + AFTER + 1) + shift, waves, times)
 
@@ -306,11 +307,11 @@ def step_response(
 
 
 def strain_model(subject: Subject, found: SteeringMap) -> StrainModel | None:
-    """Return the strains of a healthy worm, fitted to a run in which its wave changes all over the ranges of a map.
+    """Return the strains of a healthy worm, fitted to a run with wave parameters all over the ranges of a map.
 
-    In the second half of the run each chamber is told more or less of the wave, earlier or later, so that the effect of
-    its own command is told from the effect of its twin's. The fit ends where the worm tips. A worm that tips early,
-    or cannot stand, has none.
+    In the second half of the run, each chamber gets a larger or smaller command, earlier or later, so that the fit can
+    separate the effect of the chamber's own command from the effect of the opposite chamber's command. The fit ends at
+    the time when the worm tips. There is no fit for a worm that tips early or cannot stand.
     """
     (worm, ground, schedule), ranges = subject, found.ranges
     random, count, generator = np.random.default_rng(0), round(EXCITED / CHANGES), WaveGenerator(schedule, worm)

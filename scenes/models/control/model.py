@@ -1,4 +1,4 @@
-"""The model `worm_control`: the 3D worm with a controller that sees it through sensors and keeps to a reference."""
+"""The model `worm_control`: the 3D worm, with a controller that follows a reference, based on sensors."""
 
 from __future__ import annotations
 
@@ -30,33 +30,33 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
 
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
-"""Stems of the pictures of a controlled run, each the name of a function in `scenes.models.control.figures`."""
+"""Names of the pictures of a controlled run, which are functions in `scenes.models.control.figures`."""
 
 OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
-"""Pictures of the worm that a controlled run has too."""
+"""Pictures of the worm that a controlled run also has."""
 
 NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
 START, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
-"""Waves of the start, in which a heading is sought; they have no part in `nis_mean`."""
+"""Duration of the start [waves], during which a heading is sought; `nis_mean` does not include the start."""
 
 
 class Phased:
-    """A controller of which the commanded phase is kept, step by step, and how long each step took."""
+    """A controller whose commanded phase and computing time are stored in each step."""
 
     def __init__(self, controller: Driver) -> None:
         self.controller = controller
         self.waves: list[float] = []
-        """Commanded phase at the begin of each step [waves]."""
+        """Commanded phase at the beginning of each step [waves]."""
         self.seconds: list[float] = []
-        """Wall time of each step [s]: measured here, since a controller of a user's own may measure otherwise."""
+        """Wall time of each step [s], measured here, since a user's own controller may measure time differently."""
 
     @property
     def period(self) -> float:
-        """Over which the speed is averaged [s]."""
+        """Averaging period of the speed [s]."""
         return self.controller.period
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the controller and the stored values."""
         self.controller.reset()
         self.waves, self.seconds = [], []
 
@@ -69,7 +69,7 @@ class Phased:
         return command
 
     def at_rows(self, rows: int, every: int) -> FloatArray:
-        """Return the phase at the stored instants, shape (rows,); at the end as it would have gone on."""
+        """Return the phase at the stored instants, shape (rows,); the last one is extrapolated."""
         waves = self.waves or [0.0]
         further = waves[-1] + (waves[-1] - waves[-2] if len(waves) > 1 else 0.0)
         return np.array([*waves, further])[: (rows - 1) * every + 1 : every]
@@ -81,7 +81,7 @@ def run(scene: ControlScene, observer: Observer) -> Outcome:
 
 
 def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
-    """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
+    """Simulate a scene while a browser shows the run live."""
     driver = Phased(controller_of(scene))
     horizon = control_view.horizon_of(lambda: driver.controller.decisions, scene)
     with worm3d.Live(speed=how.speed, began=how.began, horizon=horizon) as live:
@@ -119,7 +119,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 
 def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return (KF7) of a controller's estimator after its start, and why there is none."""
+    """Return (KF7) of a controller's estimator after the start, or the reasons for missing values."""
     start = START * controller.period
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])
     nis = [value for t, value in seen if t >= start]
@@ -130,7 +130,7 @@ def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, 
 
 
 def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
-    """Return a driver with the faults of a scene put around it, if there are any."""
+    """Return a driver with the faults of a scene added, if there are any."""
     faults = faults_of(scene)
     return Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
 

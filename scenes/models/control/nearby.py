@@ -1,17 +1,18 @@
-"""A map for a worm that nobody has identified: the default worm's, corrected by a few runs made on the spot.
+"""A map for a worm without an identified map: the map of the default worm, corrected by a few runs.
 
-What a wave does is a matter of ratios. Of a worm of N segments, length L, mass m, on friction mu, with gravity g,
+The motion per wave depends only on ratios. For a worm of N segments, length L, mass m, on friction mu, with gravity g,
 
     (d, omega, c) = F(A, f sqrt(L/g), s;  N, a/L, h/L, mu_b/mu_f, mu_l/mu_f, k L/(mu m g), J/(mu m g L) ...)        (N1)
 
-distance and drift a wave per body length and turn a wave, with amplitude, frequency and steering; the stance a and the
-height h; friction backward and sideways over that forward; the stiffness of springs (k, over L: a force), torsion, yaw
-and twist (J) over friction. Size and mass as such do not matter. F changes smoothly, and that is all that is used of
-it: `control.identification.surrogate`, (I5), from `DESIGN.runs` runs, some seconds in all. Why not a factor
-each of speed and turn: with the springs and joints half as stiff the default worm goes 14 % less far, but by hinges of
-0.02, 0.06 and 0.12 rad it turns by -1, 30 and 83 % as far, s^2/(s + z) with z growing as friction over stiffness.
+Distance and drift per wave in body lengths, and turn per wave, depend on amplitude, frequency and steering; on the
+stance a and the height h; on friction backward and sideways over friction forward; and on the stiffness of springs (k,
+over L: a force), torsion, yaw and twist (J) over friction. Size and mass alone do not matter. F changes smoothly, and
+the method needs nothing else: `control.identification.surrogate`, (I5), from `DESIGN.runs` runs, which take some
+seconds in all. One factor each for speed and turn would not be enough: with springs and joints half as stiff, the
+default worm covers 14 % less distance, but with hinges of 0.02, 0.06 and 0.12 rad the turn is only -1, 30 and 83 % of
+the default turn: s^2/(s + z), with z growing as friction over stiffness.
 
-rms misses, in % of the rms of the quantity itself, over 132 waves by hinges:
+rms errors, in % of the rms of the quantity itself, over 132 waves with hinges:
 
     worm                    default's map           corrected by 48 runs      its own map, 120 runs
                             distance turn drift     distance turn drift       distance turn drift
@@ -22,8 +23,8 @@ rms misses, in % of the rms of the quantity itself, over 132 waves by hinges:
     friction 1.3, 0.7, 0.7     10      3    29         1.5    1.1    6           1.1   0.7   5
     friction 0.7, 1.3, 1.3      7      2    25         1.2    1.3   11           0.9   0.9  10
 
-(friction: factors forward, backward, sideways). The lags stay the default worm's. A worm is near if `runs.CHECKS` fresh
-runs miss the map by no more than `MOST`; one that is farther is refused, for it has to be identified.
+(friction: factors forward, backward, sideways). The lags are those of the default worm. A worm is near if the map's
+error at `runs.CHECKS` new runs is at most `MOST`; a worm farther away is refused, because it has to be identified.
 """
 
 from __future__ import annotations
@@ -38,16 +39,16 @@ from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
 
 DESIGN = Design(runs=48)
-"""The runs: those of all combinations of a design that tell the most."""
+"""The most informative runs, out of all combinations of a design."""
 MOST = MappingProxyType({"distance": 8.0, "turn": 20.0})
-"""Greatest rms miss at fresh runs [% of the rms of the quantity]. Worms above with which closed loops were
-run miss the distance by up to 2.7 and the turn by up to 12; a choice with room, not a measured edge."""
+"""Largest rms error at new runs [% of the rms of the quantity]. The worms above with closed-loop runs have errors of up
+to 2.7 for the distance and 12 for the turn; the limits leave room, and are not a measured boundary."""
 FAR = "identify it once by 'worm3d study identify SCENE' with the same options -o (a minute or two), or take the \
 default worm's map by -o controller.map=default"
 
 
 def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wave: Schedule) -> Identified:
-    """Return the map of one mechanism of a worm's wave on level ground, kept in the user's cache.
+    """Return the map of one mechanism of a worm's wave on level ground, stored in the user's cache.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wav
     if known is not None and mechanism in known.maps:
         return known
     usual = kept.load(worm3d.Worm(), schedule=wave)
-    assert usual is not None  # it is shipped
+    assert usual is not None  # the map is shipped
     try:
         found = runs.map_of(runs.Subject(worm, ground, wave), DESIGN, mechanism, usual.maps[mechanism])
     except SceneError as error:

@@ -1,4 +1,4 @@
-"""A run with a controller as variables of a record: what was decided, why, and what was believed of the worm."""
+"""A run with a controller as variables of a record: decisions, reasons for them, and estimates of the worm's state."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from worm3d.values.variable import Variable
 PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading", "joints")
 OUTWARD = 2, 5
-"""Apexes at which a segment is widest, left and right."""
+"""Apexes at the widest points of a segment, left and right."""
 PATH = "path"
-"""Variable with the points of a path of a user's own."""
+"""Variable with the points of a user's own path."""
 WAY = "way"
-"""Variable with the points of the way around obstacles."""
+"""Variable with the points of the path around obstacles."""
 SPACING = 0.02
-"""Spacing of the points of a path that is drawn or kept [m]."""
+"""Spacing of the points of a path in pictures and records [m]."""
 STATE = ", ".join(ReducedState._fields)
 
 
 def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Variable, ...]:
-    """Return what a controller wrote down, and the commanded phase at the stored instants, shape (T,) [waves]."""
+    """Return the variables of a controller's decisions, and the phase at the stored instants, shape (T,) [waves]."""
     texts = sorted({decision.status for decision in decisions})
     meant = "; ".join(f"{code}: {text or 'nothing to solve'}" for code, text in enumerate(texts))
     sources = "; ".join(f"{code}: {source}" for code, source in enumerate(SOURCES))
@@ -74,7 +74,7 @@ def _estimates(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
 
 
 def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
-    """Return the predicted ways; where there is none a decision has that of the one before, or NaN."""
+    """Return the predicted paths of the decisions; a row is NaN if nothing was predicted."""
     shape = next((d.horizon.shape for d in decisions if d.horizon is not None), None)
     if shape is None:
         return ()
@@ -85,7 +85,7 @@ def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
 
 
 def _chambers(decisions: Sequence[Decision]) -> Iterator[Variable]:
-    """Yield gains and phases of the chambers, if the controller looks at their strains."""
+    """Yield the gains and phases of the chambers, if the controller uses the strains of the chambers."""
     for name, unit, meaning in (
         ("chamber_gain", "1", "gain of the chambers over a healthy worm's, as the controller finds it"),
         ("chamber_phase", "rad", "phase by which chambers are ahead of a healthy worm's, as the controller finds it"),
@@ -98,9 +98,9 @@ def _chambers(decisions: Sequence[Decision]) -> Iterator[Variable]:
 def timing_of(
     decisions: Sequence[Decision], steps: Sequence[float], dt: float, control_period: float
 ) -> tuple[Variable, ...]:
-    """Return how long the decisions took, and all `steps` of the controller, `dt` apart, in each control period [s].
+    """Return the computing times of the decisions, and of all `steps`, `dt` apart, in each control period [s].
 
-    The first control period is left out: it compiles.
+    The first control period is left out because of the compilation.
     """
     if not steps:
         return ()
@@ -116,7 +116,7 @@ def timing_of(
 
 
 def path_points(path: Path, com: FloatArray) -> FloatArray:
-    """Return points of the part of a path that a worm, shape (T, 2), passed, and a little more, shape (P, 2) [m]."""
+    """Return points on the part of a path that a worm, shape (T, 2), passed, and a little beyond, shape (P, 2) [m]."""
     ends = [float(path.project(place)) for place in (com[0], com[-1])]
     end = path.length if math.isfinite(path.length) else max(ends) + 1.0
     begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
@@ -124,19 +124,19 @@ def path_points(path: Path, com: FloatArray) -> FloatArray:
 
 
 def way_variables(path: Path | None) -> tuple[Variable, ...]:
-    """Return the way around obstacles that a worm followed, as it was at the end of a run, if it followed one."""
+    """Return the path around obstacles that the worm followed, as known at the end of a run, if there was one."""
     if not isinstance(path, Detour):
         return ()
     return (Variable(WAY, ("station", "plane"), path.points, "m", "points of the way around the obstacles"),)
 
 
 def path_variable(path: Path, com: FloatArray) -> Variable:
-    """Return the path of a user's own as points, so that its code is not needed to look at the run."""
+    """Return the user's own path as points, so that the run can be shown without the code of the path."""
     return Variable(PATH, ("place", "plane"), path_points(path, com), "m", "points of the path, a module's own")
 
 
 def stored_path(record: Record) -> Path | None:
-    """Return the path through the points that a record holds, closed if they lead back; None if it holds none."""
+    """Return the path through the points in a record, closed if the last point is the first; None without points."""
     if PATH not in record:
         return None
     points = record[PATH]
@@ -145,16 +145,16 @@ def stored_path(record: Record) -> Path | None:
 
 
 def motion_of(result: worm3d.Result | Record, waves: FloatArray, outline: FloatArray | None = None) -> Motion:
-    """Return what the worm did, for the metrics; `waves` is the commanded phase at its instants, shape (T,)."""
+    """Return the motion of the worm for the metrics; `waves` is the commanded phase at its instants, shape (T,)."""
     time, com, heading, joints = (result[n] if isinstance(result, Record) else getattr(result, n) for n in SERIES)
     return Motion(time, com[:, :2], heading, waves, joints[:, -1, :2], outline)
 
 
 def outline_of(result: worm3d.Result) -> FloatArray:
-    """Return the corners of the body as seen from above, in turn, shape (T, 2 N + 4, 2) [m].
+    """Return the corners of the body's outline from above, in order, shape (T, 2 N + 4, 2) [m].
 
-    They are the outward apexes of both sides, where a segment is widest, and the edges of the end faces. The lines
-    between them lie outside the links and the skin, which are narrower at the joints.
+    The corners are the outward apexes of both sides, at the widest points of the segments, and the edges of the end
+    faces. The lines between them lie outside the links and the skin, which are narrower at the joints.
     """
     half = np.broadcast_to(result.worm.half_height, result.worm.segments)
     ends, across = result.joints[:, [0, -1], :2], result.directors[:, [0, -1], :2] * half[[0, -1], None]
@@ -166,6 +166,6 @@ def outline_of(result: worm3d.Result) -> FloatArray:
 
 
 def tracked(record: Record, reference: Reference) -> Tracking | None:
-    """Return how the worm of a record kept to its reference; None for a run of less than a period."""
+    """Return how well the worm of a record followed the reference; None for a run shorter than a period."""
     waves = record["waves"]
     return tracking(motion_of(record, waves), reference) if waves[-1] - waves[0] >= 1.0 else None

@@ -1,6 +1,6 @@
-"""The section [reference]: its keys, and the speed, path, heading and obstacles that it asks for.
+"""The section [reference]: keys, and the desired speed, path, heading and obstacles.
 
-A path of another shape is a class in `control.tracking.paths`, and its name, keys and function in `MAKERS` here.
+A path of another shape needs a class in `control.tracking.paths`, and a name, keys and a function in `MAKERS` here.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from worm3d.values.arrays import FloatArray
 
 HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
 BEGUN = (LINE, CIRCLE, S_CURVE)
-"""Kinds of paths that have a start and a direction there; others are where their points are."""
+"""Kinds of paths with a start and an initial direction; points define the other paths."""
 
 
 class SpeedStep(Section):
-    """Step of the speed that is asked for."""
+    """Step of the desired speed."""
 
     at_s: float = setting(unit="s", gt=0, meaning="when")
     speed_m_s: float = setting(unit="m/s", meaning="speed from then on, below 0 backwards")
 
 
 class HeadingStep(Section):
-    """Step of the heading that is asked for."""
+    """Step of the desired heading."""
 
     at_s: float = setting(unit="s", gt=0, meaning="when")
     heading_deg: float = setting(unit="deg", meaning="heading from then on")
 
 
 class Obstacle(PartSection, holds={"kind": OBSTACLE}, keys=partial(chosen, meaning="what it is")):
-    """Obstacle on the ground that the worm goes around."""
+    """Obstacle on the ground that the worm avoids."""
 
 
 class Point(Section):
@@ -67,7 +67,7 @@ KIND = part_key(
 
 
 class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
-    """Task of the worm: how fast to go, and where to."""
+    """Task of the worm: the desired speed, and the path or heading."""
 
     speed_m_s: float = setting(0.08, unit="m/s", meaning="speed forward, at first; below 0 backwards")
     speed_steps: Tables[SpeedStep] = setting((), meaning="steps of the speed, each a table of at_s and speed_m_s")
@@ -111,12 +111,12 @@ class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
 
 
 def reference_of(scene: Any) -> Task:
-    """Return what the worm is asked to do."""
+    """Return the task of the worm."""
     return reference_along(scene, path_of(scene))
 
 
 def reference_along(scene: Any, path: Path | None) -> Task:
-    """Return what the worm is asked to do, given its path."""
+    """Return the task of the worm for a given path."""
     asked = scene.reference
     heading = None
     if asked.kind == "heading":
@@ -134,7 +134,7 @@ def reference_along(scene: Any, path: Path | None) -> Task:
 
 
 def speed_of(asked: Reference) -> Profile:
-    """Return the speed over time."""
+    """Return the desired speed over time."""
     if asked.speed_sine_m_s > 0.0:
         return Sine(asked.speed_m_s, asked.speed_sine_m_s, asked.speed_sine_period_s)
     return _profile(asked.speed_m_s, [(step.at_s, step.speed_m_s) for step in asked.speed_steps])
@@ -148,7 +148,7 @@ def _profile(first: float, steps: list[tuple[float, float]]) -> Profile:
 
 
 def path_of(scene: Any) -> Path | None:
-    """Return the path, if there is one; ValueError if there can be no such path."""
+    """Return the path, or None without a path; ValueError if the path is not possible."""
     kind = scene.reference.kind
     if named.is_own(kind):
         path: Path = part_named(PATH, kind, scene.reference)
@@ -180,11 +180,11 @@ MAKERS: dict[str, Callable[[Any], Path]] = {
     "way_points": lambda scene: WayPoints(_points(scene), scene.reference.radius_m),
     "pipe": _pipe,
 }
-"""Maker of the path of each kind of reference that is one."""
+"""Function that makes the path, for each kind of reference with a path."""
 
 
 def _begin(scene: Any) -> tuple[tuple[float, float], float]:
-    """Return where a path begins, and its direction there: as said, or in the middle of the worm and along it."""
+    """Return the start of a path and the direction there: as given, or the middle of the worm and its direction."""
     asked = scene.reference
     azimuth = scene.start.azimuth_deg if asked.azimuth_deg is None else asked.azimuth_deg
     if asked.start_m is not None:
@@ -195,7 +195,7 @@ def _begin(scene: Any) -> tuple[tuple[float, float], float]:
 
 
 def middle_of(scene: Any) -> tuple[float, float]:
-    """Return where the middle of the worm begins [m]."""
+    """Return the initial position of the middle of the worm [m]."""
     x, y, _ = start_of(scene, worm_of(scene), world_of(scene.world)).joints[[0, -1]].mean(axis=0)
     return float(x), float(y)
 
@@ -205,11 +205,11 @@ def _points(scene: Any) -> FloatArray:
 
 
 def _farthest(scene: Any) -> float:
-    """Return how far the worm is asked to go, and a body length more [m]."""
+    """Return the largest distance that the worm is asked to cover, plus one body length [m]."""
     speeds = speeds_of(scene)
     return float(max(np.cumsum(speeds).max(), 0.0) / len(speeds) * scene.run.duration_s + scene.worm.length_m)
 
 
 def speeds_of(scene: Any) -> FloatArray:
-    """Return the speeds that are asked for in a run, at instants that are equally far apart [m/s]."""
+    """Return the desired speeds during a run, at equally spaced instants [m/s]."""
     return np.asarray(speed_of(scene.reference)(np.linspace(0.0, scene.run.duration_s, 1001)), dtype=float)

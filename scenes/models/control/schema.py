@@ -1,4 +1,4 @@
-"""Sections of a scene in which a controller drives the 3D worm: the controller, its sensors and its reference."""
+"""Sections of a scene in which a controller drives the 3D worm: controller, sensors and reference."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from scenes.models.switched import switched_keys
 from scenes.models.worm.schema import SpatialScene
 
 AUTO: Literal["auto"] = "auto"
-"""Name of the wave that is chosen as a run begins."""
+"""Name for a wave that is chosen at the beginning of a run."""
 
 
 def _listed(registry: Mapping[str, Listed], what: str = "") -> Key:
-    """Return the key that names one of a registry; the first is the default."""
+    """Return the key that names an entry of a registry; the first entry is the default."""
     title = "; ".join(f"{name}: {listed.title}" for name, listed in registry.items())
     return part_key(tuple(registry), meaning=what + title, aka=() if what else ("type",))
 
 
 def _parts_keys(registry: Mapping[str, type], what: str) -> Keys:
-    """Return the keys of a section with the parts of a registry: which of them count, and the parameters of each."""
+    """Return the keys of a section of parts from a registry: the list of used parts, and the parameters of each."""
     keys: Keys = {
         "parts": parts_key(tuple(registry), meaning=f"which {what} count, in any order: {meanings(registry)}")
     }
@@ -85,11 +85,11 @@ class Controller(
 
 
 class Cost(PartSection, keys=_parts_keys(TERMS, "terms"), holds={"parts": TERM}):
-    """Cost of a plan: its terms, and what weighs 1 in each."""
+    """Cost of a plan: the terms, and for each term the error that costs 1."""
 
 
 class Constraints(PartSection, keys=_parts_keys(CONSTRAINTS, "constraints"), holds={"parts": CONSTRAINT}):
-    """Soft constraints of a plan, and what weighs 1 in each."""
+    """Soft constraints of a plan, and for each constraint the excess that costs 1."""
 
 
 class Sensor(ChannelSection, keys=channel_keys()):
@@ -97,7 +97,7 @@ class Sensor(ChannelSection, keys=channel_keys()):
 
 
 class Faults(PartSection, keys=switched_keys(INJECTED), holds={ITSELF: FAULT}):
-    """Faults that are put in on purpose, of which the controller is told nothing; any that are asked for by name."""
+    """Faults injected on purpose, each switched on by name; the controller gets no information about them."""
 
 
 class ControlScene(SpatialScene):

@@ -1,4 +1,4 @@
-"""Path and predicted way of a controlled run, for its pictures."""
+"""Path and predicted path of a controlled run, for the pictures."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 ABOVE = 0.004
-"""Height of lines over the ground, so that they are seen [m]."""
+"""Height of lines above the ground, so that they are visible [m]."""
 OBSTACLE = (1.0, 0.5, 0.05)
 """Colour of obstacles."""
 
 
 def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
-    """Return the period, the path, obstacles and, at the stored instants, the predicted way and the speed asked for.
+    """Return the period, the path, obstacles and, at the stored instants, the predicted path and the desired speed.
 
-    What there is of them is there, as arguments of `worm3d.results.pictures.arrays`.
+    Missing items are left out; the others are arguments of `worm3d.results.pictures.arrays`.
     """
     from scenes.models.control.record import path_points
     from scenes.models.control.reference import speed_of  # imports the solvers
@@ -51,7 +51,7 @@ def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
 
 
 def path_seen(record: Record, scene: ControlScene) -> Path | None:
-    """Return the path of a stored run; that of a module of a user's own as it was stored, for nothing is imported."""
+    """Return the path of a stored run; a user's own path is read from the record, without importing its module."""
     from scenes.models.control.record import stored_path
     from scenes.models.control.reference import path_of
 
@@ -59,18 +59,18 @@ def path_seen(record: Record, scene: ControlScene) -> Path | None:
 
 
 def reference_seen(record: Record, scene: ControlScene) -> Reference:
-    """Return what the worm of a stored run was asked to do, with `path_seen`."""
+    """Return the task of the worm in a stored run, with `path_seen`."""
     from control.tracking.references import Reference
     from scenes.models.control.reference import reference_along, speed_of
 
     path = path_seen(record, scene)
     if path is None and is_own(scene.reference.kind):
-        return Reference(speed_of(scene.reference))  # an earlier version stored no path, whose bounds mean nothing
+        return Reference(speed_of(scene.reference))  # from an earlier version, without a stored path or bounds
     return reference_along(scene, path)
 
 
 def _obstacles(reference: Reference, record: Record, scene: ControlScene) -> list[WorldMesh]:
-    """Return the obstacles of a reference as prisms that are as high as the worm."""
+    """Return the obstacles of a reference as prisms of the height of the worm."""
     height, found = np.array([0.0, 0.0, np.ptp(record["points"][0, ..., 2])]), []
     for k, obstacle in enumerate(reference.obstacles):
         foot = _raised(obstacle.outline(), record, scene)
@@ -80,13 +80,13 @@ def _obstacles(reference: Reference, record: Record, scene: ControlScene) -> lis
 
 
 def period(record: Record) -> float | None:
-    """Return the mean commanded period [s]; None for a worm that was not told to move."""
+    """Return the mean commanded period [s]; None for a worm without a command to move."""
     waves = float(record["waves"][-1] - record["waves"][0])
     return float(record["time"][-1] - record["time"][0]) / waves if waves > 0.0 else None
 
 
 def _horizons(record: Record) -> FloatArray:
-    """Return the way predicted by the latest decision at each instant; where there is none, the place of the worm."""
+    """Return the path predicted by the latest decision at each instant; without a prediction, the position."""
     ways, time = record["horizon"], record["time"]
     latest = np.clip(np.searchsorted(record["decision_time"], time + 1e-9) - 1, 0, len(ways) - 1)
     at = ways[latest]
@@ -95,7 +95,7 @@ def _horizons(record: Record) -> FloatArray:
 
 
 def horizon_of(decisions: Callable[[], Sequence[Decision]], scene: ControlScene) -> Horizon:
-    """Return what shows, while a run goes on, the way that the latest decision predicted, if it predicted one."""
+    """Return a function that shows, during a run, the path predicted by the latest decision, if any."""
 
     def horizon(time: float, com: FloatArray) -> FloatArray | None:
         latest = next((each for each in reversed(decisions()) if each.time <= time + 1e-9), None)

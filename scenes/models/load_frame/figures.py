@@ -1,4 +1,4 @@
-"""Figures of a load frame's run; each returns (figure, axes) and is named after its file."""
+"""Figures of a load frame's run; each function returns (figure, axes) and has the name of the file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from scenes.records.record import Record
 
 
 def force_over_cable(record: Record) -> tuple[Figure, Axes]:
-    """Draw the force in the cable over the cable taken in, and what was measured where that is still to be read."""
+    """Draw the force in the cable over the cable taken in, and the measured force if the file can still be read."""
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes = figure.subplots()
     if found := _measured(record):
@@ -32,20 +32,20 @@ def force_over_cable(record: Record) -> tuple[Figure, Axes]:
 
 
 def _measured(record: Record) -> Record | None:
-    """Return the measurement that gave the cable's way, if it has the force too."""
+    """Return the measurement that gave the cable's motion, if the measurement also has the force."""
     scene = trusted(LoadFrameScene, own.without(LoadFrameScene, tomllib.loads(record.scene)))
     path = file_of(scene.frame)
     if path is None:
         return None
     try:
         found = measured.load(path)
-    except (SceneError, DiscError):  # it may have been moved since
+    except (SceneError, DiscError):  # the file may have been moved
         return None
     return found if "force" in found and found["force"].ndim == 1 else None
 
 
 def energy(record: Record) -> tuple[Figure, Axes]:
-    """Draw where the work of the cable goes, summed over the steps."""
+    """Draw the use of the work of the cable, summed over the steps."""
     incoming, stored = ({name: np.cumsum(record[key])} for name, key in (("the cable", "work"), ("elastic", "elastic")))
     lost = {"joint friction": np.cumsum(record["hysteresis_loss"]), "damping": np.cumsum(record["viscous_loss"])}
     title = f"{record.title}: energy, summed over the steps"

@@ -1,7 +1,8 @@
-"""The model `load_frame`: one segment of the 3D worm, whose hoop cable is taken in and let out again.
+"""The model `load_frame`: one segment of the 3D worm, with a hoop cable that is taken in and let out.
 
-With the cable's way u and kappa = cable_per_diameter the half-height of the chambers is h = h0 - u/(2 kappa), and the
-length of the segment l = 2 sqrt(a^2 - h^2). What the cable pulls is the segment's pull P times dl/du = 2 h/(kappa l).
+For the length u of cable taken in and kappa = cable_per_diameter, the chambers have the half-height
+h = h0 - u/(2 kappa), and the segment has the length l = 2 sqrt(a^2 - h^2). The force in the cable is the segment's
+pull P times dl/du = 2 h/(kappa l).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ OF_A_WORM = (
     "cost_of_transport",
     "newton_iterations_mean",
 )
-"""Figures of every summary that a segment alone does not have."""
+"""Entries of every summary that do not exist for a single segment."""
 
 LENGTH = KEYS["length"]
 
@@ -54,7 +55,7 @@ MOST_STEPS = 1_000_000
 
 
 def worm_of(scene: LoadFrameScene) -> PlantWorm:
-    """Return the worm of one segment that a scene describes."""
+    """Return the worm of one segment described by a scene."""
     hysteresis = part_named(HYSTERESIS, scene.hysteresis.kind, scene.hysteresis)
     return part_of(PlantWorm, scene.worm, segments=1, hysteresis=hysteresis)
 
@@ -65,7 +66,7 @@ def instants(scene: LoadFrameScene) -> FloatArray:
 
 
 def file_of(frame: Frame) -> Path | None:
-    """Return the file of the section [frame], or the one that comes with the program; None without one."""
+    """Return the file of the section [frame], or the shipped file of that name; None without a file."""
     if frame.file == NO_FILE:
         return None
     path, shipped = Path(frame.file), SHIPPED / frame.file
@@ -73,7 +74,7 @@ def file_of(frame: Frame) -> Path | None:
 
 
 def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
-    """Return the cable taken in at some times, shape (T,) [m]; before and after a file's instants it is held."""
+    """Return the cable taken in at given times, shape (T,) [m]; constant before and after the instants of a file."""
     path = file_of(frame)
     if path is None:
         way = frame.speed_m_s * time % (2.0 * frame.cable_m)
@@ -85,7 +86,7 @@ def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _measured_cable(path: Path, changed: tuple[int, int] | None) -> tuple[FloatArray, FloatArray]:
-    """Return instants [s] and the cable taken in [m] of a file as it was changed last; fits and sweeps ask often."""
+    """Return the instants [s] and the cable taken in [m] of a file; cached by its last change for fits and sweeps."""
     record = measured.load(path)
     if "cable" not in record or record.variable("cable").units != "m" or record["cable"].ndim != 1:
         raise SceneError(f"{path}: no column of the cable taken in, must have one named cable_mm (or cable_m)")
@@ -101,7 +102,7 @@ def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[Floa
     Raises
     ------
     ValueError
-        The cable would be taken in so far that nothing is left of the diameter, or let out beyond flat links.
+        The cable would be taken in so far that no diameter is left, or let out beyond flat links.
     """
     link, h0 = float(worm.link_length[0]), float(np.ravel(worm.half_height)[0])
     height = h0 - cable / (2.0 * per_diameter)
@@ -115,7 +116,7 @@ def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[Floa
 
 
 def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
-    """Pull the segment of a scene."""
+    """Pull on the segment of a scene."""
     begun = perf_counter()
     time = instants(scene)
     worm, cable = worm_of(scene), cable_of(scene.frame, time)
@@ -149,7 +150,7 @@ def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
 def _summary(
     time: FloatArray, taken: FloatArray, work: FloatArray, peak: float, pulled: segment_law.Stretch
 ) -> dict[str, float | None]:
-    """Return the figures of `summary.json`; `taken` is the cable taken in by each step, shape (S,) [m]."""
+    """Return the entries of `summary.json`; `taken` is the cable taken in by each step, shape (S,) [m]."""
     put_in, given_back = float(work[taken > 0.0].sum()), -float(work[taken < 0.0].sum())
     uses = {
         "hysteresis": float(pulled.hysteresis_loss.sum()),
@@ -170,7 +171,7 @@ def _summary(
 
 
 def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, run: Run) -> Found:
-    """Tell what the frame refuses: a file without a cable, or more cable than the segment has."""
+    """Report errors of the frame: a file without a cable, or more cable than the segment has."""
     scene = LoadFrameScene(model="load_frame", worm=worm, hysteresis=hysteresis, frame=frame, run=run)
     try:
         cable = cable_of(scene.frame, instants(scene))

@@ -1,4 +1,4 @@
-"""The overview of a load frame's run: force over the cable that is taken in."""
+"""The overview of a load frame's run: force over the cable taken in."""
 
 from __future__ import annotations
 

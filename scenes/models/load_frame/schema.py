@@ -1,4 +1,4 @@
-"""Scene of a load frame: a segment of the 3D worm, the friction in its joints, and how its hoop cable is taken in."""
+"""Scene of a load frame: a segment of the 3D worm, the friction in its joints, and the motion of the hoop cable."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from worm3d.physics.worm import Worm as PlantWorm
 NO_FILE = "none"
 
 OF_A_SEGMENT = ("length", "half_height", "k_spring", "k_apex", "kelvin_voigt_time")
-"""Parameters of the worm that its segment alone depends on."""
+"""Parameters of the worm that affect a single segment."""
 
 
 class Worm(PartSection, keys=keys_of(PlantWorm, these=OF_A_SEGMENT, bounds=BODY_BOUNDS)):
-    """The worm, of one segment: its keys mean what they mean in a whole worm."""
+    """The worm, with one segment: the keys have the same meaning as in a whole worm."""
 
 
 class Frame(Section):
-    """How the hoop cable around the segment is taken in: as a file says, or there and back at a constant speed."""
+    """Motion of the hoop cable around the segment: from a file, or in and out at a constant speed."""
 
     file: str = setting(
         NO_FILE,

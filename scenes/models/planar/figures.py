@@ -29,7 +29,7 @@ def cumulative_cost(record: Record) -> tuple[Figure, Axes]:
 
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
-    """Draw where the energy comes from and goes to, summed over the steps."""
+    """Draw the supply and the use of energy, summed over the steps."""
 
     def summed(names: dict[str, str]) -> dict[str, FloatArray]:
         return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
@@ -56,13 +56,13 @@ def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
 
 
 def contraction(record: Record) -> tuple[Figure, Axes]:
-    """Draw what each segment was told to do."""
+    """Draw the commanded contraction of each segment."""
     title = f"{record.title}: commanded contraction"
     return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
 
 
 def published_com(record: Record) -> tuple[Figure, Axes]:
-    """Draw the centre of mass along the ground, and the one that the program reports."""
+    """Draw the centre of mass along the ground, and the centre of mass reported by the program."""
     curves = {"all nodes": record["com"][:, 0], "as the program reports it": record["reported_com"]}
     return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
 

@@ -1,4 +1,4 @@
-"""The model `planar_linkage`: the corrected planar worm, run from a scene and turned into a record."""
+"""The model `planar_linkage`: simulation of the corrected planar worm from a scene, and the record of the run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 SHORTEST_STEP = 1e-6
-"""Steps that move the centre of mass no further are left out of the cumulative cost of transport [m]."""
+"""Steps that move the centre of mass by less are left out of the cumulative cost of transport [m]."""
 
 ADVICE = (
     "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
@@ -76,7 +76,7 @@ def cumulative_cost(work: FloatArray, com_x: FloatArray) -> FloatArray:
 
 
 def merits(scene: LinkageScene, result: linkage.Run) -> dict[str, float | None]:
-    """Return the figures of `summary.json` of one run."""
+    """Return the entries of `summary.json` of one run."""
     ledger, worm = result.ledger, result.worm
     travel = Travel.of(result.com, result.time, scene.gait.period_s)
     work = float(ledger.work_contract.sum())
@@ -97,7 +97,7 @@ def merits(scene: LinkageScene, result: linkage.Run) -> dict[str, float | None]:
 
 
 def reasons(summary: dict[str, float | None]) -> dict[str, str]:
-    """Return why figures of one run may have no value."""
+    """Return the reasons for entries without a value."""
     return {
         **dict.fromkeys(("path_length_m", "mean_speed_m_s", "speed_BL_per_period"), SHORT_RUN),
         **dict.fromkeys(("newton_iterations_mean", "cumulative_cot_J_per_m"), NO_STEP),
@@ -120,7 +120,7 @@ def _variables(scene: LinkageScene, result: linkage.Run) -> tuple[Variable, ...]
 
 
 def states(result: linkage.Run, every: int) -> tuple[Variable, ...]:
-    """Return where the worm was, and what it was told, at every so many instants."""
+    """Return the position and the commands of the worm after each `every` steps."""
     stored, time = slice(None, None, every), ("time",)
     apexes = result.apexes[stored]
     return (
@@ -168,7 +168,7 @@ def _energies(result: linkage.Run) -> tuple[Variable, ...]:
 
 
 POINTS = ("joint", "top_apex", "bottom_apex")
-"""Variables of joints and apexes, as overview and movie draw them."""
+"""Variables of joints and apexes for overview and movie."""
 
 
 def _overview(record: Record) -> Image:
@@ -176,7 +176,7 @@ def _overview(record: Record) -> Image:
 
 
 def animate(record: Record) -> Movie:
-    """Return the movie of a record that holds the states of a worm."""
+    """Return the movie of a record that contains the states of a worm."""
     contraction = record["contraction"]
     most = np.abs(contraction[record["time"] <= MOVIE_S]).max() or 1.0
     return movie(record, POINTS, contraction / most)

@@ -1,4 +1,4 @@
-"""Scene of the corrected planar worm: its sections, its checks, and what the model makes of it."""
+"""Scene of the corrected planar worm: sections, checks, and construction of the model."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def simulate(scene: LinkageScene, observer: Observer) -> linkage.Run:
     Raises
     ------
     ValueError
-        The worm is refused, or its weight would flatten it (`LimitPointError`).
+        The worm is refused, or the weight would flatten the worm (`LimitPointError`).
     """
     return linkage.simulate(
         worm_of(scene.worm),
@@ -89,23 +89,23 @@ def simulate(scene: LinkageScene, observer: Observer) -> linkage.Run:
 
 
 def worm_of(worm: Worm) -> linkage.Linkage:
-    """Return the worm that the section [worm] describes."""
+    """Return the worm described by the section [worm]."""
     return part_of(linkage.Linkage, worm)
 
 
 def gait_of(scene: LinkageScene) -> Gait:
-    """Return the gait as the worm wants it: time [s] -> contraction of each segment, shape (N,)."""
+    """Return the gait in the form for the worm: time [s] -> contraction of each segment, shape (N,)."""
     wave, segments = gait_from(scene.gait, scene.run.dt_s), scene.worm.segments
     return lambda t: wave.amplitude * wave.activation(t, segments)
 
 
 def _can_start(mass_kg: float | None, worm: Worm, friction: Friction, ground: Ground, gait: LinkageGait) -> str | None:
-    """Tell what the model refuses: a worm that its weight would flatten, or one too small for its numbers."""
+    """Return the model's error for an impossible worm: flattened by the weight, or too small for its numbers."""
     scene = LinkageScene(model="planar_linkage", worm=worm, friction=friction, ground=ground, gait=gait)
     try:
         with np.errstate(all="ignore"):
             if _is_flattened(scene):
-                simulate(scene, lambda done: False)  # which says how far beyond the limit point it is
+                simulate(scene, lambda done: False)  # the error gives the distance beyond the limit point
     except (ValueError, ArithmeticError) as error:
         return in_keys(str(error), KEYS)
     return None
@@ -118,7 +118,7 @@ def _is_flattened(scene: LinkageScene) -> bool:
 
 
 FRICTION = ("friction", "worm.segments")
-"""Keys that say whether friction has a number for each segment."""
+"""Keys that decide whether friction has a value for each segment."""
 
 RULES = (
     *RUN_CHECKS,
@@ -126,11 +126,11 @@ RULES = (
     building(worm_of, "worm"),
     building(lambda friction, segments: part_of(linkage.Friction, friction).coefficients(segments), *FRICTION),
 )
-"""Checks that need no worm."""
+"""Checks that do not start the worm."""
 
 CHECKS = (
     *RULES,
     memory_check(bytes_per_step),
     Check(("worm.mass_kg", "worm", "friction", "ground", "gait"), _can_start),
 )
-"""All checks: the model, too, refuses scenes, such as a worm that its weight would flatten."""
+"""All checks, including errors of the model itself, such as for a weight that would flatten the worm."""

@@ -1,4 +1,4 @@
-"""Figures of merit that all planar models share, and why one of them may have no value."""
+"""Figures of merit of all planar models, and reasons for missing values."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ NO_STEP = "no step was finished"
 
 @dataclass(frozen=True)
 class Travel:
-    """How far and how fast the centre of mass went."""
+    """Distance and speed of the centre of mass."""
 
     distance: float
     """Displacement along x [m]."""
     path_length: float | None
     mean_speed: float | None
-    """Path [m] and speed [m/s] along x, of the centre of mass averaged over a period, which removes its rocking; None
-    without a step, and the speed if the run is shorter than a period."""
+    """Path [m] and speed [m/s] along x of the centre of mass, averaged over a period to remove the rocking; None
+    without a step. The speed is also None if the run is shorter than a period."""
 
     @classmethod
     def of(cls, com: FloatArray, time: FloatArray, period: float) -> Travel:
@@ -44,7 +44,7 @@ class Travel:
 def common(
     run: published.Run | linkage.Run, travel: Travel, works: tuple[float, float], weight: float, balance_error: float
 ) -> dict[str, float | None]:
-    """Return the metrics that every model has; works of contraction and of friction [J], weight [N]."""
+    """Return the metrics of every planar model; works of contraction and of friction [J], weight [N]."""
     work, friction = works
     return {
         "duration_s": float(run.time[-1]),
@@ -71,12 +71,12 @@ def movie(record: Record, names: tuple[str, str, str], activation: FloatArray) -
 
 
 def cost_of_transport(work: float, weight: float, distance: float) -> float | None:
-    """Return W / (m g d); None without weight, without way forward, or if the worm was driven rather than driving."""
+    """Return W / (m g d); None without weight, without distance, or if the environment drove the worm."""
     return work / (weight * distance) if work >= 0.0 and weight * distance > 0.0 else None
 
 
 def no_cost_because(work: float | None, distance: float | None, supplier: str) -> str:
-    """Return why there is no cost of transport; `supplier` says where the energy of negative net work is from."""
+    """Return why there is no cost of transport; `supplier` names the energy source for negative net work."""
     if work is not None and work < 0:
         return f"the net work of the contraction is negative ({work:.4g} J): {supplier}"
     if distance is not None and distance <= 0:

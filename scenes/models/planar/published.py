@@ -1,4 +1,4 @@
-"""The model `planar_published`: the paper's program, its scene, its run and what a record keeps of it."""
+"""The model `planar_published`: the program of the paper, with scene, run and record."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PublishedGait(
 
 
 class Ground(PartSection, keys=keys_of(Parameters, these=("ground_clearance",))):
-    """The ground that the connectors may touch."""
+    """The ground that the connectors can touch."""
 
 
 class Solver(PartSection, keys=keys_of(Parameters, these=SOLVER, bounds=SOLVER)):
@@ -95,7 +95,7 @@ def run(scene: PublishedScene, observer: Observer) -> Outcome:
         observer=observer,
     )
     wall_s = perf_counter() - start
-    # The last steps before a divergence may overflow; what becomes of the figures then has a reason.
+    # The last steps before a divergence may overflow; a reason explains the missing values in the summary.
     with np.errstate(all="ignore"):
         summary = _summary(scene, result)
         return Outcome(
@@ -109,14 +109,14 @@ def run(scene: PublishedScene, observer: Observer) -> Outcome:
 
 
 def parameters_of(scene: PublishedScene) -> Parameters:
-    """Return the program's constants as the scene sets them."""
+    """Return the constants of the program as set in the scene."""
     return part_of(Parameters, scene.worm, scene.friction, scene.gait, scene.ground, scene.solver)
 
 
 def gait_of(scene: PublishedScene) -> Gait:
-    """Return the gait, of which the program takes the activation."""
+    """Return the gait; the program uses only the activation."""
     wavelength = scene.gait.wavelength_m / scene.worm.length_m
-    return gait_from(scene.gait, scene.run.dt_s, wavelength=wavelength, force=0.0)  # force_N is the program's
+    return gait_from(scene.gait, scene.run.dt_s, wavelength=wavelength, force=0.0)  # force_N is a key of the program
 
 
 def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, ...]:
@@ -171,7 +171,7 @@ def _reasons(summary: dict[str, float | None]) -> dict[str, str]:
 
 
 NODES = ("main_node", "top_node", "bottom_node")
-"""Variables of the nodes, as overview and movie draw them."""
+"""Variables of the nodes for overview and movie."""
 
 
 def _overview(record: Record) -> Image:

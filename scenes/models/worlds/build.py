@@ -1,4 +1,4 @@
-"""From the section [world] to the world of the plant."""
+"""Construction of the plant's world from the section [world]."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenes.language.parts import part_named
 from scenes.models.worlds.schema import NONE, Patch, Piece, World
 
 SHIPPED = Path(__file__).parents[2]
-"""Folder of the files that come with the program."""
+"""Folder of the shipped files."""
 
 
 def _plane(world: World) -> worm3d.Plane:
@@ -39,12 +39,12 @@ def _slope_into_pipe(world: World) -> worm3d.Union:
 
 
 def _pieces(world: World) -> list[worm3d.Straight | worm3d.Bend]:
-    return [_piece(piece) for piece in world.pieces] or [worm3d.Straight(1.0)]  # a pipe goes on beyond its ends
+    return [_piece(piece) for piece in world.pieces] or [worm3d.Straight(1.0)]  # a pipe continues beyond both ends
 
 
 def _piece(piece: Piece) -> worm3d.Straight | worm3d.Bend:
     if piece.bend_deg is None or piece.bend_radius_m is None:
-        assert piece.straight_m is not None  # `pieces_are_one_thing` has looked
+        assert piece.straight_m is not None  # checked by `pieces_are_one_thing`
         return worm3d.Straight(piece.straight_m)
     return worm3d.Bend(math.radians(piece.bend_deg), piece.bend_radius_m, piece.towards)
 
@@ -77,13 +77,13 @@ def _heightfield(world: World) -> worm3d.Heightfield:
 
 
 def _mesh(world: World) -> worm3d.Mesh:
-    """Return the world of a section's mesh file."""
+    """Return the world from the mesh file of a section."""
     units = None if world.units == "unknown" else world.units
     return worm3d.Mesh(_file_of(world), units, world.solid, world.cell_m, world.up, grip=world.grip)
 
 
 def _file_of(world: World) -> Path:
-    """Return the file of a section: as it says, or among those that come with the program."""
+    """Return the file of a section: the given path, or the shipped file of that name."""
     path = Path(world.file)
     shipped = SHIPPED / path.name
     return shipped if not os.path.exists(path) and path.name == world.file and os.path.isfile(shipped) else path
@@ -97,11 +97,11 @@ WORLDS: dict[str, Callable[[World], Any]] = {
     "mesh": _mesh,
     NONE: lambda world: None,
 }
-"""Maker of each `kind` of world of which the keys are written out."""
+"""Function that makes the world, for each `kind` whose keys are written in the schema."""
 
 
 def world_of(world: World) -> worm3d.World | None:
-    """Return the world that a section describes; None if there is nothing."""
+    """Return the world described by a section; None if there is no world."""
     if world.kind in WORLDS:
         built: worm3d.World | None = WORLDS[world.kind](world)
         return built

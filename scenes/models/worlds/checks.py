@@ -1,4 +1,4 @@
-"""What is wrong with the world of a scene though each of its keys is right."""
+"""Checks of a world whose keys are each valid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BEND = ("bend_deg", "bend_radius_m")
 
 
 def pieces_are_one_thing(pieces: Sequence[Mapping[str, Any]]) -> str | None:
-    """Tell of a piece that is not either straight or a bend."""
+    """Report a piece that is neither straight nor a bend, or is both."""
     for number, piece in enumerate(pieces):
         straight, bend = piece.get("straight_m") is not None, [piece.get(key) is not None for key in BEND]
         if straight == any(bend) or any(bend) != all(bend):
@@ -53,7 +53,7 @@ def _worm_fits(
     chamber_offset_m: float,
     tail_m: Any,
 ) -> Found:
-    """Tell of a worm wider at rest than the pipe that it starts in."""
+    """Report a worm that is wider at rest than the pipe in which it starts."""
     if kind != PIPE:
         return None
     pipe = 2.0 * (float(radii[0]["radius_m"]) if radii and tail_m[0] <= radii[0]["at_m"] else radius_m)
@@ -130,7 +130,7 @@ def _step_has_a_tread(ramp_m: float, size_m: float, surface: str, kind: str) -> 
 
 
 def _world_can_be_made(file: str, world: World) -> Found:
-    """Tell what a mesh or picture file says of itself when it is read."""
+    """Report the errors that are found when a mesh or picture file is read."""
     if world.kind not in FILES:
         return None
     try:
@@ -165,4 +165,4 @@ WORM_IN_PIPE_CHECKS = (
         _worm_fits,
     ),
 )
-"""For worms with chambers beside each other."""
+"""Checks for worms with two chambers side by side."""

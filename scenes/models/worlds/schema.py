@@ -1,7 +1,8 @@
-"""The section [world]: what the worm crawls on.
+"""The section [world]: the surfaces around the worm.
 
-A world with a name in `worm3d.worlds.WORLDS` is a `kind` without further ado: its keys are its parameters. The others
-have keys that are written out here (`only` says for which kind), and a function in `build.WORLDS`.
+A world with a name in `worm3d.worlds.WORLDS` is a `kind` without further code: the parameters of the world are the
+keys. The keys of the other kinds are written in this module (`only` names the kind), and a function in
+`build.WORLDS` makes the world.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ PIPE, SLOPE_INTO_PIPE = "pipe", "slope_into_pipe"
 PIPES, FILES = (PIPE, SLOPE_INTO_PIPE), (HEIGHTFIELD, MESH)
 
 WRITTEN = (PLANE, PIPE, SLOPE_INTO_PIPE, HEIGHTFIELD, MESH)
-"""Kinds of which the keys are written out."""
+"""Kinds whose keys are written in this module."""
 
 NO_FILE = "none"
-"""Stands for a file that is not given."""
+"""Value for a missing file."""
 
 
 def _kinds() -> dict[str, type]:
-    """Return the class of each kind of world, without parameters where its keys are written out."""
+    """Return the class of each kind of world; without parameters for kinds whose keys are written in this module."""
     bare = make_dataclass("Bare", ())
     return {**dict.fromkeys(WRITTEN, bare), **dict(sorted(WORLDS.items())), NONE: bare}
 
@@ -38,15 +39,15 @@ NAMED = keys_of(
     meaning="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
     f"{meanings(WORLDS)}; none: nothing there",
 )
-"""Keys of the kinds of world that are found by name, and which one it is."""
+"""Keys of the kinds of world that are found by name, and the key `kind`."""
 
 
 class KindOfWorld(PartSection, keys={"kind": NAMED["kind"]}):
-    """Which kind of world it is."""
+    """The kind of world."""
 
 
 class Patch(Section):
-    """A rectangle of the plane with another friction."""
+    """A rectangle of the plane with different friction."""
 
     grip: float = setting(ge=0, meaning="multiplier of the friction coefficients")
     along_m: Pair | None = setting(
@@ -92,7 +93,7 @@ class Piece(Section):
 
 
 class Radius(Section):
-    """A place along a pipe and its inner radius there; between two places the wall is a cone with rounded edges."""
+    """A position along a pipe with an inner radius; between two positions the wall is a cone with rounded edges."""
 
     at_m: float = setting(unit="m", meaning="how far along the pipe")
     radius_m: float = setting(unit="m", gt=0, meaning="inner radius there")
@@ -199,11 +200,11 @@ class MeshKeys(Section):
 
 
 class WrittenKeys(MeshKeys, TerrainKeys, PipeKeys, PlaneKeys, KindOfWorld):
-    """Keys of the kinds of which they are written out; the last class comes first in a written scene."""
+    """Keys of the kinds written in this module; a written scene lists the keys of the last base class first."""
 
 
 def _shared(name: str, known: Key) -> Key:
-    """Return a key of kinds that are found by name; one that is written out too is for those kinds beside its own."""
+    """Return a key of kinds found by name; a key that is also written in this module is for both groups of kinds."""
     written = keys_in(WrittenKeys).get(name)
     if written is None:
         return known
@@ -211,4 +212,4 @@ def _shared(name: str, known: Key) -> Key:
 
 
 class World(WrittenKeys, keys={name: _shared(name, known) for name, known in NAMED.items()}, holds={"kind": WORLD}):
-    """What the worm crawls on."""
+    """The surfaces around the worm."""

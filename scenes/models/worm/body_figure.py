@@ -21,29 +21,29 @@ if TYPE_CHECKING:
 
 
 INSTANTS = 5
-"""Number of bodies drawn one below the other."""
+"""Number of instants drawn, one below the other."""
 
 STEEP = 2.0
-"""Least ratio of height to length and width of a worm that climbs steeply."""
+"""Smallest ratio of height to length and width for a worm that is drawn as climbing steeply."""
 
 BAR = 2.5
 """Largest length of a colour bar [inch]."""
 
 WALLED = ("pipe", "slope_into_pipe", "mesh")
-"""Worlds of which a level section shows walls."""
+"""Worlds whose walls appear in a horizontal section."""
 
 FINE = 250
-"""Number of places along each side at which a section is looked up."""
+"""Number of positions along each side at which a section is evaluated."""
 
 DEEP = -1e3
-"""Depth that stands for minus infinity in a picture [m]."""
+"""Depth that represents minus infinity in a picture [m]."""
 
 
 def body(record: Record) -> tuple[Figure, Axes]:
-    """Draw the worm at a few instants, coloured by the contraction that the actuators give (not by its strain).
+    """Draw the worm at a few instants, coloured by the contraction from the actuators (not by the strain).
 
-    From the side and from above, one instant below the other; one that climbs steeply from the side alone, one instant
-    beside the other.
+    The views are from the side and from above, one instant below the other. A worm that climbs steeply is drawn from
+    the side only, with the instants next to each other.
     """
     rows = np.unique(np.linspace(0, len(record["time"]) - 1, INSTANTS).round().astype(int))
     joints, points = (in_its_frame(record, record[name][rows]) for name in ("joints", "points"))
@@ -102,9 +102,9 @@ def _label_tall(grid: NDArray[Any], times: list[str]) -> None:
 
 
 def _stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], Axes]:
-    """Return a figure with a side and a top view for each instant, all in one scale, their axes, and a colour bar's.
+    """Return a figure with a side and a top view for each instant, all to one scale, and the axes of a colour bar.
 
-    The places are counted in inches: matplotlib's own layout of so many axes takes longer than a run.
+    The layout is computed in inches: with so many axes, the layout of matplotlib takes longer than a run.
     """
     tall = float(max(span[1], span[2]))
     scale = min(4.2 / span[0], 10.0 / (instants * tall))
@@ -113,7 +113,7 @@ def _stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], Axes]
 
 
 def _tall_stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], Axes]:
-    """Return what `_stage` does, with a side view alone for each instant, beside one another."""
+    """Return the same as `_stage`, with only a side view for each instant, next to each other."""
     scale = min(5.0 / span[2], 10.0 / (instants * span[0]))
     figure, grid, bar = _frame((1, instants), max(scale * span[0], 0.9), scale * span[2], gaps=(0.25, 0.0), top=0.8)
     for axes in grid[0]:
@@ -126,7 +126,7 @@ def _tall_stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], 
 def _frame(
     shape: tuple[int, int], wide: float, high: float, gaps: tuple[float, float], top: float
 ) -> tuple[Figure, NDArray[Any], Axes]:
-    """Return a figure with axes of one size, sizes in inches, and a colour bar that is not taller than needed."""
+    """Return a figure with axes of equal size, given in inches, and a colour bar no taller than needed."""
     (rows, columns), left, right, bottom = shape, 0.6, 1.0, 0.55
     width = left + columns * wide + (columns - 1) * gaps[0] + right
     height = bottom + rows * high + (rows - 1) * gaps[1] + top
@@ -147,9 +147,10 @@ def _frame(
 
 
 def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int) -> FloatArray:
-    """Return the outlines of one side's chambers (0 left, 1 right), seen along an axis, shape (N, 4, 2).
+    """Return the outlines of the chambers on one side (0 left, 1 right), seen along an axis, shape (N, 4, 2).
 
-    Seen from the side two corners are the apexes above and below; from above, the outward one and its mirror image.
+    In the side view, two corners are the upper and the lower apex; in the top view, the outward apex and its mirror
+    image.
     """
     below, above, outward = (points[:, 3 * side + k] for k in range(3))
     centre = 0.5 * (below + above)
@@ -160,7 +161,7 @@ def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int,
 
 
 def _section(axes: Axes, record: Record, world: World | None, com: FloatArray, across: int) -> None:
-    """Draw the section of what is solid, through the centre of mass: upright, and level where there are walls."""
+    """Draw vertical sections of solids through the centre of mass, and horizontal sections if there are walls."""
     if world is None or (across == 1 and scene_of(record).world.kind not in WALLED):
         return
     sides = [np.linspace(*limits, FINE) for limits in (axes.get_xlim(), axes.get_ylim())]

@@ -1,4 +1,4 @@
-"""Construction of the 3D worm, its world, its gait and its run from the settings of a scene."""
+"""Construction of the 3D worm, its world, gait and run from the settings of a scene."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Link
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
 
 PARTS = {"actuator": ACTUATOR, "hinge_actuator": ACTUATOR, "hysteresis": HYSTERESIS, "medium": MEDIUM, "load": LOAD}
-"""Kind of parts that a section of the 3D worm chooses from, by that section and parameter of `worm3d.Worm`."""
+"""Kind of the parts in each section of the 3D worm, by the name of section and parameter."""
 
 STEPS_BETWEEN_LOOKS = 50
-"""Steps between two looks at whether the user wants a run without a controller to end, about."""
+"""Approximate number of steps between two checks whether the user wants to stop a run without a controller."""
 
 EDGE = 1e-6
-"""Fraction of a time step by which a push begins late, so that rounding does not decide which step feels it."""
+"""Fraction of a time step by which a push is delayed, so that rounding does not decide in which step it starts."""
 
 Force = Callable[[float], NDArray[np.float64]]
 
@@ -67,20 +67,21 @@ def simulate(
     live: worm3d.Live | None = None,
     drive: Drive | None = None,
 ) -> worm3d.Result:
-    """Run the worm of a scene to its end, from its start or from a state after so many steps; its gait drives it.
+    """Run the worm of a scene to the end, from the start or from a state after `done` steps, driven by the gait.
 
-    `drive` is a controller in the place of the gait, and its sensor.
+    `drive` is a controller and a sensor that replace the gait.
 
     Raises
     ------
     SceneError
-        The worm's weight would flatten it, or the state is not of this worm: what only the compiled plant can tell.
+        The weight would flatten the worm, or the state is not of this worm. Only the compiled plant can detect these
+        errors.
     ValueError
         The worm is refused.
     """
     try:
         problem = problem_of(scene, state, done, drive)
-        # A run that ended between two stored states could not be gone on from without a gap.
+        # A run that ends between two stored states could not be continued without a gap.
         rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
         looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
@@ -95,7 +96,7 @@ def simulate(
 def problem_of(
     scene: AnyWormScene, state: worm3d.State | None = None, done: int = 0, drive: Drive | None = None
 ) -> Problem:
-    """Return what a scene simulates; parameters as of `simulate`."""
+    """Return the problem that a scene simulates; the parameters are those in `simulate`."""
     worm, world, run = worm_of(scene), world_of(scene.world), scene.run
     actuation, sensor = (gait_of(scene), sensor_of(scene)) if drive is None else drive
     return Problem(
@@ -118,7 +119,7 @@ def problem_of(
 
 
 def worm_of(scene: AnyWormScene) -> worm3d.Worm:
-    """Return the worm that the section [worm] describes."""
+    """Return the worm described by the section [worm]."""
     if isinstance(scene, PlanarWormScene):
         return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
     chosen: dict[str, Any] = {name: _part(name, kind, getattr(scene, name)) for name, kind in PARTS.items()}
@@ -126,7 +127,7 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
 
 
 def _part(name: str, kind: Kind, section: Any) -> Any:
-    """Return the part of a section; what it refuses of its parameters begins with the name of the section."""
+    """Return the part of a section; an error about a parameter of the part begins with the name of the section."""
     try:
         return part_named(kind, section.kind, section)
     except ValueError as error:
@@ -141,7 +142,7 @@ def friction_of(scene: AnyWormScene) -> worm3d.Friction:
 
 
 def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
-    """Return the gait of a scene that has one, with the reflexes that it asks for."""
+    """Return the gait of a scene with a gait, combined with the reflexes of the scene."""
     assert isinstance(scene, GaitScene)
     gait, asked = gait_from(scene.gait, scene.run.dt_s), scene.reflexes
     reflexes = switched_parts(REFLEX, asked)
@@ -149,7 +150,7 @@ def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
 
 
 def sensor_of(scene: AnyWormScene) -> Sensor | None:
-    """Return what makes the measurements that a gait with senses gets; None where it feels exactly, or nothing."""
+    """Return the sensor of a scene with a gait; None if the sensor signals are exact, or unused."""
     assert isinstance(scene, GaitScene)
     channels: dict[str, Any] = dict(channels_of(scene.sensor, getattr(gait_of(scene), "senses", ())))
     if all(each == Channel(noise=0.0) for each in channels.values()):
@@ -158,20 +159,20 @@ def sensor_of(scene: AnyWormScene) -> Sensor | None:
 
 
 def measures_of(scene: AnyWormScene) -> list[Measure]:
-    """Return the measures of a user's own that a scene asks for; ValueError where one is none."""
+    """Return the user's own measures in a scene; ValueError if a name is not a measure."""
     entered = {id(each.function): each for each in MEASURES.values() if each.function}
     found = [(name, named.own(name, MEASURE)) for name in scene.measures.parts]
     return [entered.get(id(part)) or part_named(MEASURE, name, getattr(scene.measures, name)) for name, part in found]
 
 
 def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:
-    """Return the acceleration of free fall, shape (3,) [m/s^2]."""
+    """Return the gravitational acceleration, shape (3,) [m/s^2]."""
     g = scene.run.gravity_m_s2
     return np.array([0.0, 0.0, -g] if isinstance(g, float | int) else g)
 
 
 def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World | None) -> worm3d.State:
-    """Return the state that the run starts from."""
+    """Return the initial state of the run."""
     start, azimuth, contraction = scene.start, 0.0, np.zeros((worm.segments, 2))
     if isinstance(start, AimedStart):
         azimuth = math.radians(start.azimuth_deg)
@@ -183,7 +184,7 @@ def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World 
 def force_of(push: Push, segments: int, dt: float) -> Force | None:
     """Return the push as forces over time, shape (N+1, 3) [N]; None if there is none.
 
-    A step is pushed if its end lies in (begin, begin + duration].
+    The force acts in a step if the end of the step lies in (begin, begin + duration].
     """
     if not any(push.force_N):
         return None

@@ -37,9 +37,9 @@ from worm3d.values.arguments import LARGEST, bytes_of_run
 from worm3d.values.named import is_own
 
 IMPOSSIBLE = (ValueError, ArithmeticError)
-"""What a worm raises that cannot be; numbers without bounds may overflow."""
+"""Errors raised for an impossible worm; numbers without bounds may overflow."""
 BODY = ("worm", *PARTS)
-"""Sections that a 3D worm is made of."""
+"""Sections that define the body of a 3D worm."""
 STARTS_WITH = ("worm", "world", "start", "run")
 """Sections that decide whether a planar worm can start."""
 SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
@@ -47,7 +47,7 @@ SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
 
 
 def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:
-    """Return the check that the worm of a scene can start, which the sections `names` decide."""
+    """Return the check that the worm of a scene can start; the sections `names` decide this."""
 
     def can_start(mass_kg: float | None, *sections: Section) -> Found:
         return _refusal(_scene(schema, names, sections))
@@ -56,19 +56,19 @@ def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STA
 
 
 def _scene(schema: type[Surroundings], names: tuple[str, ...], sections: Sequence[Section]) -> Any:
-    """Return a scene of some sections, the others as by default."""
+    """Return a scene with the given sections, and defaults for the other sections."""
     return schema(model="", **dict(zip(names, sections, strict=True)))
 
 
 def _sized(section: Section, segments: int) -> None:
-    """Raise ValueError where friction or its law has not a number for each segment."""
+    """Raise ValueError if the friction or the friction law does not have a value for each segment."""
     friction = friction_of(SpatialScene(model="", friction=section))
     friction.coefficients(segments)
     friction.law.rows(segments)
 
 
 def _refusal(scene: Any) -> Found:
-    """Tell what the plant refuses before its first step, such as a worm that its weight would flatten."""
+    """Return an error of the plant before the first step, such as for a weight that would flatten the worm."""
     try:
         with np.errstate(all="ignore"):
             worm, world, gravity = worm_of(scene), world_of(scene.world), gravity_of(scene)
@@ -125,7 +125,7 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
 
 
 def _errors_are_felt(sensor: Senses, reflexes: Reflexes, kind: str) -> Found:
-    """Tell of errors of sensors where nothing senses."""
+    """Report sensor errors in a scene in which nothing uses the sensors."""
     wrong = [key for key, value in sensor if is_own(key) or value != keys_in(Senses)[key].default]
     gait = class_named(GAIT, kind)
     if not wrong or any(value is True or is_own(name) for name, value in reflexes) or issubclass(gait, FeedbackGait):
@@ -137,7 +137,7 @@ REFLEX_CHECKS = (
     *switched_checks(REFLEXES, "reflexes", Reflexes, "reflex"),
     Check(("sensor", "reflexes", "gait.kind"), _errors_are_felt),
 )
-"""Checks of what a gait and its reflexes sense."""
+"""Checks of the sensor signals for a gait and its reflexes."""
 
 WORLD_CHECKS = (
     *RUN_CHECKS,
@@ -149,7 +149,7 @@ WORLD_CHECKS = (
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
 )
-"""Checks of every worm."""
+"""Checks for every worm."""
 
 SPATIAL_CHECKS = (
     *WORLD_CHECKS,
@@ -157,7 +157,7 @@ SPATIAL_CHECKS = (
     building(_sized, "friction", "worm.segments"),
     *WORM_IN_PIPE_CHECKS,
 )
-"""Checks of every 3D worm, whatever drives it."""
+"""Checks for every 3D worm, with a gait or a controller."""
 
 WORM_CHECKS = (
     *SPATIAL_CHECKS,

@@ -1,4 +1,4 @@
-"""Figures of the 3D worm from a record; each returns (figure, axes) and is named after its file."""
+"""Figures of the 3D worm from a record; each function returns (figure, axes) and has the name of the file."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ ARROWS = 8
 """Number of headings drawn along the path."""
 
 ALWAYS = ("work_contract", "kinetic")
-"""Terms of the ledger that are drawn even if they are zero all along."""
+"""Terms of the energy ledger that are drawn even if they are always zero."""
 
 FAR = 1e3
-"""Distance that stands for infinity in a picture [m]."""
+"""Distance that represents infinity in a picture [m]."""
 
 
 def path(record: Record) -> tuple[Figure, Axes]:
-    """Draw the way of the centre of mass seen from above, with headings, and the body at both ends."""
+    """Draw the path of the centre of mass from above, with headings, and the body at both ends."""
     com, joints, heading = record["com"], record["joints"][..., :2], record["heading"]
     axes = _map(joints.reshape(-1, 2))
     for row, colour, label in ((0, "0.75", "body at the start"), (-1, "0.35", "body at the end")):
@@ -77,7 +77,7 @@ def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
 
 
 def contraction(record: Record) -> tuple[Figure, Axes]:
-    """Draw the contraction of the chambers, and the hinges if they move, over time and along the worm."""
+    """Draw the contraction of the chambers, and the angles of moving hinges, over time and along the worm."""
     time, given = record["time"], record["contraction"]
     panels = {"contraction": (time, given.mean(axis=2))}
     if not np.array_equal(given[..., 0], given[..., 1]):
@@ -104,7 +104,7 @@ def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
 
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
-    """Draw where the energy comes from and goes to."""
+    """Draw the supply and the use of energy over time."""
 
     def summed(names: tuple[str, ...]) -> dict[str, FloatArray]:
         given = {name: record[name] for name in names if name in record}
@@ -119,14 +119,14 @@ def energy_ledger(record: Record) -> tuple[Figure, Axes]:
 
 
 def _of_segments(of_apexes: FloatArray, of_faces: FloatArray) -> FloatArray:
-    """Return what the apexes, (T, N, 6), and the end faces and joints, (T, N+1), of each segment have, shape (T, N)."""
+    """Sum values of the apexes, (T, N, 6), and of the end faces and joints, (T, N+1), by segment, shape (T, N)."""
     total: FloatArray = of_apexes.sum(axis=2) + of_faces[:, :-1]
     total[:, -1] += of_faces[:, -1]
     return total
 
 
 def _map(places: FloatArray) -> Axes:
-    """Return axes that show all places, shape (K, 2) [m], in one scale, in a strip that is not too narrow."""
+    """Return axes that show all positions, shape (K, 2) [m], to one scale, in a strip that is not too narrow."""
     low, high = places.min(axis=0), places.max(axis=0)
     span = 1.1 * np.maximum(high - low, 0.4 * float((high - low).max()))
     (left, bottom), (right, top) = 0.5 * (low + high - span), 0.5 * (low + high + span)
@@ -145,7 +145,7 @@ def _at_least(axes: Axes, span: float) -> None:
 
 
 def _patches(axes: Axes, scene: AnyWormScene) -> None:
-    """Draw the places with another friction."""
+    """Draw the areas with a different friction."""
     world, limits = scene.world, (axes.get_xlim(), axes.get_ylim())
     slope, heading = math.radians(world.slope_deg), math.radians(world.heading_deg)
     ascent = math.cos(slope) * np.array([math.cos(heading), math.sin(heading)])

@@ -1,4 +1,4 @@
-"""The models `worm` and `worm_planar`: the 3D worm, run from a scene and turned into a record."""
+"""The models `worm` and `worm_planar`: simulation of the 3D worm from a scene, and the record of the run."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ ADVICE = (
 FIGURES = "scenes.models.worm.figures"
 
 STEMS = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
-"""Stems of the pictures; each is drawn by the function of that name in `FIGURES`."""
+"""Names of the picture files; the function of the same name in `FIGURES` draws each."""
 
 OF_THE_CLOCK = ("status", "real_time_factor")
-"""Figures of the plant's summary that a record keeps elsewhere."""
+"""Entries of the plant's summary that a record keeps elsewhere."""
 
 
 def run(scene: GaitScene, observer: Observer) -> Outcome:
@@ -39,13 +39,13 @@ def run(scene: GaitScene, observer: Observer) -> Outcome:
 
 
 def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
-    """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
+    """Simulate a scene while a browser shows the run live."""
     with worm3d.Live(speed=how.speed, began=how.began) as live:
         return outcome(simulate(scene, observer, live=live), scene)
 
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
-    """Go on from the end of a record to the end of the scene."""
+    """Continue from the end of a record to the end of the scene."""
     from scenes.models.worm.record import joined, missing  # imports the libraries of files
     from worm3d.results.files import state_of
 
@@ -58,7 +58,7 @@ def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
 
 
 def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
-    """Return what the plant knows that went wrong."""
+    """Return the faults that the plant detected."""
     since, error, found = result.on_its_side, result.error_estimate, []
     if since is not None:
         advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
@@ -73,7 +73,7 @@ def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
 
 
 def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
-    """Return a run as what the command line takes, with the measures that its scene asks for."""
+    """Return a run as an outcome for the command line, with the measures that the scene asks for."""
     from worm3d.results.files import checkpoint_of, described  # imports the libraries of files
 
     asked = {measure.name: measure(result) for measure in measures_of(scene)}
@@ -103,7 +103,7 @@ def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
 
 
 def _errors(result: worm3d.Result) -> dict[str, float]:
-    """Return what figures of the summary may be off by; nothing without an accuracy."""
+    """Return the possible errors of entries of the summary; empty if the run has no error estimate."""
     errors = {} if result.error_estimate is None else dict(result.error_estimate.figures)
     if result.period and "mean_speed_m_s" in errors:
         errors["speed_BL_per_period"] = errors["mean_speed_m_s"] * result.period / result.worm.length
@@ -111,7 +111,7 @@ def _errors(result: worm3d.Result) -> dict[str, float]:
 
 
 def _period(scene: GaitScene, record: Record) -> float | None:
-    """Return the period of the gait of a stored run [s]; that of a user's own as it was stored."""
+    """Return the period of the gait of a stored run [s]; for a user's own gait, the stored period."""
     own = is_own(scene.gait.kind)
     found: float | None = json.loads(record.run or "{}").get("period") if own else scene.gait.period_s
     return found

@@ -1,4 +1,4 @@
-"""The overview of a run of the 3D worm: from the side and from above, in the frame of its first heading."""
+"""The overview of a run of the 3D worm: a side view and a top view, in the frame of the initial heading."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 SIDES = (("below", 0, 3), ("above", 1, 4), ("outward", 2, 5))
-"""Apexes of a segment by their place: rows of the left and of the right chamber."""
+"""Apexes of a segment by position: rows of the left and of the right chamber."""
 
 
 def draw(record: Record) -> Image:
@@ -46,9 +46,9 @@ def draw(record: Record) -> Image:
 
 
 def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:
-    """Return places, shape (..., 3), along the initial heading, to its left, and up, or such places as x, y, z [m]."""
+    """Return places, shape (..., 3) [m], in the frame of the initial heading: along, left, up; or back to x, y, z."""
     azimuth = float(record["heading"][0])
-    azimuth = 0.0 if math.isnan(azimuth) else azimuth  # a vertical body has none
+    azimuth = 0.0 if math.isnan(azimuth) else azimuth  # a vertical body has no azimuth
     azimuth = -azimuth if back else azimuth
     c, s = math.cos(azimuth), math.sin(azimuth)
     turned: FloatArray = places @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""A run of the 3D worm as a record from which it can go on: what is kept is declared in `worm3d.recorded.series`."""
+"""A run of the 3D worm as a record that can be continued; `worm3d.recorded.series` declares the stored series."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from worm3d.results.files import FIELD, STATE, restored
 from worm3d.values.arrays import FloatArray
 
 STORED = {name: series for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived}
-"""Series that are not computed from others."""
+"""Stored series: all that are not computed from other series."""
 
 ENERGIES = tuple(each.name for each in fields(worm3d.Energy))
 
 
 def missing(earlier: Record) -> list[str]:
-    """Return what a record lacks to be gone on from: it was made by another version of the program."""
+    """Return the variables that are needed to continue a record but missing, as in records of other versions."""
     known = {variable.name for variable in (*earlier.variables, *earlier.checkpoint)}
     return [name for name in (*STORED, *ENERGIES, *(FIELD + name for name in STATE)) if name not in known]
 
 
 def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
-    """Return the run of which a record is the first part and a result the rest: it was begun at the record's end."""
+    """Return a whole run: the record is the first part, and the result continues from the end of the record."""
 
     def whole(name: str, later: FloatArray) -> FloatArray:
-        """Return a series of both; the first row of the rest is the last one of the record."""
+        """Return a series of the whole run; the first row of the result repeats the last row of the record."""
         begun = earlier[name]
         return np.concatenate([begun, later[0 if name in STORED and STORED[name].dims[0] == "step" else 1 :]])
 
@@ -52,7 +52,7 @@ def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
 
 
 def _error(earlier: Record, rest: worm3d.Result) -> worm3d.ErrorEstimate | None:
-    """Return the estimate of the error of both; None where a part has none, or another version's."""
+    """Return the error estimate of the whole run; None if a part has none, or is from another version."""
     begun = None
     with suppress(KeyError):
         begun = restored("error_estimate", json.loads(earlier.run).get("error_estimate"), [])

@@ -1,4 +1,4 @@
-"""Sections of a scene of the 3D worm; every default is that of the plant itself."""
+"""Sections of a scene of the 3D worm, with the defaults of the plant."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from worm3d.values.named import is_own
 
 
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
-    """Return the keys of the actuators that may drive hinges."""
+    """Return the keys of the actuators that can drive hinges."""
     parts = {name: part for name, part in registry.items() if is_own(name) or getattr(part, "drives_hinges", True)}
     return chosen(parts, meaning="what drives the hinges")
 
@@ -31,11 +31,11 @@ class Actuator(
     holds={"kind": ACTUATOR},
     keys=partial(chosen, meaning="what drives the chambers", own_defaults=True),
 ):
-    """Actuator of the chambers: their response to their commands."""
+    """Actuator of the chambers: the response to the commands."""
 
 
 class HingeActuator(PartSection, holds={"kind": ACTUATOR}, keys=_of_hinges):
-    """Actuator of the hinges: their response to their commands."""
+    """Actuator of the hinges: the response to the commands."""
 
 
 class Hysteresis(
@@ -43,7 +43,7 @@ class Hysteresis(
     holds={"kind": HYSTERESIS},
     keys=partial(chosen, meaning="friction in the joints of the chambers, which rub"),
 ):
-    """Friction in the joints of the chambers: hysteresis that does not depend on the rate."""
+    """Friction in the joints of the chambers: rate-independent hysteresis."""
 
 
 class Medium(
@@ -72,27 +72,27 @@ class PlanarWorm(PartSection, keys=keys_of(Linkage, bounds=BODY_BOUNDS)):
 
 
 class Friction(PartSection, more=keys_of(PlantFriction), holds={"law": LAW}, keys=_laws):
-    """Directional friction that sticks."""
+    """Directional friction with sticking."""
 
 
 class PlanarFriction(PartSection, more=keys_of(PlantFriction, without=("lateral",)), holds={"law": LAW}, keys=_laws):
-    """Directional friction that sticks, along the plane."""
+    """Directional friction with sticking, along the plane."""
 
 
 class WormGait(PartSection, holds={"kind": GAIT}, keys=gait_keys):
-    """Commands of the chambers, to shorten by amplitude x activation, and of the hinges."""
+    """Commands of the chambers, to shorten by amplitude times activation, and of the hinges."""
 
 
 class PlanarGait(PartSection, holds={"kind": GAIT}, keys=planar_gait_keys):
-    """Commands of the chambers, to shorten by amplitude x activation."""
+    """Commands of the chambers, to shorten by amplitude times activation."""
 
 
 class Reflexes(PartSection, keys=switched_keys(REFLEXES), holds={ITSELF: REFLEX}):
-    """Reflexes, which change the gait's contractions by what is felt, in this order; any that are asked for by name."""
+    """Reflexes that change the gait's contractions based on sensor signals, in this order; each has a switch."""
 
 
 class Senses(ChannelSection, keys=channel_keys(exact=True)):
-    """Errors of what the gait and its reflexes feel; without any they feel exactly."""
+    """Errors of the sensor signals for the gait and its reflexes; without entries, the signals are exact."""
 
 
 class Measures(
@@ -100,11 +100,11 @@ class Measures(
     keys={"parts": parts_key((), meaning="measures of your own, beside those that every summary has")},
     holds={"parts": MEASURE},
 ):
-    """What the run is judged by."""
+    """Measures for the evaluation of the run."""
 
 
 class PlanarStart(Section):
-    """Start of the straight worm: its place."""
+    """Start of the straight worm: position."""
 
     position_m: Pair = setting(
         (0.0, 0.0), unit="m", meaning="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
@@ -117,7 +117,7 @@ class PlanarStart(Section):
 
 
 class AimedStart(PlanarStart):
-    """Start of the straight worm: its place and heading."""
+    """Start of the straight worm: position and heading."""
 
     azimuth_deg: float = setting(
         0.0,
@@ -128,7 +128,7 @@ class AimedStart(PlanarStart):
 
 
 class Start(AimedStart):
-    """Start of the straight worm: its place and heading, and whether it begins as the gait does."""
+    """Start of the straight worm: position, heading, and whether the chambers are contracted as by the gait."""
 
     contracted: bool = setting(
         False, meaning="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
@@ -136,7 +136,7 @@ class Start(AimedStart):
 
 
 class Push(Section):
-    """A force on one joint from outside, from a time on, for ever or for a while."""
+    """An external force on one joint, from a given time on, for ever or for a given duration."""
 
     joint: int = setting(0, ge=0, meaning="which joint: 0 is the tail, the number of segments is the head")
     force_N: Triple = setting((0.0, 0.0, 0.0), unit="N", meaning="x, y, z of the force; all 0: no push")
@@ -145,7 +145,7 @@ class Push(Section):
 
 
 class WormRun(Run):
-    """How long, in what steps, by which integrator, under what weight, and how much of it is stored."""
+    """Duration, time step, integrator, gravity and recording of the run."""
 
     integrator: Literal["bdf2", "implicit_euler"] = setting(
         "bdf2", meaning="bdf2 is of second order, implicit_euler the paper's"
@@ -173,7 +173,7 @@ class Surroundings(Settings):
 
 
 class SpatialScene(Surroundings):
-    """Sections of the scenes of the 3D worm, whatever drives it."""
+    """Sections of all scenes of the 3D worm, for any controller or gait."""
 
     worm: Worm = Worm()
     actuator: Actuator = Actuator()
@@ -196,7 +196,7 @@ class WormScene(SpatialScene):
 
 
 class PlanarWormScene(Surroundings):
-    """A whole scene of the planar worm: that of the model planar_linkage, key by key, on the grounds of the 3D worm."""
+    """A whole scene of the planar worm, with the keys of the model planar_linkage and the grounds of the 3D worm."""
 
     model: Literal["worm_planar"] = setting(meaning="which simulation the scene is for")
     worm: PlanarWorm = PlanarWorm()
@@ -208,6 +208,6 @@ class PlanarWormScene(Surroundings):
 
 
 GaitScene = WormScene | PlanarWormScene
-"""A gait drives the worm."""
+"""Scene of a worm that is driven by a gait."""
 
 AnyWormScene = GaitScene | SpatialScene

@@ -1,4 +1,4 @@
-"""Stored runs of the 3D worm as pictures: the page for the browser, the movie, one instant from two sides, a mesh."""
+"""Stored runs of the 3D worm as pictures: the browser page, the movie, one instant from two sides, and a mesh."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
 
 
 SEEN = ("model", "worm", "world")
-"""Sections without which a worm cannot be drawn; of the others only the period of the gait is."""
+"""Sections that are needed to draw a worm; of the other sections, only the period of the gait is used."""
 
 SHOWN = ("world", "gait", "reference")
-"""Sections of which it is shown in pictures what a user's own part was, as the record has it."""
+"""Sections in which pictures show a user's own part from the data in the record."""
 
 
 def scene_of(record: Record) -> AnyWormScene:
-    """Return the scene that a record was made from, as far as it is seen: without parameters of a user's own parts.
+    """Return the scene of a record as far as pictures need it: without the parameters of the user's own parts.
 
-    Sections with what is not known here, such as a gait that registers as its module is imported, are as by default.
+    Sections with unknown parts, such as a gait that is registered when its module is imported, get the defaults.
 
     Raises
     ------
     SceneError
-        There is such a thing in a section that is seen.
+        A section that is drawn has an unknown part.
     """
     schema = models.get(record.model).schema
     written = own.without(schema, tomllib.loads(record.scene), but=SHOWN)
@@ -62,7 +62,7 @@ def scene_of(record: Record) -> AnyWormScene:
 
 
 def world_seen(record: Record, scene: AnyWormScene) -> World | None:
-    """Return the world of a stored run; that of a module of a user's own as it was stored, for nothing is imported."""
+    """Return the world of a stored run; a user's own world is read from the record, without importing its module."""
     from worm3d.results.files import world_of as stored  # imports the libraries of files
 
     if not is_own(scene.world.kind):
@@ -74,12 +74,12 @@ def world_seen(record: Record, scene: AnyWormScene) -> World | None:
 def frames_of(
     record: Record, *, fps: float | None = None, at: float | None = None, until: float | None = None
 ) -> Frames:
-    """Return a record as plain arrays for pictures; parameters as in `worm3d.results.pictures.frames_of`.
+    """Return a record as plain arrays for pictures; the parameters are those in `worm3d.results.pictures.frames_of`.
 
     Parameters
     ----------
     until : float, optional
-        What comes later is left out [s].
+        End time of the arrays; later frames are left out [s].
     """
     scene = scene_of(record)
     rows = slice(None) if until is None else record["time"] <= until
@@ -91,7 +91,7 @@ def frames_of(
 
 
 def view(record: Record, path: Path, *, skin: bool = True) -> None:
-    """Write the page that plays a record in a browser, under a smooth skin or as chambers and links."""
+    """Write the page that plays a record in a browser, with a smooth skin or with chambers and links."""
     from worm3d.viewer import write_html
 
     write_html(frames_of(record), path, skin=skin, title=record.title)
@@ -106,7 +106,7 @@ def side_and_top(record: Record) -> tuple[Figure, Axes]:
 
 
 def mesh(record: Record, at: float | None) -> bytes:
-    """Return what is seen at an instant [s] as a GLB file (None: at the end); ValueError if there is no such."""
+    """Return the worm and the world at a time [s] (None: the end) as a GLB file; ValueError outside the run."""
     from worm3d.viewer.meshes import glb
 
     frames = frames_of(record, at=at)
@@ -115,7 +115,7 @@ def mesh(record: Record, at: float | None) -> bytes:
 
 @dataclass(frozen=True)
 class RunMovie:
-    """A movie of a record, ready to be written."""
+    """A movie of a record, ready for writing."""
 
     record: Record
 

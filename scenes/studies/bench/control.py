@@ -1,7 +1,7 @@
-"""The runs of `worm3d study control`: each trial of the family by the MPC, by the baselines and by others.
+"""The runs of `worm3d study control`: each trial of the family with the MPC, the baselines and other controllers.
 
-A case is one run. Its result is kept in a file of its own, with the scene, and a digest of the programs and of the maps
-that the controller may know. A study that was stopped goes on where it was.
+A case is one run. A file for each case holds the result, the scene, and a digest of the programs and of the maps that
+the controller may know. A study that was stopped continues with the missing cases.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CONTROLLERS = ("mpc", "pi_los", "open_loop")
 DONE = "done"
 """Status of a run that is not lost."""
 TOO_SLOW = "its median control step takes longer than the control period"
-"""Status of a run that may have suffered from what else the machine did: it runs again."""
+"""Status of a run that other load on the machine may have slowed down; such a case runs again."""
 
 Value = float | None
 
@@ -52,7 +52,7 @@ class Case:
     controller: str
 
     def load(self) -> Scene:
-        """Return its scene; SceneError if it cannot be measured."""
+        """Return the scene of the case; SceneError if the error of the case cannot be measured."""
         scene = load_scene(self.trial.scene, (*self.trial.overrides, f"controller.kind={self.controller}"))
         run = scene.settings.run
         if run.duration_s <= SHORTEST:
@@ -70,7 +70,7 @@ class Case:
         return scene
 
     def file(self, folder: Path) -> Path:
-        """Return the file of its result."""
+        """Return the file of the result."""
         return folder / "cases" / f"{self.trial.name}-{self.controller.replace(':', '.')}.json"
 
 
@@ -83,11 +83,11 @@ class Found:
     """Class of the trial."""
     controller: str
     status: str
-    """`DONE`, or why the trial is lost."""
+    """`DONE`, or the reason why the trial is lost."""
     error: float
-    """(B5); 1 if it is lost."""
+    """(B5); 1 if the trial is lost."""
     metrics: dict[str, Value]
-    """Parts of the error as of `error_of`; `real_time_factor`; `step_share_p50` and `_p99` of the control period."""
+    """Parts of the error as in `error_of`; `real_time_factor`; `step_share_p50` and `_p99` of the control period."""
 
 
 @dataclass(frozen=True)
@@ -96,15 +96,15 @@ class Study:
 
     found: tuple[Found, ...]
     kept: int
-    """Cases that were in the folder already."""
+    """Number of cases that were in the folder already."""
     outdated: int
-    """Cases that were run again: scene, programs or map have changed since, or their file cannot be read."""
+    """Number of cases that ran again, because scene, programs or map have changed, or because a file is unreadable."""
 
 
 def study(
     cases: Sequence[Case], folder: Path, workers: int = 1, watch: Callable[[int], None] = lambda done: None
 ) -> Study:
-    """Run all cases that are not in the folder yet; `watch` is called with the number of those that are done.
+    """Run all cases that are not in the folder yet; `watch` is called with the number of finished cases.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def study(
 def _found(case: Case, folder: Path) -> tuple[Found, bool]:
     """Return the result of a case, and whether it was in the folder."""
     scene = case.load()
-    # A user's own controller may depend on anything: it runs again.
+    # A user's own controller may depend on anything, so its cases run again.
     earlier = None if is_own(case.controller) else _kept(case, scene, folder)
     if earlier is not None:
         return earlier, True
@@ -163,7 +163,7 @@ def _measured(case: Case, scene: Scene) -> Found:
 
 
 def _lost(record: Record, settings: ControlScene) -> str:
-    """Return why a trial is lost, or `DONE`."""
+    """Return the reason why a trial is lost, or `DONE`."""
     keys = tuple(keys_in(Sensor))
     further = [name for name in sensors_of(settings).channels if not any(key.startswith(f"{name}_") for key in keys)]
     faults = [str(fault["what"]) for fault in record.summary.faults if fault["kind"] == RAISED]
@@ -179,7 +179,7 @@ def _lost(record: Record, settings: ControlScene) -> str:
 
 
 def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
-    """Return what an earlier study found of the very same scene by the very same programs."""
+    """Return the result of an earlier study for the same scene and the same programs, None if there is none."""
     with suppress(OSError, ValueError, TypeError, KeyError):
         content = json.loads(case.file(folder).read_text("utf-8"))
         if content.pop("digest") != _digest(content):

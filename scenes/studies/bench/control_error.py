@@ -1,20 +1,21 @@
-"""How far a worm is from where it ought to be, as one number of a run.
+"""The deviation of a worm from its task, as one number per run.
 
-Means are taken over a moving window of one length, `WINDOW`, whatever the controller and whatever it says of its waves.
-Let s be the way along the path (the projection of the centre of mass, (L2)), e the offset of the centre of mass from
-the path, and S(t) = int V_ref dt the way wanted. At each instant the worm is compared with a point that left the path
-beside it one window ago, and has followed the path at the wanted speed since. The worm is off this point by d:
+Means are taken over a moving window of one length, `WINDOW`, for every controller and regardless of the waves that the
+controller reports. Let s be the way along the path (the projection of the centre of mass, (L2)), e the offset of the
+centre of mass from the path, and S(t) = int V_ref dt the wanted way. At each instant the worm is compared with a point
+that left the path beside the worm one window ago, and has followed the path at the wanted speed since. The distance
+between the worm and this point is d:
 
     m = mean of s - S,   ahead = m(t) - m(t - WINDOW),   d^2 = ahead^2 + e^2                                   (B4)
 
-The way wanted in that time is D = M(t) - M(t - WINDOW), with the mean M of S. If the task is a heading psi, and the
+The wanted way in that time is D = M(t) - M(t - WINDOW), with the mean M of S. If the task is a heading psi, and the
 worm makes the way w along its own heading h, d^2 = w^2 + D^2 - 2 w D cos(h - psi). The error of a run is
 
     error = min(1, rms d / rms D)                                                                             (B5)
 
 A worm at rest on its path has an error of 1. A worm at half the speed has 0.5, and so does a worm at the full speed
 that stays beside its path at a distance of D/2 (0.1 m at 0.08 m/s). The offset is not averaged before it is squared, so
-that weaving does not hide it. No error is greater than that of a worm at rest.
+that weaving does not hide the offset. No error is greater than the error of a worm at rest.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 WINDOW = 2.5
-"""Length of the window [s]: two waves at 0.8 Hz, the frequency that the default map prefers. At 2 s the rocking of such
-a wave alone gives the speed of a perfect worm an error of 5 %; at 5 s its answer to a step would be averaged away."""
+"""Length of the window [s]: two waves at 0.8 Hz, the frequency that the default map prefers. At 2 s the rocking by such
+a wave alone would give a worm with perfect speed an error of 5 %; at 5 s a step response would be averaged away."""
 START = 2.5
-"""Time in which a worm at rest comes up to speed, two waves; no window reaches into it [s]."""
+"""Time that a worm at rest needs to reach its speed, two waves; no window includes this time [s]."""
 SHORTEST = START + 2.0 * WINDOW
-"""Time from which on errors count, so that a run has to be longer [s]."""
+"""Time from which errors count [s]; a run has to be longer."""
 COARSEST = WINDOW / 25.0
-"""Longest time between two states of a record that is measured [s]: a window is off by half of it at most."""
+"""Longest time between two states of a record [s]: the length of a window is then off by at most half of this time."""
 
 
 def error_of(record: Record, reference: Reference, length: float) -> dict[str, float | None]:
-    """Return (B5) and its parts: rms of `ahead` [rms D], of e [body lengths] and of h - psi [deg], None without one.
+    """Return (B5) and its parts: rms of `ahead` [rms D], of e [body lengths], of h - psi [deg]; None if undefined.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
 PICTURE = "control.png"
 FAILED = 5
-"""Exit code where a trial is lost by a failure, `control.Found.status`."""
+"""Exit code if a trial is lost, see `control.Found.status`."""
 SAYS = (
     "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the trial is lost. "
     "Score: geometric mean over the trials of the error over that of pi_los. Real time: seconds simulated in a second, "
@@ -69,7 +69,7 @@ class Options(NamedTuple):
 
     @property
     def says(self) -> str:
-        """Return what was run."""
+        """Return a description of the trials of the run."""
         seeds = f"seed {self.seed}" if self.seeds == 1 else f"the seeds {self.seed} to {self.seed + self.seeds - 1}"
         changed = f", with {' '.join(self.overrides)}" if self.overrides else ""
         only = f", only {', '.join(self.only)}" if self.only else ""
@@ -84,7 +84,7 @@ def show(options: Options) -> int:
 
 
 def run(out: Path | None, options: Options, *, quiet: bool) -> int:
-    """Run what is not in the folder yet, write what was found and return the exit code; it is 5 if a trial was lost.
+    """Run the missing cases, write the results and return the exit code; the exit code is 5 if a trial was lost.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def run(out: Path | None, options: Options, *, quiet: bool) -> int:
 
 
 def _require_controllers(names: Sequence[str]) -> None:
-    """Raise SceneError for what is no controller."""
+    """Raise SceneError for a name that is no controller."""
     for name in names:
         try:
             controllers.controller(name)
@@ -117,7 +117,7 @@ def _require_controllers(names: Sequence[str]) -> None:
 
 
 def _of_the_folder(study: Study) -> str:
-    """Return which of the cases were there already."""
+    """Return how many cases were kept, run again, or new."""
     new = len(study.found) - study.kept - study.outdated
     return (
         f"Of {counted(len(study.found), 'run')} {study.kept} kept from before, {study.outdated} run again (scene, "
@@ -126,13 +126,13 @@ def _of_the_folder(study: Study) -> str:
 
 
 def as_csv(found: Sequence[Found]) -> bytes:
-    """Return one line for each run."""
+    """Return the results as CSV, one line for each run."""
     runs = ((x.trial, x.kind, x.controller, x.status, x.error, *map(x.metrics.get, METRICS)) for x in found)
     return csv_bytes([("trial", "class", "controller", "status", "error", *METRICS), *runs])
 
 
 def markdown(found: Sequence[Found], machine: dict[str, Any], says: str) -> str:
-    """Return the report, which shows `PICTURE` beside it; `says` tells what was run."""
+    """Return the report, which shows the picture `PICTURE`; `says` describes the trials."""
     tables = (*markdown_table(HEADER, cells(found)), "", *markdown_table(*by_class(found)))
     lines = (
         *("# How well worms keep to their tasks", "", f"{says}. {SAYS}", "", *tables, "", f"![errors]({PICTURE})"),
@@ -155,7 +155,7 @@ def terminal_lines(found: Sequence[Found], says: str) -> Iterator[str]:
 
 
 def by_class(found: Sequence[Found]) -> tuple[Cells, Iterator[Cells]]:
-    """Return a table of the median and the worst error of each class of trials, by each controller."""
+    """Return a table of the median and the worst error of each controller in each class of trials."""
     of: dict[tuple[str, str], list[float]] = {}
     for each in found:
         of.setdefault((each.kind, each.controller), []).append(each.error)
@@ -172,12 +172,12 @@ def by_class(found: Sequence[Found]) -> tuple[Cells, Iterator[Cells]]:
 
 
 def lost(found: Sequence[Found]) -> Iterator[str]:
-    """Yield why trials were lost."""
+    """Yield the reasons why trials were lost."""
     yield from (f"{x.controller} lost {x.trial}: {x.status}" for x in found if x.status != DONE)
 
 
 def draw(found: Sequence[Found]) -> Figure:
-    """Return the figure: the error of each controller in each trial, a point each."""
+    """Return the figure: one point for the error of each controller in each trial."""
     trials = list(dict.fromkeys(each.trial for each in found))
     figure = Figure(figsize=(8.0, 1.6 + 0.22 * len(trials)), layout="constrained", dpi=120)
     axes = figure.subplots()

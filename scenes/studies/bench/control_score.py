@@ -1,10 +1,10 @@
-"""The score of a controller over the trials of `worm3d study control`, one comparable line for each.
+"""The score of a controller over the trials of `worm3d study control`, one comparable line for each controller.
 
-With the error of (B5), which is 1 of a run that is lost,
+With the error (B5), which is 1 for a lost run,
 
     score(c) = (prod_t E(c, t) / E(pi_los, t))^(1/T),   E = max(error, FLOOR)                                 (B6)
 
-over all T trials: line-of-sight has 1, a controller with half its errors 0.5. To lose a trial is as bad as to stand.
+over all T trials: line-of-sight has 1, a controller with half the errors 0.5. A lost trial is as bad as a worm at rest.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from scenes.studies.bench.control import DONE, Found, Value
 
 RIVAL = "pi_los"
 FLOOR = 0.005
-"""Error that counts as none: half a per cent of the way asked for, 1 mm in a window at 0.08 m/s. The rocking of waves
+"""Error that counts as zero: half a per cent of the wanted way, 1 mm in a window at 0.08 m/s. The rocking by waves
 leaves about as much."""
 
 
 class Score(NamedTuple):
-    """What a controller comes to over all trials."""
+    """Results of a controller over all trials."""
 
     controller: str
     score: Value
     """(B6); None where line-of-sight was not run."""
     median: float
-    """Of the errors, as is `worst`."""
+    """Median of the errors; `worst` is their maximum."""
     worst: float
     lost: int
     """Number of trials that are lost."""
     slowest: Value
-    """Least real-time factor, the controller's own time included."""
+    """Least real-time factor, including the controller's own time."""
     step: Value
-    """Median of the control steps, as a share of the control period, in the trial where it is largest."""
+    """Median of the control steps, as a share of the control period, in the trial with the largest value."""
     late: Value
-    """99th percentile of the control steps, as a share of the control period, in the trial where it is largest."""
+    """99th percentile of the control steps, as a share of the control period, in the trial with the largest value."""
 
 
 def scores(found: Sequence[Found]) -> list[Score]:

@@ -1,7 +1,7 @@
 """The trials of `worm3d study control`: tasks, worms, grounds and sensors, drawn at random from a seed.
 
 Trial k of seed S is the same on every machine: all its numbers come from one generator, seeded by S and k, and are
-rounded as they are printed. Classes of tasks take turns, so that any twelve trials in a row have each of them once.
+rounded as printed. Classes of tasks take turns, so that any twelve consecutive trials have one trial of each class.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import did_you_mean
 
 START = (0.5, 0.0)
-"""Place of the middle of the worm as it starts, along +x [m]; paths begin there."""
+"""Place of the middle of the worm at the start, along +x [m]; paths begin there."""
 SCENES = {"pipe": "velocity_pipe"}
-"""Scene that is changed, where it is not `path_line`."""
+"""Scene of a class of trials, if different from `path_line`."""
 SPEEDS = (0.04, 0.09)
-"""Least and greatest speed asked for [m/s]; a worm that is weak, on rough ground and uphill makes some 0.1 m/s."""
+"""Least and greatest wanted speed [m/s]; a weak worm on rough ground and uphill reaches some 0.1 m/s."""
 QUICK, SHORT = ("circle", "line"), ("run.duration_s=12",)
-"""Classes of the trials of `--quick`, and what shortens them: too short to say much."""
+"""Classes of the trials of `--quick`, and the override that shortens them: too short to say much."""
 
 
 class Trial(NamedTuple):
-    """A scene that ships, with changes as after -o."""
+    """A shipped scene with changes, as after -o."""
 
     name: str
     kind: str
-    """Its class, a name of `CLASSES`."""
+    """Class of the trial, a name of `CLASSES`."""
     scene: str
     overrides: tuple[str, ...] = ()
 
     @property
     def command(self) -> str:
-        """Command that runs it."""
+        """Command that runs the trial."""
         return " ".join(["worm3d run", self.scene, *(f"-o {shlex.quote(each)}" for each in self.overrides)])
 
 
 class Range(NamedTuple):
-    """A key of the scene, and between which values it is drawn."""
+    """A key of the scene, and the range of its random values."""
 
     key: str
     least: float
     most: float
     form: str = ".3g"
-    """How it is written; "d": a whole number."""
+    """Format of the value; "d": a whole number."""
     log: bool = False
-    """Whether its logarithm is equally likely everywhere, not the value itself."""
+    """Whether the logarithm of the value is uniformly distributed, rather than the value itself."""
 
     def drawn(self, random: Generator) -> str:
         """Return the override."""
@@ -63,13 +63,13 @@ class Range(NamedTuple):
 
 
 class Group(NamedTuple):
-    """What a share of the trials has."""
+    """Changes that a share of the trials has in common."""
 
     share: float
     says: str
     ranges: tuple[Range, ...] = ()
     switch: tuple[str, ...] = ()
-    """Overrides that come with it."""
+    """Overrides that accompany the ranges."""
 
 
 SLOPE = Group(
@@ -115,7 +115,7 @@ GROUPS = (
     Group(1.0 / 3.0, "a sensor of the heading", switch=("sensor.heading=true",)),
     SLOPE,
 )
-"""What differs from the default worm, ground and sensors, whose values lie within these ranges."""
+"""Differences from the default worm, ground and sensors, whose values lie within these ranges."""
 
 
 def drawn(seed: int, number: int) -> Trial:
@@ -132,21 +132,21 @@ def drawn(seed: int, number: int) -> Trial:
 
 
 def _line(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a line that begins beside the worm, and leads to one side."""
+    """Yield a line that begins beside the worm and points to one side."""
     yield from _at(speed, "line")
     yield f"reference.start_m=[{START[0]}, {random.uniform(-0.1, 0.1):.3f}]"
     yield f"reference.azimuth_deg={random.uniform(-20.0, 20.0):.1f}"
 
 
 def _circle(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a circle, to either side."""
+    """Yield a circle that turns to a random side."""
     yield from _at(speed, "circle")
     yield f"reference.radius_m={_log_uniform(random, 0.6, 2.0):.3g}"
     yield f"reference.towards={_side(random)}"
 
 
 def _s_curve(random: Generator, speed: float) -> Iterator[str]:
-    """Yield an S-curve, to either side first."""
+    """Yield an S-curve that first turns to a random side."""
     yield from _at(speed, "s_curve")
     yield f"reference.amplitude_m={random.uniform(0.2, 0.4):.3g}"
     yield f"reference.wavelength_m={random.uniform(3.0, 5.0):.3g}"
@@ -154,9 +154,9 @@ def _s_curve(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _eight(random: Generator, speed: float) -> Iterator[str]:
-    """Yield an eight, from the end of a loop on."""
-    # x = a sin u, y = 0.31 a sin 2u, with radii of a/4 at least, turned to begin along +x where u = pi/2: at the
-    # crossing the worm would begin on two branches at once.
+    """Yield a figure of eight that starts at the end of a loop."""
+    # x = a sin u, y = 0.31 a sin 2u, with radii of at least a/4, turned to begin along +x where u = pi/2. A worm that
+    # begins at the crossing would be on two branches at once.
     u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.2, 1.6)
     yield from _at(speed, "spline")
     yield "reference.closed=true"
@@ -164,7 +164,7 @@ def _eight(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _spiral(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a turn and a quarter of a spiral whose radius falls to a half."""
+    """Yield one and a quarter turns of a spiral whose radius decreases to a half."""
     u, radius = np.linspace(0.0, 2.5 * np.pi, 16), random.uniform(1.0, 1.6)
     r = radius * (1.0 - u / (5.0 * np.pi))
     yield from _at(speed, "spline")
@@ -172,7 +172,7 @@ def _spiral(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _square(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a square with round corners, begun in the middle of a side: three corners."""
+    """Yield a square with round corners that starts in the middle of a side and has three corners."""
     half = random.uniform(0.7, 1.1)
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [-1.0, 2.0], [-1.0, 0.3]])
     yield from _at(speed, "way_points")
@@ -222,7 +222,7 @@ def _speed_sine(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _pipe(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a pipe with a bend, on the bottom of which the worm goes."""
+    """Yield a pipe with a bend; the worm crawls along the bottom of the pipe."""
     bend = f"{{bend_deg={random.uniform(20.0, 60.0):.0f}, bend_radius_m=2.0, towards='{_side(random)}'}}"
     yield from _at(speed, "pipe")
     yield f"world.radius_m={random.uniform(0.12, 0.16):.3g}"
@@ -243,7 +243,7 @@ CLASSES: dict[str, Callable[[Generator, float], Iterator[str]]] = {
     "spiral": _spiral,
     "s_curve": _s_curve,
 }
-"""Maker of the task of each class of trials, in the order in which they take turns."""
+"""Maker of the task of each class of trials, in the order of the turns."""
 
 
 def _at(speed: float, kind: str) -> Iterator[str]:
@@ -252,7 +252,7 @@ def _at(speed: float, kind: str) -> Iterator[str]:
 
 
 def _points(random: Generator, points: FloatArray) -> str:
-    """Return points from the start on, or their mirror image."""
+    """Return points relative to the start, or their mirror image."""
     x, y = (points * [1.0, random.choice([-1.0, 1.0])] + START).T
     return f"reference.points=[{', '.join(f'{{x_m={a:.3f}, y_m={b:.3f}}}' for a, b in zip(x, y, strict=True))}]"
 
@@ -270,12 +270,12 @@ def _log_uniform(random: Generator, least: float, most: float, size: int | None 
 
 
 def chosen(names: Sequence[str], seeds: Sequence[int], count: int) -> tuple[Trial, ...]:
-    """Return the first `count` trials of each seed, of these only those with a name, number or class if any are given.
+    """Return the first `count` trials of each seed; if names are given, only trials with such a name, number or class.
 
     Raises
     ------
     SceneError
-        There is no such trial among them.
+        No trial has a given name.
     """
     trials = {
         trial: {trial.name, str(k), trial.kind} for seed in seeds for k in range(count) for trial in [drawn(seed, k)]

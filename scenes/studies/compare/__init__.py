@@ -1,1 +1,1 @@
-"""Runs, cases of sweeps and measurements laid over one another: `worm3d compare`."""
+"""Comparison of runs, cases of sweeps and measurements: `worm3d compare`."""

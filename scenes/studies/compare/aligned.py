@@ -1,9 +1,9 @@
-"""A record moved and turned about the vertical so that it fits another one best: cameras have frames of their own.
+"""A record moved and turned about the vertical to fit another record best: cameras have frames of their own.
 
 With points p_k of one record and r_k of the other, at the same instants and with means p and r, the sum of
-|r_k - R(a) (p_k - p) - r|^2 is least for tan a = sum((p_k - p) x (r_k - r)) / sum((p_k - p) . (r_k - r)) in the
-horizontal plane, where x is the z-component of the cross product. A point of which one record has x or y alone counts
-with that component, in the frame of that record: from there the sum is made less by Gauss-Newton steps.
+||r_k - R(a) (p_k - p) - r|^2 is least for tan a = sum((p_k - p) x (r_k - r)) / sum((p_k - p) . (r_k - r)) in the
+horizontal plane, where x is the z-component of the cross product. If a record has only x or only y of a point, this
+component counts in the frame of that record. In this case Gauss-Newton steps reduce the sum further.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from worm3d.values.variable import Variable
 
 
 def aligned(reference: Record, other: Record) -> Record:
-    """Return a record moved and turned about z so that its positions fit those of a reference best (least squares).
+    """Return a record moved and turned about z so that its positions fit those in a reference best (least squares).
 
-    Positions are the centre of mass, joints and markers, as far as both have them, at all instants that they have in
-    common, with each component that both know. Without a point of which both know x and y nothing is turned. A worm in
+    Positions are the centre of mass, joints and markers that both records have. All common instants count, with each
+    component that both records know. Without a point with x and y in both records, the record is not turned. A worm in
     a vertical plane is moved, not turned.
 
     Raises
     ------
     SceneError
-        They have no position in common.
+        The records have no position in common.
     """
     ours, theirs = _points(reference, other)
     known = np.isfinite(ours) & np.isfinite(theirs)
@@ -45,7 +45,7 @@ def aligned(reference: Record, other: Record) -> Record:
 
 
 def _points(reference: Record, other: Record) -> tuple[FloatArray, FloatArray]:
-    """Return the positions that both records have, shapes (K, 3) [m]; components that are not known are NaN."""
+    """Return the positions that both records have, shapes (K, 3) [m]; unknown components are NaN."""
     pairs = [
         [
             np.pad(each.reshape(-1, each.shape[-1]), ((0, 0), (0, 3 - each.shape[-1])), constant_values=np.nan)
@@ -61,7 +61,7 @@ def _points(reference: Record, other: Record) -> tuple[FloatArray, FloatArray]:
 
 
 def _fitted(ours: FloatArray, theirs: FloatArray, both: NDArray[np.bool_]) -> tuple[float, FloatArray]:
-    """Return the angle and the shift that take points to others best, shapes (K, 2), given which are known in both."""
+    """Return the angle and the shift that best map `theirs` to `ours`, shapes (K, 2); `both`: x and y known in both."""
     middle, right = theirs[both].mean(axis=0), ours[both].mean(axis=0)
     angle = _turn(theirs[both] - middle, ours[both] - right)
     begin = np.array([angle, *(right - _turned(middle, angle))])
@@ -92,7 +92,7 @@ def _turn(points: FloatArray, towards: FloatArray) -> float:
 
 
 def _turned(vectors: FloatArray, angle: float) -> FloatArray:
-    """Return vectors, shape (..., 2 or 3), turned about z; what is NaN stays in its component where nothing turns."""
+    """Return vectors, shape (..., 2 or 3), turned about z; at an angle of 0, NaN stays in its component."""
     x, y, c, s = vectors[..., 0], vectors[..., 1], math.cos(angle), math.sin(angle)
     turned: FloatArray = np.array(vectors, dtype=float)
     if angle:

@@ -1,4 +1,4 @@
-"""The command `worm3d compare`: table, CSV, figures and page of what differs between results."""
+"""The command `worm3d compare`: table, CSV, figures and page of the differences between results."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ from worm3d.values.metrics import written
 TABLE, PAGE = "compare.csv", "compare.html"
 
 MOST_ROWS, WIDEST = 20, 30
-"""Largest number of settings that are printed, and of characters of their values."""
+"""Largest number of printed settings, and largest number of characters of their values."""
 
 MAIN = (
     *("duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "speed_BL_per_period", "heading_change_deg"),
     *("work_contract_J", "work_friction_J", "cost_of_transport", "mass_kg"),
     *("speed_bias_relative", "speed_error_rms_relative", "heading_error_rms_deg", "cross_track_rms_bl"),
 )
-"""Figures that are printed; the others, too, stand in the CSV file."""
+"""Printed figures; the CSV file contains the other figures, too."""
 
 MAIN_SERIES = ("com", "heading", "joints", "joint", "main_node", "strain", "force", "cable", "normal_load")
-"""Series of simulations that are printed; of measurements, all are."""
+"""Printed series of simulations; of measurements, all series are printed."""
 
 
 def run(
     paths: Sequence[Path], out: Path | None, *, align: bool = False, force: bool = False, quiet: bool = False
 ) -> int:
-    """Compare results, write what was found into a folder, and return the exit code.
+    """Compare results, write the differences into a folder, and return the exit code.
 
-    With `align` all are moved and turned so that they fit the first one best (`scenes.studies.compare.aligned`).
+    With `align` all results are moved and turned to fit the first result best (`scenes.studies.compare.aligned`).
 
     Raises
     ------
     SceneError
-        Fewer than two results, one that is none, or a folder that cannot be used.
+        Fewer than two results, an invalid result, or a folder that cannot be used.
     """
     as_they_are = named_by_settings(sources(paths))
     given = _aligned(as_they_are) if align else as_they_are
@@ -83,7 +83,7 @@ def _aligned(given: Sequence[Source]) -> list[Source]:
 
 
 def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
-    """Return the table of all differences: of settings, figures and series, a row each."""
+    """Return the table of all differences of settings, figures and series, one row each."""
     of_settings = (
         ("setting", setting.key, "", source.label, setting.values[0], value, "", "")
         for setting in settings(given)
@@ -112,7 +112,7 @@ def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, fo
 
 
 def _settings(given: Sequence[Source]) -> Iterator[str]:
-    """Yield the keys that all scenes have and that differ; those that some of them lack are counted."""
+    """Yield the differing keys that all scenes have; keys that some scenes lack are counted."""
     differing, simulated = settings(given), [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in differing if all(each.values[k] != ABSENT for k in simulated)]
     if shared:

@@ -1,4 +1,4 @@
-"""Differences of runs and measurements: of scenes, of the figures of their summaries, and of their series."""
+"""Differences of runs and measurements: of scenes, of the figures in the summaries, and of series."""
 
 from __future__ import annotations
 
@@ -19,48 +19,48 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.metrics import ROUNDING, named
 
 NOT_SHOWN = ("title", "says")
-"""Keys of a scene that say nothing of the run."""
+"""Keys of a scene that do not affect the run."""
 ROUNDED = 1e-9
-"""Range of a series, as a fraction of its largest number, up to which it is taken as constant."""
+"""Range of a series, as a fraction of its largest number, below which the series counts as constant."""
 CASE = re.compile(rf"[0-9a-f]{{{LENGTH}}}$")
-"""End of the label of a case of a sweep that is named by its key."""
+"""End of the label of a sweep case that has its key as name."""
 MOST_SETTINGS, SHORT_KEY = 3, 8
-"""Largest number of settings that name a case, and digits of its key where settings do not tell it from the others."""
+"""Largest number of settings that name a case, and number of key digits where settings do not distinguish the case."""
 ABSENT = "-"
 """Value of a key that a scene does not have."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How a figure of one source differs from that of the reference."""
+    """Difference between a figure of one source and the figure of the reference."""
 
     kind: str
-    """`figure` of the summary; `both` for one over the time that both have; `series` over that time, where the
-    difference is the root mean square one."""
+    """`figure`: a figure of the summary; `both`: a displacement or turn over the common time; `series`: a series over
+    the common time, with the root mean square difference."""
     name: str
     unit: str
     """SI unit or degree, "1" for a pure number."""
     source: str
-    """Label of what is compared with the reference."""
+    """Label of the source that is compared with the reference."""
     reference: float | None
-    """Value of the reference; of series the range of the numbers over time, the largest of components and of both."""
+    """Value of the reference; for a series, the largest range over time of any component of either record."""
     value: float | None
-    """Value of the source; of series its largest difference."""
+    """Value of the source; for a series, the largest difference."""
     difference: float | None
     relative: float | None
-    """Difference over the reference's value; None where that is 0, or rounding."""
+    """Difference over the reference's value; None if that value is 0, or rounding."""
 
 
 class Setting(NamedTuple):
-    """A key of the scene that is not the same in all."""
+    """A key of the scene that differs between sources."""
 
     key: str
     values: tuple[str, ...]
-    """As text, of each source; `ABSENT` where it has no such key."""
+    """Text of the value in each source; `ABSENT` if a source has no such key."""
 
 
 def settings(given: Sequence[Source]) -> list[Setting]:
-    """Return the keys in which the scenes of simulations differ."""
+    """Return the keys that differ between the scenes of simulations."""
     scenes = [{} if source.is_measured else flat(source.scene) for source in given]
     simulated = [scene for source, scene in zip(given, scenes, strict=True) if not source.is_measured]
     keys = [key for key in dict.fromkeys(key for scene in simulated for key in scene) if key not in NOT_SHOWN]
@@ -69,7 +69,7 @@ def settings(given: Sequence[Source]) -> list[Setting]:
 
 
 def named_by_settings(given: Sequence[Source]) -> list[Source]:
-    """Return the sources with labels for people: cases of a sweep by the settings in which the simulations differ."""
+    """Return the sources with labels for people; the differing settings of the simulations label sweep cases."""
     simulated = [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in settings(given) if all(each.values[k] != ABSENT for k in simulated)]
     differing = sorted(shared, key=lambda each: each.key == "seed")[:MOST_SETTINGS]
@@ -88,7 +88,7 @@ def named_by_settings(given: Sequence[Source]) -> list[Source]:
 
 
 def figures(given: Sequence[Source]) -> list[Difference]:
-    """Return the differences of all figures of the summaries that the reference or another one has."""
+    """Return the differences of all summary figures that the reference or another source has."""
     first, *others = given
     names = dict.fromkeys(name for source in given for name, value in source.figures.items() if _is_number(value))
     return [
@@ -99,7 +99,7 @@ def figures(given: Sequence[Source]) -> list[Difference]:
 
 
 def series(given: Sequence[Source]) -> list[Difference]:
-    """Return the differences over time of all that the reference and another one have in common."""
+    """Return the differences over time of all series that the reference and another source have in common."""
     first, *others = given
     return [
         each
@@ -152,7 +152,7 @@ def _of_series(label: str, reference: Record, other: Record) -> Iterator[Differe
 
 
 def _of_both(label: str, name: str, unit: str, ours: FloatArray, theirs: FloatArray) -> Iterator[Difference]:
-    """Yield how far a place moved, how far a heading turned, between the first and the last common instant."""
+    """Yield the displacement of a place, or the turn of a heading, between the first and the last common instant."""
     if name == "heading":
         name, unit, ours, theirs = "heading_change", "deg", np.rad2deg(ours)[:, None], np.rad2deg(theirs)[:, None]
     elif (name == "com" or name.startswith(MARKER)) and ours.ndim == 2:
@@ -174,17 +174,17 @@ def _moved(values: FloatArray, *, signed: bool) -> float:
 
 
 def _range(values: FloatArray) -> float:
-    """Return the largest range over time of the components of a series, shape (T, ...), without what is NaN."""
+    """Return the largest range over time of the components of a series, shape (T, ...), ignoring NaN."""
     columns = values.reshape(len(values), -1)
     columns = columns[:, np.isfinite(columns).any(axis=0)]
     return float(np.max(np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)))
 
 
 def common(reference: Record, other: Record) -> dict[str, tuple[str, FloatArray, FloatArray]]:
-    """Return what two records have in common: by name its unit, and the values of both at the same instants.
+    """Return the common series of two records: by name the unit, and the values of both at the same instants.
 
-    The instants are those of a measurement, if one of them is, or else those of the reference; NaN where one of them
-    has nothing to say.
+    The instants come from the measurement if one record is a measurement, otherwise from the reference. A value is NaN
+    if the record has no value at this instant.
     """
     if measured.is_measured(other) and not measured.is_measured(reference):
         return {name: (unit, ours, theirs) for name, (unit, theirs, ours) in common(other, reference).items()}
@@ -202,7 +202,7 @@ def common(reference: Record, other: Record) -> dict[str, tuple[str, FloatArray,
 
 
 def left_out(given: Sequence[Source]) -> list[str]:
-    """Return sentences on what was measured and is not compared."""
+    """Return sentences on the measured series that are not compared."""
     first, *others = given
     pairs = [(first, source) for source in others] + [(source, first) for source in others]
     return [
@@ -214,7 +214,7 @@ def left_out(given: Sequence[Source]) -> list[str]:
 
 
 def rows_by_name(found: Sequence[Difference]) -> Mapping[str, list[Difference]]:
-    """Return differences by the name of what differs, in order."""
+    """Return differences grouped by name, in order."""
     rows: dict[str, list[Difference]] = {}
     for each in found:
         rows.setdefault(each.name, []).append(each)

@@ -13,7 +13,7 @@ from worm3d.viewer.beside import MOST, Page, side_by_side
 
 
 def write(records: Mapping[str, Record], path: Path, title: str) -> str:
-    """Write the page of the records that have one, by label; return why there is none, or an empty text.
+    """Write the common page of the records with a 3D page, by label; return the reason if there is none, or "".
 
     Raises
     ------

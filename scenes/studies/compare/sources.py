@@ -1,4 +1,4 @@
-"""What is compared: runs, cases of sweeps and measurements, each with a label; the first one is the reference."""
+"""Sources of a comparison: runs, cases of sweeps and measurements, each with a label; the first is the reference."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from scenes.records.store import load
 from scenes.sweep import case_file
 
 MOST = 8
-"""Largest number of sources: more colours than that nobody tells apart."""
+"""Largest number of sources: more colours are hard to distinguish."""
 
 
 @dataclass(frozen=True)
@@ -29,25 +29,25 @@ class Source:
     scene: Mapping[str, Any]
     """The resolved scene as data; the header of a measurement."""
     figures: Mapping[str, Metric]
-    """Figures of its summary."""
+    """Figures of the summary."""
     reasons: Mapping[str, str]
-    """Why a figure has no value."""
+    """Reasons why figures have no value."""
     record: Record | None
-    """Its series; None for the case of a sweep without."""
+    """Series of the source; None for a case of a sweep without series."""
 
     @property
     def is_measured(self) -> bool:
-        """Whether it was measured, not simulated."""
+        """Whether the source is a measurement, not a simulation."""
         return self.record is not None and self.record.model == measured.MODEL
 
 
 def sources(paths: Sequence[Path]) -> list[Source]:
-    """Read what is to be compared.
+    """Read the sources of a comparison.
 
     Raises
     ------
     SceneError
-        Too few, too many, or one of them is not a result.
+        Too few or too many paths, or a path that is not a result.
     """
     if not 2 <= len(paths) <= MOST:
         raise SceneError(f"compare: got {len(paths)} results, must be 2 to {MOST}; the first one is the reference")
@@ -55,7 +55,7 @@ def sources(paths: Sequence[Path]) -> list[Source]:
 
 
 def records(given: Sequence[Source]) -> dict[str, Record]:
-    """Return the sources that have series, by label."""
+    """Return the records of the sources with series, by label."""
     return {source.label: source.record for source in given if source.record is not None}
 
 
@@ -73,7 +73,7 @@ def _source(path: Path, label: str) -> Source:
 
 
 def _labels(paths: Sequence[Path]) -> Iterator[str]:
-    """Yield a label for each path: its shortest ending that no other one has."""
+    """Yield a label for each path: the shortest ending that no other path has."""
     parts = [_said(path) for path in paths]
     for k, own in enumerate(parts):
         others = parts[:k] + parts[k + 1 :]
@@ -82,14 +82,14 @@ def _labels(paths: Sequence[Path]) -> Iterator[str]:
 
 
 def _said(path: Path) -> list[str]:
-    """Return the parts of a path that tell one result from another: without `result.nc` and ending."""
+    """Return the parts of a path that distinguish results: without `result.nc` and ending."""
     place = path.resolve()
     place = place.parent if place.name == RESULT else place.with_suffix("") if place.is_file() else place
     return list(place.parts)
 
 
 def flat(scene: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    """Return a scene as texts by dotted keys, lists of tables as one text."""
+    """Return a scene as texts by dotted keys, with lists of tables as one text."""
     found: dict[str, str] = {}
     for name, value in scene.items():
         inner = flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": _text(value)}

@@ -1,1 +1,1 @@
-"""`worm3d fit`: keys of a scene that make a simulation follow a measurement, and how well the data determine them."""
+"""`worm3d fit`: fit keys of a scene to a measurement, and determine the uncertainty of the fitted values."""

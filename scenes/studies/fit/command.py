@@ -1,4 +1,4 @@
-"""`worm3d fit`: fits keys of a scene, and writes `fit.json`, `fit.toml` and `fit.png`."""
+"""`worm3d fit`: fit keys of a scene, and write `fit.json`, `fit.toml` and `fit.png`."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def run(
     force: bool,
     quiet: bool,
 ) -> int:
-    """Fit, write and report; return the exit code. Without a folder it is `runs/fit-<scene>-<time>`.
+    """Fit, write and report; return the exit code. The default folder is `runs/fit-<scene>-<time>`.
 
     Raises
     ------
     SceneError
-        As of `scenes.studies.fit.fit`, or the folder cannot be used.
+        As in `scenes.studies.fit.fit`, or the folder cannot be used.
     """
     name = find_scene(scene).stem
     with folders.prepared(out, f"fit-{name}", force=force) as folder:
@@ -46,7 +46,7 @@ def run(
             shows: list[Callable[[int], None]] = []
 
             def go_on(done: int) -> bool:
-                if done and not shows:  # the first run has shown that scene, keys and data are right
+                if done and not shows:  # after the first run, the scene, the keys and the data are known to be right
                     shows.append(
                         shown.enter_context(progress(f"fit of {name}, at most", runs, quiet=quiet, what="run"))
                     )

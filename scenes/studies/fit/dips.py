@@ -1,4 +1,4 @@
-"""Other valleys of a rough sum of squares: each contact that sticks a step later may make a shallow one."""
+"""Other valleys of a rough sum of squares: each contact that sticks a step later may make a shallow valley."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 DISTANCES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1)
-"""Distances that are looked at, as fractions of the scale of the key that moves most."""
+"""Distances at which the sum is evaluated, as fractions of the scale of the key that moves most."""
 
 
 def dips(squares: Callable[[FloatArray], float], u: FloatArray, axes: FloatArray) -> list[FloatArray]:
-    """Return places around a minimum from which it goes down to another one, the lowest first.
+    """Return places around a minimum from which the sum descends to another minimum, the lowest place first.
 
     Parameters
     ----------
     squares : callable
-        Sum of squares at values over their scales, shape (P,); infinite where there is none.
+        Sum of squares at scaled values, shape (P,); infinite where the sum does not exist.
     u : ndarray, shape (P,)
         A minimum.
     axes : ndarray, shape (K, P)
-        Directions along which it is looked.
+        Directions of the search.
     """
     here = squares(u)
     found = [dip for axis in axes for side in (-1.0, 1.0) for dip in _along(squares, u, here, side * axis)]
@@ -32,7 +32,7 @@ def dips(squares: Callable[[FloatArray], float], u: FloatArray, axes: FloatArray
 def _along(
     squares: Callable[[FloatArray], float], u: FloatArray, here: float, axis: FloatArray
 ) -> Iterator[tuple[float, FloatArray]]:
-    """Yield the lowest place behind a crest, and its squares."""
+    """Yield the sum of squares at the lowest place behind a crest, and the place."""
     way = axis / np.abs(axis).max()
     places = [u + distance * way for distance in DISTANCES]
     heights = [here, *map(squares, places)]

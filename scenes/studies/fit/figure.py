@@ -1,4 +1,4 @@
-"""The figure of a fit: data and model over time, or what the model says, what is left, and how long it stays alike."""
+"""The figure of a fit: data and model over time or over the model's abscissa, residuals, and their autocorrelation."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from scenes.studies.fit.noise import autocorrelation
 from worm3d.values.arrays import FloatArray
 
 MOST = 6
-"""Largest number of channels that are drawn: those whose data vary most over their residuals."""
+"""Largest number of drawn channels: the channels whose data vary most relative to their residuals."""
 LAGS = 0.25
-"""Longest lag of the autocorrelation that is drawn, as a fraction of the series."""
+"""Longest drawn lag of the autocorrelation, as a fraction of the series."""
 SIGNIFICANT = 1.96
 """Bound of the autocorrelation of white residuals, times the root of their number."""
 
@@ -54,7 +54,7 @@ def _chosen(fit: Fit) -> list[int]:
 
 
 def _draw_alike(axes: Axes, time: FloatArray, left: FloatArray) -> None:
-    """Draw the autocorrelation, and the band in which that of white residuals would lie."""
+    """Draw the autocorrelation, and the band that would contain the autocorrelation of white residuals."""
     lags = max(1, int(LAGS * len(left)))
     found = autocorrelation(left, lags)
     bound = SIGNIFICANT / np.sqrt(len(left))

@@ -1,4 +1,4 @@
-"""A fit from a scene and a measurement to values with intervals: what `worm3d fit` does, in Python."""
+"""A fit from a scene and a measurement to values with intervals: the Python interface of `worm3d fit`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from worm3d.values.spelling import spelled
 from worm3d.values.variable import Variable
 
 MOST_RUNS = 1000
-"""Largest number of runs of a fit, if none is given; one of three keys needs some 250."""
+"""Default of the largest number of runs of a fit; a fit of three keys needs some 250."""
 
 
 @dataclass(frozen=True)
@@ -34,26 +34,26 @@ class Fitted:
     standard_error: float | None
     """Standard deviation of the value; None without an interval."""
     interval: tuple[float, float] | None
-    """Interval with a probability of 95 %; None if it has none."""
+    """Interval with a probability of 95 %; None if the value has no interval."""
     reason: str
-    """Why it has no interval; empty if it has one."""
+    """Reason why the value has no interval; empty if there is an interval."""
 
     @property
     def said(self) -> str:
-        """Its interval in brackets, or why it has none."""
+        """The interval in brackets, or the reason why there is none."""
         low_high = self.interval and f"{self.interval[0]:.4g} to {self.interval[1]:.4g}"
         return f" ({low_high or self.reason})"
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A measured series and what is left of it."""
+    """A measured series and the residuals of the fit to the series."""
 
     name: str
     rms: float
     """Root mean square of the residuals, in the unit of the channel."""
     relative_rms: float
-    """The same as a fraction of the largest magnitude of the data."""
+    """The root mean square as a fraction of the largest magnitude of the data."""
     correlation: float
     """Autocorrelation of the residuals at a lag of one sample."""
     order: int
@@ -62,7 +62,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fit: values, intervals, and what the data do not tell."""
+    """A fit: values, intervals, and the directions that the data do not determine."""
 
     name: str
     """Name of the scene."""
@@ -72,26 +72,27 @@ class Fit:
     relations: tuple[Relation, ...]
     """Directions in which the data do not determine the values; empty if they determine all."""
     correlation: FloatArray
-    """Correlations of the values, shape (P, P); 0 where one has no interval."""
+    """Correlations of the values, shape (P, P); 0 for a value without an interval."""
     channels: tuple[Channel, ...]
     data: Data
     lack: Lack
-    """Whether the residuals are too slow for noise, so that the intervals are those of a wrong model."""
+    """Whether the residuals are too slow for noise, so that the intervals belong to a wrong model."""
     simulated: FloatArray
     """Channels of the run with the fitted values, shape (C, T); NaN as in the data."""
     abscissa: Variable
-    """What data and model are drawn over, at the measured instants."""
+    """Abscissa of the drawn data and model, at the measured instants."""
     scene: str
     """Scene with the fitted values as TOML."""
     finished: bool
     """Whether a minimum was found; False if the runs were used up before."""
     exact: bool
-    """Whether the data are met but for errors of integration; intervals would mean nothing."""
+    """Whether the data are met except for integration errors; intervals would mean nothing."""
     left_out: tuple[str, ...]
-    """Channels of many that no key moves; they are not in the data and not in `channels`."""
+    """Channels that no key moves, left out where there are many channels; not in the data and not in `channels`."""
     runs: int
+    """Number of runs, including the failed runs."""
     failed_runs: int
-    """Number of runs, of which those that failed."""
+    """Number of failed runs."""
 
     def __repr__(self) -> str:
         found = (f"{each.varied.key} = {each.value:.6g}{each.said}" for each in self.keys)
@@ -105,12 +106,12 @@ class Fit:
 
     @property
     def measured_values(self) -> int:
-        """Number of values that were fitted to."""
+        """Number of measured values in the fit."""
         return int(np.count_nonzero(np.isfinite(self.data.values)))
 
     @property
     def residuals(self) -> FloatArray:
-        """Measured less simulated, shape (C, T)."""
+        """Measured minus simulated values, shape (C, T)."""
         return self.data.values - self.simulated
 
 
@@ -128,18 +129,18 @@ def fit(
     Parameters
     ----------
     scene : str or Path
-        Name of a shipped scene, or a TOML file; a run longer than the measurement is cut to it.
+        Name of a shipped scene, or a TOML file; a run longer than the measurement is cut to the measurement.
     to : str, Path or Record
         Measured series, a CSV file (`scenes.records.measured`) or a record with the quantities to follow.
     vary : sequence of str, or mapping
-        `key` or `key=lo:hi` each; or the range of each key, None for that of the scene's language. A key starts from
-        the scene's value, which must lie in the range, and from the middle of the range where the scene leaves it out.
+        `key` or `key=lo:hi` each; or a mapping of each key to a range, with None for the range of the scene's language.
+        A key starts from the scene's value, which must lie in the range, or else from the middle of the range.
     overrides : iterable of str
         `section.key=value` each.
     most_runs : int
         Largest number of runs of the search.
     go_on : callable
-        Called with the number of finished runs; where it returns False, the fit ends with a `StoppedError`.
+        Called with the number of finished runs; if the result is False, the fit ends with a `StoppedError`.
 
     Returns
     -------

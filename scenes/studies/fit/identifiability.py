@@ -1,8 +1,9 @@
-"""Which keys a measurement determines, and which it cannot tell apart: the singular values of the slopes.
+"""Which keys a measurement determines, and which keys are indistinguishable: the singular values of the slopes.
 
-The slopes are weighted, so that a residual has a size of about 1, and each key is counted in units of its scale. With
-columns of length 1 a singular value tells how much of the effect of several keys is left when they change together so
-that they cancel each other best (R. Brun, P. Reichert, H. R. Kuensch, Water Resources Research 37, 2001).
+The slopes are weighted, so that a residual has a size of about 1, and each key is counted in units of its scale. The
+columns are scaled to length 1. A singular value is then the fraction of the effect of several keys that remains when
+the keys change together so that they cancel each other best (R. Brun, P. Reichert, H. R. Kuensch, Water Resources
+Research 37, 2001).
 """
 
 from __future__ import annotations
@@ -16,32 +17,32 @@ from scenes.studies.fit.varied import Varied
 from worm3d.values.arrays import BoolArray, FloatArray
 
 LOST = 1e-3
-"""Singular value of columns of length 1 below which keys cancel each other: a tenth of it is the error of slopes."""
+"""Singular value of columns of length 1 below which keys cancel each other; the error of slopes is a tenth of this."""
 NOTHING = 1e-6
-"""Root mean square effect of a change by a key's scale, over that of the residuals, which counts as none."""
+"""Largest negligible effect of a change by a key's scale: root mean square, relative to the rms of the residuals."""
 INVOLVED = 0.1
-"""Least component of a direction, of length 1, of a key that is named."""
+"""Least component of a key in a direction of length 1 for the key to be named."""
 VAGUE = 0.3
-"""Standard error of a direction, in scales of the keys, from which on the data are said not to determine it."""
+"""Least standard error of a direction, in scales of the keys, that counts as not determined by the data."""
 EXAMPLE = 0.1
-"""Largest change of a key, in its scale, of the changes that show what a direction is."""
+"""Largest change of a key, in units of its scale, in the example changes that illustrate a direction."""
 
 Probe = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class Relation:
-    """Changes of keys, made together, that the data hardly notice."""
+    """Simultaneous changes of keys that hardly affect the residuals."""
 
     keys: tuple[str, ...]
     changes: tuple[float, ...]
-    """Change of each key in its unit; all of them together have the effect."""
+    """Change of each key in its unit; all changes together have the effect."""
     effect: float
-    """Root mean square of what they change in the simulation, as a fraction of that of the residuals."""
+    """Root mean square change of the simulation, as a fraction of the root mean square of the residuals."""
 
     @property
     def sentence(self) -> str:
-        """What it means, for people."""
+        """Meaning of the relation, for people."""
         moves = " and ".join(f"{key} by {change:+.3g}" for key, change in zip(self.keys, self.changes, strict=True))
         what = (
             f"the data cannot tell apart {', '.join(self.keys)}"
@@ -53,21 +54,21 @@ class Relation:
 
 @dataclass(frozen=True)
 class Determined:
-    """What the slopes tell."""
+    """Result of the analysis of the slopes."""
 
     inverse: FloatArray
-    """Inverse of the normal equations in scales of the keys, without what the data do not tell, shape (P, P)."""
+    """Inverse of the normal equations in scales of the keys, without the undetermined directions, shape (P, P)."""
     known: BoolArray
-    """Keys that are in none of the directions that the data do not tell, shape (P,)."""
+    """Keys that are in none of the directions that the data leave undetermined, shape (P,)."""
     relations: tuple[Relation, ...]
-    """These directions."""
+    """The directions that the data leave undetermined."""
 
 
 def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the lengths of the columns of slopes, (M, P), and singular values and directions of columns of length 1.
 
-    Shapes (P,), (P,) and (P, P), a direction in each row; a column of next to nothing becomes one of zeros, with a
-    length of 1.
+    Shapes (P,), (P,) and (P, P), a direction in each row. A negligible column is replaced by zeros and has a length
+    of 1.
     """
     norms = np.linalg.norm(slopes, axis=0)
     counts = norms > NOTHING * np.sqrt(len(slopes))
@@ -77,10 +78,10 @@ def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArray, probe: Probe) -> Determined:
-    """Return what slopes determine, by their singular values.
+    """Return the keys and directions that slopes determine, by their singular values.
 
-    A direction is lost if its singular value is below `LOST`, or below the error of the slopes and a tiny step along it
-    has no effect either.
+    A direction is lost if its singular value is below `LOST`. A direction is also lost if its singular value is below
+    the error of the slopes and a tiny step along the direction has no effect either.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) 
 
 
 def relation(varied: Sequence[Varied], direction: FloatArray, slopes: FloatArray) -> Relation:
-    """Return a direction, shape (P,) in scales of the keys, as changes that show it; those of 0 are not named."""
+    """Return a direction, shape (P,) in scales of the keys, as example changes; changes of 0 are left out."""
     largest = int(np.argmax(np.abs(direction)))
     move = direction * (EXAMPLE / direction[largest])
     named = [int(k) for k in np.flatnonzero(move)]

@@ -1,18 +1,18 @@
-"""Lack of fit: whether what a fit leaves is noise, or what the scene cannot follow.
+"""Lack of fit: whether the residuals are noise, or an effect that the scene does not model.
 
-Noise is taken for autoregressive of first order, e_t = a e_{t-1} + u_t, of which there are two estimates. A slow error
-of the model hardly changes from sample to sample, so the differences of neighbours tell of the noise alone,
+The noise is assumed to be autoregressive of first order, e_t = a e_{t-1} + u_t, and is estimated in two ways. A slow
+error of the model hardly changes from sample to sample, so the differences of neighbours depend on the noise alone,
 
     a = 1 + 2 r,  var(u) = (1 + a) var(d)/2,  with d_t = e_t - e_{t-1} of variance var(d) and correlation r       (FL1)
 
-but roughly. The most likely a, with a share q of white noise beside it (P. Whittle, Bulletin of the International
-Statistical Institute 39, 1962), is more exact, but takes a part of the error for noise:
+but this estimate is rough. The maximum-likelihood a, with a share q of additional white noise (P. Whittle, Bulletin of
+the International Statistical Institute 39, 1962), is more exact, but attributes a part of the error to noise:
 
     least over a, q of  ln mean_k(P_k/S_k) + mean_k ln S_k,  P_k the power of the residuals at frequency w_k,     (FL2)
     S_k = (1 - q) (1 - a^2)/(1 - 2 a cos w_k + a^2) + q
 
-The power at low frequencies over that of the noise is the ratio of each. Right scenes seldom have a large one, nor
-residuals that are alike to the effect of a key (`scenes.studies.fit.suspects`).
+For each estimate, the ratio is the power at low frequencies divided by the power of the noise. Right scenes seldom have
+a large ratio, or residuals that resemble the effect of a key (`scenes.studies.fit.suspects`).
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from scenes.studies.fit.suspects import NONE, Suspects
 from worm3d.values.arrays import FloatArray
 
 LEAST_SAMPLES = 30
-"""Least number of samples of a channel that is looked at."""
+"""Least number of samples of a channel in the test."""
 LONGEST = 0.9
-"""Largest correlation of neighbouring samples of what passes for noise: a memory of ten samples."""
+"""Largest correlation of neighbouring samples that is accepted as noise: a memory of ten samples."""
 TRIED = np.array([(a, q) for a in np.linspace(0.0, LONGEST, 19) for q in (0.0, 0.1, 0.3, 0.5, 0.7)])
 """Values of a and q that are tried for (FL2)."""
 BAND = 6
 """Number of frequencies of a band."""
 SLOW = 8
-"""One over the part of the frequencies that counts as slow."""
+"""Number of all frequencies divided by the number of frequencies that count as slow."""
 CERTAIN = 20.0
-"""Ratio to the noise (FL1) that tells a lack of fit by itself. About one in a hundred series of autoregressive noise
-with a correlation of 0.8 and as much white noise exceeds it, fewer without white noise, and none of four series."""
+"""Least ratio to the noise (FL1) that alone proves a lack of fit. About one in a hundred series of autoregressive noise
+with a correlation of 0.8 and as much white noise exceeds it, fewer without white noise, and no set of four series."""
 LIMIT = 3.0
-"""Ratio to the noise (FL2) that tells a lack of fit where noise has it by no more than `CHANCE`; at 1.5 the chance
-alone decides, at 6 a wrong mass seen 25 times a second is missed."""
+"""Least ratio to the noise (FL2) that indicates a lack of fit, if the chance of noise is at most `CHANCE`. At 1.5 the
+chance alone decides; at 6 the test misses a wrong mass that is sampled 25 times a second."""
 CHANCE = 1e-4
-"""Largest chance of noise that tells a lack of fit, by the normal tail of drawn logarithms, whose true one is longer:
-of 2000 sets of four noisy series at most two or three have it. At a tenth of it a wrong mass is missed more often."""
+"""Largest chance of noise that indicates a lack of fit: the normal tail of drawn logarithms. The true tail is longer:
+at most two or three of 2000 sets of four noisy series have it. A tenth of it would miss a wrong mass more often."""
 DRAWS = 100
 """Number of drawn series of each channel, for mean and scatter of the logarithm of the ratio to 10 %."""
 MEMORY = 100
@@ -54,15 +54,15 @@ MEMORY = 100
 
 @dataclass(frozen=True)
 class Lack:
-    """How much slower residuals change than noise would."""
+    """Slowness of the residuals relative to noise."""
 
     ratio: float
-    """Power of their slow part over that of the noise (FL1): of each channel in its worst band of frequencies, then the
-    geometric mean of the channels; 0 if too little is known."""
+    """Power of the slow residuals over the power of the noise (FL1): the worst band of frequencies of each channel,
+    then the geometric mean over the channels; 0 if there are too few data."""
     likely: float = 0.0
-    """The same over the noise (FL2)."""
+    """The same ratio to the noise (FL2)."""
     chance: float = 1.0
-    """Probability that noise has a ratio (FL2) as large; 1 below `LIMIT`."""
+    """Probability that noise has a ratio (FL2) at least as large; 1 below `LIMIT`."""
     suspects: Suspects = NONE
     """Fixed keys that would take most of the residuals away."""
 
@@ -86,8 +86,8 @@ def ratio_of(residuals: FloatArray) -> float:
 def lack_of(residuals: FloatArray) -> Lack:
     """Return the lack of fit of residuals, shape (C, T), NaN where nothing was measured.
 
-    The errors of a wrong scene go with strides and with the whole crawl, far slower than noise, and exceed its power
-    many times, in a single channel too.
+    The errors of a wrong scene vary with the strides and with the whole crawl, far slower than noise. Their power is
+    many times the power of noise, even in a single channel.
     """
     channels = list(_series(residuals))
     if not channels:
@@ -104,7 +104,7 @@ def lack_of(residuals: FloatArray) -> Lack:
 
 
 def _series(residuals: FloatArray) -> Iterator[FloatArray]:
-    """Yield the known values of each channel that has enough of them, and any noise."""
+    """Yield the known values of each channel that has enough values and a nonzero range."""
     for series in residuals:
         known = series[np.isfinite(series)]
         if len(known) >= LEAST_SAMPLES and np.ptp(known) > 0.0:
@@ -131,7 +131,7 @@ def _by_likelihood(series: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @lru_cache(maxsize=8)
 def _tried(length: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return S_k for `TRIED`, shape (K, T), one over it, shape (T, K), and the mean of its logarithm, shape (K,)."""
+    """Return S_k for `TRIED`, shape (K, T), its reciprocal, shape (T, K), and its mean logarithm, shape (K,)."""
     shapes = _shape(TRIED[:, 0], TRIED[:, 1], length)
     return shapes, (1.0 / shapes).T, np.log(shapes).mean(axis=-1)
 
@@ -159,7 +159,7 @@ def _worst(relative: FloatArray) -> FloatArray:
 
 
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
-    """Return noise of variance 1 with a and q, shape (2,), shape (DRAWS, length)."""
+    """Return noise of variance 1, shape (DRAWS, length), for the values of a and q in `noise`, shape (2,)."""
     a, q = map(float, noise)
     innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((DRAWS, length + MEMORY))
     coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, MEMORY:]

@@ -1,9 +1,9 @@
-"""Autoregressive models of what a fit leaves: the residuals of a measurement are seldom independent.
+"""Autoregressive models of the residuals of a fit: the residuals of a measurement are seldom independent.
 
     e_t = a_1 e_{t-1} + ... + a_p e_{t-p} + u_t,   u white, in several channels correlated at the same instant   (F1)
 
 The coefficients come from Burg's method (J. P. Burg, 1975; S. M. Kay, "Modern Spectral Estimation", 1988, ch. 7.5),
-which always gives a stationary model, and the order from Akaike's criterion, corrected for short series.
+which always gives a stationary model. The order comes from Akaike's criterion, corrected for short series.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from scipy import fft
 from worm3d.values.arrays import FloatArray
 
 HIGHEST_ORDER = 12
-"""Highest order that is tried; half as many lose the shape of smooth residuals, twice as many cost time only."""
+"""Highest order in the search; half as many lose the shape of smooth residuals, twice as many cost time only."""
 SAMPLES_PER_ORDER = 10
 """Least number of samples for each order, so that a short series does not get a long memory."""
 MEMORY = 1e-6
-"""What is left of an innovation when it counts as forgotten."""
+"""Fraction of an innovation that may remain when the innovation counts as forgotten."""
 LONGEST_MEMORY = 20_000
 """Largest number of samples after which an innovation counts as forgotten."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """An autoregressive model of C channels of one order p, (F1)."""
+    """An autoregressive model of C channels that have the same order p, (F1)."""
 
     coefficients: FloatArray
     """a_1 to a_p of each channel, shape (C, p)."""
@@ -47,7 +47,7 @@ class Noise:
         spectra : ndarray, shape (F, C, P), complex
             `spectra_of(J)`.
         size : int
-            Number of points of its transform.
+            Number of points of the transform.
         """
         filtered = spectra / np.conj(self._response(size).T[:, :, None])
         both = np.einsum("fck,cd,fdl->fkl", np.conj(filtered), self.covariance, filtered, optimize=True).real
@@ -67,19 +67,19 @@ class Noise:
         return series
 
     def _response(self, size: int) -> FloatArray:
-        """Return the transform of 1 - a_1 z - ... - a_p z^p over so many points, shape (C, F), complex."""
+        """Return the transform of 1 - a_1 z - ... - a_p z^p over `size` points, shape (C, F), complex."""
         lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
         response: FloatArray = fft.rfft(lags, size)
         return response
 
     def _memory(self) -> int:
-        """Return after how many samples an innovation is forgotten."""
+        """Return the number of samples after which an innovation is forgotten."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
         return 0 if radius == 0.0 else min(LONGEST_MEMORY, int(np.log(MEMORY) / np.log(min(radius, 1.0 - 1e-9))) + 1)
 
 
 def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:
-    """Return the transforms of series, padded so that none wraps round, shape (F, C, P), and their number of points.
+    """Return the transforms of series, padded against wrapping round, shape (F, C, P), and their number of points.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:
 
 
 def noise_of(series: FloatArray, order: int | None = None) -> Noise:
-    """Return the model of residuals, shape (C, T), of a given order or of the best one for all channels."""
+    """Return the model of residuals, shape (C, T), with a given order or the best common order of all channels."""
     highest = min(HIGHEST_ORDER, series.shape[1] // SAMPLES_PER_ORDER)
     stages = list(_burg(series, highest if order is None else order))
     if order is None:
@@ -123,7 +123,7 @@ def _akaike(innovations: FloatArray, order: int, length: int) -> float:
 
 
 def autocorrelation(series: FloatArray, lags: int) -> FloatArray:
-    """Return the autocorrelation of a series, shape (T,), at lags from 0 on, shape (lags + 1,); 0 if it is constant."""
+    """Return the autocorrelation of a series, shape (T,), at lags 0 to `lags`, shape (lags + 1,); 0 if constant."""
     off = series - series.mean()
     power = float(off @ off)
     found = [float(off[: len(off) - lag] @ off[lag:]) for lag in range(lags + 1)]

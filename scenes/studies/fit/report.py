@@ -1,4 +1,4 @@
-"""What a fit says: lines for people, `fit.json` and `fit.toml`."""
+"""The report of a fit: lines for people, `fit.json` and `fit.toml`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def lines(fit: Fit) -> Iterator[str]:
 
 
 def warnings(fit: Fit) -> Iterator[str]:
-    """Yield what makes the values or their intervals doubtful."""
+    """Yield the reasons to doubt the values or their intervals."""
     if not fit.finished:
         yield f"the minimum was not found within {counted(fit.runs, 'run')}: start nearer to it, or allow more --runs"
     if fit.exact:
@@ -52,7 +52,7 @@ def warnings(fit: Fit) -> Iterator[str]:
 
 
 def doubts(lack: Lack) -> Iterator[str]:
-    """Yield what it means that the residuals are no noise, and what to do."""
+    """Yield the meaning of residuals that are no noise, and what to do about them."""
     yield (
         f"the scene does not follow the data: the model misses more than the noise explains, the slow part of the "
         f"residuals has {max(lack.ratio, lack.likely):.3g} times the power of noise; intervals are widened "
@@ -76,7 +76,7 @@ def outcome(fit: Fit) -> str:
 
 
 def content(fit: Fit) -> dict[str, Any]:
-    """Return what `fit.json` holds."""
+    """Return the content of `fit.json`."""
     return {
         "status": "done" if fit.finished else "unfinished",
         "scene": fit.name,
@@ -113,7 +113,7 @@ def content(fit: Fit) -> dict[str, Any]:
 
 
 def scene(fit: Fit) -> str:
-    """Return the scene with the fitted values as TOML, with what was fitted on top."""
+    """Return the scene with the fitted values as TOML, with the fitted keys in comments at the top."""
     head = [f"# {fit.name} with values fitted to {fit.measured}:", *(f"# {_told(each)}" for each in fit.keys), ""]
     return "\n".join([*head, fit.scene])
 

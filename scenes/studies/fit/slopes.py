@@ -1,4 +1,4 @@
-"""Derivatives of a simulation by finite differences, which know how rough the simulation is."""
+"""Derivatives of a simulation by finite differences, with an estimate of the simulation's roughness."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Function = Callable[[FloatArray], FloatArray | None]
 """Values of the keys, shape (P,) -> channels, shape (C, T); None where the run fails."""
 
 HALVINGS = 4
-"""How often a step is halved at whose both ends the run fails."""
+"""Largest number of halvings of a step if the run fails at both ends of the step."""
 
 
 @dataclass(frozen=True)
@@ -24,21 +24,21 @@ class Slopes:
     values: FloatArray
     """Shape (C, T, P)."""
     roughness: FloatArray
-    """Half of what the slopes to both sides differ by, shape (C, T, P); 0 where there is one side only."""
+    """Half of the difference between the slopes to both sides, shape (C, T, P); 0 if only one side exists."""
 
 
 def slopes_at(
     function: Function, x: FloatArray, here: FloatArray, steps: FloatArray, low: FloatArray, high: FloatArray
 ) -> Slopes:
-    """Return the slopes at a place from runs at both sides of it, or at one if the other is out of range or fails.
+    """Return the slopes at a place from runs at both sides, or at one side if the other is out of range or fails.
 
-    Contacts that stick a time step earlier or later make a simulation rough on a small scale: a step as large as the
-    error of a value is right, a tiny one is not.
+    Contacts that stick a time step earlier or later make a simulation rough on a small scale. The step should therefore
+    be as large as the error of a value; a tiny step is wrong.
 
     Raises
     ------
     SceneError
-        The runs at both sides fail, however small the steps.
+        The runs at both sides fail for every step size.
     """
     each = [_slope(function, x, here, k, float(step), low, high) for k, step in enumerate(steps)]
     values, roughness = (np.stack(part, axis=-1) for part in zip(*each, strict=True))
@@ -48,7 +48,7 @@ def slopes_at(
 def _slope(
     function: Function, x: FloatArray, here: FloatArray, k: int, step: float, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the slope along one key, and its roughness, shape (C, T) each."""
+    """Return the slope along one key, and the roughness of the slope, shape (C, T) each."""
     for halved in range(HALVINGS + 1):
         sides = []
         for way in (-step, step):

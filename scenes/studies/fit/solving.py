@@ -2,9 +2,9 @@
 
     min over x of the sum over channels c and instants t of (w_c (f_c(t; x) - y_c(t)))^2                           (F3)
 
-The weights are those of the units at first, so that metres and newtons count alike, then one over the standard
-deviation of each channel's residuals. The minimum is found by SciPy's trust-region reflective algorithm, to which a run
-that fails is a step that was too long.
+At first, one weight per unit makes metres and newtons count alike. Afterwards, each weight is one over the standard
+deviation of the channel's residuals. SciPy's trust-region reflective algorithm finds the minimum and treats a run that
+fails as a step that was too long.
 """
 
 from __future__ import annotations
@@ -25,42 +25,42 @@ from scenes.studies.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, un
 from worm3d.values.arrays import BoolArray, FloatArray
 
 FIRST_STEP = 0.02
-"""Step of the first derivatives, as a fraction of a key's scale: single contact events hardly count over it."""
+"""Step of the first derivatives, as a fraction of a key's scale: single contact events hardly affect such a step."""
 STEPS = (1e-4, 0.1)
 """Least and largest step of the later derivatives, as fractions of a key's scale."""
 TINY_STEP = 1e-6
-"""Step, as a fraction of the scale, within which no contact event falls: shows that keys cancel each other exactly."""
+"""Step, as a fraction of the scale, that contains no contact event and shows whether keys cancel each other exactly."""
 STEP_PER_ERROR = 2.0
-"""Step of the derivatives over the standard error: they are those of chords as wide as the interval, because a valley
-is often steeper at its bottom, by a contact event or two, than further up."""
+"""Step of the derivatives over the standard error. The derivatives are slopes of chords as wide as the interval,
+because a contact event or two often make a valley steeper at its bottom than further up."""
 ALIKE = 0.1
 """Change of the values, as a fraction of their standard errors, at which new weights make no difference."""
 PASSES = 4
 """Largest number of minimisations with new weights."""
 EXACT = 1e-6
-"""Least standard deviation of residuals that counts, as a fraction of the data's: what integration errors are."""
+"""Least standard deviation of residuals that counts, as a fraction of the data's: the size of integration errors."""
 UNMOVED = 1e-9
-"""Effect of keys that is rounding, as a fraction of the standard deviation of the data."""
+"""Effect of keys that counts as rounding, as a fraction of the standard deviation of the data."""
 COARSE, FINE = 1e-3, 1e-6
-"""Changes of the sum of squares, relative to it, at which the first minimisations end, and the last ones."""
+"""Relative changes of the sum of squares that end the first minimisations and the last minimisations."""
 DEEPER = 0.01
-"""Least part of the sum of squares by which a minimum must be lower than another to be taken for it at the end."""
+"""Least relative difference of the sums of squares for a lower minimum to replace another minimum at the end."""
 VALLEYS = 3
-"""Largest number of minima that are left for a lower one."""
+"""Largest number of moves from one minimum to a lower minimum."""
 SUSPECT = 4.0
-"""Lack of fit from which on a minimum may be wrong. Of 100 series of six channels of pure noise none has it with a
-correlation of neighbours of 0.5, one with 0.8; one in a wrong valley had 7."""
+"""Least lack of fit that makes a minimum suspect. In tests with 100 series of six channels of pure noise, no series
+reached this value at a neighbour correlation of 0.5, and one series at 0.8; a fit in a wrong valley had 7."""
 STARTS = 6
-"""Number of further places around such a minimum from which the search begins anew."""
+"""Number of restarts of the search from places around a suspect minimum."""
 AROUND = 0.02
-"""Standard deviation of their distances, as a fraction of the scale of each key."""
+"""Standard deviation of the distances of these places, as a fraction of the scale of each key."""
 AT_BOUND = 1e-3
-"""Distance to a bound, as a fraction of a key's scale, at which a value is on it."""
+"""Largest distance to a bound, as a fraction of a key's scale, at which a value counts as on the bound."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Values of P keys with the least squares, and what is known of them."""
+    """Values of P keys with the least squares, and the information about these values."""
 
     values: FloatArray
     """Shape (P,)."""
@@ -71,26 +71,26 @@ class Solution:
     known: BoolArray
     """Keys that have an interval, shape (P,)."""
     uncertainty: Uncertainty
-    """Errors of the keys in their units; it counts where they are known."""
+    """Errors of the keys in their units; valid where the keys are known."""
     relations: tuple[Relation, ...]
     """Directions in which the data do not determine the values."""
     finished: bool
-    """Whether it is a minimum; False if the runs were used up before."""
+    """Whether the values are a minimum; False if the runs were used up before."""
     exact: bool
-    """Whether the data are met but for errors of integration, so that nothing is known of the noise."""
+    """Whether the data are met except for integration errors, so that nothing is known of the noise."""
     lack: Lack
     """Whether the residuals are too slow for noise."""
 
 
 def solve(trials: Trials) -> Solution:
-    """Return the values of the varied keys that minimise (F3), and how far they may be off.
+    """Return the values of the varied keys that minimise (F3), with their uncertainties.
 
     Raises
     ------
     SceneError
         All runs around some values fail.
     StoppedError
-        The user wants it to end.
+        The user wants the fit to end.
     """
     _narrow(trials)
     problem = _Problem(trials)
@@ -129,7 +129,7 @@ def _narrow(trials: Trials) -> None:
     problem, steps = _Problem(trials), np.full(len(trials.varied), FIRST_STEP)
     moves = np.nanmax(np.abs(problem.slopes(problem.best, steps).values * steps), axis=(1, 2))
     used = moves > UNMOVED * trials.data.spread
-    if used.any():  # else it is told from all channels that the data do not determine the keys
+    if used.any():  # otherwise all channels together report that the data do not determine the keys
         trials.narrow(used)
 
 
@@ -138,7 +138,7 @@ class _MetError(Exception):
 
 
 class _Problem:
-    """(F3) in values over their scales, u, shape (P,)."""
+    """Problem (F3) in scaled values u, shape (P,)."""
 
     def __init__(self, trials: Trials) -> None:
         self.trials, self.data, self.varied = trials, trials.data, trials.varied
@@ -164,8 +164,8 @@ class _Problem:
     def beside(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the lowest of the minima that contact events set apart from a minimum.
 
-        Between events a simulation is nearly linear, so one run tells how low the valley is that it lies in: by the
-        residuals less what the slopes can mend.
+        Between events a simulation is nearly linear. One run therefore gives the depth of the valley around it: the
+        residuals less the part that the slopes can remove.
         """
         factor = self._each(weights)
         for _ in range(VALLEYS):
@@ -185,7 +185,7 @@ class _Problem:
         return u
 
     def elsewhere(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the lowest of the minima from places around a minimum at which the residuals are no noise."""
+        """Return the lowest of the minima around a minimum, if the residuals of that minimum are no noise."""
         if ratio_of(self._residuals(u)) < SUSPECT:
             return u
         random = np.random.default_rng(0)
@@ -200,7 +200,7 @@ class _Problem:
         return self.minimum(lowest, weights, steps, FINE)
 
     def _floor(self, u: FloatArray, factor: FloatArray, basis: FloatArray) -> float:
-        """Return the sum (F3) without what lies in a space, given by an orthonormal basis, shape (M, K)."""
+        """Return the sum (F3) without the part in a space with an orthonormal basis, shape (M, K)."""
         if np.any(u < self.low) or np.any(u > self.high) or (found := self._channels(u)) is None:
             return np.inf
         off: FloatArray = factor * (found - self.data.values)[self.known]
@@ -213,7 +213,7 @@ class _Problem:
         return float(np.nansum((weights[:, None] * (found - self.data.values)) ** 2))
 
     def minimum(self, start: FloatArray, weights: FloatArray, steps: FloatArray, tolerance: float) -> FloatArray:
-        """Return the values that minimise (F3), to a tolerance relative to its value."""
+        """Return the values that minimise (F3); the tolerance is relative to the sum of squares."""
         factor = self._each(weights)
         least = np.inf
 
@@ -246,14 +246,14 @@ class _Problem:
         return weights
 
     def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return standard errors in a hurry, infinite where the data do not tell, shape (P,)."""
+        """Return quick estimates of the standard errors, infinite for undetermined keys, shape (P,)."""
         slopes = self.slopes(u, steps)
         found = self._determined(u, weights, slopes)
         quick = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse, draws=0)
         return np.where(found.known, quick.standard_error, np.inf)
 
     def solution(self, u: FloatArray, weights: FloatArray, steps: FloatArray, finished: bool, exact: bool) -> Solution:
-        """Return what is known at the minimum."""
+        """Return the solution at the minimum, with intervals and lack of fit."""
         slopes = self.slopes(u, steps)
         found = self._determined(u, weights, slopes)
         draws = 0 if exact else DRAWS
@@ -305,7 +305,7 @@ class _Problem:
         return np.broadcast_to(weights[:, None], self.known.shape)[self.known]
 
     def _bounds(self, u: FloatArray) -> tuple[str, ...]:
-        """Return at which bound each key is, empty if at none."""
+        """Return the bound at which each key is, empty if at none."""
         at_low, at_high = u - self.low < AT_BOUND, self.high - u < AT_BOUND
         return tuple("lowest" if low else "highest" if high else "" for low, high in zip(at_low, at_high, strict=True))
 

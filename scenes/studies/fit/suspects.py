@@ -1,13 +1,15 @@
-"""Which fixed key of the scene would take most of a fit's residuals away, if it were varied too: a score test.
+"""The fixed keys of the scene that would remove most of a fit's residuals if they were varied too: a score test.
 
-The scene is run with each of the keys changed by itself. With residuals e, slopes J of the varied keys, the effect d of
-a change and weights W, what d has beyond J is d' = d - J (J' W J)^-1 J' W d, and varying the key takes away the share
+The scene is run with each of the keys changed by itself. With the residuals e, the slopes J of the varied keys, the
+effect d of a change and the weights W, the part of d beyond J is d' = d - J (J' W J)^-1 J' W d. Varying the key removes
+the share
 
     (d' W e)^2 / (d' W d' e' W e)                                                                                  (F4)
 
 of the weighted squares, to first order, and moves the varied keys by -g (J' W J)^-1 J' W d, g = d' W e/(d' W d').
-Series drawn from the noise that the best change would leave, fitted alike, tell the chance that noise alone gives some
-change such a share: it is small for a right scene however many keys are tried, and whatever the noise's correlation.
+Series are drawn from the noise that the best change would leave, and fitted in the same way. These series give the
+chance that noise alone gives some change such a share. For a right scene the chance is small for any number of keys and
+for any correlation of the noise.
 """
 
 from __future__ import annotations
@@ -29,36 +31,36 @@ NUMBERS = (
     *("friction.backward", "friction.static_ratio", "hysteresis.moment_N_m", "hysteresis.load_ratio"),
     *("hysteresis.give_J", "hysteresis.spread", "gait.amplitude", "gait.period_s", "gait.wavelength"),
 )
-"""Keys that are changed where the scene has a number other than 0: those of the body, its friction and the gait."""
+"""Keys that are changed where the scene has a nonzero number: keys of the body, its friction and the gait."""
 ZEROS = {"worm.drag_N_s_m": 0.1, "world.slope_deg": 1.0, "ground.slope_deg": 1.0}
-"""Keys that are changed where they are 0, and to what."""
+"""Keys that are changed where they are 0, with their new values."""
 LAWS = ("friction.law=viscous", "friction.law=coulomb", "hysteresis.kind=jenkins", "hysteresis.kind=none")
-"""Laws that are tried in place of the scene's."""
+"""Laws that replace the scene's law in the test."""
 FACTOR = 1.5
-"""Factor by which, and by one over which, a number is changed: at 1.1 contacts that stick a step later hide the effect,
-at 3 a worm is another one."""
+"""Factor that multiplies or divides a number. At 1.1 contacts that stick a step later hide the effect; at 3 the worm
+becomes a different worm."""
 EFFECT = 1e-3
-"""Least part of an effect, as a length, that the varied keys cannot have too."""
+"""Least part of an effect, as a length, that the varied keys cannot reproduce."""
 CHANCE = 0.005
-"""Largest chance of noise at which a share counts: one fit of a right scene in 200."""
+"""Largest chance of noise that makes a share significant: one fit of a right scene in 200."""
 DRAWS = 400
-"""Number of drawn series; half as many cannot tell `CHANCE`, twice as many cost time only."""
+"""Number of drawn series; half as many cannot resolve `CHANCE`, twice as many cost time only."""
 NAMED, NEAR = 3, 0.5
-"""Largest number of changes that are named, and their least share over that of the best."""
+"""Largest number of changes that are named, and their least share relative to the best share."""
 
 
 @dataclass(frozen=True, eq=False)
 class Suspect:
-    """A fixed key, and what varying it would do."""
+    """A fixed key, and the effect of varying the key."""
 
     what: str
     """The key, or the other law as `key=value`."""
     value: float | None
-    """Value that it has, None of a law."""
+    """Value of the key; None for a law."""
     larger: bool
     """Whether the data want a larger value."""
     share: float
-    """Share of the weighted squares of the residuals that it takes away, (F4)."""
+    """Share of the weighted squares of the residuals that varying the key removes, (F4)."""
     shift: FloatArray
     """Change of the varied keys in their scales, shape (P,)."""
 
@@ -75,11 +77,11 @@ class Suspects:
 
     named: tuple[Suspect, ...] = ()
     chance: float = 1.0
-    """Probability that noise alone gives one of all changes the share of the best."""
+    """Probability that noise alone gives one of all changes the best share."""
 
     @property
     def found(self) -> bool:
-        """Whether the residuals are alike to the effect of a change, which those of a right scene are not."""
+        """Whether the residuals resemble the effect of a change; the residuals of a right scene do not."""
         return self.chance <= CHANCE
 
 
@@ -94,9 +96,9 @@ def suspects_of(
     Parameters
     ----------
     trials : Trials
-        Of which some 40 runs are made, as far as any are left.
+        Used for some 40 runs, fewer if fewer runs are left.
     values : ndarray, shape (P,)
-        Of the varied keys, at the minimum.
+        Values of the varied keys at the minimum.
     residuals : ndarray, shape (C, T)
         NaN where nothing was measured.
     slopes : ndarray, shape (C, T, P)
@@ -125,7 +127,7 @@ def suspects_of(
 
 
 def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | None, bool, FloatArray]]:
-    """Yield each change with the value before it, whether it makes that larger, and its effect, shape (C, T)."""
+    """Yield each change, the value before it, whether the change is an increase, and its effect, shape (C, T)."""
     here = trials(values)
     assert here is not None  # the run at the minimum has come to its end
     for what, value, larger, override in _changes(trials):
@@ -138,7 +140,7 @@ def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | No
 
 
 def _changes(trials: Trials) -> Iterator[tuple[str, float | None, bool, str]]:
-    """Yield key or law, the scene's value, whether the change makes it larger, and the override."""
+    """Yield the key or law, the scene's value, whether the change is an increase, and the override."""
     fixed = {key: value for key in (*NUMBERS, *ZEROS) if (value := trials.number(key)) is not None}
     for key, value in fixed.items():
         if key in ZEROS and value == 0.0:
@@ -151,7 +153,7 @@ def _changes(trials: Trials) -> Iterator[tuple[str, float | None, bool, str]]:
 
 
 class _Test:
-    """Shares (F4) of K changes in series, of which the residuals are one.
+    """Shares (F4) of K changes, for the residuals and for drawn series.
 
     Parameters
     ----------
@@ -160,19 +162,19 @@ class _Test:
     residuals : ndarray, shape (C, T)
     weights : ndarray, shape (C,)
     p : int
-        The number P.
+        Number P of varied keys.
     """
 
     def __init__(self, whole: FloatArray, residuals: FloatArray, weights: FloatArray, p: int) -> None:
         gram = np.einsum("c,ctp,ctq->pq", weights**2, np.where(np.isfinite(residuals)[..., None], whole, 0.0), whole)
         self.inverse = np.linalg.pinv(gram[:p, :p], rcond=EFFECT**2, hermitian=True)
         self.mends = self.inverse @ gram[:p, p:]
-        """Change of the varied keys that has the effect of each change, as far as they can, shape (P, K)."""
+        """Change of the varied keys that best reproduces the effect of each change, shape (P, K)."""
         self.groups: list[Group] = list(groups_of(residuals, whole, weights, np.eye(whole.shape[-1])))
         self._p, self._sizes = p, np.diag(gram)[p:] - np.einsum("pk,pk->k", gram[:p, p:], self.mends)
 
     def shares(self, series: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return the shares and the sizes g of the changes, shape (K,) each; 0 of one that the varied keys can have."""
+        """Return shares and sizes g of the changes, shape (K,) each; 0 if the varied keys reproduce the change."""
         score = np.sum([group.score(each) for group, each in zip(self.groups, series, strict=True)], axis=0)
         power = sum(
             float(g.squared_weights @ (each**2).sum(axis=1)) for g, each in zip(self.groups, series, strict=True)
@@ -184,7 +186,7 @@ class _Test:
         return np.where(counts, beyond**2 / sizes / power, 0.0), np.where(counts, beyond / sizes, 0.0)
 
     def chance(self, best: int, share: float) -> float:
-        """Return the probability that noise has a share as large; the noise is what the best change leaves."""
+        """Return the probability that noise has a share as large; the noise is the rest after the best change."""
         random = np.random.default_rng(0)
         gain = self.shares([group.residuals for group in self.groups])[1][best]
         change = np.zeros(self._p + len(self._sizes))

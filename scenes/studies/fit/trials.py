@@ -1,4 +1,4 @@
-"""Trial runs of a scene, seen as a function: values of the varied keys -> what would have been measured."""
+"""Trial runs of a scene as a function: values of the varied keys -> simulated counterparts of the measured values."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ LEAST_PER_KEY = 5
 """Least number of measured values for each key that is varied."""
 
 KEPT, KEPT_VALUES = 100, 4_000_000
-"""Number of runs whose channels are kept, since a minimum and slopes often ask for the same one; and of their values,
-as far as `FEWEST_KEPT` runs allow."""
+"""Largest number of runs whose channels are kept, since a minimum and slopes often need the same run, and the largest
+number of kept values. At least `FEWEST_KEPT` runs are kept."""
 FEWEST_KEPT = 12
 ROUNDING = 1e-12
-"""Standard deviation, in SI units, of series that are nothing but rounding, such as the heading of a straight crawl."""
+"""Standard deviation, in SI units, of series that contain only rounding, such as the heading of a straight crawl."""
 
 
 class SpentError(Exception):
@@ -52,7 +52,7 @@ class Data:
 
     @property
     def spread(self) -> FloatArray:
-        """Largest standard deviation over time among the channels of the same unit, shape (C,); 1 if it is rounding."""
+        """Largest standard deviation over time among the channels of a unit, shape (C,); 1 if only rounding."""
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
         return np.where(np.array(largest) > ROUNDING, largest, 1.0)
@@ -64,20 +64,20 @@ class Trials:
     Parameters
     ----------
     scene : Scene
-        Checked; a longer run than the measurement is cut to it.
+        Checked; a run longer than the measurement is cut to the measurement.
     measured : Record
         As `scenes.records.measured.load` returns it.
     varied : sequence of Varied
     most : int
         Largest number of runs.
     go_on : callable
-        Called with the number of finished runs before each; where it returns False, the fit ends.
+        Called with the number of finished runs before each run; if the result is False, the fit ends.
 
     Raises
     ------
     SceneError
-        The run from the start values fails, nothing that was measured is simulated at any of the instants, or the data
-        are constant or too few.
+        The run from the start values fails, no measured quantity is simulated at any of the instants, or the data are
+        constant or too few.
     """
 
     def __init__(
@@ -94,14 +94,14 @@ class Trials:
         self._name, self._text, self._settings = scene.name, scene.to_toml(), scene.settings
         self._shorter = _shortened(scene, float(measured["time"][-1]))
         self.why = ""
-        """Why the last failed run failed."""
+        """Reason why the last failed run failed."""
         self._places: list[tuple[str, int]] = []
         self.data = self._data()
         self.left_out: tuple[str, ...] = ()
-        """Names of channels that were measured and simulated, and are left out."""
+        """Names of the left-out channels that were measured and simulated."""
 
     def __call__(self, values: Sequence[float] | FloatArray) -> FloatArray | None:
-        """Return what would have been measured, shape (C, T), NaN as in the data; None if the run fails.
+        """Return the simulated channels, shape (C, T), NaN as in the data; None if the run fails.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Trials:
         return self._known[key]
 
     def changed(self, values: FloatArray, override: str) -> FloatArray | None:
-        """Return what would have been measured with another key changed too; None if the run fails, or cannot be.
+        """Return the simulated channels with another key changed too; None if the run fails or is refused.
 
         Raises
         ------
@@ -128,14 +128,14 @@ class Trials:
         return self._channels(tuple(map(float, values)), override)
 
     def number(self, key: str) -> float | None:
-        """Return the number that the scene has for a key, None if it has none, or varies it."""
+        """Return the scene's number for a key; None if there is no number, or the key is varied."""
         value: Any = None if key in [each.key for each in self.varied] else self._settings
         for name in path_of(key):
             value = getattr(value, name, None)
         return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
 
     def narrow(self, used: BoolArray) -> None:
-        """Leave out the other channels from now on."""
+        """Leave out all channels that are not `used` from now on."""
         self.left_out += tuple(name for name, use in zip(self.data.names, used, strict=True) if not use)
         names, units = (tuple(np.array(each)[used].tolist()) for each in (self.data.names, self.data.units))
         self.data = Data(names, units, self.data.time, self.data.values[used])
@@ -153,7 +153,7 @@ class Trials:
         return parse_scene(self._text, self._name, [*given, *changes])
 
     def told(self, values: Sequence[float]) -> str:
-        """Return values of the keys as a person reads them."""
+        """Return the values of the keys as text for people."""
         return ", ".join(f"{each.key} = {value:.6g}" for each, value in zip(self.varied, values, strict=True))
 
     def _channels(self, values: tuple[float, ...], *changes: str) -> FloatArray | None:
@@ -176,7 +176,7 @@ class Trials:
         return channels
 
     def _run(self, values: tuple[float, ...], *changes: str) -> Record | None:
-        """Return the record of a run, None if it diverged."""
+        """Return the record of a run, None if the run diverged."""
         if self.runs >= self.most:
             raise SpentError
         if not self._go_on(self.runs):
@@ -235,20 +235,20 @@ class Trials:
         data = Data(names, units, self._measured["time"], values[chosen])
         self._places = [places[k] for k in chosen]
         self.abscissa = _at(record, self._model.abscissa, data.time)
-        """What the channels are drawn over."""
+        """Abscissa of the drawn channels."""
         self._forget_others()
         if not np.any(np.nanmax(data.values, axis=1) > np.nanmin(data.values, axis=1)):
             raise SceneError(f"{self._measured.name}: all that was measured is constant, nothing can be fitted to it")
         return data
 
     def _forget_others(self) -> None:
-        """Keep of the measurement the quantities that have a channel."""
+        """Drop the quantities of the measurement that have no channel."""
         used = {"time", *(name for name, _ in self._places)}
         self._measured = replace(self._measured, variables=tuple(v for v in self._measured.variables if v.name in used))
 
 
 def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
-    """Return the override that lets a run end with the measurement, at a stored instant; none if it is shorter."""
+    """Return the override that ends a run with the measurement, at a stored instant; empty if the run is shorter."""
     run = scene.settings.run
     stored = run.dt_s * run.record_every
     duration = stored * math.ceil(end / stored - 1e-9)

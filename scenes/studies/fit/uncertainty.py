@@ -1,12 +1,12 @@
-"""How far an estimate of weighted least squares may be off, whatever the correlation of the residuals.
+"""Uncertainty of an estimate of weighted least squares, for any correlation of the residuals.
 
-With weights W, slopes J and residuals e of covariance G the estimate is off by A^-1 J' W e with A = J' W J, hence
+With weights W, slopes J and residuals e of covariance G, the estimate has the error A^-1 J' W e with A = J' W J, hence
 
     covariance = A^-1 (J' W G W J) A^-1                                                                            (F2)
 
-(H. White, Econometrica 48, 1980). G is that of an autoregressive model of each channel, (F1). A fit makes its residuals
-smaller and less correlated than the noise was, so (F2) comes out too small. Series drawn from the model, fitted in
-turn, tell by how much, and how much (F2) scatters, which gives the degrees of freedom of Student's distribution
+(H. White, Econometrica 48, 1980). An autoregressive model of each channel, (F1), gives G. A fit makes its residuals
+smaller and less correlated than the noise was, so (F2) is too small. Series that are drawn from the model and fitted in
+turn show the bias and the scatter of (F2). The scatter gives the degrees of freedom of Student's distribution
 (F. E. Satterthwaite, Biometrics Bulletin 2, 1946).
 """
 
@@ -24,18 +24,18 @@ from worm3d.values.arrays import BoolArray, FloatArray
 DRAWS = 200
 """Number of drawn series; half as many make the intervals of two like fits differ by 5 %, twice as many by 2.5 %."""
 MOST_CHANNELS = 24
-"""Largest number of channels of a group whose residuals are modelled as they are; more of them are combined to this
-many, as noise counts only along the few patterns in which the keys move many channels."""
+"""Largest number of channels of a group whose residuals are modelled directly; more channels are combined to this many,
+as noise counts only along the few patterns of channels that the keys move."""
 MOST_SERIES = 2400
-"""Largest number of drawn series times channels, as far as `LEAST_DRAWS` allows."""
+"""Largest number of drawn series times channels, though at least `LEAST_DRAWS` series are drawn."""
 LEAST_DRAWS = 20
 COVERAGE = 0.95
-"""Probability with which an interval holds the value."""
+"""Probability that an interval contains the value."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is known about the errors of P estimates."""
+    """Uncertainty of P estimates."""
 
     covariance: FloatArray
     """Covariance of the estimates, shape (P, P)."""
@@ -43,11 +43,11 @@ class Uncertainty:
     """Half of the width of the intervals with the probability `COVERAGE`, shape (P,)."""
 
     def scaled(self, factor: float) -> Uncertainty:
-        """Return it with errors larger by a factor."""
+        """Return the uncertainty with all errors multiplied by a factor."""
         return Uncertainty(self.covariance * factor**2, self.half_width * factor)
 
     def widened(self, shifts: FloatArray) -> Uncertainty:
-        """Return it with shifts of the estimates by unknown signs, shape (P, K), as further errors."""
+        """Return the uncertainty with shifts of the estimates by unknown signs, shape (P, K), as further errors."""
         more = shifts @ shifts.T
         old = np.diag(self.covariance)
         growth = np.sqrt(np.divide(np.diag(more), old, out=np.zeros_like(old), where=old > 0.0) + 1.0)
@@ -71,7 +71,7 @@ class Group:
     squared_weights: FloatArray
     """Shape (C,)."""
     spectra: FloatArray
-    """Those of W J."""
+    """Transforms of W J."""
     size: int
 
     def score(self, series: FloatArray) -> FloatArray:
@@ -83,12 +83,12 @@ class Group:
 def uncertainty_of(
     residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray, draws: int = DRAWS
 ) -> Uncertainty:
-    """Return how far the estimates may be off that leave these residuals.
+    """Return the uncertainty of the estimates that leave the given residuals.
 
     Parameters
     ----------
     residuals : ndarray, shape (C, T)
-        Of C channels; NaN where nothing was measured.
+        Residuals of C channels; NaN where nothing was measured.
     slopes : ndarray, shape (C, T, P)
         Derivatives of the model.
     weights : ndarray, shape (C,)
@@ -129,7 +129,7 @@ def groups_of(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, in
 def _patterns(estimators: FloatArray) -> FloatArray:
     """Return the orthonormal patterns over channels, shape (C, K), that make up most of J A^-1, shape (C, T, P).
 
-    The estimates see of the noise only what lies along them.
+    The noise affects the estimates only along these patterns.
     """
     size = np.sqrt((estimators**2).sum(axis=(0, 1)))
     rows = (estimators / np.where(size > 0.0, size, 1.0)).reshape(len(estimators), -1)

@@ -17,7 +17,7 @@ EDGE = 1e-6
 """Distance to a bound that a value may not reach, as a fraction of the start."""
 
 Wanted = Sequence[str] | Mapping[str, tuple[float, float] | None]
-"""What is varied: `key` or `key=lo:hi` each, or by key its range, None for that of the scene's language."""
+"""Keys to vary: `key` or `key=lo:hi` each, or a mapping of keys to ranges; None means the scene language's range."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Varied:
     unit: str
     """Unit, "1" for a pure number."""
     title: str
-    """What it is, in a few words."""
+    """Meaning of the key, in a few words."""
 
     @property
     def scale(self) -> float:
@@ -45,13 +45,13 @@ class Varied:
 def varied_of(scene: Scene, wanted: Wanted) -> tuple[Varied, ...]:
     """Return the keys that are varied.
 
-    A key starts from the value that the scene gives it; one that the scene leaves out, from the middle of its range.
+    A key starts from the scene's value. A key that the scene leaves out starts from the middle of its range.
 
     Raises
     ------
     SceneError
-        No key, the same one twice, an unknown one, one that holds no number, or a range that is none, or
-        without the value that the scene gives.
+        There is no key, a key is given twice, a key is unknown or holds no number, or a range is invalid or does not
+        contain the scene's value.
     """
     ranges = wanted if isinstance(wanted, Mapping) else _parsed(wanted)
     if not ranges:
@@ -125,7 +125,7 @@ def _value(settings: Any, path: tuple[str, ...]) -> Any:
 
 
 def _bounds(known: Key, value: float | None) -> tuple[float, float]:
-    """Return the range of a number; an open end is left by a hair."""
+    """Return the range of a number; an open end is moved inwards by a small distance."""
     bounds = known.bounds
     hair = EDGE * (abs(value) if value else 1.0)
     low = bounds.get("ge", bounds["gt"] + hair if "gt" in bounds else -math.inf)

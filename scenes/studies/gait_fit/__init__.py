@@ -1,1 +1,1 @@
-"""`worm3d study gait`: a chain of neurons whose waves are timed as those of recorded animals."""
+"""`worm3d study gait`: a chain of neurons with the wave timing of recorded animals."""

@@ -1,4 +1,4 @@
-"""`worm3d study gait`: writes `gait.toml`, a scene of the fitted chain, `gait.csv`, `gait.json` and `gait.png`."""
+"""`worm3d study gait`: write `gait.toml`, a scene of the fitted chain, `gait.csv`, `gait.json` and `gait.png`."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from worm3d.values.parameters import parameters_of
 
 SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"
 APART = 1.5
-"""Smallest ratio of the two periods at which a chain has the profile: less does not tell its exponent of pace."""
+"""Smallest ratio of the two periods at which a chain has the profile: less does not determine the exponent of pace."""
 DIGITS = 4
 """Significant digits of the constants in the scene."""
 
 
 def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: bool) -> int:
-    """Fit, write and report; return the exit code. Without a folder it is `runs/gait-<file>-<time>`.
+    """Fit, write and report; return the exit code. The default folder is `runs/gait-<file>-<time>`.
 
     Raises
     ------
     SceneError
-        No recordings of waves in the file, none of a name in `use`, or the folder cannot be used.
+        The file has no recordings of waves, a name in `use` is unknown, or the folder cannot be used.
     """
     direction, found = recordings.load(to)
     names = [each.name for each in found]
@@ -66,7 +66,7 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
 
 
 def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
-    """Return the chain that has the profile at the fastest pace, and at the slowest or one `APART` from it."""
+    """Return the chain with the profile at the fastest and at the slowest pace, at least a factor `APART` apart."""
     fastest, slowest = (choose(target.period for target in targets) for choose in (min, max))
     paces = (fastest, max(slowest, APART * max(fastest, FASTEST)))
     with Interruption() as interruption, busy("fitting", quiet=quiet):
@@ -87,7 +87,7 @@ def _write(
 
 
 def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path) -> str:
-    """Return a scene in which the default worm has a gait, as TOML, with what was fitted on top."""
+    """Return a scene of the default worm with a fitted gait, as TOML; comments at the top describe the fit."""
     known = parameters_of(EiChain)
     common = {key: value(_short(getattr(gait, key))) for key in ("direction", "coupling", "drive", "inhibition")}
     rest = {key_of(known[key]): value(_short(getattr(gait, key))) for key in ("period", "tau_e", "pace_exponent")}
@@ -100,7 +100,7 @@ def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path
 
 
 def _short(number: Any) -> Any:
-    """Return a number, or a list of them, of few digits; other values as they are."""
+    """Return a number or a list of numbers with few digits; other values are returned unchanged."""
     if isinstance(number, str):
         return number
     given = number.tolist() if hasattr(number, "tolist") else number

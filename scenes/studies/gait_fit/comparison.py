@@ -1,4 +1,4 @@
-"""A fitted chain beside the recordings that it was fitted to, beside others, and beside a wave of uniform delays."""
+"""A fitted chain beside the fitted recordings, beside other recordings, and beside a wave of uniform delays."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from control.gaits.neural.waves import carrying, timing_of
 from scenes.studies.gait_fit.recordings import Recording
 
 NOISE, DRAWS, SEED = 0.1, 40, 20261122
-"""Relative noise of all constants, networks drawn and seed of the draws, which are not those of the fit."""
+"""Relative noise of all constants, number of networks, and seed of the draws; the fit has other draws."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Delay of a band behind the middle one in a recording."""
+    """Delay of a band behind the middle band in a recording."""
 
     recording: str
     use: str
-    """What the recording was used for: fitted or predicted."""
+    """Use of the recording: fitted or predicted."""
     band: str
     delay_s: float
     """Median of the recording's waves [s]."""
@@ -47,14 +47,14 @@ class Row:
 
     @property
     def kept(self) -> bool:
-        """Whether the network is within a frame, or of a prediction within 1.5 or the recording's own interval."""
+        """Whether the network is within one frame; for predictions, within 1.5 frames or the recording's interval."""
         close = abs(self.network_error_s) <= (1.0 if self.use == "fitted" else 1.5) * FRAME
         return close or (self.use == "predicted" and self.low_s <= self.network_s <= self.high_s)
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Period of the waves of a recording, and of the chain at its pace."""
+    """Period of the waves of a recording, and period of the chain at the same pace."""
 
     recording: str
     use: str
@@ -65,17 +65,17 @@ class Pace:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that is told of a fit."""
+    """Results of a fit."""
 
     rows: tuple[Row, ...]
     paces: tuple[Pace, ...]
     carried: float
     """Share of noisy chains that carry waves both ways, at the middle pace of the recordings."""
     told: LeftOut | None = None
-    """How well the fitted recordings are told by each other; None of a single one."""
+    """How well the fitted recordings predict each other; None for a single recording."""
 
     def worst(self, use: str, attribute: str) -> float:
-        """Return the largest error of the recordings of a use [s]; NaN if there are none."""
+        """Return the largest error of the recordings with a given use [s]; NaN if there are none."""
         errors = [abs(getattr(row, attribute)) for row in self.rows if row.use == use]
         return max(errors, default=float("nan"))
 
@@ -83,7 +83,7 @@ class Comparison:
 def compared(
     gait: EiChain, even: Profile, recordings: Sequence[Recording], fitted: Sequence[str], told: LeftOut | None = None
 ) -> Comparison:
-    """Return how a chain and a wave of uniform delays, `even`, compare with recordings."""
+    """Return the comparison of a chain and of a wave of uniform delays, `even`, with recordings."""
     rows, paces = [], []
     for each in recordings:
         waves, use = each.waves, "fitted" if each.name in fitted else "predicted"
@@ -101,7 +101,7 @@ def compared(
 
 
 def sentences(found: Comparison) -> Iterator[str]:
-    """Yield what the comparison says."""
+    """Yield the conclusions of the comparison."""
     for use, allowed in (("fitted", "one frame"), ("predicted", "1.5 frames or the recording's own interval")):
         rows = [row for row in found.rows if row.use == use]
         if rows:
@@ -120,7 +120,7 @@ def sentences(found: Comparison) -> Iterator[str]:
 
 
 def learnt(told: LeftOut) -> Iterator[str]:
-    """Yield what leaving out one recording at a time says of what is learnt."""
+    """Yield the conclusions about learning from the errors with one recording left out at a time."""
     gain, ends = 1e3 * (told.uniform_s - told.shared_s), [1e3 * end for end in told.gain_s]
     yield (
         f"a recording left out is missed by {1e3 * told.shared_s:.0f} ms rms with the delays that the others "

@@ -1,4 +1,4 @@
-"""The figure of a fitted chain: delays along the body, and a stretch of each recording with the waves in it."""
+"""The figure of a fitted chain: delays along the body, and a stretch of each recording with its waves."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scenes.studies.gait_fit.comparison import Comparison
 from scenes.studies.gait_fit.recordings import Recording
 
 SHOWN = 25.0
-"""Time of a recording that is drawn, around its middle wave [s]."""
+"""Duration of the drawn part of a recording, around the middle wave [s]."""
 MOST = 8
-"""Largest number of recordings that are drawn."""
+"""Largest number of drawn recordings."""
 
 
 def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> tuple[Figure, Axes]:

@@ -1,8 +1,8 @@
 """Recordings of crawling animals in a CSV file.
 
-A file has a column `time_s`, one for each band or segment from the front of the animal to its rear, under names of its
-own, and may have a column `recording` with the name of the recording that a row is of. A trough of a band is when it is
-pulled along. Cells that are blank or exactly 0 were not measured.
+A file has a column `time_s` and one column for each band or segment, from the front of the animal to the rear, under
+freely chosen names. A file may have a column `recording` with the name of the recording that contains the row. A trough
+of a band marks the time when the band is pulled along. Cells that are blank or exactly 0 were not measured.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ class Recording:
     time: FloatArray
     """Times [s], shape (T,)."""
     values: FloatArray
-    """What was recorded of the bands in the order in which waves reach them, shape (T, bands)."""
+    """Recorded values of the bands, in the order in which waves reach the bands, shape (T, bands)."""
     waves: Waves
 
 
 def load(path: Path) -> tuple[Direction, list[Recording]]:
-    """Return which way the waves run, and the recordings of a file.
+    """Return the direction of the waves, and the recordings of a file.
 
     Raises
     ------
     SceneError
-        No such file, no table of this kind, or a recording without waves.
+        The file does not exist, is no such table, or has a recording without waves.
     DiscError
-        The file may not be read.
+        The file is not readable.
     """
     _, titles, rows = csv_file.split(path)
     try:
@@ -65,7 +65,7 @@ def load(path: Path) -> tuple[Direction, list[Recording]]:
 
 
 def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction) -> tuple[Recording | None, str]:
-    """Return a recording whose waves run one way; None and a sentence if it has none."""
+    """Return a recording with waves in one direction; None and a sentence if there are no such waves."""
     order = slice(None, None, -1 if way == "direct" else 1)  # direct waves reach the rear first
     time, values = table[:, 0], table[:, 1:][:, order]
     try:
@@ -75,7 +75,7 @@ def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction
 
 
 def _ordered(found: Recording | None) -> int:
-    """Return how many neighbouring bands have their median delays in the order of the wave."""
+    """Return the number of neighbouring bands with median delays in the order of the wave."""
     return int((np.diff(found.waves.median()) > 0.0).sum()) if found else 0
 
 

@@ -1,4 +1,4 @@
-"""`worm3d study identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
+"""`worm3d study identify`: run the plant, fit, store, and write `identified.json`, `steering.md` and `steering.png`."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     """Identify the worm of a scene on level ground with the scene's friction, and return the exit code.
 
-    Where the wave is to be chosen, the sine is identified first, and what is written is of the wave that was chosen.
-    Without a folder to write to it is `runs/identify-<scene>-<time>`; other options as of the command.
+    If the wave is to be chosen, the sine is identified first, and the files describe the chosen wave. The default
+    folder is `runs/identify-<scene>-<time>`; other options as in the command.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What `worm3d study identify` says: how fast the worm can go, how it steers, and how good the map is."""
+"""The report of `worm3d study identify`: the speed range of the worm, its steering, and the accuracy of the map."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def speeds(found: SteeringMap) -> tuple[float, float]:
 
 
 def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> str:
-    """Return the tables: what each schedule does, and how good each map is."""
+    """Return the tables: the effect of each schedule, and the accuracy of each map."""
     rows = [
         "# How the worm crawls and turns",
         "",
@@ -93,7 +93,7 @@ def _line(curve: Curve) -> str:
 
 
 def _astray(curve: Curve) -> str:
-    """Return where a schedule turns that does not turn to the left from the start."""
+    """Return the turns of a schedule that does not turn to the left from the start, in words."""
     steered = curve.standing[1:]
     if not steered:
         return "the worm tips over from the start"

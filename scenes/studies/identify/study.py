@@ -1,4 +1,4 @@
-"""What schedules do on the plant: turn, speed, slip and roll over the steering, and turn and drift over the phase."""
+"""The effect of schedules on the plant: turn, speed, slip and roll over the steering, turn and drift over the phase."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from scenes.models.control.identify import Gait, Steady, Subject, steady
 AMPLITUDE, PERIOD = 0.3, 1.25
 """Amplitude and period [s] of all waves."""
 WAVES, SKIPPED = 9, 5
-"""Waves of a run, and how many of them are not steady yet."""
+"""Number of waves of a run, and number of its first waves that are not steady yet."""
 STEERINGS: dict[Mechanism, tuple[float, ...]] = {
     "hinge": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.2, 0.25, 0.3),
     "bias": (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3),
 }
-"""Steerings of a curve, to the left; to the right is the mirror image."""
+"""Steerings of a curve, to the left; the right side is the mirror image."""
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
 """Factors of the stiffness of the yaw joints."""
 IN_STEP = "the default wave, bent in step with its contraction"
@@ -37,12 +37,12 @@ STEERING: dict[Mechanism, float] = {"hinge": 0.06, "bias": 0.04}
 PHASES_DEG = tuple(range(0, 180, 15))
 """Phases of half a turn [deg]: the other half is the mirror image."""
 PHASE_STUDIES = 2 * len(STEERINGS)
-"""Number of bending waves that are run over the phase."""
+"""Number of bending waves in the runs over the phase."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One run: steering, and what a wave does."""
+    """One run: the steering and the effect of a wave."""
 
     steering: float
     turn_deg: float
@@ -64,12 +64,12 @@ class Curve:
 
     @property
     def standing(self) -> tuple[Point, ...]:
-        """The points from no steering on as long as the worm stands on its feet."""
+        """The points, starting from no steering, as long as the worm stands on its feet."""
         return tuple(takewhile(lambda point: not point.tipped, self.points))
 
     @property
     def useful(self) -> tuple[Point, ...]:
-        """The points from no steering on as long as the worm stands on its feet and turns more and more to the left."""
+        """The points, starting from no steering, as long as the worm stands and the turn to the left increases."""
         found = [self.points[0]]
         for point in self.points[1:]:
             if point.tipped or not point.turn_deg > found[-1].turn_deg:
@@ -79,7 +79,7 @@ class Curve:
 
     @property
     def speed_kept(self) -> float | None:
-        """Share of the straight worm's speed at `GOAL_DEG` a wave; None if that is not reached."""
+        """Share of the straight worm's speed at `GOAL_DEG` a wave; None if the worm does not reach this turn."""
         points = self.useful
         if points[-1].turn_deg < GOAL_DEG:
             return None
@@ -89,7 +89,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Phases:
-    """One bending wave with all phases ahead of the contraction."""
+    """One bending wave with all phase leads over the contraction."""
 
     mechanism: Mechanism
     steering_wavelength: float
@@ -105,7 +105,7 @@ class Phases:
 
 
 def curves(subject: Subject, watch: Callable[[int], None] = lambda done: None) -> tuple[Curve, ...]:
-    """Run all curves; `watch` is called with the number of finished ones."""
+    """Run all curves; `watch` is called with the number of finished curves."""
     found: list[Curve] = []
     for mechanism, name, body, gaits in _plans(subject.worm, subject.schedule):
         runs = zip(STEERINGS[mechanism], gaits, strict=True)
@@ -141,7 +141,7 @@ def _point(steering: float, found: Steady) -> Point:
 
 
 def phases(subject: Subject, watch: Callable[[int], None] = lambda done: None) -> tuple[Phases, ...]:
-    """Run every phase with the schedule's bending wave and with one as long as its contraction wave."""
+    """Run every phase with the schedule's bending wave and with a bending wave as long as the contraction wave."""
     found: list[Phases] = []
     worm, ground, schedule = subject
     for mechanism in STEERINGS:

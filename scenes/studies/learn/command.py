@@ -32,7 +32,7 @@ class Options:
 
 
 def run(scene: str, to: Path, vary: Sequence[str], overrides: Sequence[str], options: Options) -> int:
-    """Train a policy, write it, and return the exit code; parameters as of the command.
+    """Train a policy, write the policy, and return the exit code; parameters as in the command.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def run(scene: str, to: Path, vary: Sequence[str], overrides: Sequence[str], opt
 
 
 def _tell(point: Point, *, quiet: bool) -> bool:
-    """Print how the training stands; return that it goes on."""
+    """Print the state of the training; return True so that the training continues."""
     if not quiet:
         typer.echo(f"{point.seconds:7.0f} s {point.steps:9d} periods  reward {point.reward:7.3f}")
     return True

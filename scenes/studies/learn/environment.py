@@ -3,16 +3,16 @@
     env = WormEnv("path_circle", control_period=0.2)
     envs = WormVectorEnv(8, "path_s_curve", vary={"reference.amplitude_m": "0.05:0.6", "sensor.com_noise_m": "0:0.01"})
 
-They need the optional part `gym` (pip install 'worm3d[gym]').
+The environments need the optional part `gym` (pip install 'worm3d[gym]').
 
-A scene says where the worm is to go. An action, numbers in [-1, 1] for a control period, means what `acts` names among
-`control.learned.acts`: speed and turn rate beside those asked for ("course"), or amplitude, frequency and steering
-("wave"). The agent observes what `control.learned.senses` says, measured by the scene's sensors with their noise; the
-reward, of the true motion, is (LE1) of `scenes.studies.learn.episode`.
+A scene defines the task of the worm. An action consists of numbers in [-1, 1] for a control period. `acts` selects the
+meaning of an action from `control.learned.acts`: corrections of the commanded speed and turn rate ("course"), or
+amplitude, frequency and steering ("wave"). The agent observes the quantities of `control.learned.senses`, measured by
+the scene's sensors with noise. The reward depends on the true motion, (LE1) of `scenes.studies.learn.episode`.
 
-An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Samples that cannot be are
-not used (`control.sensing.gate`); `info["measurements_refused"]` counts them. Of many worms, each begins its next
-episode at once (`AutoresetMode.SAME_STEP`), in a scene in which the varied keys are drawn anew.
+An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Impossible samples are not
+used (`control.sensing.gate`); `info["measurements_refused"]` counts them. In a vector environment, each worm begins its
+next episode at once (`AutoresetMode.SAME_STEP`), in a scene with new random values of the varied keys.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ Seen = NDArray[np.float32]
 Info = dict[str, Any]
 
 MOST_SEED = 2**31
-"""Seeds of episodes are below this."""
+"""Upper bound of the seeds of episodes, exclusive."""
 
 
 class _Worm:
-    """What single and many environments share: a scene, whose variants are drawn, and its spaces.
+    """Common part of single and vector environments: a scene with variants, and the spaces.
 
     Raises
     ------
     SceneError
         The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        A control period of less than a time step, or no such meaning of actions or channel.
+        The control period is less than a time step, or a meaning of actions or a channel is unknown.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class _Worm:
         self.observations = gymnasium.spaces.Box(-MOST, MOST, (size,), np.float32)
 
     def episode(self, random: np.random.Generator) -> Episode:
-        """Return an episode, its noise and the values of the varied keys drawn."""
+        """Return an episode with random noise and random values of the varied keys."""
         seed, keys = int(random.integers(MOST_SEED)), []
         if self._vary:
             drawn = 1 if any(map(is_drawn, self._vary.values())) else None
@@ -100,7 +100,7 @@ class _Worm:
         asked = (*self._overrides, *more)
         settings = load_scene(self._scene, asked).settings
         if isinstance(settings, ControlScene) and settings.controller.kind == "mpc":
-            # A policy steers as all but the MPC do, unless the scene says how.
+            # Without a choice in the scene, a policy steers like all controllers except the MPC.
             settings = load_scene(self._scene, ("controller.kind=open_loop", *asked)).settings
         if not isinstance(settings, ControlScene):
             raise SceneError(f"{self._scene}: a scene of the model '{settings.model}', must be of 'worm_control'")
@@ -108,29 +108,29 @@ class _Worm:
 
 
 class WormEnv(gymnasium.Env[Seen, Seen]):
-    """A worm that is to keep to the reference of a scene.
+    """A worm that follows the reference of a scene.
 
     Parameters
     ----------
     scene : str
-        A name from `worm3d list` or a file; its controller is not used.
+        A name from `worm3d list` or a file; the scene's controller is not used.
     overrides : sequence of str
         As after -o.
     control_period : float
-        Between two actions [s].
+        Time between two actions [s].
     acts : str
-        What an action means, "course" or "wave".
+        Meaning of an action, "course" or "wave".
     channels : sequence of str
-        Further channels of the sensors that are observed, such as "strain".
+        Further observed channels of the sensors, such as "strain".
     vary : mapping, optional
-        Keys of the scene that are drawn for each episode, by name: "lo:hi" or "lo:hi:log", or the values to draw from.
+        Keys of the scene with random values in each episode, by name: "lo:hi" or "lo:hi:log", or a list of values.
 
     Raises
     ------
     SceneError
         The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        A control period of less than a time step, or no such meaning of actions or channel.
+        The control period is less than a time step, or a meaning of actions or a channel is unknown.
     """
 
     metadata: ClassVar[Info] = {"render_modes": []}
@@ -148,7 +148,7 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         self.action_space, self.observation_space = self._worm.actions, self._worm.observations
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Seen, Info]:
-        """Begin an episode; without a seed the next noise is drawn."""
+        """Begin an episode; without a seed, the generator continues with the next noise."""
         super().reset(seed=seed)
         self._episode = self._worm.episode(self.np_random)
         return self._episode.observed().astype(np.float32), {}
@@ -160,21 +160,21 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
 
 
 class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
-    """Many worms at once, each in an episode of its own.
+    """Many worms at once, each in its own episode.
 
     Parameters
     ----------
     count : int
         Number of worms.
     scene, overrides, control_period, acts, channels, vary
-        As of `WormEnv`.
+        As in `WormEnv`.
     threads : int
-        Worms that crawl at once; the compiled steps need no lock of Python's.
+        Number of worms that crawl at once; the compiled steps do not need Python's lock.
 
     Raises
     ------
     SceneError, ValueError
-        As of `WormEnv`; ValueError also for a number of worms or threads below 1.
+        As in `WormEnv`; ValueError also for a number of worms or threads below 1.
     """
 
     metadata: ClassVar[Info] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
@@ -200,7 +200,7 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
         self._pool = ThreadPoolExecutor(threads)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Seen, Info]:
-        """Begin an episode of each; worm k draws with the seed `seed + k`, or with the k-th of a list."""
+        """Begin an episode of each worm; worm k uses the seed `seed + k`, or the k-th seed of a list."""
         if isinstance(seed, int):
             seed = [seed + k for k in range(self.num_envs)]
         seeds = [None] * self.num_envs if seed is None else seed
@@ -209,7 +209,7 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
         return self._observed(), {}
 
     def step(self, actions: Seen) -> tuple[Seen, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Info]:
-        """Crawl for a control period; where an episode has ended `info` has "final_obs" and "final_info"."""
+        """Crawl for a control period; if an episode has ended, `info` has "final_obs" and "final_info"."""
         found = list(self._pool.map(self._stepped, range(self.num_envs), actions))
         rewards, terminated, truncated, facts = zip(*found, strict=True)
         info: Info = {}
@@ -228,7 +228,7 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
         return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)
 
     def practice(self, count: int) -> Practice:
-        """Return worms in the reduced model, of the scene's worm; ValueError unless actions are by "course"."""
+        """Return the scene's worm in the reduced model, `count` times; ValueError unless actions are by "course"."""
         return self._worm.practice(count)
 
     def close_extras(self, **_: Any) -> None:

@@ -1,11 +1,11 @@
-"""An episode: a worm in a scene, crawled for a control period at a time by an agent's actions.
+"""An episode: a worm in a scene, which crawls one control period at a time by an agent's actions.
 
-The reward of a control period is, of the true centre of mass averaged over the last wave, with offset e from the path
-and speed V along it, and V_ref asked for,
+The reward of a control period depends on the true centre of mass, averaged over the last wave. With the offset e from
+the path, the speed V along the path and the wanted speed V_ref, the reward is
 
     1 - ln(1 + (e / 0.01 L)^2) / 2 - ln(1 + ((V/V_ref - 1) / 0.05)^2) / 2.                                     (LE1)
 
-Its slope is felt from a millimetre to a body length, and it does not grow without bound where a worm is far off.
+The slope of the reward is noticeable from a millimetre to a body length, and stays bounded where a worm is far off.
 """
 
 from __future__ import annotations
@@ -39,27 +39,27 @@ from worm3d.running.run import Run
 from worm3d.values.arrays import FloatArray
 
 NEAR, CLOSE = 0.01, 0.05
-"""Offset [body lengths] and relative error of the speed at which a reward has lost a third of a unit, (LE1)."""
+"""Offset [body lengths] and relative error of the speed that each reduce the reward by a third of a unit, (LE1)."""
 FALLEN = -5.0
-"""Reward of a period in which the run diverges: less than for any offset that worms come to."""
+"""Reward of a period with divergence of the run: less than for any offset that worms reach."""
 
 
 @dataclass(frozen=True)
 class Terms:
-    """How an agent acts and sees.
+    """Actions and observations of an agent.
 
     Raises
     ------
     ValueError
-        There is no such meaning of actions.
+        The meaning of actions is unknown.
     """
 
     control_period: float = 0.2
     """Time between two actions [s]."""
     acts: str = "course"
-    """What an action means, a name among `control.learned.acts.ACTS`."""
+    """Meaning of an action, a name among `control.learned.acts.ACTS`."""
     channels: tuple[str, ...] = ()
-    """Further channels that the agent sees, `control.learned.senses.Senses`."""
+    """Further channels that the agent observes, `control.learned.senses.Senses`."""
 
     def __post_init__(self) -> None:
         if self.acts not in ACTS:
@@ -67,12 +67,12 @@ class Terms:
 
 
 class Episode:
-    """A run of a scene, its sensors, and the wave that an agent decides.
+    """A run of a scene, the sensors, and the wave that an agent decides.
 
     Parameters
     ----------
     scene : ControlScene
-        Its controller is not used.
+        The scene; its controller is not used.
     how : Terms
     seed : int
         Seed of the sensors' errors.
@@ -80,9 +80,9 @@ class Episode:
     Raises
     ------
     SceneError
-        Its worm is not identified nor near the default one, or a further channel is not measured in the scene.
+        The worm is neither identified nor near the default worm, or a further channel is not measured in the scene.
     ValueError
-        A control period of less than a time step.
+        The control period is less than a time step.
     """
 
     def __init__(self, scene: ControlScene, how: Terms, seed: int) -> None:
@@ -105,7 +105,7 @@ class Episode:
         self._sense(0.0)
 
     def crawl(self, action: ArrayLike) -> tuple[float, bool, bool, dict[str, Any]]:
-        """Crawl for a control period; return reward, whether it was the last for its result, or its time, and facts."""
+        """Crawl for a control period; return reward, whether the run diverged, whether time is up, and facts."""
         asked = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         self.senses.acted(asked, self._waves)
         wave = self._act(asked, self._seen)
@@ -121,7 +121,7 @@ class Episode:
         return self._reward(facts), False, self._run.done >= self._run.steps, facts
 
     def observed(self) -> FloatArray:
-        """Return what the agent sees, once a control period."""
+        """Return the observation of the agent, once a control period."""
         self._seen = self.senses.observed(self._time)
         return self._seen
 
@@ -140,7 +140,7 @@ class Episode:
         self.senses.take(seen.time, passed, self._waves, frequency)
 
     def _facts(self, status: Status) -> dict[str, Any]:
-        """Return speed along the reference and offset from it, of the true centre of mass, and how the run stands."""
+        """Return the true centre of mass's speed along the reference and offset from the reference, and the status."""
         motion, reference, heading, aside = self._true.motion(), self._reference, None, 0.0
         assert motion is not None
         if reference.path is not None:
@@ -159,7 +159,7 @@ class Episode:
         }
 
     def _reward(self, facts: dict[str, Any]) -> float:
-        """Return (LE1); in the first waves without its second part."""
+        """Return (LE1); without the second part in the first waves."""
         asked = max(float(self._reference.speed(self._time)), SLOWEST * self._length)
         miss = 0.0 if facts["speed_m_s"] is None else facts["speed_m_s"] / asked - 1.0
         return float(reward_of(facts["offset_m"] / self._length, miss))
@@ -172,7 +172,7 @@ def reward_of(aside: ArrayLike, miss: ArrayLike) -> FloatArray:
 
 
 def _sampled(scene: ControlScene, body: float) -> Reference:
-    """Return the reference of a scene, a curved path of it sampled as far as the worm is asked to go."""
+    """Return the reference of a scene; a curved path is sampled up to the distance that the worm can need."""
     reference = reference_of(scene)
     if not isinstance(reference.path, Curve):
         return reference
@@ -182,14 +182,14 @@ def _sampled(scene: ControlScene, body: float) -> Reference:
 
 
 def _begun(scene: ControlScene, every: int) -> Run:
-    """Return the run before its first step, of whole control periods, of which only the end is kept."""
+    """Return the run before its first step, with whole control periods and a record of the end only."""
     problem = problem_of(scene, drive=(_Outside(), None))
     steps = max(1, problem.steps // every) * every
     return Run(replace(problem, duration=steps * problem.dt, record_every=steps))
 
 
 def _only(sensors: Sensors, names: tuple[str, ...]) -> Sensors:
-    """Return sensors of some channels, with the same errors: the others cost time."""
+    """Return the sensors of some channels, with the same errors; the other channels would cost time."""
     for name in names:
         if name not in sensors.channels:
             known = ", ".join(sensors.channels)
@@ -199,16 +199,16 @@ def _only(sensors: Sensors, names: tuple[str, ...]) -> Sensors:
 
 
 def _steps_between(rate: float, dt: float) -> int:
-    """Return the steps between two samples at a rate [Hz], down to a whole number."""
+    """Return the number of steps between two samples at a rate [Hz], rounded down."""
     return 1 if rate == inf else max(1, int(1.0 / (rate * dt) + 1e-9))
 
 
 class _Outside:
-    """The agent, for the run: commands come by `Run.follow`."""
+    """Placeholder for the agent in the run; commands come from `Run.follow`."""
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Do nothing."""
 
     def step(self, t: float, _: object) -> worm3d.Command:
-        """Return no command: nobody may ask for it."""
+        """Raise RuntimeError: the run must not request a command."""
         raise RuntimeError(f"at {t} s a command was asked for; an agent gives them")

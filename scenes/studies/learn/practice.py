@@ -1,15 +1,16 @@
 """Practice: many worms at once in a reduced model beside a path, some 400 times faster than the plant.
 
-A policy that acts by "course" begins there, and goes on with the plant. With the arc length s of the path, curvature
-kappa(s), offset e to the left and heading theta off the path's, speed V and turn rate w of (R1) in
-`control.estimation.reduced`, its lags and blend, gains g of what the map does not know, crab angle c and yaw bias b,
+A policy that acts by "course" begins with practice, and continues with the plant. The path has the arc length s and the
+curvature kappa(s). The worm has the offset e to the left and the heading theta relative to the path. Speed V, turn
+rate w, lags and blend are defined by (R1) in `control.estimation.reduced`. The gains g are unknown to the map. With the
+crab angle c and the yaw bias b,
 
     V' = (g_v V_cmd - V) f / n_v,   w' = (g_w w_s - w) / T_w,   w_s' = (w_cmd - w_s) f / blend,                (LM1)
     s' = V cos(theta + c) / (1 - kappa e),   e' = V sin(theta + c),   theta' = w + b - kappa s'.               (LM2)
 
-Each episode draws paths (kappa = kappa_0 + kappa_1 sin(k s + phase), or a line), where the worm begins, the speed that
-is asked for, noise, gains, lags and biases from `DRAWN`. What is seen has the layout of `control.learned.senses`, with
-means over samples for (LC1), (LC2) and the path's frame for places; lengths are in body lengths.
+Each episode draws from `DRAWN` a path (kappa = kappa_0 + kappa_1 sin(k s + phase), or a line), a start, a wanted speed,
+noise, gains, lags and biases. The observation has the layout of `control.learned.senses`, with means over samples for
+(LC1), (LC2) and the path's frame for places; lengths are in body lengths.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from worm3d.values.arrays import FloatArray
 
 ACTIONS = 2
 LOOKS = 4
-"""Samples of the centre of mass in a control period."""
+"""Number of samples of the centre of mass in a control period."""
 DRAWN: dict[str, tuple[float, float]] = {
     "speed": (0.04, 0.12),
     "bend": (-0.9, 0.9),
@@ -45,8 +46,9 @@ DRAWN: dict[str, tuple[float, float]] = {
     "crab": (-0.1, 0.1),
     "yaw_bias": (-0.015, 0.015),
 }
-"""Least and greatest value of what an episode draws, in body lengths, seconds and radians: speeds and curvatures of the
-default worm's range, other worms and slopes to a fifth of the speed, starts up to a fifth of a body length off."""
+"""Least and greatest random values of an episode, in body lengths, seconds and radians: speeds and curvatures in the
+default worm's range, gains for other worms and slopes (up to a fifth of the speed), starts up to a fifth of a body
+length off."""
 STRAIGHT = 0.3
 """Share of the paths that are lines."""
 NEAR = 0.4
@@ -56,7 +58,7 @@ DURATION = 30.0
 
 
 class Practice:
-    """Worms in the reduced model, with the methods that training asks of `scenes.gym_env.WormVectorEnv`.
+    """Worms in the reduced model, with the methods of `scenes.gym_env.WormVectorEnv` that training needs.
 
     Parameters
     ----------
@@ -65,9 +67,9 @@ class Practice:
     length : float
         Body length [m].
     mechanism : str
-        What steers.
+        Steering mechanism.
     control_period : float
-        [s].
+        Time between two actions [s].
     """
 
     def __init__(self, count: int, found: Identified, length: float, mechanism: Any, control_period: float) -> None:
@@ -79,7 +81,7 @@ class Practice:
         self._wave = max(2, round(1.0 / (self._frequency * self._dt)))  # samples in a wave
 
     def reset(self, *, seed: int) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin all episodes, at different times of theirs, so that they do not end together."""
+        """Begin all episodes at different ages, so that they do not end together."""
         self._random = np.random.default_rng(seed)
         n = self.num_envs
         self._drawn = {name: np.zeros(n) for name in DRAWN}
@@ -112,10 +114,10 @@ class Practice:
         return seen, rewards, np.zeros_like(over), over, info
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: there is nothing to close."""
 
     def _begin(self, which: NDArray[np.bool_]) -> None:
-        """Draw new episodes, of some worms."""
+        """Draw new episodes of some worms."""
         n = int(which.sum())
         for name, (low, high) in DRAWN.items():
             self._drawn[name][which] = self._random.uniform(low, high, n)
@@ -138,7 +140,7 @@ class Practice:
         return drawn["bend"] + drawn["swing"] * swing
 
     def _move(self, speed: FloatArray, turn: FloatArray) -> None:
-        """Take a step of (LM1), (LM2), by the explicit Euler method; the lags are many of its steps."""
+        """Take a step of (LM1), (LM2) by the explicit Euler method; the lags are many steps long."""
         drawn, (s, e, theta, v, w, steer) = self._drawn, self._state
         v_lag, w_lag, blend = self._lags[:, None] * drawn["lag"]
         kappa, way = self._curvature(s), theta + drawn["crab"]
@@ -154,7 +156,7 @@ class Practice:
         self._state = self._state + self._dt * np.array(rates)
 
     def _look(self, which: NDArray[np.bool_] | None = None) -> None:
-        """Take a sample of the places, true and measured; of some worms their first, which fills all."""
+        """Take a sample of the true and measured places; `which` selects worms whose first sample fills all samples."""
         true = self._state[:2]
         measured = true + self._drawn["noise"] * self._random.standard_normal(true.shape)
         places = np.array([true, measured])
@@ -172,7 +174,7 @@ class Practice:
         return place, (place - before) / (half * self._dt)
 
     def _fade(self) -> None:
-        """Take the errors now into the means that fade."""
+        """Add the present errors to the fading means."""
         left, (_, place) = np.exp(-self._period / FADING), self._motion()[0]
         errors = np.clip(np.array([10.0 * place[1], self._miss(1)]), -MOST, MOST).T
         self._means = left * self._means + (1.0 - left) * errors

@@ -1,4 +1,4 @@
-"""Paths as polygons, which are quick to follow: episodes ask for them at every control period."""
+"""Paths as polygons, which are fast to evaluate: episodes need them in every control period."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from control.tracking.paths import Path
 from worm3d.values.arrays import FloatArray
 
 STEP = 0.01
-"""Distance of the corners, as a share of the body length; chords lie an 80000th of it beside a circle as large."""
+"""Distance of the corners over the body length; on a circle of this radius, chords are off by 1/80000 of the radius."""
 REACH = 0.5
-"""Distance along the path within which the nearest point is looked for [body lengths]."""
+"""Largest distance along the path in the search for the nearest point [body lengths]."""
 
 
 class Sampled:
-    """A path between arc lengths -`before` and `length` [m] as a polygon; beyond both ends it goes straight on."""
+    """A path between arc lengths -`before` and `length` [m] as a polygon, with straight lines beyond both ends."""
 
     closed = False
 
@@ -39,7 +39,7 @@ class Sampled:
         return self._at(s, self._curvatures)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc length of the point nearest to one place, shape (2,); see `Path`."""
+        """Return the arc length of the point nearest to a place, shape (2,); see `Path`."""
         place, begin, end = np.asarray(xy, dtype=float), 0, len(self._s)
         if near is not None:
             k = int((near - self._s[0]) / (self._s[1] - self._s[0]))

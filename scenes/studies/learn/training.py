@@ -1,10 +1,11 @@
 """Training of a policy by proximal policy optimisation (PPO) of Stable-Baselines3, on many worms at once.
 
-Needs the optional part `learn` (pip install 'worm3d[learn]'), PyTorch among it; what comes out needs numpy only.
+Training needs the optional part `learn` (pip install 'worm3d[learn]'), including PyTorch; the policy needs numpy only.
 
-PPO: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347. Of its settings these differ from the
-library's: a discount whose horizon is some five waves, within which an action shows; small networks, since what is seen
-is small; noise of the actions that begins at a fifth of their range; and a rate of learning that falls to a tenth.
+PPO: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347. Some settings differ from the library's
+defaults: a discount with a horizon of some five waves, the time that an action needs to show; small networks, since the
+observation is small; noise of the actions that begins at a fifth of their range; and a learning rate that falls to a
+tenth.
 """
 
 from __future__ import annotations
@@ -29,25 +30,25 @@ try:
     from stable_baselines3.common.vec_env import VecEnv
 
     from scenes.studies.learn.environment import (
-        WormVectorEnv,  # last: without Stable-Baselines3 it is that which is missing
+        WormVectorEnv,  # last, so that this import fails only if Stable-Baselines3 is missing
     )
 except ImportError as error:
     raise MissingPartError("worm3d learn needs Stable-Baselines3: pip install 'worm3d[learn]'") from error
 
 DISCOUNT = 0.97
-"""Discount of a control period; rewards are scaled by 1 - DISCOUNT, so that values are of the size of a reward."""
+"""Discount of a control period; rewards are scaled by 1 - DISCOUNT, so that values have the size of a reward."""
 HIDDEN = [32, 32]
-"""Widths of the hidden layers, of the policy and of the value."""
+"""Widths of the hidden layers, for both policy and value."""
 PERIODS = 32
-"""Control periods of each worm between two updates."""
+"""Number of control periods of each worm between two updates."""
 BATCH = 256
-"""Samples of a step of the optimiser."""
+"""Number of samples in a step of the optimiser."""
 NOISE = -1.5
-"""Logarithm of the noise of the actions at first."""
+"""Logarithm of the initial noise of the actions."""
 RATES, LATER_RATES = (1e-3, 1e-4), (2e-4, 5e-5)
-"""Rates of learning at first and at last; later ones are those after practice."""
+"""Learning rates at the beginning and at the end; `LATER_RATES` apply after practice."""
 PRACTISING = 64
-"""Worms that practise at once in the reduced model, where one costs next to nothing."""
+"""Number of worms that practise at once in the reduced model, where a worm costs next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -59,18 +60,18 @@ class Point:
     seconds: float
     """Wall time so far [s]."""
     reward: float
-    """Mean reward of a control period since the update before."""
+    """Mean reward of a control period since the previous update."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is trained, and for how long."""
+    """Task of the training, and its duration."""
 
     scene: str
     minutes: float
     """Wall time with the worm of the scene."""
     practice: float = 0.0
-    """Wall time [min] of practice before, in a reduced model (`practice` beside this file); for actions by "course"."""
+    """Wall time [min] of prior practice in a reduced model (`practice` beside this file); for actions by "course"."""
     seed: int = 0
     overrides: Sequence[str] = ()
     vary: Mapping[str, str] = field(default_factory=dict)
@@ -91,14 +92,14 @@ def train(task: Task, watch: Callable[[Point], bool] = lambda point: True) -> Po
     ----------
     task : Task
     watch : callable
-        Called after every update; returning False ends the training.
+        Called after every update; the result False ends the training.
 
     Raises
     ------
     SceneError
         The scene is wrong, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        A length of time that is not above 0, or a seed below 0.
+        A duration is not above 0, or a seed is below 0.
     """
     envs = WormVectorEnv(task.worms, task.scene, task.overrides, acts=task.acts, vary=task.vary, threads=task.threads)
     torch.set_num_threads(1)  # faster for networks this small
@@ -139,7 +140,7 @@ def _ppo(worms: _Worms, rates: tuple[float, float], clock: _Clock, seed: int) ->
 
 
 class _Clock(BaseCallback):
-    """Ends the training in time, and keeps its curve."""
+    """Ends the training on time, and records the learning curve."""
 
     def __init__(self, seconds: float, watch: Callable[[Point], bool]) -> None:
         super().__init__()
@@ -148,7 +149,7 @@ class _Clock(BaseCallback):
         self._rewards: list[float] = []
         self.points: list[Point] = []
         self.lasted = 0.0, 0.0
-        """Wall time and processor time in all [s]."""
+        """Total wall time and processor time [s]."""
         self.interrupted = False
 
     @property
@@ -180,7 +181,7 @@ class _Clock(BaseCallback):
 
 
 class _Worms(VecEnv):
-    """`WormVectorEnv` as Stable-Baselines3 has it, with scaled rewards."""
+    """`WormVectorEnv` with the interface of Stable-Baselines3 and scaled rewards."""
 
     def __init__(self, worms: WormVectorEnv | Practice, envs: WormVectorEnv, seed: int) -> None:
         self._envs, self._first = worms, seed * 1000
@@ -227,7 +228,7 @@ def _layers(ppo: PPO) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], 
 
 
 def _about(task: Task, clocks: Sequence[_Clock]) -> dict[str, Any]:
-    """Return how a policy was trained; of each stage, practice and the worm itself, with its curve."""
+    """Return the training record of a policy, with the curve of each stage, practice and the scene's worm."""
     stages = [
         {
             "steps": clock.num_timesteps,
@@ -242,5 +243,5 @@ def _about(task: Task, clocks: Sequence[_Clock]) -> dict[str, Any]:
 
 
 def _thinned(points: Sequence[Point]) -> Sequence[Point]:
-    """Return at most some thirty of the points, the last one among them."""
+    """Return at most some thirty of the points, including the last point."""
     return [*points[: -1 : max(1, len(points) // 30)], *points[-1:]]

@@ -1,6 +1,6 @@
-"""The paper's nine cases: the runs behind its Tables II and III, and the same on the corrected worm.
+"""The paper's nine cases: the runs behind its Tables II and III, and the same cases on the corrected worm.
 
-The corrected worm makes them in contact with the ground, with the paper's threshold friction, and clamped.
+The corrected worm runs in contact with the ground, with the paper's threshold friction, and clamped.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ AMPLITUDE = 0.2
 """Contraction of the corrected worm at activation 1."""
 
 Ground = Literal["anchored", "threshold", "clamped"]
-"""In contact with set-valued friction, in contact with the paper's (P10), or clamped with (P9) and (P10)."""
+"""Contact with set-valued friction, contact with the paper's friction (P10), or clamped with (P9) and (P10)."""
 
 NAMES: dict[Ground, str] = {
     "anchored": "contact, set-valued friction",
@@ -42,7 +42,7 @@ GroundKey = tuple[int, float, Ground]
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the tables, as the published program counts."""
+    """One row of the tables, with the quantities as the published program counts them."""
 
     n: int
     T_wave_s: float
@@ -94,9 +94,9 @@ class CorrectedRow:
     """Net work of the actuators."""
     work_friction_J: float
     cost_of_transport: float | None
-    """Net work over weight and distance; None if the worm made no way forward."""
+    """Net work over weight and distance; None if the worm did not move forward."""
     cumulative_cot_J_per_m: float
-    """Sum of |F.dq / dx| over the steps, (P11) and (P12), as the paper plots it."""
+    """Sum of |F.dq / dx| over the steps, (P11) and (P12), as in the paper's plots."""
     speed_BL_per_wave: float | None
     newton_iterations_mean: float
     halved_steps: int
@@ -104,7 +104,7 @@ class CorrectedRow:
 
 
 def corrected_keys() -> list[GroundKey]:
-    """Return the runs, each once: all nine in contact, those of six segments on every ground."""
+    """Return the runs, each once: all nine in contact, and the runs with six segments on every ground."""
     grounds: tuple[Ground, ...] = ("threshold", "clamped")
     return [
         *((n, T, "anchored") for n, T in published_keys()),
@@ -113,7 +113,7 @@ def corrected_keys() -> list[GroundKey]:
 
 
 def corrected_run(key: GroundKey) -> linkage.Run:
-    """Make one run: ten seconds of the paper's rectified wave, Table I's worm and friction."""
+    """Make one run: ten seconds of the paper's rectified wave, with the worm and friction of Table I."""
     n, T, ground = key
     return linkage.simulate(
         linkage.Linkage(segments=n),
@@ -130,7 +130,7 @@ def wave(n: int, T: float, direction: gaits.Direction = "direct") -> Gait:
 
 
 def corrected_rows(runs: Mapping[GroundKey, linkage.Run]) -> list[CorrectedRow]:
-    """Return what the runs have come to."""
+    """Return the results of the runs."""
     return [_row(key, result) for key, result in runs.items()]
 
 
@@ -158,7 +158,7 @@ def _row(key: GroundKey, result: linkage.Run) -> CorrectedRow:
 
 @dataclass(frozen=True)
 class Overstatement:
-    """How much further the worm seems to go than with set-valued friction; None where that is not above zero."""
+    """Overestimate of the distance, relative to set-valued friction; None if that distance is not positive."""
 
     T_wave_s: float
     set_valued_distance_m: float
@@ -167,7 +167,7 @@ class Overstatement:
 
 
 def overstatements(distance: Callable[[GroundKey], float]) -> list[Overstatement]:
-    """Compare the grounds for each period with six segments; `distance` gives that of a run [m]."""
+    """Compare the grounds for each period with six segments; `distance` gives the distance of a run [m]."""
 
     def percent(T: float, ground: Ground) -> float | None:
         true = distance((6, T, "anchored"))

@@ -17,7 +17,7 @@ from scenes.studies.paper.cases import PERIODS, SEGMENTS, Key, Row
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says, whether the published program bears it out, and the numbers."""
+    """A claim of the paper, the verdict of the published program, and the numbers."""
 
     claim: str
     source: str
@@ -26,7 +26,7 @@ class Claim:
 
 
 def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
-    """Return every claim of the paper with its verdict; makes about ten further runs of the program."""
+    """Return every claim of the paper with its verdict; makes about ten additional runs of the program."""
     table_2 = [next(r for r in rows if (r.n, r.T_wave_s) == (n, 2.0)) for n in SEGMENTS]
     table_3 = [next(r for r in rows if (r.n, r.T_wave_s) == (6, T)) for T in PERIODS]
     return [
@@ -48,7 +48,7 @@ def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
 
 
 def by_segments(what: str, values: Sequence[float | None]) -> Claim:
-    """Judge that something rises with the number of segments up to 6 and drops at 7; None for no value."""
+    """Judge that a quantity rises with the number of segments up to 6 and drops at 7; None for no value."""
     return Claim(
         claim=f"{what} rises with the number of segments up to 6 and drops at 7",
         source="IV.A, Fig. 10 and 11",
@@ -58,7 +58,7 @@ def by_segments(what: str, values: Sequence[float | None]) -> Claim:
 
 
 def by_period(what: str, values: Sequence[float | None]) -> Claim:
-    """Judge that a shorter wave period means more of something; None for no value."""
+    """Judge that a shorter wave period increases a quantity; None for no value."""
     return Claim(
         claim=f"a shorter wave period means {what}",
         source="IV.B, Fig. 12 and 13",
@@ -73,7 +73,7 @@ def verdict(holds: bool) -> str:
 
 
 def _rises_then_drops(values: Sequence[float]) -> bool:
-    """Whether the values rise up to the last but one and the last is below that."""
+    """Whether the values rise up to the last but one and the last value is smaller."""
     return all(a < b for a, b in pairwise(values[:-1])) and values[-1] < values[-2]
 
 
@@ -87,7 +87,7 @@ def _change_to_the_last(values: Sequence[float]) -> str:
 
 
 def _numbers(values: Sequence[float | None]) -> list[float]:
-    """Return the values, NaN for none: it neither rises nor drops."""
+    """Return the values, with NaN for missing values: NaN neither rises nor drops."""
     return [float("nan") if value is None else value for value in values]
 
 

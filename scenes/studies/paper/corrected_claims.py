@@ -1,4 +1,4 @@
-"""The paper's claims once more, judged by the corrected worm in contact with the ground."""
+"""The paper's claims again, judged by the corrected worm in contact with the ground."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scenes.studies.paper.cases import AMPLITUDE, PERIODS, SEGMENTS, CorrectedRo
 from scenes.studies.paper.claims import Claim, by_period, by_segments, listed, verdict
 
 TORSIONS = (1.0, 1e2, 1e4, 1e6)
-"""Torsional stiffnesses to try [J]; Table I has 1e4."""
+"""Torsional stiffnesses of the test [J]; Table I has 1e4."""
 
 
 def corrected_claims(runs: Mapping[GroundKey, Run], rows: Sequence[CorrectedRow]) -> list[Claim]:
-    """Return the claims with their verdicts; makes about six further runs of the corrected worm."""
+    """Return the claims with their verdicts; makes about six additional runs of the corrected worm."""
     contact = {(r.n, r.T_wave_s): r for r in rows if r.law == "anchored"}
     main = runs[6, 2.0, "anchored"]
     return [

@@ -1,7 +1,7 @@
-"""Where the paper's text and its author's program differ, and what each difference does to the result.
+"""Differences between the paper's text and its author's program, and the effect of each difference on the result.
 
-Each is measured by a run of the six-segment worm at T_wave = 2 s in which that one thing is as the text says,
-wherever the program can be told so.
+Each difference is measured by a run of the six-segment worm at T_wave = 2 s. In this run the program follows the text
+in this one point, if the program has a parameter for it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DENSITY = 10.0
 """Table I [kg/m^3]."""
 
 BLOW_UP_STEPS = 200
-"""Steps of a run that is known to blow up."""
+"""Number of steps of a run that blows up."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Difference:
 def differences(program_run: Run) -> list[Difference]:
     """Return the differences with their effects on the published run of six segments at T_wave = 2 s.
 
-    Makes about ten further runs of the program.
+    Makes about ten additional runs of the program.
     """
     return [Difference(what, text, program, effect(program_run)) for what, text, program, effect in _ENTRIES]
 
@@ -213,4 +213,4 @@ _ENTRIES: list[tuple[str, str, str, Callable[[Run], str]]] = [
         lambda run: "none: nothing reads it",
     ),
 ]
-"""What differs, text, program, and the function of the published run that tells the effect."""
+"""Name of the difference, text, program, and the function that returns the effect on the published run."""

@@ -1,4 +1,4 @@
-"""The paper's figures 7 to 13, re-drawn from our own runs, and 10 to 13 for the corrected worm."""
+"""The paper's figures 7 to 13, re-drawn from our own runs, and figures 10 to 13 for the corrected worm."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FORCE = published.Parameters().contraction_force
 """Force of a segment at activation 1 [N]."""
 
 SHOWN = 6
-"""Segments in figures 7 to 9."""
+"""Number of segments in figures 7 to 9."""
 
 ENGINE = SegmentDriven()
 
@@ -36,14 +36,14 @@ T_CONTRACT = ENGINE.T_wave / SHOWN
 """Duration of a contraction in figures 7 and 8: one segment at a time [s]."""
 
 OUR_CHOICE = f"T_contract = {T_CONTRACT:.3g} s (one segment at a time)"
-"""The paper does not say which it drew."""
+"""The paper does not say which duration its figures show."""
 
 COMPARED = (2.0, 5.0)
-"""Wave periods at which the grounds are compared [s]."""
+"""Wave periods for the comparison of the grounds [s]."""
 
 
 def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
-    """Return the figures by file stem, named after the paper's."""
+    """Return the figures by file stem, named after the figures of the paper."""
     by_segments = {f"n = {n}": runs[n, 2.0] for n in SEGMENTS}
     by_period = {f"T = {T:g} s": runs[6, T] for T in PERIODS}
     return {

@@ -1,4 +1,4 @@
-"""Run the paper's study and write it down: `paper.json`, `report.md`, the figures and the animation."""
+"""Run the paper's study and write the results: `paper.json`, `report.md`, the figures and the animation."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ PRINTED = {
     6: (0.739210, 4.547915, 6.1524, 1.250650),
     7: (0.534746, 2.023594, 3.7842, 1.021245),
 }
-"""What the author's program prints for T_wave = 2 s, by segments: distance, work, total CoT, true displacement."""
+"""Output of the author's program at T_wave = 2 s, by segments: distance, work, total CoT, true displacement."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """All that the report tells: of the published program, and of the corrected worm."""
+    """Content of the report: results of the published program, and of the corrected worm."""
 
     rows: Sequence[Row]
     claims: Sequence[Claim]
@@ -78,7 +78,7 @@ class Study:
 
 
 def run(out: Path | None, force: bool, quiet: bool) -> int:
-    """Make all runs of the paper, write the study and return the exit code; options as of the command.
+    """Make all runs of the paper, write the study and return the exit code; options as in the command.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _movie(run: Run) -> Movie:
 
 
 def markdown(study: Study, pictures: Sequence[str] = ()) -> str:
-    """Return the whole report; `pictures` are the files beside it, which it shows."""
+    """Return the whole report, which shows the files `pictures` from the same folder."""
     lines = [*_published_lines(study), *_corrected_lines(study)]
     if pictures:
         lines += ["", "## Figures"]
@@ -183,7 +183,7 @@ def _judged(claims: Sequence[Claim]) -> Iterator[str]:
 
 
 def terminal_lines(study: Study, width: int) -> Iterator[str]:
-    """Yield the lines to print: the tables and the verdicts; the evidence stands in the report."""
+    """Yield the lines to print: the tables and the verdicts; the evidence is in the report."""
     for title, part in _tables(study.rows):
         yield from (title, *aligned(*table(PUBLISHED, part)), "")
     yield from ("The paper's claims", *_wrapped(study.claims, width), "")

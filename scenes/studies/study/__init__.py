@@ -1,1 +1,1 @@
-"""Studies: scenes that are swept, each with a question, and what a designer learns from the numbers."""
+"""Studies: swept scenes, each with a question, and lessons for a designer from the numbers."""

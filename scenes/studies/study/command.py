@@ -1,4 +1,4 @@
-"""`worm3d study`: lists the studies, runs one, or runs all and writes what they tell together."""
+"""`worm3d study`: list the studies, run one study, or run all studies and write a common report."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from scenes.sweep.table import Table
 
 REPORT = "report.md"
 ACCURACY, INTEGRATOR = "run.accuracy", "run.integrator"
-"""Keys that decide whether a case knows its errors."""
+"""Keys that decide whether the errors of a case are known."""
 ASKED = 0.01
 """Accuracy of the cases of a study: 0.003 takes twice as long for a third of the error, 0.03 half as long."""
 
@@ -41,7 +41,7 @@ def list_studies() -> None:
 
 
 def run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.Options) -> int:
-    """Run a study, by its name or that of any scene with a section [sweep], and return the exit code."""
+    """Run a study, by the name of a study or of any scene with a section [sweep], and return the exit code."""
     return _run(name, overrides, out, options, {})
 
 
@@ -64,9 +64,9 @@ def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.
 
 
 def with_accuracy(scene: str | Path, overrides: Sequence[str]) -> Sequence[str]:
-    """Return the overrides of a study, whose cases are to know their errors: `run.accuracy` if nothing else is said.
+    """Return the overrides of a study with `run.accuracy` added, so that its cases know their errors.
 
-    It is left out for a model that has none, and where the scene or its sweep chooses the steps.
+    `run.accuracy` is left out for a model without this key, and where the scene or its sweep chooses the steps.
     """
     source = Source.of(scene, overrides)
     base = source.base()
@@ -80,7 +80,7 @@ def with_accuracy(scene: str | Path, overrides: Sequence[str]) -> Sequence[str]:
 def run_all(out: Path | None, options: sweeps.Options) -> int:
     """Run all studies that come with the program, each in a folder of its own, and write `report.md` beside them.
 
-    Started again on the same folder it runs what is missing. A study with cases that fail does not stop the others.
+    A second start on the same folder runs the missing cases. A study with failed cases does not stop the others.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Shape of a curve, found from its values and told in a sentence: rising, falling, a peak, a dip, flat, or several.
+"""Shape of a curve, found from its values and put into a sentence: rising, falling, a peak, a dip, flat, or several.
 
-Values have errors. What two values differ by is nothing if it is no more than both may be off by: `apart`.
+Values have errors. The difference of two values counts as zero if it is at most the sum of their errors: `apart`.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ from numpy.typing import NDArray
 from worm3d.values.arrays import FloatArray
 
 FLAT = 0.05
-"""Change of a curve, over its largest magnitude, up to which it hardly depends on x."""
+"""Largest relative change, over the largest magnitude, of a curve that hardly depends on x."""
 RIPPLE = 0.05
-"""Change against the trend, over the whole change, that is none: half as much would name the noise of steps in time,
-twice as much would pass over the dip at half a wavelength."""
+"""Change against the trend, over the whole change, that is ignored: half as much would report the noise of time steps,
+twice as much would miss the dip at half a wavelength."""
 NEAR = 0.05
-"""Loss against the best value that hardly matters."""
+"""Loss relative to the best value that hardly matters."""
 MOST = 0.9
-"""Share of a change after which the rest matters little."""
+"""Share that counts as most of a change."""
 EARLY = 2.0 / 3.0
-"""Share of the places up to which `MOST` of a change is worth telling."""
+"""Largest share of the places at which reaching `MOST` of a change counts as early."""
 AT_END, AT_GAP = "the range ends there", "the values end there"
 
 Told = Callable[[int], str]
-"""Text of what is at a place."""
+"""Text for a place."""
 
 
 def apart(first: Any, second: Any, off: Any, other_off: Any) -> NDArray[np.bool_]:
-    """Return whether values differ by more than the sum of what they may be off by."""
+    """Return whether values differ by more than the sum of their errors."""
     return np.asarray(np.abs(first - second) > off + other_off)
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Turning points of a curve, first and last value included."""
+    """Turning points of a curve, including the first and the last value."""
 
     y: FloatArray
-    """Values, NaN where there is none."""
+    """Values, NaN where there is no value."""
     off: FloatArray
-    """What they may be off by; 0 where that is not known."""
+    """Errors of the values; 0 where the error is unknown."""
     turns: tuple[int, ...]
-    """Places of the ends and of the extremes between them, ripples left out; fewer than two known values: none."""
+    """Places of the ends and of the extremes between them, without ripples; empty for fewer than two known values."""
     flat: bool
 
     @classmethod
     def of(cls, y: FloatArray, off: FloatArray | None = None) -> Shape:
-        """Return the shape of a curve of values (X,), NaN where there is none, that may be off by some (X,)."""
+        """Return the shape of a curve with values, shape (X,), NaN where there is no value, and errors, shape (X,)."""
         known = np.flatnonzero(np.isfinite(y))
         off = np.zeros(len(y)) if off is None else np.nan_to_num(off)
         if len(known) < 2:
@@ -71,22 +71,22 @@ class Shape:
         return ("peak" if rising else "dip") if len(self.turns) == 3 else "several"
 
     def best(self, better: str) -> int:
-        """Return the place of the best value, the largest one if neither `more` nor `less` is better."""
+        """Return the place of the best value; the largest value if neither `more` nor `less` is better."""
         return int(np.nanargmin(self.y) if better == "less" else np.nanargmax(self.y))
 
     def level(self, place: int) -> list[int]:
-        """Return the places, one included, whose values are not apart from the value there."""
+        """Return the places whose values are not apart from the value at a given place, including this place."""
         alike = ~apart(self.y, self.y[place], self.off, self.off[place]) & np.isfinite(self.y)
         return [int(k) for k in np.flatnonzero(alike)]
 
     def edge(self, place: int) -> str:
-        """Return what is beyond a place where the curve ends; empty where there are values on both sides."""
+        """Return how the curve ends beside a place; empty where there are values on both sides."""
         if len(self.y) > 1 and place in (0, len(self.y) - 1):
             return AT_END
         return AT_GAP if np.isnan(self.y[max(0, place - 1) : place + 2]).any() else ""
 
     def near(self, place: int) -> tuple[int, int]:
-        """Return the first and the last place about one from which on its value is hardly lost."""
+        """Return the first and the last place of the range around a place with nearly the same value."""
         alike = np.abs(self.y - self.y[place]) <= NEAR * abs(float(self.y[place]))
         low = high = place
         while low > 0 and alike[low - 1]:
@@ -103,7 +103,7 @@ def _resolved(y: FloatArray, off: FloatArray) -> bool:
 
 
 def _turns(y: FloatArray, off: FloatArray, known: np.ndarray, tolerance: float) -> tuple[int, ...]:
-    """Return the places of the ends and of the extremes that stand out by more than a tolerance, and their errors."""
+    """Return the places of the ends and of the extremes that exceed both a tolerance and their errors."""
     turns, extreme, way = [int(known[0])], int(known[0]), 0
     for place in map(int, known[1:]):
         ahead, least = float(y[place] - y[extreme]), max(tolerance, float(off[place] + off[extreme]))
@@ -118,7 +118,7 @@ def _turns(y: FloatArray, off: FloatArray, known: np.ndarray, tolerance: float) 
 
 
 def sentence(shape: Shape, what: str, along: str, x: Told, told: Told, better: str = "") -> str:
-    """Return a sentence on a curve, without its final stop.
+    """Return a sentence on a curve, without the final stop.
 
     Parameters
     ----------
@@ -164,14 +164,14 @@ def _unresolved(shape: Shape) -> str:
 
 
 def _best(shape: Shape, x: Told, better: str) -> str:
-    """Return where the best value is, and where values are level with it."""
+    """Return the place of the best value, and the places whose values are level with the best value."""
     best = shape.best(better)
     level = [x(k) for k in shape.level(best) if k != best]
     return x(best) + (f", level with {', '.join(level)}" if level else "")
 
 
 def factor(y: FloatArray, shape: Shape) -> str:
-    """Return by how much a value changes from the first to the last place, in brackets."""
+    """Return the change of a value from the first to the last place, in brackets."""
     first, last = float(y[shape.turns[0]]), float(y[shape.turns[-1]])
     if first * last <= 0.0 or first == last:
         return ""
@@ -182,7 +182,7 @@ def factor(y: FloatArray, shape: Shape) -> str:
 
 
 def _early(shape: Shape, x: Told) -> str:
-    """Return where most of a rise or fall is reached, if that is early."""
+    """Return the place where most of a rise or fall is reached, if this place is early."""
     begin, end = shape.turns
     change = (shape.y[begin : end + 1] - shape.y[begin]) / (shape.y[end] - shape.y[begin])
     place = begin + int(np.nanargmax(change >= MOST))

@@ -1,4 +1,4 @@
-"""The figure of a study: a panel for each of its figures, with curves, bars or a map."""
+"""The figure of a study: one panel for each quantity, with curves, bars or a map."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ PANEL = (4.2, 3.4)
 WRAPPED = 50
 """Number of characters of a line above a panel."""
 FAINT = 0.05
-"""Magnitude of negative values, over the largest value, up to which colours need not tell signs apart."""
+"""Largest magnitude of negative values, over the largest value, that colours need not distinguish from zero."""
 WIDE = 20.0
-"""Ratio of the largest to the smallest value from which on a scale is logarithmic."""
+"""Least ratio of the largest to the smallest value that makes a scale logarithmic."""
 HATCHES = ("///", "\\\\\\", "...")
 STYLES: dict[str, Any] = {"ms": 4, "lw": 1.5}
 MARKERS = "os^Dv<>ph*X"
 MOST_NUMBERS = 9
-"""Largest number of values of an axis that are all named."""
+"""Largest number of values of an axis that are all labelled."""
 
 
 def draw(grid: Grid) -> Figure:
@@ -61,7 +61,7 @@ def draw(grid: Grid) -> Figure:
 
 
 def _errors(view: View) -> str:
-    """Return what the values of a panel may be off by; empty where no error is known."""
+    """Return the errors of the values of a panel as text; empty where no error is known."""
     known = view.off[np.isfinite(view.off) & np.isfinite(view.values)]
     return f"errors: median {np.median(known):.1g}, largest {known.max():.1g}" if known.size else ""
 
@@ -88,7 +88,7 @@ def _curves(axes: Axes, grid: Grid, view: View) -> None:
 
 
 def _colour(curve: int) -> str:
-    """Return the colour of a curve: ten, then black."""
+    """Return the colour of a curve: ten colours, then black."""
     return f"C{curve}" if curve < 10 else "k"
 
 
@@ -132,7 +132,7 @@ def _map(axes: Axes, grid: Grid, view: View) -> None:
 
 
 def _colours(values: FloatArray) -> dict[str, Any]:
-    """Return the colours of a map by the values that count."""
+    """Return the colours of a map, based on the values that count."""
     if not _spans_much(values):
         return colours(_without_faint(values))
     return {"cmap": "viridis", "norm": LogNorm(float(np.nanmin(values)), float(np.nanmax(values)))}
@@ -145,7 +145,7 @@ def _spans_much(values: FloatArray) -> bool:
 
 
 def _without_faint(values: FloatArray) -> FloatArray:
-    """Return values without negative ones, if these are faint."""
+    """Return values with faint negative values replaced by 0."""
     known = values[np.isfinite(values)]
     return np.maximum(values, 0.0) if -known.min() <= FAINT * known.max() else values
 
@@ -159,7 +159,7 @@ def _plain_ticks(axes: Axes, which: str) -> None:
 
 
 def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None:
-    """Label an axis, logarithmic where its values are, and name the values that have room."""
+    """Label an axis and its values, without overlaps; the axis is logarithmic if the values are."""
     distinct = np.unique(values)
     if is_logarithmic(distinct):
         getattr(axes, f"set_{which}scale")("log")
@@ -170,7 +170,7 @@ def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None
 
 
 def _apart(places: FloatArray) -> Iterator[int]:
-    """Yield the values of an axis that can be named without touching."""
+    """Yield the values of an axis that can be labelled without overlap."""
     last = -np.inf
     for k, place in enumerate(places):
         if place - last >= np.ptp(places) / MOST_NUMBERS:

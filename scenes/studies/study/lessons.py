@@ -1,7 +1,7 @@
-"""What a designer learns from a study: sentences that follow from the figures of its cases, and from their errors.
+"""Lessons of a study for a designer: sentences that follow from the figures of its cases, and from their errors.
 
-A lead that is no more than what both values may be off by is a tie, and is called so. A best value at the end of a
-range says that the range ends there. Cases that are marked, or whose waves are aliased, are no best values.
+Two values that differ by at most the sum of their errors are a tie, and the sentence says so. If the best value is at
+the end of a range, the sentence says so. Cases that are marked or have aliased waves cannot be best.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from scenes.studies.study.view import Axis, View
 from worm3d.values.arrays import FloatArray
 
 VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}
-"""Shape of a curve for yes, and for no."""
+"""Shapes of a curve that mean yes and no."""
 MOST_LEVEL = 3
-"""Number of cases that are level with the best one and named."""
+"""Largest number of named cases that are level with the best case."""
 TIES = "; '=' joins those that are no further apart than their errors"
 
 
 def answers(grid: Grid) -> Iterator[str]:
-    """Yield the answer to a study's yes-or-no question, a sentence for each figure that decides it and each curve."""
+    """Yield the answer to a study's yes-or-no question: a sentence for each deciding figure and each curve."""
     for name, way in grid.asked.yes.items():
         better = grid.asked.measures.get(name, "")
         for view in judged(grid):
@@ -44,7 +44,7 @@ def _verdict(shape: Shape, way: str, better: str) -> str:
 
 
 def lessons(grid: Grid) -> Iterator[str]:
-    """Yield what a study tells, a sentence each: how each figure goes along each curve, then what is best where."""
+    """Yield the lessons of a study, a sentence each: the shape of each figure along each curve, then the best cases."""
     if grid.x.is_number:
         shown = set(range(len(grid.curves)))
         if len(shown) > MOST_CURVES:
@@ -57,14 +57,14 @@ def lessons(grid: Grid) -> Iterator[str]:
 
 
 def judged(grid: Grid) -> Iterator[View]:
-    """Yield the figures of a study without the cases in which no best is looked for."""
+    """Yield the figures of a study without the cases that cannot be best."""
     left_out = grid.left_out()
     for view in grid.views():
         yield view.without(left_out)
 
 
 def verdicts(grid: Grid) -> Iterator[str]:
-    """Yield what is marked or failed, and what is best where; cases that are marked are not recommended."""
+    """Yield the marked and failed cases, and the best cases; marked cases are not recommended."""
     for name, marked in grid.marked().items():
         yield _extent(grid, name, marked)
     for view in judged(grid):
@@ -99,7 +99,7 @@ def _most(view: View) -> str:
 
 
 def _ranking(grid: Grid, view: View) -> Iterator[str]:
-    """Yield the order of names, best first."""
+    """Yield the ranking of names, best first."""
     for c, curve in enumerate(grid.curves):
         known = np.flatnonzero(np.isfinite(view.values[:, c])).tolist()
         none = [grid.x.told(k) for k in range(len(view.values)) if k not in known]
@@ -110,7 +110,7 @@ def _ranking(grid: Grid, view: View) -> Iterator[str]:
 
 
 def _ordered(view: View, items: Sequence[tuple[int, int, str]]) -> str:
-    """Return texts of cases, each with its places, best first; `=` between those that are not apart."""
+    """Return texts of cases, each with its places, best first; `=` joins texts of cases that are not apart."""
     sign = 1.0 if view.measure.better == "less" else -1.0
     order = sorted(items, key=lambda each: sign * float(view.values[each[:2]]))
     told, tied = "", False
@@ -127,7 +127,7 @@ def _apart(view: View, first: tuple[int, int], second: tuple[int, int]) -> bool:
 
 
 def _each(grid: Grid, view: View) -> str:
-    """Return the best of each named curve, and where it lies, the best one first."""
+    """Return the best value of each named curve with its place, the best curve first."""
     found = []
     for c, curve in enumerate(grid.curves):
         if np.isfinite(view.values[:, c]).any():
@@ -138,7 +138,7 @@ def _each(grid: Grid, view: View) -> str:
 
 
 def _moving(grid: Grid, view: View) -> str:
-    """Return where the best of each curve, or row of a map, lies."""
+    """Return the place of the best value of each curve, or of each row of a map."""
     runs: list[tuple[str, list[int]]] = []
     for c in range(len(grid.curves)):
         if np.isfinite(view.values[:, c]).any():
@@ -154,7 +154,7 @@ def _moving(grid: Grid, view: View) -> str:
 
 
 def _best_place(axis: Axis, shape: Shape, best: int, *, near: bool = False) -> str:
-    """Return a best place along x, what is level with it or `near`, and whether the range ends there."""
+    """Return a best place along x, the places that are level or `near`, and whether the range ends there."""
     level = [k for k in shape.level(best) if k != best]
     said = [f"level with {_runs(axis, level)}"] if level else []
     low, high = shape.near(best)
@@ -164,7 +164,7 @@ def _best_place(axis: Axis, shape: Shape, best: int, *, near: bool = False) -> s
 
 
 def _overall(grid: Grid, view: View) -> str:
-    """Return which curve is best, and where."""
+    """Return the best curve, and the places where this curve is best."""
     rows = [k for k in range(len(view.values)) if np.isfinite(view.values[k]).any()]
     level = np.array([_level_with_best(view, view.values[k], view.off[k]) for k in rows])
     alone = level & (level.sum(axis=1) == 1)[:, None]
@@ -178,7 +178,7 @@ def _overall(grid: Grid, view: View) -> str:
 
 
 def _level_with_best(view: View, values: FloatArray, off: FloatArray) -> NDArray[np.bool_]:
-    """Return which of some values of a figure are not apart from the best one, of the shape of these."""
+    """Return which values of a figure are not apart from the best value; the result has the shape of the values."""
     off, known = np.nan_to_num(off), np.isfinite(values)
     best = int(np.nanargmin(values) if view.measure.better == "less" else np.nanargmax(values))
     level: NDArray[np.bool_] = known & ~apart(values, values.flat[best], off, off.flat[best])
@@ -186,7 +186,7 @@ def _level_with_best(view: View, values: FloatArray, off: FloatArray) -> NDArray
 
 
 def _best_of_all(grid: Grid, view: View) -> str:
-    """Return the best case, those that are level with it, and the ranges that end there."""
+    """Return the best case, the cases that are level with the best case, and the ranges that end there."""
     pick = np.nanargmin if view.measure.better == "less" else np.nanargmax
     x, c = map(int, np.unravel_index(int(pick(view.values)), view.values.shape))
     told = f"best of all is {view.told(x, c)} at {_case(grid, x, c)}"
@@ -234,7 +234,7 @@ def _elsewhere(grid: Grid) -> Iterator[str]:
 
 
 def _unknown(grid: Grid) -> Iterator[str]:
-    """Yield which figures have no errors, and how many cases are left out for want of one."""
+    """Yield the figures without errors, and the number of cases that are left out because their error is unknown."""
     without = [measure.words for measure in grid.measures if not np.isfinite(grid.errors(measure.name)).any()]
     if without:
         yield f"What steps in time put the {_listed(without)} off by is not known."
@@ -257,7 +257,7 @@ def _extent(grid: Grid, name: str, marked: NDArray[np.bool_]) -> str:
 
 
 def _places(axis: Axis, places: Sequence[int]) -> str:
-    """Return places along an axis as text, runs of them as ranges."""
+    """Return places along an axis as text, with consecutive places as ranges."""
     return f"every {axis.words}" if len(places) == len(axis.varied.values) else _runs(axis, places)
 
 
@@ -272,7 +272,7 @@ def _runs(axis: Axis, places: Sequence[int]) -> str:
 
 
 def _curves(grid: Grid, curves: Sequence[int]) -> str:
-    """Return the names of curves, those of numbers as ranges; empty if there is only one."""
+    """Return the names of curves, with numbers as ranges; empty if there is only one curve."""
     if grid.other is None:
         return ""
     if not grid.other.is_number:

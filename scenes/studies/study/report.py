@@ -1,4 +1,4 @@
-"""Reports of studies in Markdown: one study, and the questions that all of them answer together."""
+"""Reports of studies in Markdown: one study, or a common report that answers the questions of several studies."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenes.sweep.table import cell
 PICTURE, TEXT, NUMBERS = "study.png", "study.md", "study.csv"
 """Files of a study in its folder."""
 MOST_ROWS = 48
-"""Largest number of cases that the table of a study has; `study.csv` has all."""
+"""Largest number of cases in the table of a study; `study.csv` has all cases."""
 OFF = "± is what steps in time may put a number off by"
 
 
@@ -26,7 +26,7 @@ def document(grid: Grid) -> str:
 
 
 def numbers(grid: Grid) -> bytes:
-    """Return the figures of all cases, what each may be off by, and whether the case is marked, as CSV."""
+    """Return the figures of all cases, the errors of the figures, and whether the case is marked, as CSV."""
     places = range(len(grid.by.varied.values)) if grid.by is not None else range(1)
     axes = [axis for axis in (grid.x, grid.other, grid.by) if axis is not None]
     names = [name for each in grid.measures for name in (each.name, f"{each.name}_off")]
@@ -42,12 +42,12 @@ def numbers(grid: Grid) -> bytes:
 
 
 def _at(grid: Grid, x: int, curve: int, by: int) -> list[int]:
-    """Return the places of a case along the axes that there are."""
+    """Return the places of a case along the existing axes."""
     return [x, *([curve] if grid.other is not None else []), *([by] if grid.by is not None else [])]
 
 
 def together(grids: Mapping[str, Grid]) -> str:
-    """Return the report of several studies by name, whose pictures lie in folders of these names."""
+    """Return the report of several studies by name; the picture of each study lies in a folder of the same name."""
     lines = ["# What the studies tell", "", "Each sentence follows from the numbers of the runs.", ""]
     for name, grid in grids.items():
         if grid.asked.question:

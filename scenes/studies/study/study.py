@@ -1,4 +1,4 @@
-"""A study: what a scene's section [study] asks of its sweep, and the figures of the cases along its axes."""
+"""A study: the questions of a scene's section [study] about its sweep, and the figures of the cases along the axes."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from worm3d.values.metrics import ROUNDING, named
 from worm3d.values.spelling import did_you_mean
 
 MOST_CURVES = 5
-"""Largest number of values of a second number that are drawn as curves, and of curves that are told one by one; more
-numbers make a map."""
+"""Largest number of curves for the values of a second number, and largest number of curves that are described one by
+one; more numbers make a map."""
 NOTHING = 1e-9
-"""Magnitude of a figure, over its largest in the study, that is rounding."""
+"""Magnitude of a figure that counts as rounding, over the largest magnitude in the study."""
 IMAGE = f"the wave is aliased (at most {ALIASED:.1f} segments long)"
 """Mark of cases whose segments cannot carry their wave."""
 PERIOD = "gait.period_s"
-"""Key of the time in which inertia and lags of a gait show: sentences name it where it is the same in all cases."""
+"""Key of the time scale of inertia and lags in a gait: sentences name the value if all cases have the same value."""
 DEFAULT: Mapping[str, Any] = {"mean_speed_m_s": "more", "cost_of_transport": "less"}
-"""Figures of a study that names none, and which is better."""
+"""Default figures of a study, and whether more or less of each is better."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Cases of a study along an axis x (X values), a second one (C curves, or rows of a map), and perhaps a third.
+    """Cases of a study along an axis x (X values), a second axis (C curves, or rows of a map), and maybe a third axis.
 
     Raises
     ------
     SceneError
-        The sweep is no grid of one or two axes (three with `by`), or the study names what there is not.
+        The sweep is no grid of one or two axes (three with `by`), or the study names something that does not exist.
     """
 
     scene: Scene
@@ -57,7 +57,7 @@ class Grid:
 
     @cached_property
     def measures(self) -> tuple[Measure, ...]:
-        """Figures that the study is about."""
+        """Figures of the study."""
         return tuple(self.measure(name, better) for name, better in (self.asked.measures or DEFAULT).items())
 
     def measure(self, name: str, better: str = "") -> Measure:
@@ -68,7 +68,7 @@ class Grid:
 
     @cached_property
     def by(self) -> Axis | None:
-        """Axis along which cases are brought to equal figures."""
+        """Axis for the comparison of cases at equal figures."""
         axis = next((each for each in self._axes if each.varied.key == self.asked.by), None)
         if self.asked.by and axis is None:
             raise SceneError(f"study.by: got '{self.asked.by}', must be one of the varied keys")
@@ -114,7 +114,7 @@ class Grid:
 
     @property
     def curves(self) -> list[str]:
-        """Name of each curve; one without a name if there is no second axis."""
+        """Name of each curve; a single empty name if there is no second axis."""
         return [""] if self.other is None else [self._curve(c) for c in range(len(self.other.varied.values))]
 
     def _curve(self, place: int) -> str:
@@ -123,7 +123,7 @@ class Grid:
         return f"{self.other.words} {told}" if self.other.is_number else told
 
     def views(self) -> Iterator[View]:
-        """Yield the figures of the study: as they are, then costs at equal figures."""
+        """Yield the figures of the study: first the plain figures, then costs at equal figures."""
         for measure in self.measures:
             yield self.view(measure)
         for figure, target in self.asked.equal.items():
@@ -138,7 +138,7 @@ class Grid:
                     )
 
     def view(self, measure: Measure, place: int | None = None) -> View:
-        """Return a figure; `place` as of `values`."""
+        """Return a view of a figure; `place` as in `values`."""
         return View(
             self.at(self._own if place is None else place),
             measure,
@@ -147,12 +147,12 @@ class Grid:
         )
 
     def values(self, name: str, place: int | None = None) -> FloatArray:
-        """Return a figure at a place along `by`, or the scene's own, shape (X, C); NaN for none, 0 for rounding."""
+        """Return a figure at a place along `by` (default: the scene's), shape (X, C); NaN for none, 0 for rounding."""
         column = self._column(name)
         return self._at(np.where(np.abs(column) < self._least(name), 0.0, column), place)
 
     def errors(self, name: str, place: int | None = None) -> FloatArray:
-        """Return what these may be off by through steps in time, shape (X, C); NaN where that is not known."""
+        """Return the errors of `values` due to the time steps, shape (X, C); NaN where an error is unknown."""
         column = self._errors(name)
         return rounded(self._at(np.where(column < self._least(name), 0.0, column), place))
 
@@ -160,20 +160,20 @@ class Grid:
         return self.table.errors.get(name, np.full(len(self.table), np.nan))
 
     def _least(self, name: str) -> float:
-        """Return the magnitude of a figure below which it is rounding."""
+        """Return the least magnitude of a figure that does not count as rounding."""
         known = np.abs(self._column(name))
         return max(ROUNDING.get(named(name)[1], 0.0), NOTHING * float(known[np.isfinite(known)].max(initial=0.0)))
 
     def _at(self, column: NDArray[Any], place: int | None) -> NDArray[Any]:
-        """Return a column of the table at a place along `by`, or the scene's own, shape (X, C)."""
+        """Return a column of the table at a place along `by`, or at the scene's own value, shape (X, C)."""
         return self._cube(column)[..., self._own if place is None else place]
 
     def equal_values(self, name: str, figure: str, target: float, better: str) -> tuple[FloatArray, FloatArray]:
-        """Return a figure where another one has a given value, on straight lines along `by`, and its error.
+        """Return a figure at a given value of another figure, interpolated linearly along `by`, and its error.
 
-        Both have the shape (X, C). Of several such places the best counts; NaN where it is nowhere reached. A figure y
-        at a share s of the way from a case 1 to a case 2, where the figure x is the given one, may be off by
-        (1 - s) dy1 + s dy2 + |dy/dx| ((1 - s) dx1 + s dx2).
+        Both have the shape (X, C). If several places reach the given value, the best counts; NaN if no place does.
+        Let a figure y be interpolated at a share s of the way from a case 1 to a case 2, where the figure x has the
+        given value. The error of y is then at most (1 - s) dy1 + s dy2 + |dy/dx| ((1 - s) dx1 + s dx2).
         """
         given, wanted = self._cube(self._column(figure)), self._cube(self._column(name))
         if given.shape[-1] < 2:
@@ -198,7 +198,7 @@ class Grid:
         return self._at(self.table.failed, None)
 
     def marked(self, place: int | None = None) -> dict[str, NDArray[np.bool_]]:
-        """Return which cases have each property that the study marks, shape (X, C); `place` as of `values`."""
+        """Return which cases have each property that the study marks, shape (X, C); `place` as in `values`."""
         found = {}
         with np.errstate(invalid="ignore"):
             for name, formula in self.asked.marked.items():
@@ -207,7 +207,7 @@ class Grid:
         return found | ({IMAGE: aliased} if aliased.any() else {})
 
     def left_out(self, place: int | None = None) -> NDArray[np.bool_]:
-        """Return whether each case is marked: no best is looked for there; shape (X, C), `place` as of `values`."""
+        """Return whether each case is marked and thus cannot be best, shape (X, C); `place` as in `values`."""
         left_out = np.zeros(self.failed.shape, dtype=bool)
         for marked in self.marked(place).values():
             left_out |= marked
@@ -215,7 +215,7 @@ class Grid:
 
     @cached_property
     def _own(self) -> int:
-        """Place of the scene's own value along `by`; the middle one if it is not among them."""
+        """Place of the scene's own value along `by`; the middle place if `by` does not contain this value."""
         if self.by is None:
             return 0
         own, values = value_at(self.scene.settings, self.by.varied.key, None), self.by.varied.values
@@ -223,17 +223,17 @@ class Grid:
 
     @property
     def own(self) -> str:
-        """What the figures hold at that are not at equal figures."""
+        """Conditions of the figures that are not at equal figures."""
         return self.at(self._own)
 
     def at(self, place: int) -> str:
-        """Return the value of `by` at a place along it, and the period of the gait where no key changes it."""
+        """Return the value of `by` at a place, and the period of the gait where no key changes the period."""
         said = [] if self.by is None else [f"{self.by.words} {self.by.told(place)}"]
         return ", ".join([*said, *self._period])
 
     @property
     def _period(self) -> list[str]:
-        """The period of the gait in words; nothing where it differs between cases."""
+        """The period of the gait in words; empty where the period differs between cases."""
         period = None if PERIOD in self._given else value_at(self.scene.settings, PERIOD, None)
         return [] if period is None else [f"period {period:g} s"]
 
@@ -244,11 +244,11 @@ class Grid:
 
     @cached_property
     def _given(self) -> set[str]:
-        """Keys that differ between cases, or follow from such."""
+        """Keys that differ between cases, or that follow from such keys."""
         return {*given_keys(self.scene.sweep), *(each.varied.key for each in self._axes)}
 
     def _cube(self, column: NDArray[Any]) -> NDArray[Any]:
-        """Return a column of the table along x, the second axis, and `by`; each of length 1 if there is none."""
+        """Return a column of the table along x, the second axis, and `by`; a missing axis has length 1."""
         dims = list(self.table.design.sizes)
         wanted = [axis.varied.dim for axis in (*self._roles, self.by) if axis is not None]
         cube = column.reshape(list(self.table.design.sizes.values())).transpose([dims.index(dim) for dim in wanted])

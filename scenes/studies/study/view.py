@@ -1,4 +1,4 @@
-"""What the figures of a study are called and how they are written: axes, figures of the summary, views of them."""
+"""Names and text forms of the figures of a study: axes, figures of the summary, views of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from worm3d.values.metrics import rounded_up, with_error, written
 
 @dataclass(frozen=True)
 class Axis:
-    """A varied key as people read it."""
+    """A varied key in the words of a report."""
 
     varied: Varied
     words: str
@@ -32,11 +32,11 @@ class Axis:
 
     @property
     def is_number(self) -> bool:
-        """Whether its values are numbers."""
+        """Whether the values are numbers."""
         return is_numeric(self.varied)
 
     def told(self, *places: int) -> str:
-        """Return a value with its unit, or a range from a first to a last one."""
+        """Return a value with its unit, or a range from a first to a last value."""
         values = [cell(self.varied.values[place]) for place in places]
         words = " to ".join(f"{value:.3g}" if isinstance(value, int | float) else str(value) for value in values)
         return f"{words} {self.unit}".strip()
@@ -44,13 +44,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure of the summary as people read it."""
+    """A figure of the summary in the words of a report."""
 
     name: str
     words: str
     unit: str
     better: str
-    """`more` or `less`, whichever is better; empty if neither is."""
+    """`more` or `less`, depending on which is better; empty if neither is."""
 
     @property
     def label(self) -> str:
@@ -63,30 +63,30 @@ class Measure:
 
 
 def rounded(off: FloatArray) -> FloatArray:
-    """Return errors as they are written, so that what is level is level in print too."""
+    """Return errors rounded as in print, so that level values are level in print too."""
     return np.array([rounded_up(each) for each in off.ravel().tolist()]).reshape(off.shape)
 
 
 @dataclass(frozen=True)
 class View:
-    """A figure of the cases, as it is or at equal values of another."""
+    """A figure of the cases, either plain or at equal values of another figure."""
 
     where: str
-    """Words for what it holds at; empty if nothing is to be said."""
+    """Conditions of the view in words; empty if there is nothing to say."""
     measure: Measure
     values: FloatArray
-    """Shape (X, C), NaN where a case has none."""
+    """Shape (X, C), NaN where a case has no value."""
     off: FloatArray
-    """What the values may be off by, shape (X, C), NaN where that is not known."""
+    """Errors of the values, shape (X, C), NaN where an error is unknown."""
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        """Whether a case has a value whose error is not known, although those of others are, shape (X, C)."""
+        """Whether a case has a value with an unknown error, although other cases have known errors, shape (X, C)."""
         lacking: NDArray[np.bool_] = np.isfinite(self.values) & ~np.isfinite(self.off) & np.isfinite(self.off).any()
         return lacking
 
     def without(self, left_out: NDArray[np.bool_]) -> View:
-        """Return the view without some cases, shape (X, C), and without those that are `unknown`."""
+        """Return the view without some cases, shape (X, C), and without the `unknown` cases."""
         return replace(self, values=np.where(left_out | self.unknown, np.nan, self.values))
 
     def told(self, x: int, curve: int) -> str:
@@ -94,6 +94,6 @@ class View:
         return f"{self.number(x, curve)} {self.measure.unit}".strip()
 
     def number(self, x: int, curve: int) -> str:
-        """Return the value of a case with its error; `none` where it has no value."""
+        """Return the value of a case with its error; `none` if the case has no value."""
         value, off = float(self.values[x, curve]), float(self.off[x, curve])
         return with_error(value, off, self.measure.unit) if np.isfinite(value) else "none"

@@ -1,1 +1,1 @@
-"""`worm3d study technologies`: the worm of a scene on each actuator technology: speed, cost, and what limits it."""
+"""`worm3d study technologies`: the worm of a scene on each actuator technology: speed, cost and limit."""

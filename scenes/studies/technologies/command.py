@@ -1,4 +1,4 @@
-"""`worm3d study technologies`: runs the worm of a scene on each technology, and writes a table, a text and a figure."""
+"""`worm3d study technologies`: run the worm of a scene on each technology, and write a table, a text and a figure."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ TABLE, TEXT, PICTURE = "technologies.csv", "technologies.md", "technologies.png"
 def run(
     scene: str, overrides: Sequence[str], only: Sequence[str], out: Path | None, *, force: bool, quiet: bool
 ) -> int:
-    """Run, write and report; return the exit code. Without a folder it is `runs/technologies-<scene>-<time>`.
+    """Run, write and report; return the exit code. The default folder is `runs/technologies-<scene>-<time>`.
 
     Raises
     ------
     SceneError
-        The scene has no worm with a gait, a technology is none, or the folder cannot be used.
+        The scene has no worm with a gait, a technology is unknown, or the folder cannot be used.
     """
     if unknown := [kind for kind in only if kind not in TECHNOLOGIES]:
         raise SceneError(f"--only: got {unknown[0]!r}, must be one of {', '.join(TECHNOLOGIES)}")

@@ -1,4 +1,4 @@
-"""The figure of `worm3d study technologies`: speed and what limits it, speed over the period, and cost of transport."""
+"""The figure of `worm3d study technologies`: speed and its limit, speed over the period, and cost of transport."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLOURS = {"speed": "C0", "force": "C3", "stroke": "C1", "heat": "C5", ALL: "C4"
 MEANINGS = {"speed": "too slow", "force": "too weak", "stroke": "too short", "heat": "too warm", ALL: "all together"}
 STYLES = ("-", "--", ":")
 BELOW: Mapping[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.12), "fontsize": 8}
-"""Place of a legend: under the axes, where it hides nothing."""
+"""Place of a legend: under the axes, where the legend hides nothing."""
 
 
 def draw(bench: Bench, verdicts: Sequence[Verdict]) -> Figure:

@@ -1,4 +1,4 @@
-"""What limits a worm on a technology, found by taking one limit after the other from it, and said in a sentence."""
+"""The limit of a worm on a technology, found by removing one limit after the other, and reported in a sentence."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
 MOVES = 0.002
-"""Way in a period above which a worm counts as moving [BL]."""
+"""Least way in a period of a moving worm [BL]."""
 
 COUNTS = 1.05
-"""Ratio of speeds from which on a limit counts."""
+"""Least ratio of speeds that makes a limit count."""
 
 ALL = "all"
 """Name of the run without any limit."""
@@ -22,24 +22,24 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a worm on a technology."""
+    """Results of a worm on a technology."""
 
     kind: str
     acting: Technology
     area: FloatArray
     """Cross-section of the actuator of a chamber, shape (N,) [m^2]."""
     asked: float
-    """Swing of the contraction that the gait asks for."""
+    """Swing of the contraction that the gait commands."""
     own: Trial
-    """With the scene's gait."""
+    """Run with the scene's gait."""
     periods: tuple[Trial, ...]
-    """At other periods."""
+    """Runs at other periods."""
     without: dict[str, Trial] = field(default_factory=dict)
-    """With the scene's gait and without a limit, by the limit; `ALL`: without any."""
+    """Runs with the scene's gait and without one limit, by the limit; `ALL`: without any limit."""
 
     @property
     def best(self) -> Trial:
-        """The fastest of all periods."""
+        """The fastest run of all periods."""
         ran = [trial for trial in self.periods if np.isfinite(trial.speed)]
         return max(ran, key=lambda trial: trial.speed, default=self.own)
 
@@ -55,7 +55,7 @@ class Verdict:
 
     @property
     def idle(self) -> float:
-        """Power that all drives draw whatever they do [W]."""
+        """Power that all drives draw in every state [W]."""
         return self.acting.idle * 2.0 * len(self.area)
 
     @property
@@ -65,7 +65,7 @@ class Verdict:
 
     @property
     def limit(self) -> str:
-        """The limit without which the worm would be fastest; empty if none counts, `ALL` if only all together do."""
+        """The limit whose removal makes the worm fastest; empty if none counts, `ALL` if only all together count."""
         ran = {name: trial.speed for name, trial in self.without.items() if np.isfinite(trial.speed)}
         single = {name: speed for name, speed in ran.items() if name != ALL}
         name = max(single, key=lambda each: single[each], default="")
@@ -78,7 +78,7 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """What the runs tell."""
+        """Conclusion from the runs."""
         if self.own.why:
             return f"{self.kind}: the run did not come to its end: {self.own.why}"
         name, speed = self.limit, f"{self.own.speed:.2g} BL/s with the gait of the scene"

@@ -1,4 +1,4 @@
-"""What `worm3d study technologies` writes: a table as CSV, and a text with the table, the sentences and the sources."""
+"""Files of `worm3d study technologies`: a table as CSV, and a text with the table, the sentences and the sources."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COLUMNS = (
     ("warmth_K", "warmth [K]"),
     ("not_counted", "not counted in what is drawn"),
 )
-"""Columns of the CSV file, and their names in the text."""
+"""Columns of the CSV file, and their titles in the text."""
 
 
 def row(of: Verdict) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def row(of: Verdict) -> dict[str, Any]:
 
 
 def table(verdicts: Sequence[Verdict]) -> bytes:
-    """Return the table as a CSV file; no number is an empty cell."""
+    """Return the table as a CSV file; a missing number is an empty cell."""
     return csv_bytes([[name for name, _ in COLUMNS], *(row(each).values() for each in verdicts)])
 
 
@@ -89,7 +89,7 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
 
 
 def conclusion(verdicts: Sequence[Verdict]) -> str:
-    """Return which is fastest and which needs least, from the numbers, and what these leave out."""
+    """Return the fastest and the most economical technology, and the costs that the numbers leave out."""
     moving = [each for each in verdicts if each.moves]
     if not moving:
         return "None of them moves this worm with this gait."
@@ -114,5 +114,5 @@ def conclusion(verdicts: Sequence[Verdict]) -> str:
 
 def _cell(value: Any) -> str:
     if isinstance(value, float):
-        return "-" if math.isnan(value) else f"{round(value, 12) + 0.0:.3g}"  # a worm that stands has rounding errors
+        return "-" if math.isnan(value) else f"{round(value, 12) + 0.0:.3g}"  # a worm at rest has rounding errors
     return str(value)

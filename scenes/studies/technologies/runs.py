@@ -1,4 +1,4 @@
-"""Runs of the worm of a scene on one technology: with its own gait, at other periods, and without one of its limits."""
+"""Runs of a scene's worm on one technology: with the scene's gait, at other periods, and without one of the limits."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
 PERIODS = 6
-"""Fewest periods of a run, of which the last half counts."""
+"""Least number of periods of a run; the last half of the run counts."""
 
 LAGS = 12.0
-"""Shortest run, over the time constant of the drive: in its first half a slow drive comes to where it stays."""
+"""Shortest run, over the time constant of the drive: a slow drive settles in the first half of the run."""
 
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Periods that are tried, over that of the scene."""
+"""Periods of the runs, over the scene's period."""
 
 LONGEST_STEP = 2.0
-"""Largest time step of runs with long periods, over that of the scene."""
+"""Largest time step of runs with long periods, over the scene's time step."""
 
 STRONGER = 10.0
-"""By how much stronger than they are, or need to be, actuators are whose force is not to limit them."""
+"""Strength of actuators whose force is not to limit them, over the larger of their own and the needed strength."""
 
 RIGID = ("actuator.series=100", "actuator.droop=0", "actuator.scales=false")
 """Changes that make an actuator a source of position."""
 
 AT_ONCE = 1e6
-"""Rate of a drive that has no limit [1/s]."""
+"""Rate of a drive without limit [1/s]."""
 
 Changes = tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a run came to, over the periods of its second half; NaN where it did not come to its end."""
+    """Results of a run over the periods of its second half; NaN if the run did not finish."""
 
     period: float
     """[s]"""
@@ -57,7 +57,7 @@ class Trial:
     power: float = math.nan
     """Mean power drawn [W]."""
     free: float = math.nan
-    """Swing of the contraction that the actuators would have without load, a mean over the chambers that move."""
+    """Swing of the contraction of unloaded actuators, averaged over the moving chambers."""
     made: float = math.nan
     """Swing of the contraction of these chambers."""
     warmth: float = math.nan
@@ -65,7 +65,7 @@ class Trial:
     pull: float = math.nan
     """Largest force of an actuator [N]."""
     why: str = ""
-    """Why it did not come to its end."""
+    """Reason why the run did not finish."""
 
     @property
     def stride(self) -> float:
@@ -90,12 +90,12 @@ class Acting(NamedTuple):
 
 
 class Bench:
-    """The worm of a scene, to be run on technologies.
+    """The worm of a scene, for runs on technologies.
 
     Raises
     ------
     SceneError
-        The scene is wrong, or has no gait with a period whose worm has actuators.
+        The scene is wrong, or has no periodic gait of a worm with actuators.
     """
 
     def __init__(self, scene: str, overrides: Sequence[str]) -> None:
@@ -111,11 +111,11 @@ class Bench:
         self.asked = self._asked(settings)
 
     def scene_of(self, changes: Changes) -> Scene:
-        """Return the scene with changes, which win over those of the user."""
+        """Return the scene with changes, which override the user's changes."""
         return load_scene(self._scene, (*self._overrides, *changes))
 
     def _asked(self, settings: Any) -> float:
-        """Return the swing of the contraction that the gait asks for, a mean over the chambers that it moves."""
+        """Return the swing of the contraction that the gait commands, averaged over the chambers that it moves."""
         bound = gait_of(settings).bind(worm_of(settings))
         times = np.linspace(4.0, 5.0, 200, endpoint=False) * self.period
         return _swing(np.array([bound(float(t)).contraction for t in times]))
@@ -129,7 +129,7 @@ class Bench:
         return Acting(acting, area, acting.needed(worm))
 
     def run(self, kind: str, period: float | None = None, changes: Changes = ()) -> Trial:
-        """Run the worm on a technology, with the scene's gait or with another period."""
+        """Run the worm on a technology, with the scene's period or another period."""
         period = self.period if period is None else period
         dt = self._dt * min(period / self.period, LONGEST_STEP)
         count = max(PERIODS, 2 * math.ceil(LAGS * self.technology(kind).slowest / (2.0 * period)))
@@ -150,11 +150,11 @@ class Bench:
 
 
 def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
-    """Return the changes of the scene that take one limit from a technology, by the limit; those that it has.
+    """Return the changes of the scene that remove one limit of a technology, by the limit; only limits that exist.
 
-    speed: its drive follows at once (what is driven by heat, while it warms); heat: it cools at once, and may get hot;
-    force: it is ten times as strong, by more wires of the same thickness, and goes where its drive says; stroke: its
-    free stroke is what the gait asks for.
+    speed: the drive follows at once (a thermal drive follows at once while warming); heat: the actuator cools at once,
+    and may get hot; force: the actuator is ten times as strong, by more wires of the same thickness, and follows its
+    drive exactly; stroke: the free stroke equals the contraction that the gait commands.
     """
     acting, area, needed = bench.technology(kind)
     thermal, stroke = acting.hot > 0.0, np.minimum(acting.strain * np.asarray(acting.lever), MOST_STROKE)
@@ -178,7 +178,7 @@ def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
 
 
 def together(limits: dict[str, Changes]) -> Changes:
-    """Return the changes that take all limits; of a key that two of them set, the larger actuator."""
+    """Return the changes that remove all limits; if two limits set the same key, the larger actuator counts."""
     order = ("stroke", "speed", "heat", "force")
     keys = {change.partition("=")[0]: change for name in order for change in limits.get(name, ())}
     return tuple(keys.values())
@@ -208,7 +208,7 @@ def _measured(record: Record, period: float) -> Trial:
 
 
 def _swing(values: FloatArray) -> float:
-    """Return largest less least value in time, a mean over the chambers that move at all; values of shape (T, N, 2)."""
+    """Return the maximum minus the minimum over time, averaged over the moving chambers; values of shape (T, N, 2)."""
     swing = np.ptp(values, axis=0)
     moves = swing > 1e-9
     return float(swing[moves].mean()) if moves.any() else 0.0

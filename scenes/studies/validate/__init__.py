@@ -1,1 +1,1 @@
-"""Validation: what the models give beside closed forms and beside what was measured on robots and animals."""
+"""Validation: model results beside closed forms and beside measurements on robots and animals."""

@@ -1,4 +1,4 @@
-"""Animals beside what their scenes give; `scenes.studies.validate.robots` says how, and what is assumed."""
+"""Animals beside the results of their scenes; `scenes.studies.validate.robots` explains the method and assumptions."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ BURROWS = (0.00395, 0.0045)
 ASYMMETRIES = (("friction.forward=0.03",), ("friction.forward=0.3",))
 STRAINS = (("gait.amplitude=0.1",), ("gait.amplitude=0.3",))
 GRAMS = (0.1, 1.0, 8.0)
-"""Masses of earthworms, in the range of the measured ones, 0.012 to 8.5 g [g]."""
+"""Masses of earthworms, within the measured range of 0.012 to 8.5 g [g]."""
 
 
 def in_burrow_over_free(radius: float) -> Ratio:
-    """Return the stride of the earthworm in a pipe over that on the ground."""
+    """Return the stride of the earthworm in a pipe over the stride on the ground."""
     return Ratio(Figure("stride_BL", "earthworm", pipe(radius)), Figure("stride_BL", "earthworm"))
 
 
@@ -43,11 +43,11 @@ L3 = (
     "run.duration_s=6.67",
     "run.dt_s=0.005",
 )
-"""Larva of the third instar: 4 mm, 1.5 waves a second, contraction 30 %; shape and pressure as of the first."""
+"""Larva of the third instar: 4 mm, 1.5 waves a second, contraction 30 %; shape and pressure as in the first instar."""
 
 
 def earthworm(grams: float) -> Changes:
-    """Return the changes that make the earthworm of 1 g one of another mass, by the published powers of the mass.
+    """Return the changes that scale the earthworm of 1 g to another mass, by the published powers of the mass.
 
     Length m^0.34 at the same shape, frequency m^-0.07; the pressure in the body is the same, so that springs grow with
     the cross-section and joints with the volume.
@@ -168,4 +168,4 @@ COMPARISONS = (
 )
 
 rows = chapter(COMPARISONS)
-"""The rows, each as soon as it is known: called with whether it is to be quick, that is without spreads."""
+"""Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""

@@ -1,18 +1,18 @@
 """Chains of rigid feet and muscles: the crawlers of the closed forms, as scenes of the 3D worm describe them.
 
 A scene makes every segment either a *foot*, whose actuator may not change its length, or a *muscle*, which is lower
-than the feet and touches nothing. The feet stand at one height whatever the muscles do, and joints that are stiff in
-pitch make the chain a straight beam. So the contacts have a motion relative to each other that the gait prescribes, and
-loads that follow from statics. A slow gait makes inertia negligible. This is what the closed forms assume.
+than the feet and touches nothing. The feet stand at one height for all lengths of the muscles, and joints that are
+stiff in pitch make the chain a straight beam. The gait therefore prescribes the relative motion of the contacts, and
+statics determine the loads. A slow gait makes inertia negligible. The closed forms make these assumptions.
 
-*Equal loads.* A stiff beam presses N feet of equal stiffness with loads that are linear in their places, with the sum
-m g and without a moment about the centre of mass. The feet's friction has no moment on the whole either: it acts at one
-height, and its sum vanishes. So the loads are equal where the centre of mass lies at the mean place of the feet, which
-it does by symmetry if the muscles move in unison, and but for the ends' share if they make a wave. `Crawl.unevenness`
-tells how equal they are.
+*Equal loads.* A stiff beam presses N feet of equal stiffness with loads that are linear in their places. The sum of the
+loads is m g, and they have no moment about the centre of mass. The feet's friction has no moment on the whole either,
+since it acts at one height and its sum vanishes. The loads are therefore equal if the centre of mass lies at the mean
+place of the feet. By symmetry, this holds if the muscles move in unison. In a wave, this holds except for the share of
+the ends. `Crawl.unevenness` measures the deviation from equal loads.
 
 *A payload* P at the head, the joint half a foot's length l0 ahead of the front foot, adds to the loads of two feet at
-the distance D: P g (1 + l0/(2 D)) to the front one's and -P g l0/(2 D) to the rear one's.
+the distance D: P g (1 + l0/(2 D)) to the front foot's load and -P g l0/(2 D) to the rear foot's load.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Chain:
         Raises
         ------
         SceneError
-            The overrides make a scene that is refused.
+            The overrides make an invalid scene.
         """
         return cls(load_scene(FOLDER / f"{scene}.toml", overrides).settings)
 
@@ -90,12 +90,12 @@ class Chain:
 
     @property
     def slipping_back(self) -> int:
-        """Number k = floor(N q) of equally loaded feet that slip back while the next one holds."""
+        """Number k = floor(N q) of equally loaded feet that slip back while the next foot holds."""
         return int(np.floor(self.feet * self.level))
 
     @property
     def steps(self) -> int:
-        """Time steps in a period of the gait."""
+        """Number of time steps in a period of the gait."""
         return round(float(self.settings.gait.period_s) / float(self.settings.run.dt_s))
 
 
@@ -113,7 +113,7 @@ class Crawl:
         Raises
         ------
         ValueError
-            The run does not reach its end, or another segment than a foot touches the ground.
+            The run does not reach its end, or a segment other than a foot touches the ground.
         """
         result = simulate(chain.settings, lambda _: True)
         if result.status is not worm3d.Status.DONE:
@@ -141,5 +141,5 @@ class Crawl:
 
     @property
     def travel(self) -> float:
-        """Way of the feet, on average, in the last period [m]."""
+        """Mean displacement of the feet in the last period [m]."""
         return float((self.places[-1] - self.places[-1 - self.chain.steps]).mean())

@@ -32,17 +32,17 @@ from worm3d.values.arrays import BoolArray
 SECTION = "derived and checked in this project"
 
 LONGEST_COMMAND = 160
-"""Number of characters of a scene and its overrides that a report shows."""
+"""Largest number of characters of a scene with its overrides in a report."""
 
 LEAST = 0.0101
-"""Least coefficient over the largest. One below `worm3d.physics.friction.SMALLEST_COEFFICIENT` would not count."""
+"""Least over largest coefficient. Coefficients below `worm3d.physics.friction.SMALLEST_COEFFICIENT` would not count."""
 
 DIRECT, RETROGRADE = "gait.direction=direct", "gait.direction=retrograde"
 
 
 @dataclass(frozen=True)
 class Case:
-    """A closed form and the run that it is compared with; both are numbers without unit.
+    """A closed form and the run for the comparison; both are numbers without unit.
 
     Parameters
     ----------
@@ -50,15 +50,15 @@ class Case:
     scene : str
         Name of a scene in this folder.
     formula : callable
-        Chain -> closed form.
+        Function from Chain to the closed form.
     measure : callable
-        Crawl -> what the run gives.
+        Function from Crawl to the result of the run.
     tolerance : float
-        As of `Row`.
+        As in `Row`.
     overrides : tuple of str
-        As of `worm3d run -o`.
+        As in `worm3d run -o`.
     source, note : str
-        As of `Row`.
+        As in `Row`.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Case:
     note: str = ""
 
     def row(self) -> Row:
-        """Run the scene and return what it gave beside the closed form; of a run that fails the note says why."""
+        """Run the scene and return the row with its result and the closed form; a failed run has a note."""
         chain = Chain.of(self.scene, self.overrides)
         try:
             crawl = Crawl.of(chain)
@@ -94,14 +94,14 @@ class Case:
 
 
 def is_muscle(feet: int, muscles_each: int = 1) -> BoolArray:
-    """Return which segments of a chain are muscles, with so many of them between two feet."""
+    """Return which segments of a chain are muscles, with `muscles_each` of them between two feet."""
     return np.arange(feet + (feet - 1) * muscles_each) % (muscles_each + 1) > 0
 
 
 def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ...]:
-    """Return the overrides that make a chain of so many feet with a muscle between two of them, but for its friction.
+    """Return the overrides of a chain with `feet` feet and a muscle between each two of them, except the friction.
 
-    Segments are 0.02 m long and of 0.01 kg; `tall` and `low` are the half-heights of feet and muscles [m].
+    Segments have a length of 0.02 m and a mass of 0.01 kg; `tall` and `low` are half-heights of feet and muscles [m].
     """
     n = 2 * feet - 1
     return (
@@ -117,7 +117,8 @@ def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ..
 def friction(forward: float, backward: float, feet: int, muscles_each: int = 1) -> tuple[str, ...]:
     """Return the overrides of the coefficients.
 
-    The least of all coefficients sets how far anchors give way. That of muscles, which touch nothing, makes them stiff.
+    The least of all coefficients determines how far anchors give way. The muscles, which touch nothing, have this
+    coefficient, so that the anchors are stiff.
     """
     larger = max(forward, backward)
     lateral = np.where(is_muscle(feet, muscles_each), LEAST * larger, larger).tolist()
@@ -130,10 +131,10 @@ def phase_step(step: float, feet: int) -> str:
 
 
 IN_UNISON = 1e-7
-"""Step of phase that stands for none [rad]."""
+"""Phase step that represents muscles in unison [rad]."""
 
 WIDE = {"tall": 0.012, "low": 0.005}
-"""Half-heights of chains whose muscles lengthen too, by a tenth [m]."""
+"""Half-heights of chains whose muscles also lengthen, by a tenth [m]."""
 
 BREATHING = [
     Case("Breathing, N = 7, q = 2/9", "breathing", breathing, of_stroke, 1e-6),

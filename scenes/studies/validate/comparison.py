@@ -1,4 +1,4 @@
-"""A measure beside what was published, with what the source does not tell."""
+"""A measure beside the published number, with variants for quantities that the source does not give."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from scenes.studies.validate.measures import Changes, Figure, Measure, StoppedEr
 from scenes.studies.validate.rows import Chapter, Row
 
 ABOVE_1, BELOW_1 = (1.0, math.inf), (-math.inf, 1.0)
-"""Bands of trends of which only the sign was published."""
+"""Bands of trends with only a published sign."""
 
 NO_TREND = 0.05
 """Largest distance of a ratio from 1 that is no trend, 1.
 
-As of the curves of studies, which are flat if they change by less. With half as much no row changes; with twice as
-much the stiff mesh robot's ratio, 1.09, would be no trend.
+Curves of studies use the same limit: they are flat if they change by less. With half this limit no row changes; with
+twice this limit the stiff mesh robot's ratio, 1.09, would be no trend.
 """
 
 
 def friction(mu: float) -> Changes:
-    """Return the changes of a scene that make its friction the same in all directions."""
+    """Return the changes of a scene that make the friction the same in all directions."""
     return tuple(f"friction.{way}={mu}" for way in ("forward", "backward", "lateral"))
 
 
 def within(factor: float, published: float) -> tuple[float, float]:
-    """Return the band from the published number over a factor to the factor times the number."""
+    """Return the band from the published number over a factor to the published number times the factor."""
     return published / factor, published * factor
 
 
@@ -37,12 +37,12 @@ def speed(scene: str, *changes: str) -> Figure:
 
 
 def pipe(radius: float, *changes: str) -> Changes:
-    """Return the changes of a scene that put its worm into a pipe, with further ones; the radius is in m."""
+    """Return the changes of a scene that put the worm into a pipe, plus further changes; the radius is in m."""
     return ("world.kind=pipe", f"world.radius_m={radius}", *changes)
 
 
 class Source(NamedTuple):
-    """Where published numbers are from; the fields mean what they mean in `Row`."""
+    """Source of published numbers; the fields are defined in `Row`."""
 
     text: str
     trust: str
@@ -51,7 +51,7 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A measure beside what was published; the fields that `Row` has mean the same."""
+    """A measure beside the published number; fields that `Row` has, too, are defined there."""
 
     name: str
     measure: Measure
@@ -62,11 +62,11 @@ class Comparison:
     standing: str = "prediction"
     unit: str = "1"
     unknown: Sequence[Changes] = ()
-    """Changes of the scene to other values of what the source does not tell."""
+    """Changes of the scene to other values of quantities that the source does not give."""
     others: Sequence[Measure] = ()
-    """The measure with other values of it, where these belong to only some of its runs."""
+    """Variants of the measure with other such values, where the values belong to only some of the runs."""
     trend: bool = False
-    """Whether only the sign matters: the number is a ratio, above or below 1, or none was published but its band."""
+    """Whether only the sign matters: the number is a ratio above or below 1, or only a band was published."""
 
     def row(self, *, quick: bool) -> Row:
         """Return the row; with `quick` without the spread."""
@@ -96,7 +96,7 @@ class Comparison:
         )
 
     def _has_sign(self, value: float) -> bool:
-        """Return whether a number has the sign of the trend: a ratio clearly above or below 1, or a number its own."""
+        """Return whether a number has the trend's sign: a ratio clearly above or below 1, or a value in the band."""
         if self.published is None and self.unit != "1":
             return self.band[0] <= value <= self.band[1]
         above = self.band[0] >= 1.0 if self.published is None else self.published > 1.0
@@ -104,7 +104,7 @@ class Comparison:
 
 
 def _found(measure: Measure, changes: Changes = ()) -> float | None:
-    """Return the number of a measure, None if a run does not come to its end."""
+    """Return the number of a measure, None if a run does not finish."""
     try:
         return measure(changes)
     except StoppedError:
@@ -112,5 +112,5 @@ def _found(measure: Measure, changes: Changes = ()) -> float | None:
 
 
 def chapter(comparisons: Sequence[Comparison]) -> Chapter:
-    """Return the chapter of some comparisons; when it is quick it has no spreads."""
+    """Return the chapter of some comparisons; a quick chapter has no spreads."""
     return lambda quick: (comparison.row(quick=quick) for comparison in comparisons)

@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from scenes.studies.validate.rows import AGREES, DEPENDS, MISSES, Row
 
 LEAST, GREATEST = 0.03, 30.0
-"""Range of the ratios; what lies outside is drawn at its end."""
+"""Range of the ratios; a ratio outside is drawn at the end of the range."""
 
 SMALLEST, LARGEST = 1e-4, 30.0
-"""Range of errors over tolerances; what lies outside is drawn at its end."""
+"""Range of errors over tolerances; an error outside is drawn at the end of the range."""
 
 COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
 """Colours of rows by their agreement."""
@@ -86,7 +86,7 @@ def _colour(row: Row) -> str:
 
 
 def _scale(row: Row) -> float | None:
-    """Return by what a row is divided; None if a logarithmic axis cannot show it."""
+    """Return the divisor of a row; None if a logarithmic axis cannot show the row."""
     if row.published is None:
         return 1.0 if row.unit == "1" else None
     return row.published or None

@@ -1,46 +1,48 @@
-"""Closed forms of crawling and swimming, and what a run gives for each; both are numbers without unit.
+"""Closed forms of crawling and swimming, and the matching results of runs; both are numbers without unit.
 
 N feet carry equal loads, n = N - 1 muscles between them prescribe their motion relative to each other
 (`chain` beside this file), friction is mu_f against motion towards the head and mu_b against motion towards the tail,
 and q = mu_f/(mu_f + mu_b). The body then moves at V = -(quantile at the level q of the feet's relative velocities): k =
-floor(N q) feet slip back, and the next one holds. Ways are per cycle of the gait.
+floor(N q) feet slip back, and the next foot holds. Ways are per cycle of the gait.
 
-(Y1) In unison, with the stroke d of the whole body. The relative velocities are equally spaced, so that the foot which
-     holds is the (k+1)-th from the rear while the body lengthens, from the front while it shortens, and the way is
+(Y1) In unison, with the stroke d of the whole body. The relative velocities are equally spaced. The foot that holds is
+     therefore the (k+1)-th foot, from the rear while the body lengthens, from the front while it shortens. The way is
 
          d (1 - 2 k/(N - 1)),   for N -> infinity d (mu_b - mu_f)/(mu_b + mu_f)
 
-(Y2) Two feet and m soft muscles in series between them, E = (k l0/2)(1 - l/l_cmd)^2 each. Pulled by F = mu_f m g/2 a
-     muscle has the length l_cmd + F l_cmd^2/(k l0), pressed by it l_cmd - F l_cmd^2/(k l0). The front foot moves on
-     while the chain lengthens, pressed, to L1, the rear one while it shortens, pulled, to L2, and the way is
+(Y2) Two feet and m soft muscles in series between them, E = (k l0/2)(1 - l/l_cmd)^2 each. The force F = mu_f m g/2
+     pulls a muscle to the length l_cmd + F l_cmd^2/(k l0), or presses a muscle to l_cmd - F l_cmd^2/(k l0). The front
+     foot moves while the chain lengthens, pressed, to L1. The rear foot moves while the chain shortens, pulled, to L2.
+     The way is
 
          m max(0, (L1 - L2) - F (L1^2 + L2^2)/(k l0))
 
-(Y3) A sine wave. The muscle i has the length l0 + a sin(i phi - w t), and the feet's relative velocities are N samples
-     a w/(2 sin(phi/2)) cos(...), evenly spaced in phase if N phi/(2 pi) is a whole number that has no factor in common
-     with N. The (k+1)-th smallest, averaged over the drift of the phase by one sample, gives for phi = 2 pi/N
+(Y3) A sine wave. Muscle i has the length l0 + a sin(i phi - w t). The feet's relative velocities are N samples
+     a w/(2 sin(phi/2)) cos(...), evenly spaced in phase if N phi/(2 pi) is a whole number without a common factor
+     with N. The (k+1)-th smallest sample, averaged over the drift of the phase by one sample, gives for phi = 2 pi/N
 
          N a cos(pi (k + 1/2)/N)/cos(pi/(2 N)),   for N -> infinity N a cos(pi q), which is V = A c cos(pi q)
 
-     whichever way the wave runs; A is the amplitude of the strain, c the speed of the wave in the material.
-(Y4) No foot slips back (k = 0): in unison (phi = 0) 2 n a; with phi = 2 pi/n, where the first and the last foot move
-     alike and n phases remain in (Y3), n a.
-(Y5) mu_f = mu_b and N odd, w(t + T/2) = -w(t): the median is odd as well, and the way 0 for every phi.
-(Y6) A pulse runs along a chain at rest, and takes the length delta from it. While fewer than half of the feet move at
-     once, the others hold: each foot moves by delta with a pulse of contraction, against one of extension, even if
-     mu_f = mu_b.
-(Y7) Two feet with the loads p: d while mu_f/mu_b < p_rear/p_front < mu_b/mu_f, else 0: the lighter foot goes to and
-     fro.
-(Y8) A steady wave. In the material it runs at c_m, lam(X - c_m t) is the stretch, and what holds has the stretch lam_a:
-     v = c (1 - lam/lam_a) with the speed c = c_m lam_a of the wave over the ground, on average c_m (lam_a - 1).
-(Y9) A medium that resists every joint alike: no net force, so that their mean rests, exactly.
-(Y10) A medium that resists a segment in proportion to 1 + B cos(k X - w t + phi), its strain A cos(k X - w t), a whole
-     number of waves on N segments of the length l0: the middle of a segment moves at V - A w (l0/2) cot(k l0/2)
-     cos(k X - w t), the forces add up to 0, and
+     for both directions of the wave; A is the amplitude of the strain, c the speed of the wave in the material.
+(Y4) No foot slips back (k = 0): the way is 2 n a in unison (phi = 0); the way is n a with phi = 2 pi/n, where the first
+     and the last foot move alike and n phases remain in (Y3).
+(Y5) mu_f = mu_b and N odd, w(t + T/2) = -w(t): the median is odd as well, and the way is 0 for every phi.
+(Y6) A pulse runs along a chain at rest, and shortens the chain by delta. While fewer than half of the feet move at
+     once, the other feet hold. Each foot moves by delta, in the direction of a pulse of contraction and against the
+     direction of a pulse of extension, even if mu_f = mu_b.
+(Y7) Two feet with the loads p: the way is d while mu_f/mu_b < p_rear/p_front < mu_b/mu_f. Otherwise the way is 0: the
+     lighter foot moves to and fro.
+(Y8) A steady wave, which runs at c_m in the material. lam(X - c_m t) is the stretch, and the holding part has the
+     stretch lam_a: v = c (1 - lam/lam_a) with the speed c = c_m lam_a of the wave over the ground, on average
+     c_m (lam_a - 1).
+(Y9) A medium that resists every joint alike: the net force is zero, so that the mean joint is exactly at rest.
+(Y10) A medium that resists a segment in proportion to 1 + B cos(k X - w t + phi). The strain is A cos(k X - w t), with
+     a whole number of waves on N segments of the length l0. The middle of a segment moves at
+     V - A w (l0/2) cot(k l0/2) cos(k X - w t), the forces add up to 0, and
 
          V = (A B/2) c cos(phi) (k l0/2) cot(k l0/2),   for N -> infinity (A B/2) c cos(phi)
 
-(Y11) Any gait: the integral of V over a cycle, of the lengths that the gait gives the muscles.
+(Y11) Any gait: the integral of V over a cycle, for the muscle lengths that the gait prescribes.
 """
 
 from __future__ import annotations
@@ -64,12 +66,12 @@ def of_wave(crawl: Crawl) -> float:
 
 
 def of_pulse(crawl: Crawl) -> float:
-    """Return the way over the length that one muscle takes, (Y6)."""
+    """Return the way over the length change of one muscle, (Y6)."""
     return crawl.travel / crawl.chain.swing
 
 
 def breathing(chain: Chain) -> float:
-    """Return (Y1) over the stroke; backwards if that is the easy way."""
+    """Return (Y1) over the stroke; negative if backwards is the easy direction."""
     slipping = min(chain.slipping_back, chain.feet - 1 - chain.slipping_back)
     return float(np.copysign(1.0 - 2.0 * slipping / (chain.feet - 1), 0.5 - chain.level))
 
@@ -101,7 +103,7 @@ def sine_continuum(chain: Chain) -> float:
 
 
 def two_loads(chain: Chain) -> float:
-    """Return (Y7) over d; the loads change with the distance of the feet and must stay on one side of the limits."""
+    """Return (Y7) over d; the loads depend on the distance of the feet and must stay on one side of the limits."""
     s, l0 = chain.settings, chain.l0
     free, payload = s.worm.mass_kg - s.worm.payload_kg, s.worm.payload_kg
     distance = l0 + chain.muscles * np.array([l0, l0 - chain.swing])
@@ -132,7 +134,7 @@ def off_the_steady_wave(crawl: Crawl) -> float:
 
 
 def drift_in_medium(crawl: Crawl) -> float:
-    """Return the largest displacement of the mean joint, where the ends count half, in body lengths (Y9)."""
+    """Return the largest displacement of the mean joint (the ends count half), in body lengths (Y9)."""
     joints = crawl.result.joints
     mean = (joints[:, :-1] + joints[:, 1:]).mean(axis=1) / 2.0
     return float(np.abs(mean - mean[0]).max()) / float(crawl.chain.settings.worm.length_m)
@@ -143,7 +145,7 @@ def of_swimming(crawl: Crawl) -> float:
     s, joints = crawl.chain.settings, crawl.result.joints[:, :, 0]
     mean = (joints[:, :-1] + joints[:, 1:]).mean(axis=1) / 2.0
     period = crawl.chain.steps // s.run.record_every
-    waves = s.gait.wavelength * s.worm.length_m  # its speed times the period
+    waves = s.gait.wavelength * s.worm.length_m  # wave speed times period
     return float((mean[-1] - mean[-1 - period]) / (s.gait.amplitude * waves))
 
 
@@ -166,5 +168,5 @@ def of_quantiles(chain: Chain) -> float:
 
 
 def constant(value: float) -> Callable[[Chain], float]:
-    """Return a closed form that is a number."""
+    """Return a closed form with a constant value."""
     return lambda _: value

@@ -1,4 +1,4 @@
-"""What a comparison takes from runs of scenes: a figure, the ratio of two, or the exponent of a power law."""
+"""Measures of a comparison from runs of scenes: a figure, the ratio of two, or the exponent of a power law."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from scenes.records.record import Record
 from scenes.running.runner import simulate
 
 HOME = Path(__file__).parent
-"""Folder of the scenes of this room."""
+"""Folder of the scenes of this package."""
 
 Changes = tuple[str, ...]
 """Changes of a scene, `section.key=value` each."""
 
 
 class StoppedError(Exception):
-    """A run did not come to its end; says why."""
+    """A run did not finish; the message gives the reason."""
 
 
 class Measure(Protocol):
-    """A number that runs give."""
+    """A number from runs."""
 
     @property
     def scene(self) -> str:
@@ -40,7 +40,7 @@ class Measure(Protocol):
         Raises
         ------
         StoppedError
-            A run did not come to its end.
+            A run did not finish.
         """
 
 
@@ -62,7 +62,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Ratio:
-    """A measure over another."""
+    """Ratio of two measures."""
 
     of: Measure
     over: Measure
@@ -79,7 +79,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Exponent:
-    """Exponent of a power law, fitted to a measure over a number, least squares of the logarithms."""
+    """Exponent of a power law, fitted to a measure over a number by least squares of the logarithms."""
 
     at: Mapping[float, Measure]
 
@@ -98,14 +98,14 @@ class Exponent:
 
 @cache
 def figures(scene: str, changes: Changes) -> dict[str, float]:
-    """Run a scene of this room, or one that comes with the program, and return its figures.
+    """Run a scene of this package, or a shipped scene, and return its figures.
 
-    These are the numbers of its summary, and of worms those of `FIGURES`.
+    The figures are the numbers of the summary, and for worms the numbers of `FIGURES`.
 
     Raises
     ------
     StoppedError
-        The scene is refused, or the run did not come to its end.
+        The scene is refused, or the run did not finish.
     """
     own = HOME / f"{scene}.toml"
     try:
@@ -119,9 +119,9 @@ def figures(scene: str, changes: Changes) -> dict[str, float]:
 
 
 def stride(record: Record) -> float:
-    """Return how far the centre of mass comes in a period of the gait, towards the head at the start [m].
+    """Return the displacement of the centre of mass in a period of the gait, in the initial direction of the head [m].
 
-    It is the mean over the last whole periods that the second half of the run holds.
+    The stride is the mean over the last whole periods in the second half of the run.
     """
     time, com, period = record["time"], record["com"], _period(record)
     periods = max(1, int(0.5 * time[-1] / period + 1e-9))
@@ -144,7 +144,7 @@ FIGURES: Mapping[str, Callable[[Record], float]] = {
     "speed_m_s": lambda record: stride(record) / _period(record),
     "speed_BL_s": lambda record: stride(record) / _period(record) / _length(record),
 }
-"""Figures of a run by name; body lengths are those at rest."""
+"""Figures of a run by name; body lengths are rest lengths."""
 
 
 def _settings(record: Record) -> Mapping[str, Mapping[str, float]]:
@@ -152,6 +152,6 @@ def _settings(record: Record) -> Mapping[str, Mapping[str, float]]:
 
 
 def _merged(own: Changes, further: Iterable[str]) -> Changes:
-    """Return changes of which the own ones win."""
+    """Return the union of two sets of changes; own changes override further changes."""
     keys = {change.partition("=")[0] for change in own}
     return (*own, *(change for change in further if change.partition("=")[0] not in keys))

@@ -1,4 +1,4 @@
-"""Pattern generators beside what was published of them: the larva's network, and stable heteroclinic cycles."""
+"""Pattern generators beside their published figures: the larva's network, and stable heteroclinic cycles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CYCLES = ((3, 2.0, 1.5, 1e-8), (6, 2.0, 1.5, 1e-8), (3, 2.0, 3.0, 1e-8), (4, 1.0
 """Nodes, alpha, nu and noise of some cycles."""
 NOISE = np.geomspace(1e-8, 1e-4, 5)
 SOJOURNS = 3000
-"""Sojourns at nodes of which the mean is taken."""
+"""Number of sojourns at nodes for the mean."""
 
 
 def rows(quick: bool) -> Iterator[Row]:
@@ -44,7 +44,7 @@ def larva() -> Iterator[Row]:
 
 
 def cycles() -> Iterator[Row]:
-    """Yield the times from saddle to saddle of cycles, and how they grow with the noise."""
+    """Yield the times from saddle to saddle of cycles, and the growth of the times with the noise."""
     for nodes, alpha, nu, noise in CYCLES:
         cycle = Cycle(nodes, alpha=alpha, nu=nu, noise=noise)
         found, what = sample(cycle), f"alpha = {alpha:g}, nu = {nu:g}, noise {noise:g}, N = {nodes}"

@@ -1,7 +1,7 @@
-"""Robots on the actuators that they are built with, at the period at which they are fastest, beside published speeds.
+"""Robots with the actuators that they are built with, at their fastest period, beside published speeds.
 
-The actuators are those of `worm3d.physics.technologies`, with their default sizes. The scene of each robot lists the
-published values and the assumptions. `scenes.studies.validate.robots` says how to read the rows.
+The actuators come from `worm3d.physics.technologies`, with their default sizes. The scene of each robot lists the
+published values and the assumptions. `scenes.studies.validate.robots` explains the rows.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from scenes.studies.validate.robots import CMMWORM, GROUNDS, SOFT_TO_STIFF
 
 BRAID_TABLE = Source("the table of robots of Active Braid Crawler's authors", "R2", "robot")
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.021)
-"""Periods that are tried in turn, over that of the scene, until `PAST` in a row are slower than the fastest."""
+"""Periods of the search over the scene's period, in turn, until `PAST` in a row are slower than the fastest."""
 PAST = 2
-"""Number of slower periods in a row that end the search; with 1 a dip would."""
+"""Number of slower periods in a row that end the search; with 1, a dip would end the search."""
 PERIODS = 8
-"""Periods of a run, of which the last half counts."""
+"""Number of periods of a run; the last half counts."""
 STRONG = ("actuator.reserve=10", "actuator.room=0.3")
 """Actuators with five times the default force."""
 FASTER_COILS = ("actuator.rise_s=0.17", "actuator.fall_s=0.67")
 SLOWER_COILS = ("actuator.rise_s=0.34", "actuator.fall_s=1.7")
-"""Coils at the ends of what is told of the times of one of 2 mm, 0.5 and 2 s or 1 and 5 s to 90 %."""
+"""Coils with the extreme times that are published for a coil of 2 mm: 0.5 and 2 s, or 1 and 5 s, to 90 %."""
 
 
 @dataclass(frozen=True)
 class Fastest:
-    """Largest speed of a scene over ever shorter periods of its gait [BL/s]."""
+    """Largest speed of a scene over increasingly short periods of the gait [BL/s]."""
 
     scene: str
     period: float
@@ -40,7 +40,7 @@ class Fastest:
         Raises
         ------
         StoppedError
-            None of the runs came to its end.
+            None of the runs finished.
         """
         found: list[float] = []
         why = ""
@@ -109,4 +109,4 @@ COMPARISONS = (
 )
 
 rows = chapter(COMPARISONS)
-"""The rows, each as soon as it is known: called with whether it is to be quick, that is without spreads."""
+"""Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""

@@ -32,7 +32,7 @@ PREFACE = (
     "depends if only the number for the scene's values does. Numbers were chosen to meet rows that are fitted, which "
     "do not count, and no others."
 )
-"""What a reader of the tables has to know."""
+"""Information that a reader of the tables needs."""
 
 WIDTH = 66
 """Width of the names on a terminal."""
@@ -55,9 +55,9 @@ class Found:
 
 
 def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
-    """Run all comparisons, write the report and return the exit code; options as of the command.
+    """Run all comparisons, write the report and return the exit code; options as in the command.
 
-    A row that the model misses is no failure: the report says so.
+    A row that the model misses is no failure of the command; the report shows the miss.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def content(found: Found) -> dict[str, object]:
 
 
 def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
-    """Return by kind how many rows count, and of those how many agree or depend on what is not published."""
+    """Return by kind the number of rows that count, and how many of them agree or depend on unpublished values."""
     of = {kind: [row for row in rows if row.counts and row.kind == kind] for kind in KINDS}
     return {
         kind: {
@@ -98,7 +98,7 @@ def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
 
 
 def verdict(found: Found) -> list[str]:
-    """Return a line for each kind on how many rows agree, and one on trends and on rows that do not count."""
+    """Return a line for each kind on how many rows agree, a line on trends, and a line on rows that do not count."""
     rows, lines = found.rows, []
     for kind, n in counts(rows).items():
         depends = f", {n[DEPENDS]} more for the scene's values of what is not published" if n[DEPENDS] else ""
@@ -156,7 +156,7 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 
 def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
-    """Yield rows, and print each as soon as it is known."""
+    """Yield rows, and print each row as soon as the row is known."""
     if not quiet:
         typer.echo(f"{title:{WIDTH + 10}}{'model':>12}{'published':>12}{'ratio':>10}  band")
     for row in rows:
@@ -175,7 +175,7 @@ def _number(value: float | None) -> str:
 
 
 def _ratio(row: Row) -> str:
-    """Return the ratio; of a row that should meet a number, how far it is off 1."""
+    """Return the ratio; for a row with a relative tolerance, return the deviation of the ratio from 1."""
     if row.ratio is None or isinstance(row.tolerance, tuple):
         return _number(row.ratio)
     return f"1 {'-+'[row.ratio >= 1.0]} {abs(row.ratio - 1.0):.0e}"

@@ -1,9 +1,9 @@
-"""Robots beside what their scenes give, as bands, and whether trends have their sign.
+"""Robots beside the results of their scenes, with bands, and with a check whether trends have the right sign.
 
-Sizes, masses and gaits are those of the sources. What the sources do not tell is assumed once, in the scene, and named
-in the row; `unknown` and `others` have other values of it, over which the row says how far the model's number spreads.
-No number is chosen so that a row comes out right, but for the rows of the load frame, to whose record the segment was
-fitted: they say so and do not count.
+Sizes, masses and gaits come from the sources. Quantities that the sources do not give are assumed once, in the scene,
+and named in the row. `unknown` and `others` have other values of these quantities, and the row gives the spread of the
+model's number over these values. No number is chosen to make a row agree, except for the rows of the load frame: the
+segment was fitted to the record of the load frame. These rows name the fit and do not count.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ RUBBING_JOINTS = (
     "hysteresis.load_ratio=0.0",
     "hysteresis.give_J=0.02",
 )
-"""Joints that lose what was measured on a segment of CMMWorm-SES in a cycle, 3.0 J, by two hinges of 0.66 N m that turn
-by 1.13 rad and back."""
+"""Joints that lose the measured energy of a segment of CMMWorm-SES in a cycle, 3.0 J, by two hinges of 0.66 N m that
+turn by 1.13 rad and back."""
 RUBBING = ("worm.spring_N=1000.0", *RUBBING_JOINTS)
-"""Such joints, and stiff servos."""
+"""Rubbing joints and stiff servos."""
 THREE_MOVE = ("gait.moving=0.5", "gait.held=0.3333333333333333")
 """Three of six segments move at a time, as in the waveform 3x1."""
 
@@ -53,18 +53,18 @@ PIPES = (0.0725, 0.0775)
 
 
 def in_pipe_over_free(radius: float) -> Ratio:
-    """Return the speed of the braid crawler in a level pipe over that on the ground."""
+    """Return the speed of the braid crawler in a level pipe over the speed on the ground."""
     return Ratio(speed("braid_crawler", *pipe(radius)), speed("braid_crawler"))
 
 
 def up_over_level(radius: float) -> Ratio:
-    """Return the speed of the braid crawler in a vertical pipe over that in a level one."""
+    """Return the speed of the braid crawler in a vertical pipe over the speed in a level pipe."""
     level, up = pipe(radius), pipe(radius, "world.tilt_deg=90")
     return Ratio(speed("braid_crawler", *up), speed("braid_crawler", *level))
 
 
 def on_more_friction(*changes: str) -> Ratio:
-    """Return the speed of CMMWorm-SES with changes on friction of 0.9 over that on friction of 0.1."""
+    """Return the speed of CMMWorm-SES with changes on friction of 0.9 over the speed on friction of 0.1."""
     return Ratio(*(speed("cmmworm_ses", *changes, *friction(mu)) for mu in (0.9, 0.1)))
 
 
@@ -189,4 +189,4 @@ COMPARISONS = (
 )
 
 rows = chapter(COMPARISONS)
-"""The rows, each as soon as it is known: called with whether it is to be quick, that is without spreads."""
+"""Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""

@@ -1,4 +1,4 @@
-"""One row of the validation report: the value of the model beside the published one."""
+"""One row of the validation report: the number of the model beside the published number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TRUST = {
     "C": "derived or computed in this project",
     "rec": "recalled from general knowledge, not checked",
 }
-"""How far a published number can be trusted, by its tag, best first."""
+"""Trustworthiness of a published number, by tag, best first."""
 
 KINDS = {
     "robot": "measured on a robot",
@@ -22,7 +22,7 @@ KINDS = {
     "closed form": "an exact solution of the equations",
     "pattern generator": "what its authors' equations or formulas give",
 }
-"""What a row is compared with, by kind."""
+"""Reference of the comparison in a row, by kind."""
 
 STANDINGS = {
     "prediction": "the model was not told the number",
@@ -30,49 +30,49 @@ STANDINGS = {
     "fitted": "the scene was fitted to the number; does not count",
     "input": "the number follows from one that the scene was given; does not count",
 }
-"""What agreement means, by standing."""
+"""Meaning of agreement, by standing."""
 
 COUNTED = ("prediction", "verification")
 """Standings of the rows that count."""
 
 AGREES, DEPENDS, MISSES = "agrees", "depends", "misses"
-"""Words for a row: in its band whatever is not published; in its band for the scene's values alone; not in its band."""
+"""Words for a row: in its band for all unpublished values; in its band only for the scene's values; not in its band."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A number of the model beside the published one.
+    """A number of the model beside the published number.
 
     Parameters
     ----------
     name : str
-        What is compared, in a few words; unique in the report.
+        Quantity of the comparison, in a few words; unique in the report.
     model : float
-        What the model gives; NaN where it gives nothing (the note says why).
+        Number of the model; NaN if the model gives no number (the note gives the reason).
     published : float or None
-        What was published; None where only a band or the sign of a trend is known.
+        Published number; None if only a band or the sign of a trend is known.
     tolerance : float or (float, float)
-        Largest relative error (absolute where `published` is 0), or the band (lowest, highest) that the model must
-        lie in, in `unit`. Both ends belong to the band.
+        Largest relative error (absolute where `published` is 0), or the band (lowest, highest) for the model, in
+        `unit`. Both ends belong to the band.
     source : str
-        Where the published number is from.
+        Source of the published number.
     note : str
-        What the reader must know: which numbers of the scene are assumed, or why the model misses.
+        Information for the reader: the assumed numbers of the scene, or the reason why the model misses.
     trust : str
         A key of `TRUST`.
     unit : str
         Unit of `model` and `published`.
     scene : str
-        Scene that was run, or scenes.
+        Scene or scenes of the run.
     kind : str
         A key of `KINDS`.
     standing : str
         A key of `STANDINGS`.
     spread : (float, float), optional
-        Least and greatest number that the model gives over what the source does not tell; `model` is for the values
-        that the scene has.
+        Least and greatest number of the model over values that the source does not give; `model` is for the values in
+        the scene.
     sign_agrees : bool, optional
-        Of a trend, whether the model has its sign, over the whole spread.
+        Whether the model has the sign of a trend, over the whole spread.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Row:
 
     @property
     def band(self) -> tuple[float, float]:
-        """The lowest and the highest number with which the model agrees, in `unit`."""
+        """The lowest and the highest number of the model that agree, in `unit`."""
         if isinstance(self.tolerance, tuple):
             return self.tolerance
         assert self.published is not None
@@ -106,7 +106,7 @@ class Row:
 
     @property
     def ok(self) -> bool:
-        """Whether the model lies in the band; False where it gives nothing."""
+        """Whether the model lies in the band; False if the model gives no number."""
         low, high = self.band
         return low <= self.model <= high
 
@@ -121,18 +121,18 @@ class Row:
 
     @property
     def counts(self) -> bool:
-        """Whether agreement says anything, by the standing."""
+        """Whether agreement is meaningful, by the standing."""
         return self.standing in COUNTED
 
     @property
     def ratio(self) -> float | None:
-        """Model over published; None where there is no such number."""
+        """Model over published number; None if one of them is missing."""
         if not self.published or not math.isfinite(self.model):
             return None
         return self.model / self.published
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row of `validate.json`: no NaN and no infinity, None instead."""
+        """Return the row of `validate.json`, with None in place of NaN and infinity."""
         low, high = (end if math.isfinite(end) else None for end in self.band)
         return {
             "name": self.name,
@@ -157,5 +157,5 @@ class Row:
 
 
 Chapter = Callable[[bool], Iterator[Row]]
-"""Part of the report: runs its scenes and yields its rows, each as soon as it is known. With `quick`, its argument, it
-leaves out what takes more than a few seconds. A run that fails gives a row with model NaN, and its note says why."""
+"""Part of the report: runs scenes and yields each row as soon as the row is known. The argument `quick` leaves out
+parts that take more than a few seconds. A failed run gives a row with model NaN, and the note gives the reason."""

@@ -1,9 +1,9 @@
-"""Bytes on disk under a key, verified before anyone sees them; any doubt counts as absence.
+"""Bytes on disk under a key, verified before use; doubtful files count as absent.
 
-A file is a SHA-256, of its key and its content, and then the content. It appears whole (written aside, renamed), so
-that any number of processes may write the same one. Of files and folders that others could have written nothing is
-read (`worm3d.machine.cache.trust`). What cannot be kept is made anew by the next process. The user is told why, on
-stderr and once.
+A file consists of a SHA-256 of the key and the content, followed by the content. Each file is written under a temporary
+name and then renamed, so that any number of processes may write the same file. Files and folders that others could have
+written are not read (`worm3d.machine.cache.trust`). The next process makes everything again that cannot be kept. A
+message on stderr tells the user the reason, once.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from pathlib import Path
 from worm3d.machine.cache.trust import HAS_OWNERS, UntrustedError, require_own, require_safe_way
 
 KEPT = 400
-"""Most files of a folder; beyond it the oldest are removed."""
+"""Largest number of files in a folder; the oldest files beyond this number are removed."""
 LARGEST = 2**32
 """Largest size of a file that is read [byte]."""
 ABANDONED = 3600.0
-"""Age at which an unfinished file counts as left behind by a process that has ended [s]."""
+"""Age at which an unfinished file counts as abandoned by a process that has ended [s]."""
 _DIGEST = hashlib.sha256().digest_size
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -34,7 +34,7 @@ _told: set[str] = set()
 
 
 class DamagedError(Exception):
-    """A file is not what was written."""
+    """The content of a file differs from the written content."""
 
 
 def folder(name: str) -> Path | None:
@@ -49,7 +49,7 @@ def folder(name: str) -> Path | None:
 
 
 def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None:
-    """Return what is kept under `key`, or None."""
+    """Return the content kept under `key`, or None."""
     if folder is None:
         return None
     try:
@@ -66,7 +66,7 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
 
 
 def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel", most: int | None = None) -> bool:
-    """Keep the content under `key`, as one of `most` files (`KEPT`); return whether that was possible."""
+    """Keep the content under `key`, as one of `most` files (`KEPT`); return whether this was possible."""
     if folder is None:
         return False
     try:
@@ -86,7 +86,7 @@ def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel"
 
 
 def obstacle(folder: Path | None) -> str | None:
-    """Return why nothing can be kept in a folder, None if it can."""
+    """Return the reason why nothing can be kept in a folder; None if files can be kept."""
     if folder is None:
         return "there is no folder for a cache: set HOME or XDG_CACHE_HOME"
     try:
@@ -102,14 +102,14 @@ def obstacle(folder: Path | None) -> str | None:
 
 @contextlib.contextmanager
 def entered(folder: Path) -> Iterator[_Place]:
-    """Open a folder of our own; what is done in it is done in the folder that was looked at.
+    """Open a folder of this user; all further operations act on the checked folder.
 
     Raises
     ------
     UntrustedError
-        Others can write to it.
+        Others can write to the folder.
     OSError
-        It does not exist, or cannot be opened.
+        The folder does not exist, or cannot be opened.
     """
     if not HAS_OWNERS:
         yield _Place(folder, None)
@@ -124,7 +124,7 @@ def entered(folder: Path) -> Iterator[_Place]:
 
 
 class _Place:
-    """A folder and, where there is such a thing, the handle by which it is open."""
+    """A folder and, if the system has such handles, the handle of the open folder."""
 
     def __init__(self, folder: Path, handle: int | None) -> None:
         self.folder, self.handle = folder, handle
@@ -137,7 +137,7 @@ class _Place:
 
 
 def make(folder: Path) -> None:
-    """Make a folder and those above, for this user alone."""
+    """Make a folder and the folders above, for this user alone."""
     require_safe_way(folder)
     for place in (*reversed(folder.parents), folder):
         if not place.is_dir():
@@ -154,12 +154,12 @@ def _content(place: _Place, name: str) -> bytes:
 
 
 def signed(key: str, content: bytes) -> bytes:
-    """Return what is kept under a key, with its checksum."""
+    """Return the content kept under a key, with a checksum."""
     return _digest(key, content) + content
 
 
 def verified(key: str, content: bytes) -> bytes:
-    """Return what was kept under a key, without its checksum; raise DamagedError where that is wrong."""
+    """Return the content kept under a key, without the checksum; raise DamagedError if the checksum is wrong."""
     digest, rest = content[:_DIGEST], content[_DIGEST:]
     if digest != _digest(key, rest):
         raise DamagedError(f"{key[:16]}... is damaged: its checksum is wrong")
@@ -185,7 +185,7 @@ def _write_whole(place: _Place, name: str, content: bytes, *, remove: bool = Fal
 
 
 def _prune(folder: Path, suffix: str, most: int) -> None:
-    """Remove the oldest files beyond `most`, and what nobody finishes; another process may have been quicker."""
+    """Remove the oldest files beyond `most`, and abandoned files; another process may have been quicker."""
     dated = []
     for path in folder.iterdir():
         with contextlib.suppress(OSError):
@@ -211,7 +211,7 @@ def _reason(error: Exception) -> str:
 
 
 def _tell(sentence: str, about: str = "") -> None:
-    """Say a sentence on stderr, once in a process."""
+    """Print a sentence on stderr, once per process."""
     about = about or sentence
     if about not in _told:
         _told.add(about)

@@ -1,7 +1,7 @@
-"""One process at a time makes what is to be kept: the others wait, and find it on disk.
+"""Only one process at a time makes a file of the cache: the other processes wait, and find the file on disk.
 
-The lock belongs to an open file, so that it ends with the process, however that ends. It only saves work: where there
-are no locks, or after `LONGEST`, nobody waits.
+The lock belongs to an open file, so that the lock ends with the process, however the process ends. The lock only saves
+work: without locks, or after `LONGEST`, no process waits.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 LONGEST = 300.0
-"""Longest time that a process waits for another one [s]: more than anything takes to compile."""
+"""Longest time that a process waits for another process [s]: longer than any compilation."""
 POLL = 0.05
-"""Time between two looks at a lock [s]."""
+"""Time between two checks of a lock [s]."""
 _OPEN = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 
 
 @contextlib.contextmanager
 def alone(folder: Path | None, key: str) -> Iterator[None]:
-    """While entered, no other process or thread is, with the same folder and key; look again for what is kept then."""
+    """Exclude other processes and threads with the same folder and key; the caller checks the cache again inside."""
     handle = None if folder is None or fcntl is None else _locked(folder, f".{key}.part", time.monotonic() + LONGEST)
     try:
         yield
@@ -41,7 +41,7 @@ def alone(folder: Path | None, key: str) -> Iterator[None]:
 
 
 def _locked(folder: Path, name: str, end: float) -> int | None:
-    """Return the handle of a locked file; None where it cannot be had."""
+    """Return the handle of a locked file; None if the lock is not available."""
     while time.monotonic() < end:
         try:
             files.make(folder)
@@ -51,7 +51,7 @@ def _locked(folder: Path, name: str, end: float) -> int | None:
             return None
         with contextlib.suppress(OSError):
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(handle), (folder / name).stat()):  # its last owner may have removed it
+            if os.path.samestat(os.fstat(handle), (folder / name).stat()):  # the last owner may have removed the file
                 return handle
         os.close(handle)
         time.sleep(POLL)

@@ -1,9 +1,9 @@
-"""Trust in files of the cache: what is loaded from it runs, so nobody else may be able to write it.
+"""Trust in files of the cache: code loaded from the cache runs, so nobody else may be able to write these files.
 
-A checksum tells damage, not who wrote file and checksum; that is for owner and mode to tell. Believed is what belongs
-to this process's user or to root and what nobody else may write, in a folder for which the same holds, at the end of
-a way on which nobody else can put another folder in its place. On Windows, where folders of a user are the user's own
-by default and Python does not see their permissions, everything is believed.
+A checksum reveals damage, but not the author of file and checksum; owner and mode identify the author. A file is
+trusted under three conditions: the file belongs to this process's user or to root, and nobody else may write to the
+file; the same holds for the folder; and nobody else can replace a folder on the path. On Windows everything is trusted,
+since a user's folders are private by default and Python does not see the permissions.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from pathlib import Path
 
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 MOST_LINKS = 40
-"""Symbolic links on the way to a folder, as many as Linux follows."""
+"""Largest number of symbolic links on the path to a folder, equal to the limit of Linux."""
 HAS_OWNERS = hasattr(os, "geteuid")
 
 
 class UntrustedError(Exception):
-    """Somebody else owns a file or folder or may write to it; the text says which and who."""
+    """Another user owns a file or folder, or may write to it; the message names the file or folder and the user."""
 
 
 def require_own(status: os.stat_result, place: object) -> None:
-    """Raise UntrustedError unless a file or folder belongs to this user or to root, and nobody else may write to it."""
+    """Raise UntrustedError unless a file or folder belongs to this user or root, and nobody else may write to it."""
     _require_owner(status, place)
     if HAS_OWNERS and status.st_mode & OTHERS_WRITE:
         raise UntrustedError(f"others may write to {place} (mode {stat.S_IMODE(status.st_mode):03o})")
 
 
 def require_safe_way(folder: Path, links: int = 0) -> None:
-    """Raise UntrustedError if others can put something in the place of a folder, or of one above it.
+    """Raise UntrustedError if others can replace a folder or a folder above it.
 
-    Those that do not exist are safe; OSError says that the way cannot be followed. A folder with the sticky bit, as
-    /tmp, is safe; so is one that its owner's private group may write to, which is what some systems begin a home with,
-    unless it is the one just above.
+    Folders that do not exist are safe; OSError means that the path cannot be followed. A folder with the sticky bit,
+    such as /tmp, is safe. A folder writable by the owner's private group, the default for a home on some systems, is
+    safe unless it is the direct parent.
     """
     if not HAS_OWNERS:
         return
@@ -60,7 +60,7 @@ def _require_owner(status: os.stat_result, place: object) -> None:
 
 
 def _is_open(status: os.stat_result, *, private_allowed: bool) -> bool:
-    """Return whether others may rename what is in a folder."""
+    """Return whether others may rename the entries of a folder."""
     if status.st_mode & stat.S_ISVTX:
         return False
     private = private_allowed and not status.st_mode & stat.S_IWOTH and _is_private(status.st_gid)
@@ -69,7 +69,7 @@ def _is_open(status: os.stat_result, *, private_allowed: bool) -> bool:
 
 @cache
 def _is_private(group: int) -> bool:
-    """Return whether a group is root's, or this user's alone: by convention it is named after the user."""
+    """Return whether a group is root's, or this user's alone: by convention named after the user."""
     import grp
     import pwd
 

@@ -2,17 +2,17 @@
 
 `compile_kernel(function)` reads the elementary instructions of an SX function (`program`), writes them as LLVM's
 language (`emit`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
-(`worm3d.machine.cache`), and returns a `Kernel`. It is called from Python, or from Numba's compiled code by its
-address:
+(`worm3d.machine.cache`), and returns a `Kernel`. The kernel is called from Python, or by address from Numba's compiled
+code:
 
     kernel = compile_kernel(function)
     inputs, outputs = kernel.allocate(count)
     kernel(inputs, outputs, count)  # Python
     evaluate(kernel.address, inputs, outputs, count)  # inside @worm3d.machine.compiled.njit
 
-Arithmetic may fuse multiplication and addition and share reciprocals (LLVM's `contract arcp`), nothing else, so that
-results equal CasADi's virtual machine up to rounding and NaN goes where it goes there; note that C's fmin and fmax drop
-a NaN beside a number, there as here.
+Arithmetic may fuse multiplication and addition and share reciprocals (LLVM's `contract arcp`), nothing else. Results
+therefore equal CasADi's virtual machine up to rounding, and NaN propagates in the same way; note that in both C's fmin
+and fmax drop a NaN beside a number.
 """
 
 from worm3d.machine.codegen.call import evaluate

@@ -1,7 +1,7 @@
-"""Kernels called from Numba's compiled code, through their address, which is a value like any other.
+"""Kernels called from Numba's compiled code by address; the address is an ordinary value.
 
-No symbol of the kernel enters the compiled caller, so that may be kept on disk: in the next process it receives that
-process's address as an argument.
+The compiled caller contains no symbol of the kernel and can therefore be kept on disk: in the next process the caller
+receives the address of that process as an argument.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ REFUSED = "kernel: the arrays have not the kernel's rows or not enough lanes (se
 def _run(
     address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int, first: int
 ) -> int:
-    """Return the status of the kernel at an address (`worm3d.machine.codegen.emit`), which begins at lane `first`."""
+    """Run the kernel at an address (`worm3d.machine.codegen.emit`), beginning at lane `first`; return the status."""
     shift = 8 * first
     return int(SIGNATURE(address)(at + shift, rows_in, lanes_in, to + shift, rows_out, lanes_out, count))
 
@@ -54,7 +54,7 @@ def evaluate(
     Raises
     ------
     ValueError
-        If the shapes are not the kernel's, or there are fewer lanes.
+        The shapes differ from the kernel's, or there are too few lanes.
     """
     rows_in, lanes_in = inputs.shape
     rows_out, lanes_out = outputs.shape
@@ -66,7 +66,7 @@ def evaluate(
 def _compiled() -> Any:
     import numba
 
-    # What is raised names its file: without the folder, so that object code is the same wherever it is made.
+    # An exception names the file: without the folder, so that object code is the same in every folder.
     code = evaluate.__code__.replace(co_filename=__name__)
     return numba.njit(FunctionType(code, evaluate.__globals__, evaluate.__name__, evaluate.__defaults__))
 

@@ -19,7 +19,7 @@ SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, 
 
 
 def evaluator(function: casadi.Function) -> tuple[int, object]:
-    """Return the address of a C function of `SIGNATURE`, and what must live as long as the address is used."""
+    """Return the address of a C function of `SIGNATURE`, and an owner that must live as long as the address is used."""
     argument, result = np.zeros(function.nnz_in()), np.zeros(function.nnz_out())
     buffer, run = function.buffer()
     lock = threading.Lock()  # threads share the buffers
@@ -44,7 +44,7 @@ def evaluator(function: casadi.Function) -> tuple[int, object]:
 
 
 def _attach(put: Callable[..., None], values: npt.NDArray[np.float64], sizes: list[int]) -> None:
-    """Give CasADi consecutive parts of `values` as its arguments or results."""
+    """Give CasADi consecutive parts of `values` as arguments or results."""
     first = 0
     for i, size in enumerate(sizes):
         put(i, values[first : first + size].data)

@@ -3,9 +3,10 @@
     int64 SYMBOL(const double *inputs, int64 rows_in, int64 lanes_in,
                  double *outputs, int64 rows_out, int64 lanes_out, int64 count)
 
-It returns `FINE` or `WRONG_SHAPE`. Row r of lane k stands at inputs[r lanes_in + k]. In the last block the lanes beyond
-`count` compute the last instance again, whatever their memory holds: no traps, denormals or slow paths of their own.
-That costs an instruction for every input; where a program is "padded" these lanes compute what their memory holds.
+The function returns `FINE` or `WRONG_SHAPE`. Row r of lane k is at inputs[r lanes_in + k]. In the last block the lanes
+beyond `count` compute the last instance again, whatever the memory of these lanes holds; thus these lanes cause no
+traps, denormals or slow paths. This costs an instruction for every input; in a "padded" program these lanes use the
+numbers in their own memory.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ LARGEST_POWER = 16
 
 
 class Slot:
-    """What a slot of the work vector holds: a number, a truth value, or both, written only when asked for."""
+    """Content of a slot of the work vector: a number, a truth value, or both, written only on request."""
 
     def __init__(self, w: Writer, number: Any = None, mask: Any = None, constant: float | None = None) -> None:
         self._w, self._number, self._mask, self.constant = w, number, mask, constant
@@ -41,7 +42,7 @@ class Slot:
         return self._number
 
     def mask(self) -> Any:
-        """Return where it is not zero; NaN counts as true, as in C."""
+        """Return the mask of nonzero lanes; NaN counts as true, as in C."""
         if self._mask is None:
             self._mask = self._w.compare("une", self._number, self._w.splat(0.0))
         return self._mask
@@ -55,14 +56,14 @@ def _numbers(rule: Callable[..., Any]) -> Rule:
 
 
 def _sign(w: Writer, x: Any) -> Any:
-    """-1, 1, or x itself, which is 0 or NaN."""
+    """Return -1, 1, or x itself if x is 0 or NaN."""
     zero = w.splat(0.0)
     positive = w.select(w.compare("ogt", x, zero), w.splat(1.0), x)
     return w.select(w.compare("olt", x, zero), w.splat(-1.0), positive)
 
 
 def _power(w: Writer, args: list[Slot]) -> Any:
-    """x^n by multiplication for small whole n, by the C library otherwise."""
+    """Return x^n by multiplication for small whole n, by the C library otherwise."""
     exponent = args[1].constant
     if exponent is None or not abs(exponent) <= LARGEST_POWER or exponent != int(exponent):
         return library(w, "pow", args[0].number(), args[1].number())
@@ -190,7 +191,7 @@ def _gep(w: Writer, pointer: Any, offset: Any) -> Any:
 
 
 def _load(w: Writer, row: int, valid: Any) -> Any:
-    """Load a row of the inputs, with the last instance also in the lanes beyond it."""
+    """Load a row of the inputs, with the last instance also in the lanes beyond the last instance."""
     place = _row(w, "in", row)
     values = w.once("load", place, align=BYTES, typ=w.vector)
     last = w.once("load", _gep(w, place, w.builder.function.args[4]), align=BYTES, typ=DOUBLE)

@@ -26,9 +26,9 @@ Backend = Literal["llvm", "casadi"]
 ALIGNMENT = 64
 """Size of a cache line, and of the widest vector [byte]."""
 SECONDS_PER_INSTRUCTION = 5e-5
-"""Time to compile an instruction, measured with functions of 8,000 to 34,000 of them [s]."""
+"""Time to compile an instruction, measured with functions of 8,000 to 34,000 instructions [s]."""
 PATIENCE = 1.0
-"""Longest expected compile time that is not announced [s]."""
+"""Longest expected compile time without an announcement [s]."""
 
 
 class FallbackWarning(RuntimeWarning):
@@ -48,8 +48,8 @@ class Origin(enum.Enum):
 class Kernel:
     """A CasADi function y = f(x), evaluated for many instances at once.
 
-    Inputs and outputs stand as rows: row r of `inputs` is the r-th nonzero of all inputs of the function, one input
-    after the other in CasADi's (column-major) order, and column k is instance k. The two arrays must not overlap.
+    Inputs and outputs are stored as rows: row r of `inputs` is the r-th nonzero of all inputs of the function, one
+    input after the other in CasADi's (column-major) order, and column k is instance k. The two arrays must not overlap.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Kernel:
     _call: Callable[..., int] = field(repr=False, compare=False)
 
     def lanes(self, count: int) -> int:
-        """Columns that arrays for `count` instances need: a multiple of W."""
+        """Return the number of columns for `count` instances: a multiple of W."""
         return -(-count // self.width) * self.width
 
     def allocate(self, count: int) -> tuple[FloatArray, FloatArray]:
@@ -127,20 +127,23 @@ def compile_kernel(
     backend : {"llvm", "casadi"}
         Native code, or CasADi's virtual machine. If LLVM fails, the virtual machine steps in with a `FallbackWarning`.
     folder : Path, optional
-        Of the cache on disk; default `worm3d.machine.cache.folder("kernels")`. Need not exist or be writeable.
+        Folder of the cache on disk; default `worm3d.machine.cache.folder("kernels")`. The folder need not exist or be
+        writeable.
     host : Host, optional
-        Processor to compile for; default the one this runs on.
+        Processor to compile for; default the processor of this computer.
     notify : callable, optional
-        Receives one sentence before a compilation that takes long; default: standard error.
+        Receives one sentence before a long compilation; default: standard error.
     padded : bool
-        Whether lanes beyond the last instance hold harmless numbers, which are then computed like all others.
+        Whether lanes beyond the last instance hold harmless numbers; these lanes are then computed like all other
+        lanes.
     exact : bool
-        Whether it is computed as written, by the C library's functions: to the bits that NumPy or Numba give.
+        Whether the function is computed as written, with the C library's functions, so that all bits equal the results
+        of NumPy or Numba.
 
     Raises
     ------
     UnsupportedError
-        If `function` is no SX function, has free variables, or an operation without native form.
+        If `function` is not an SX function, has free variables, or has an operation without native form.
     ValueError
         If the backend is unknown.
     """
@@ -186,7 +189,7 @@ def _native(
         code, origin = cache.load(folder, key), Origin.DISK
         if code is None:
             with cache.alone(folder, key):
-                code = cache.load(folder, key)  # what another process has compiled meanwhile
+                code = cache.load(folder, key)  # another process may have compiled it
                 if code is None:
                     _announce(function, notify or _to_standard_error)
                     code, origin = native.compile_program(program.read(function), host, *options), Origin.COMPILED
@@ -218,7 +221,7 @@ def _kernel(function: casadi.Function, width: int, backend: Backend, origin: Ori
 
 
 def _aligned(rows: int, lanes: int) -> FloatArray:
-    """Zeros that begin on a cache line, shape (rows, lanes)."""
+    """Return zeros that begin on a cache line, shape (rows, lanes)."""
     spare = ALIGNMENT // 8
     raw = np.zeros(rows * lanes + spare)
     first = -raw.ctypes.data % ALIGNMENT // 8

@@ -1,9 +1,9 @@
 """Transcendental functions on vectors, as LLVM functions `lanes_<name>` in the kernel's module.
 
-There is no vector library to count on, so sin, cos, tan, asin, acos, atan, atan2, exp and log are written out: argument
-reduction and then a polynomial, with the coefficients of Sun's fdlibm, equal to the C library's to a few units in the
-last place. They need fused multiply-add. Where an argument is outside the range in which that holds (huge, infinite,
-NaN, zero denominators), and for every other function, each lane calls the C library.
+A vector library may be missing, so sin, cos, tan, asin, acos, atan, atan2, exp and log are written out: argument
+reduction and then a polynomial, with the coefficients of Sun's fdlibm, equal to the C library to a few units in the
+last place. These formulas need fused multiply-add. For arguments outside the valid range (huge, infinite, NaN, zero
+denominators), and for every other function, each lane calls the C library.
 """
 
 from __future__ import annotations
@@ -80,11 +80,11 @@ EXP = tuple(1.0 / math.factorial(k) for k in range(13, -1, -1))
 HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17, -1.49738490485916983e-33)
 """pi/2 as a sum, each term rounded."""
 LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
-"""ln 2 as a sum; the first has trailing zeros, so that its products with exponents are exact."""
+"""ln 2 as a sum; the first term has trailing zeros, so that products of this term with exponents are exact."""
 ROOT_HALF_BITS = 0x3FE6A09E667F3BCD
 PREFIX = "lanes_"
 PURE = ("noinline", "nounwind", "willreturn", "memory(none)")
-"""Attributes of the functions here; not inlined, for they would cut the kernel's one long block into many."""
+"""Attributes of the functions here; inlined functions would cut the kernel's one long block into many blocks."""
 
 
 def library(w: Writer, name: str, *args: Any) -> Any:
@@ -99,7 +99,7 @@ def sincos(w: Writer, x: Any) -> tuple[Any, Any]:
 
 
 def define_all(unit: Any, width: int, fused: bool) -> None:
-    """Write the functions `lanes_<name>` that a module calls; not `fused`, each lane calls the C library."""
+    """Write the functions `lanes_<name>` that a module calls; if not `fused`, each lane calls the C library."""
     for function in [each for each in unit.functions if each.name.startswith(PREFIX)]:
         name = function.name.removeprefix(PREFIX)
         w = _begun(function, width)
@@ -118,12 +118,12 @@ def define_all(unit: Any, width: int, fused: bool) -> None:
 def _begun(function: Any, width: int) -> Writer:
     function.linkage = "internal"
     for attribute in PURE:
-        set.add(function.attributes, attribute)  # llvmlite knows not all of LLVM's
+        set.add(function.attributes, attribute)  # llvmlite does not know all attributes
     return Writer(ir.IRBuilder(function.append_basic_block()), width)
 
 
 def _of_each(w: Writer, name: str, args: Any) -> Any:
-    """Call `each_<name>`, the C library's function on every lane, which is written if need be."""
+    """Call `each_<name>`, the C library's function on every lane; write this function if needed."""
     value = w.call(f"each_{name}", w.vector, *args)
     function = w.builder.module.get_global(f"each_{name}")
     if function.is_declaration:
@@ -142,17 +142,17 @@ def _pair(w: Writer, first: Any, second: Any) -> Any:
 
 
 def _beyond(limit: float) -> Callable[..., Any]:
-    """Mask of |x| > limit or NaN."""
+    """Return a function that gives the mask of |x| > limit or NaN."""
     return lambda w, x: w.compare("ugt", w.size(x), w.splat(limit))
 
 
 def _nowhere(w: Writer, _x: Any) -> Any:
-    """Mask of no lane: the formula holds everywhere."""
+    """Return an empty mask: the formula holds everywhere."""
     return w.splat(False, BOOL)
 
 
 def _quarter_turns(w: Writer, x: Any) -> tuple[Any, Any, Any]:
-    """Take x as n pi/2 + r with |r| <= pi/4; return n (integers), sin r and cos r."""
+    """Split x into n pi/2 + r with |r| <= pi/4; return n (integers), sin r and cos r."""
     n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / HALF_PI[0])))
     r = x
     for part in HALF_PI:
@@ -183,7 +183,7 @@ def _tan(w: Writer, x: Any) -> Any:
 
 
 def _bit(w: Writer, integers: Any, bit: int) -> Any:
-    """Mask of the lanes whose integer has this bit."""
+    """Return the mask of the lanes whose integer has this bit."""
     return w.once("icmp_signed", "!=", w.once("and_", integers, w.splat(bit, INDEX)), w.splat(0, INDEX))
 
 
@@ -192,7 +192,7 @@ def _negate_where(w: Writer, mask: Any, value: Any) -> Any:
 
 
 def _small_arc(w: Writer, x: Any) -> tuple[Any, Any]:
-    """Return the mask of |x| <= 1/2, and asin u = u + u R(u^2) of u = |x| there and sqrt((1 - |x|)/2) elsewhere."""
+    """Return the mask of |x| <= 1/2, and asin u = u + u R(u^2) of u = |x| in the mask, sqrt((1 - |x|)/2) elsewhere."""
     size = w.size(x)
     small = w.compare("ole", size, w.splat(0.5))
     half = w.mul(w.sub(w.splat(1.0), size), w.splat(0.5))
@@ -203,14 +203,14 @@ def _small_arc(w: Writer, x: Any) -> tuple[Any, Any]:
 
 
 def _asin(w: Writer, x: Any) -> Any:
-    """Above 1/2: asin x = pi/2 - 2 asin sqrt((1 - x)/2)."""
+    """Return asin x; above 1/2: asin x = pi/2 - 2 asin sqrt((1 - x)/2)."""
     small, arc = _small_arc(w, x)
     near_one = w.sub(w.splat(HALF_PI[0]), w.fma(w.splat(2.0), arc, w.splat(-HALF_PI[1])))
     return w.intrinsic("copysign", w.select(small, arc, near_one), x)
 
 
 def _acos(w: Writer, x: Any) -> Any:
-    """Return pi/2 - asin x; near x = 1: 2 asin sqrt((1 - x)/2), near -1: pi minus that."""
+    """Return pi/2 - asin x; near x = 1: 2 asin sqrt((1 - x)/2), near -1: pi - 2 asin sqrt((1 + x)/2)."""
     small, arc = _small_arc(w, x)
     signed = w.intrinsic("copysign", arc, x)
     middle = w.sub(w.splat(HALF_PI[0]), w.sub(signed, w.splat(HALF_PI[1])))
@@ -239,7 +239,7 @@ def _atan(w: Writer, x: Any) -> Any:
 
 
 def _atan2(w: Writer, y: Any, x: Any) -> Any:
-    """Return the first quadrant's angle, pi minus it for negative x, with the sign of y."""
+    """Return the first quadrant's angle, or pi minus this angle for negative x, with the sign of y."""
     angle = _first_quadrant(w, w.size(y), w.size(x))
     behind = w.sub(w.splat(2.0 * HALF_PI[0]), w.sub(angle, w.splat(2.0 * HALF_PI[1])))
     left = w.compare("olt", x, w.splat(0.0))
@@ -247,7 +247,7 @@ def _atan2(w: Writer, y: Any, x: Any) -> Any:
 
 
 def _atan2_outside(w: Writer, y: Any, x: Any) -> Any:
-    """Mask of |y| + |x| that is zero, tiny, huge or NaN."""
+    """Return the mask of |y| + |x| that is zero, tiny, huge or NaN."""
     size = w.add(w.size(y), w.size(x))
     return w.once("or_", w.compare("ult", size, w.splat(1e-280)), w.compare("ugt", size, w.splat(1e280)))
 
@@ -280,7 +280,7 @@ def _log(w: Writer, x: Any) -> Any:
 
 
 def _log_outside(w: Writer, x: Any) -> Any:
-    """Mask of x that is not positive, tiny, huge or NaN."""
+    """Return the mask of x that is not positive, tiny, huge or NaN."""
     return w.once("or_", w.compare("ult", x, w.splat(1e-300)), w.compare("ugt", x, w.splat(1e300)))
 
 

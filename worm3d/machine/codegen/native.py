@@ -20,14 +20,14 @@ from worm3d.machine.symbols import c_library
 
 
 class Host(NamedTuple):
-    """A processor as LLVM names it, and the vectors that suit it."""
+    """A processor by LLVM's name, and the suitable vectors."""
 
     cpu: str
     features: str
     width: int
     """Doubles in a vector: 8 with AVX-512, 4 with AVX2, 2 otherwise."""
     fused: bool
-    """Whether it has fused multiply-add."""
+    """Whether the processor has fused multiply-add."""
 
 
 _V2 = ("cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4.2", "ssse3")
@@ -38,23 +38,23 @@ FEATURES["x86-64-v2"] = _V2
 KINDS = {"x86-64-v4": (8, True), "x86-64-v3": (4, True), "x86-64-v2": (2, False)}
 """Vectors of each kind, as in `Host`."""
 SWITCH = "WORM3D_COMPILE_FOR"
-"""Environment variable that names the kind of processor to compile for, "host" for this one: nothing that comes with
-the package is used."""
+"""Environment variable that names the kind of processor to compile for, "host" for this processor; code in the package
+is then not used."""
 
 
 def kind(name: str) -> Host:
-    """Return what code for a kind of processor is made for."""
+    """Return the target of code for a kind of processor."""
     return Host(name, "", *KINDS[name])
 
 
 @functools.cache
 def this_host() -> Host:
-    """Return the processor this runs on, or the kind that `SWITCH` names.
+    """Return the processor of this computer, or the kind that `SWITCH` names.
 
     Raises
     ------
     ValueError
-        The variable names no kind, or one whose code this processor cannot run.
+        The variable names no kind, or a kind whose code this processor cannot run.
     """
     features = llvm.get_host_cpu_features()
     asked = os.environ.get(SWITCH, "host") or "host"
@@ -69,7 +69,7 @@ def this_host() -> Host:
 
 
 def cache_key(function: casadi.Function, host: Host, padded: bool = False, exact: bool = False) -> str:
-    """Return a digest of all that the object code depends on: function, generator, libraries, processor."""
+    """Return a digest of everything that determines the object code: function, generator, libraries, processor."""
     parts = (
         function.serialize(),
         _generator(),
@@ -84,7 +84,7 @@ def cache_key(function: casadi.Function, host: Host, padded: bool = False, exact
 
 @functools.cache
 def _generator() -> str:
-    """Digest of this package's own source: its version, which nobody can forget to raise."""
+    """Return a digest of this package's source, an automatic version number."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
@@ -92,9 +92,9 @@ def _generator() -> str:
 def compile_program(program: Program, host: Host, padded: bool = False, exact: bool = False) -> bytes:
     """Return the object code of a program.
 
-    The text has no repeated subexpression already (`Writer`), and one long block leaves little to the optimiser: beyond
-    the combining of neighbouring instructions its pipelines gain 2 to 5 % for half as much compile time again. Raises
-    UnsupportedError for an operation without native form, RuntimeError where LLVM fails.
+    The text already has no repeated subexpression (`Writer`), and one long block leaves little to optimise: besides
+    combining neighbouring instructions, LLVM's optimisation pipelines gain 2 to 5 % for 50 % more compile time. Raises
+    UnsupportedError for an operation without native form, RuntimeError if LLVM fails.
     """
     return compile_text(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded), host)
 
@@ -112,9 +112,9 @@ def compile_text(text: str, host: Host) -> bytes:
 
 
 def load(code: bytes, host: Host, more: bytes = b"") -> tuple[int, object]:
-    """Return the address of the kernel in object code, and what must live as long as the address is used.
+    """Return the address of the kernel in object code, and an owner that must live as long as the address is used.
 
-    `more` is object code that it calls.
+    `more` is object code that the kernel calls.
     """
     _bind_library()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine(host))
@@ -134,7 +134,7 @@ def _machine(host: Host) -> llvm.TargetMachine:
 
 @functools.cache
 def _bind_library() -> None:
-    """Tell LLVM where the C library's functions are, as far as it does not see them: it aborts on unknown ones."""
+    """Tell LLVM the addresses of C library functions that LLVM does not find: LLVM aborts on unknown functions."""
     unseen = [name for name in LIBRARY if not llvm.address_of_symbol(name)]
     if not unseen:
         return

@@ -1,4 +1,4 @@
-"""What a kernel computes: the elementary instructions of a CasADi SX function, checked and named.
+"""Content of a kernel: the elementary instructions of a CasADi SX function, checked and named.
 
 An SX function is a list of instructions on a work vector of scalars whose slots are used again and again:
 `slot[out] = op(slot[a], slot[b])`, with loads from the inputs and stores to the outputs between them.
@@ -12,11 +12,11 @@ import casadi
 
 
 class UnsupportedError(ValueError):
-    """The function cannot become a native kernel; the sentence says which operation or kind of function it is."""
+    """The function cannot become a native kernel; the message names the unsupported operation or kind of function."""
 
 
 class Instruction(NamedTuple):
-    """One elementary operation; `name` is CasADi's without its prefix and in lower case, as in "if_else_zero"."""
+    """One elementary operation; `name` is CasADi's name without the prefix, in lower case, such as "if_else_zero"."""
 
     name: str
     out: int

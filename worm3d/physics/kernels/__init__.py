@@ -1,16 +1,16 @@
-"""The simulator's kernels: the formulas of `worm3d.physics` put together and derived; the solver compiles them.
+"""The simulator's kernels: formulas of `worm3d.physics`, combined and differentiated; the solver compiles them.
 
-Each module defines CasADi functions of one kind of instance, all with the same list of inputs, so that they share one
-array; `layout` says in which rows the inputs stand.
+Each module defines CasADi functions of one kind of instance. All functions of a module have the same list of inputs and
+share one array; `layout` defines the rows of the inputs.
 
     segment   eight contact points, springs, dampers and apex hinges of a segment
-    point     what acts on a contact point: inertia, weight, normal contact, friction
+    point     loads on a contact point: inertia, weight, normal contact, friction
     joint     pitch, yaw and twist between two segments
     node      joints as mass points
-    actuator  what drives chambers and hinges
+    actuator  actuators of chambers and hinges
     hysteresis, medium, load  friction in the joints of chambers, viscous media, external loads
     inertia, losses  terms that points and joints share
-    regime    what a contact does to first order, by which the solver guesses its regime
+    regime    first-order prediction of a contact, for the solver's guess of the regime
 """
 
 GREATEST_CONTRACTION = 1.0 - 2.0**-53

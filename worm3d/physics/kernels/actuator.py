@@ -1,9 +1,9 @@
 """Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
 
-Their inputs stand behind those of the segments or joints: commands, the past of the states (t_n, then t_{n-1}), and
-parameters. Chambers have those of the friction in their joints among them (`worm3d.physics.hysteresis`). A kernel of
-the start of a step computes what does not depend on the lengths at its end; one of its end the states and the energy,
-where there are any.
+The inputs of an actuator follow the inputs of the segment or joint: commands, past states (t_n, then t_{n-1}), and
+parameters. For chambers they include the inputs of the joint friction (`worm3d.physics.hysteresis`). A kernel for the
+start of a step computes the quantities that do not depend on the lengths at the end of the step; a kernel for the end
+computes states and energy, if there are any.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ Own = type[Hysteresis]
 """Class of the friction in the joints of the chambers."""
 
 PREFIX = "actuator_"
-"""Prefix of the inputs' names, which keeps them apart from those of a segment."""
+"""Prefix of the inputs' names, which distinguishes them from the inputs of a segment."""
 
 HASTE = "haste"
-"""Name of the factor by which time goes by faster for the actuators; 1 except while a worm comes to rest."""
+"""Name of the factor that speeds up time for the actuators; 1 except while a worm comes to rest."""
 
 SIDES, ONE = 2, 1
 """Numbers of actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
@@ -37,19 +37,19 @@ SIDES, ONE = 2, 1
 
 @once
 def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
-    """Return the layout of the segments with the inputs of their actuators and joints behind them."""
+    """Return the layout of the segments, followed by the inputs of the actuators and joints."""
     more = [FRICTION + name for name in parameters_of(own)]
     return segment.LAYOUT.extended(_sizes(chamber_states(kind, own), [*parameters_of(kind), *more], SIDES))
 
 
 @once
 def hinges(kind: Kind) -> Layout:
-    """Return the layout of the joints with the inputs of their actuators behind them."""
+    """Return the layout of the joints, followed by the inputs of the actuators."""
     return joint.LAYOUT.extended(_sizes(kind.states, parameters_of(kind), ONE))
 
 
 CHAMBER_COMMANDS = tuple(segment.LAYOUT.rows + SIDES * k for k in range(len(COMMANDS)))
-"""First row of each of `COMMANDS` for the chambers, whatever their actuators are."""
+"""First row of each of `COMMANDS` for the chambers, the same for all actuators."""
 HINGE_COMMANDS = tuple(joint.LAYOUT.rows + k for k in range(len(COMMANDS)))
 """Row of each of `COMMANDS` for the hinges."""
 
@@ -61,7 +61,7 @@ def _sizes(states: Iterable[str], parameters: Iterable[str], count: int) -> dict
 
 
 def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
-    """Return what the actuator of a chamber or hinge knows, by name."""
+    """Return the inputs of the actuator of a chamber or hinge, by name."""
     s = layout.symbols
     known = {name: s[PREFIX + name][side] for name in COMMANDS}
     known |= {name: s[PREFIX + name] for name in parameters_of(kind)}
@@ -73,7 +73,7 @@ def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
 
 
 def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
-    """Return what the actuator of a chamber does as a function of the length at the end of the step."""
+    """Return the response of a chamber's actuator as a function of the length at the end of the step."""
     layout = chambers(kind, own)
     s, known = layout.symbols, _known(kind, layout, side)
     known |= {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
@@ -81,9 +81,9 @@ def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
 
 
 def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.Slid]:
-    """Return what the friction of a chamber's joints does as a function of the length at the end of the step.
+    """Return the response of a chamber's joint friction as a function of the length at the end of the step.
 
-    While a worm comes to rest, when time goes by faster for its actuators, its joints are free.
+    While a worm comes to rest, with time sped up for the actuators, the joints are free.
     """
     s = layout.symbols
     known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k", "k_apex")}}
@@ -96,7 +96,7 @@ def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.S
 
 
 def _of_hinge(kind: Kind) -> Response:
-    """Return what the actuator of a hinge does, all of which is known at the start of the step."""
+    """Return the response of a hinge's actuator, which is known completely at the start of the step."""
     known = _known(kind, hinges(kind), 0) | {name: ca.SX(0.0) for name in COMMANDS if name.startswith("force")}
     response = _respond(kind, known)
     if _has_energy(response):
@@ -107,12 +107,12 @@ def _of_hinge(kind: Kind) -> Response:
 
 
 def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
-    """Return what `Actuator.respond` says.
+    """Return the response from `Actuator.respond`.
 
     Raises
     ------
     ValueError
-        It asks for what is not known, or its answer is none, or without one of its states.
+        `respond` uses an unknown input, returns no valid response, or leaves out a state.
     """
     try:
         response = answer(kind, "respond", known)
@@ -155,7 +155,7 @@ def _has_energy(response: Response) -> bool:
 
 
 def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return what is known at the start of a step: command, rest length, force, and what is given, each (2)."""
+    """Return the quantities known at the start of a step: command, rest length, force, and output, each (2)."""
     s, outputs = chambers(kind, own).symbols, []
     for side in range(SIDES):
         length = ca.SX.sym("length")
@@ -174,7 +174,7 @@ START_ROWS = 4 * SIDES
 
 
 def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
-    """Raise ValueError where what has to be known at the start of a step depends on its end."""
+    """Raise ValueError if a quantity that must be known at the start of a step depends on the end of the step."""
     spring = response.given if response.spring is None else response.spring
     for part, value in (("command", response.command), ("spring", spring), ("force", response.force)):
         if ca.depends_on(ca.SX(value), unknown):
@@ -189,13 +189,13 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
 def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
     """Return the rest lengths (2) and states (2 each) of chambers at rest, at q, under the commands.
 
-    None where the rest lengths are those of the contraction given and there are no states.
+    None if the rest lengths follow from the contraction given and there are no states.
     """
     layout, lengths, springs, states = chambers(kind, own), segment.lengths(), [], []
     for side in range(SIDES):
         known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
         known |= {"length": lengths[side], "length_n": lengths[side]}
-        # What rests has long had its command; the time step is not known yet, and does not matter.
+        # At rest the command has long been constant; the time step is not known yet, and does not matter.
         spring = _respond(kind, {**known, **_constant(known), "dt": ca.SX(1.0), "span": ca.SX(1.0)}).spring
         if spring is None and not chamber_states(kind, own):
             return None
@@ -207,7 +207,7 @@ def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
 
 
 def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
-    """Return the past of the commands, and what was given, where they have always been what they are."""
+    """Return past commands and outputs for commands that have always been constant."""
     force = known["force_command"]
     return {"command_n": known["command"], "given_n": known["command"], "force_command_n": force, "force_n": force}
 
@@ -223,12 +223,12 @@ def _potential(kind: Kind, own: Own) -> segment.Energy:
 
 
 def gradient(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the segment's potential and gradient, with those of its actuators and joints."""
+    """Return the segment's potential and gradient, including actuators and joints."""
     return segment.gradient(chambers(kind, own), _potential(kind, own))
 
 
 def hessian(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the segment's potential, gradient and Hessian, with those of its actuators and joints."""
+    """Return the segment's potential, gradient and Hessian, including actuators and joints."""
     return segment.hessian(chambers(kind, own), _potential(kind, own))
 
 
@@ -242,11 +242,11 @@ LEDGER_TERMS = (
     "hysteresis_loss",
 )
 LEDGER_ROWS = 8
-"""Number of rows of `end` for the terms, filled up to a vector; what is given and the states follow."""
+"""Number of rows of `end` for the terms, padded to a vector; outputs and states follow."""
 
 
 def _has_end(kind: Kind, own: Own) -> bool:
-    """Return whether anything but the rest length and the force happens in a step: states, or a potential."""
+    """Return whether a step changes more than rest length and force: states, or a potential."""
     length = ca.SX.sym("length")
     response = _of_chamber(kind, own, 0)(length)
     has_states = bool(chamber_states(kind, own))
@@ -254,7 +254,7 @@ def _has_end(kind: Kind, own: Own) -> bool:
 
 
 def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
-    """Return the terms of the energy ledger, what is given (2) and the states (2 each); None where nothing happens.
+    """Return the terms of the energy ledger, the outputs (2) and the states (2 each); None if nothing happens.
 
     The residual of the step meets actuator and friction as dPsi/dl times the first-order change of the length.
     """

@@ -13,7 +13,7 @@ from worm3d.values.parameters import parameters_of
 
 
 class Slid(NamedTuple):
-    """What the friction of a chamber does in a step."""
+    """Response of the friction of a chamber in a step."""
 
     potential: ca.SX
     """(H2) [J]"""
@@ -26,12 +26,12 @@ class Slid(NamedTuple):
 
 
 def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Slid:
-    """Return what the friction of a chamber does in a step; `acts` is 1, or 0 where the joints are free.
+    """Return the response of a chamber's friction in a step; `acts` is 1, or 0 if the joints are free.
 
     Raises
     ------
     ValueError
-        The coordinate or the sliders of the class are none.
+        The coordinate or the sliders of the class are not valid.
     """
     if not kind.elements:
         return Slid(ca.SX(0.0), {}, ca.SX(0.0), ca.SX(0.0))
@@ -44,7 +44,7 @@ def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Sl
         d = give * before + moved
         e = ca.fmin(ca.fmax(d / give, -1.0), 1.0)
         spring = share * give / 2.0
-        potential += acts * (share * e * d - spring * e**2)  # so written it has the right slope at |d| = r, too
+        potential += acts * (share * e * d - spring * e**2)  # this form has the right slope at |d| = r, too
         stored += acts * spring * (e**2 - before**2)
         lost += acts * share * ca.fmax(ca.fabs(d) - give, 0.0)
         states[PREFIX + name] = acts * e

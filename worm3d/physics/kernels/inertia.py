@@ -1,7 +1,7 @@
-"""Mass points in time, symbolic: what the integrator presets, velocities, momenta, and inertia in the energy ledger.
+"""Mass points in time, symbolic: presets of the integrator, velocities, momenta, and inertia in the energy ledger.
 
 Both kinds of mass points, joints (`worm3d.physics.kernels.node`) and contact points (`worm3d.physics.kernels.point`),
-have the inputs `SIZES` in their layouts, beside their place "x" and their "weight".
+have the inputs `SIZES` in their layouts, beside the position "x" and the "weight".
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import casadi as ca
 
 SIZES = {
     "past": 6,  # X at t_n and t_{n-1}
-    "velocity": 6,  # likewise
+    "velocity": 6,  # V at t_n and t_{n-1}
     "mass": 1,
     "dt": 1,
     "span": 1,  # beta dt, (1 + w)/(1 + 2 w) dt [s]
-    "ratio": 1,  # w: this step over the last one, 0 for implicit Euler
+    "ratio": 1,  # w: this time step over the last time step, 0 for implicit Euler
     "lands": 1,  # 1 in a step in which a point strikes the world
 }
 Symbols = Mapping[str, ca.SX]
@@ -36,19 +36,19 @@ def weights(ratio: Any) -> tuple[Any, Any]:
 
 
 def _weigh(s: Symbols, both: ca.SX) -> ca.SX:
-    """Return what the integrator's difference subtracts for values of t_n and t_{n-1}, shape (3,)."""
+    """Return the weighted values of t_n and t_{n-1} in the integrator's difference, shape (3,)."""
     w0, w1 = weights(s["ratio"])
     weighed: ca.SX = w0 * both[:3] + w1 * both[3:]
     return weighed
 
 
 def still(s: Symbols) -> ca.SX:
-    """Return where the integrator takes the point to have no velocity, shape (3,) [m]."""
+    """Return the position at which the integrator gives the point no velocity, shape (3,) [m]."""
     return _weigh(s, s["past"])
 
 
 def coasting(s: Symbols) -> ca.SX:
-    """Return "x_hat", where the integrator takes the point to have no acceleration, shape (3,) [m]."""
+    """Return "x_hat", the position at which the integrator gives the point no acceleration, shape (3,) [m]."""
     return still(s) + s["span"] * _weigh(s, s["velocity"])
 
 
@@ -73,14 +73,14 @@ def motion(s: Symbols) -> ca.SX:
 
 
 def mean_motion(s: Symbols) -> ca.SX:
-    """Return dt (V + V_n)/2, the way over which the force of a step does its work on a free mass, shape (3,) [m]."""
+    """Return dt (V + V_n)/2, the displacement in the work of a step's force on a free mass, shape (3,) [m]."""
     return 0.5 * s["dt"] * (velocity(s) + s["velocity"][:3])
 
 
 def ledger(s: Symbols, first: ca.SX) -> dict[str, ca.SX]:
-    """Return a mass point's terms of the energy ledger [J]; `first` is its motion to first order, shape (3,) [m].
+    """Return a mass point's terms of the energy ledger [J]; `first` is the first-order motion, shape (3,) [m].
 
-    In a landing the contact also carries the weight, whose impulse is none of the impact's.
+    In a landing the contact also carries the weight; the impulse of the weight is not part of the impact.
     """
     v, v_n, v_m, mean = velocity(s), s["velocity"][:3], s["velocity"][3:], mean_motion(s)
     w = s["ratio"]

@@ -1,14 +1,14 @@
 """Kernels of a joint: pitch, yaw and twist between two segments, their springs, dampers and hinge.
 
 Coordinates: [p_{j-1} (3), g_{j-1}, th_{j-1}, p_j (3), g_j, th_j, p_{j+1} (3)] of the segments behind and ahead.
-The dampers act on the strains at the hinge angle of the step, as those of the chambers act at a given command.
+The dampers act on the strains at the hinge angle of the step, as the chambers' dampers act at a given command.
 
-Derivatives go through the spins w_1, w_2 of the frames, (E1), of which the strains know the difference alone:
+Derivatives use the spins w_1, w_2 of the frames, (E1); the strains depend only on the difference of the spins:
 
     (J1)  ds_i = m_i.(w_2 - w_1),   m_twist = (t_1 + t_2)/(1 + t_1.t_2)
-          m_pitch = t_2 x (d x t_1) + d_2 x (c - s d)/|d_1 + d_2|   with the mean d of (E5), m_yaw likewise with u
+          m_pitch = t_2 x (d x t_1) + d_2 x (c - s d)/|d_1 + d_2|   with the mean d of (E5), m_yaw the same with u
 
-The second variation of an energy with the moment m = sum f_i m_i is, with m' the change of m as w_2 alone turns,
+The second variation of an energy with the moment m = sum f_i m_i is, with the change m' of m as only w_2 turns,
 
     (J2)  (w_2 - w_1).(m'(w_2' - w_1') + w_1' x m) + m.(dw_2' - dw_1')
 """
@@ -33,7 +33,7 @@ LAYOUT = Layout(
     {
         "q": COORDINATES,
         "dq": COORDINATES,
-        "t_ref": 6,  # of the segment behind, then of the one ahead
+        "t_ref": 6,  # of the segment behind, then of the segment ahead
         "d_ref": 6,
         "k": 3,  # pitch, yaw, twist
         "cross0": 1,
@@ -44,20 +44,20 @@ LAYOUT = Layout(
         "hinge_n": 1,
         "weights": 2,  # of s_n and s_{n-1} in the damper's s_hat
         "angles_n": 4,  # c.d, c.u, twist and sum of bends at t_n
-        "angles_m": 4,  # and at t_{n-1}
+        "angles_m": 4,  # at t_{n-1}
         "strain_hat": 3,  # of the dampers
         "strain_n": 3,  # at t_n, with the hinge of t_{n+1}
-        "strain_old": 3,  # with that of t_n
+        "strain_old": 3,  # at t_n, with the hinge of t_n
     }
 )
 
 
 _REDUCED = ca.SX.sym("z", 9)
-"""Edges behind and ahead (3 each), rolls behind and ahead, sum of the bends: all that the strains depend on."""
+"""Edges behind and ahead (3 each), rolls behind and ahead, sum of the bends: all variables of the strains."""
 
 
 def _reduced() -> ca.SX:
-    """Return `_REDUCED` as the linear function of the coordinates that it is."""
+    """Return `_REDUCED` as a linear function of the coordinates."""
     return _reduced_of(LAYOUT.symbols["q"])
 
 
@@ -92,7 +92,7 @@ def _strains(angles: ca.SX, hinge: ca.SX) -> list[ca.SX]:
 
 
 def start() -> ca.Function:
-    """Return what is known at the start of a step, the rows from "strain_hat" on (9)."""
+    """Return the quantities known at the start of a step, the rows from "strain_hat" on (9)."""
     s = LAYOUT.symbols
     n, m, old = (ca.vertcat(*_strains(s[at], s[hinge])) for at, hinge in _KNOWN)
     hat = s["weights"][0] * n + s["weights"][1] * m
@@ -105,7 +105,7 @@ _KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
 
 @cache
 def _potential() -> tuple[ca.SX, ca.SX]:
-    """Potential, and gradient filled up with zeros."""
+    """Return the potential, and the gradient padded with zeros."""
     phi = _energy(_strains_of(_angles_of_reduced()))
     at = ca.substitute([phi, _linear().T @ ca.gradient(phi, _REDUCED)], [_REDUCED], [_reduced()])
     return at[0], ca.vertcat(at[1], _FILLING)
@@ -127,7 +127,7 @@ def _linear() -> ca.SX:
 
 
 def gradient() -> ca.Function:
-    """Return potential and gradient (13), filled up with zeros (16)."""
+    """Return potential and gradient (13), padded with zeros (16)."""
     phi, slope = _potential()
     return LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
 
@@ -167,7 +167,7 @@ def _moments() -> list[ca.SX]:
 
 
 def _spin(k: int) -> ca.SX:
-    """Return the derivatives of the spin of a segment, (E1), in `_REDUCED` but the bends, shape (3, 8)."""
+    """Return the derivatives of the spin of a segment, (E1), in `_REDUCED` without the bends, shape (3, 8)."""
     f, spin = _FRAMES[k], ca.SX.zeros(3, 8)
     spin[:, 3 * k : 3 * k + 3], spin[:, 6 + k] = (
         ca.skew(f.t) / f.length + f.t @ elements.holonomy(f, _reference(k)[0]).T,
@@ -189,7 +189,7 @@ def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
 
 
 def roots() -> ca.Function:
-    """Return what `gradient` does, and three rows J (13), each filled up likewise.
+    """Return the outputs of `gradient`, and three rows J (13), each padded with zeros (16).
 
     J^T J is Gauss-Newton's Hessian, without the second derivatives of the strains.
     """
@@ -199,7 +199,7 @@ def roots() -> ca.Function:
 
 
 def hessian() -> ca.Function:
-    """Return what `gradient` does, and the whole Hessian, row by row, each filled up likewise (13 x 16)."""
+    """Return the outputs of `gradient`, and the whole Hessian, row by row, each padded with zeros (13 x 16)."""
     phi, slope = _potential()
     rows = ca.vertcat(_derivatives()[1], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
     return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
@@ -234,7 +234,7 @@ def ledger() -> ca.Function:
 
 
 def _first_strains() -> ca.SX:
-    """Return the first-order motion of the strains, shape (3,): through the angles, which take the most to derive."""
+    """Return the first-order motion of the strains, shape (3,), by way of the angles, which cost most to derive."""
     s, angles = LAYOUT.symbols, ca.SX.sym("angles", 4)
     turned = ca.jtimes(_angles_of_reduced(), _REDUCED, _reduced_of(s["dq"]))
     turned = ca.substitute(turned, _REDUCED, _reduced())

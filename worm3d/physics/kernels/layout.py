@@ -18,7 +18,7 @@ once: Callable[[F], F] = cast(Any, cache)
 
 
 class Layout:
-    """Named inputs of a family of functions, and the rows in which they stand.
+    """Named inputs of a family of functions, and the rows of the inputs.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Layout:
         self.symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
     def extended(self, sizes: Mapping[str, int]) -> Layout:
-        """Return a layout with further inputs behind these, and the very symbols of these."""
+        """Return a layout with further inputs after the present inputs, which keep their symbols."""
         longer = Layout({**self.sizes, **sizes})
         longer.symbols |= self.symbols
         return longer
@@ -51,7 +51,7 @@ class Layout:
         return tuple(self.first(name) for name in names)
 
     def of(self, name: str, array: FloatArray) -> FloatArray:
-        """Return the rows of an input in an array, not a copy."""
+        """Return a view of the rows of an input in an array."""
         return array[self.first(name) : self.first(name) + self.sizes[name]]
 
     def function(self, name: str, outputs: Mapping[str, ca.SX | Sequence[ca.SX]]) -> ca.Function:

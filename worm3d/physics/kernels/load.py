@@ -16,7 +16,7 @@ Kind = type[Load]
 SHARED = {"dt": 1, "span": 1, "ratio": 1, "lands": 1, "gravity": 3, "stiffness": 1, "damping": 1, "touches": 1}
 """Rows of the inputs that all loads share."""
 OWN = {"x": 3, "past": 6, "velocity": 6, "tangent": 3, "normal": 3, "regime": 1, "regime_n": 1}
-"""Rows of the inputs that each load has, those of all loads one after the other; its states and parameters follow."""
+"""Rows of the inputs of each load, repeated for all loads; the states and parameters of the loads follow."""
 STORED, LOST = ("kinetic", "elastic", "potential", "anchor"), ("friction_loss", "viscous_loss", "impact")
 LEDGER_TERMS = ("work_external", *STORED, *LOST, "numerical_loss")
 
@@ -50,7 +50,7 @@ def _steps(*kinds: Kind) -> list[LoadStep]:
 
 
 def _potentials(kinds: tuple[Kind, ...]) -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return the potential of each load, and the place of its joint."""
+    """Return the potential of each load, and the position of the load's joint."""
     x = ca.vertsplit(layout(*kinds).symbols["x"], 3)
     return [
         scalar(f"{kind.__name__}.potential", step.potential) for kind, step in zip(kinds, _steps(*kinds), strict=True)
@@ -68,7 +68,7 @@ def gradient(*kinds: Kind) -> ca.Function | None:
 
 
 def hessian(*kinds: Kind) -> ca.Function | None:
-    """Return what `gradient` does, and the Hessian (9 for each load)."""
+    """Return the outputs of `gradient`, and the Hessian (9 for each load)."""
     if not kinds:
         return None
     blocks = [ca.hessian(phi, at)[0] for phi, at in zip(*_potentials(kinds), strict=True)]
@@ -76,14 +76,14 @@ def hessian(*kinds: Kind) -> ca.Function | None:
 
 
 def turn(*kinds: Kind) -> ca.Function | None:
-    """Return the regime of each load that follows."""
+    """Return the next regime of each load."""
     if not kinds:
         return None
     return layout(*kinds).function("load_turn", {"regime": [ca.SX(step.regime) for step in _steps(*kinds)]})
 
 
 def after(*kinds: Kind) -> ca.Function | None:
-    """Return the terms of the energy ledger, in the order of `LEDGER_TERMS`, and what the loads remember."""
+    """Return the terms of the energy ledger, in the order of `LEDGER_TERMS`, and the numbers kept by the loads."""
     if not kinds:
         return None
     past = ca.vertsplit(layout(*kinds).symbols["past"], 6)
@@ -96,7 +96,7 @@ def after(*kinds: Kind) -> ca.Function | None:
 
 
 def _terms(kind: Kind, step: LoadStep, done: ca.SX) -> ca.SX:
-    """Return the terms of one load; `done` is the work that its joint does against it, to first order."""
+    """Return the terms of one load; `done` is the first-order work of the joint against the load."""
     if unknown := set(step.terms) - set(LEDGER_TERMS[:-1]):
         raise ValueError(f"{kind.__name__}.respond: got the term {unknown.pop()!r}, must be of {LEDGER_TERMS[:-1]}")
     known = {name: scalar(f"{kind.__name__}.{name}", value) for name, value in step.terms.items()}

@@ -1,6 +1,7 @@
-"""What a spring and a damper on a strain s contribute to the energy ledger of a step, symbolic.
+"""Contributions of a spring and a damper on a strain s to the energy ledger of a step, symbolic.
 
-The residual of a step times dq meets every strain as force times (ds/dq) dq, the first-order change of s, here `first`.
+In the residual of a step times dq, each strain contributes force times (ds/dq) dq, the first-order change of s, which
+is called `first` here.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ def spring(energy: Callable[[ca.SX], ca.SX], s: ca.SX, s_n: ca.SX, first: ca.SX)
 
 
 def trapezoid(before: ca.SX, after: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the work of a changing command, and the numerical loss of taking the change first and the motion then [J].
+    """Return the work of a changing command, and the numerical loss of applying the change before the motion [J].
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def damper(c: ca.SX, moved: ca.SX, span: ca.SX, dt: ca.SX, first: ca.SX) -> tupl
     c : SX
         Damping: force over rate of strain.
     moved, span : SX
-        s - s_hat and beta dt: the integrator's rate is their quotient.
+        s - s_hat and beta dt; the quotient is the integrator's rate.
     dt : SX
         Time step [s].
     first : SX

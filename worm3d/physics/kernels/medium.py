@@ -13,12 +13,12 @@ PREFIX = "medium_"
 """Prefix of the parameters among the inputs."""
 
 STRAIN, RATE, SHARE = range(3)
-"""First rows of the inputs: strain, its rate [1/s], and the resistance of a segment where the factor is 1 [N s/m]."""
+"""First rows of the inputs: strain, rate of strain [1/s], and resistance of a segment at the factor 1 [N s/m]."""
 
 
 @once
 def layout(kind: type[Medium]) -> Layout:
-    """Return the layout of the inputs; without rows for a medium that resists alike."""
+    """Return the layout of the inputs; without rows for a uniform medium."""
     if kind.factor.__func__ is Medium.factor.__func__:  # type: ignore[attr-defined]
         return Layout({})
     return Layout({"strain": 1, "rate": 1, "share": 1, **{PREFIX + name: 1 for name in parameters_of(kind)}})
@@ -26,12 +26,12 @@ def layout(kind: type[Medium]) -> Layout:
 
 @once
 def resistance(kind: type[Medium] = Medium) -> ca.Function | None:
-    """Return the resistance of a segment [N s/m]; None for a medium that resists alike.
+    """Return the resistance of a segment [N s/m]; None for a uniform medium.
 
     Raises
     ------
     ValueError
-        The factor of the class is none.
+        The factor of the class is not valid.
     """
     rows = layout(kind)
     if not rows.rows:

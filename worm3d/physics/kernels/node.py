@@ -24,7 +24,7 @@ LAYOUT = Layout(
 
 
 def start() -> ca.Function:
-    """Return what a step presets, the rows from "drag_hat" on (8)."""
+    """Return the presets of a step, the rows from "drag_hat" on (8)."""
     s = LAYOUT.symbols
     rows = {"drag_hat": inertia.still(s), "x_hat": inertia.coasting(s), "inertia": inertia.stiffness(s)}
     return LAYOUT.function("node_start", {**rows, "drag_rate": s["drag"] / s["span"]})
@@ -45,7 +45,7 @@ LEDGER_TERMS = (
 def after() -> ca.Function:
     """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its velocity (3)."""
     s = LAYOUT.symbols
-    moved = inertia.motion(s)  # the coordinates of a joint are its place: to first order it is the same
+    moved = inertia.motion(s)  # a joint's coordinates are its position, so this is also the first-order motion
     own = inertia.ledger(s, moved)
     rubbed = ca.dot(s["friction"], moved)
     axes = [losses.damper(s["drag"], s["x"][d] - s["drag_hat"][d], s["span"], s["dt"], moved[d]) for d in range(3)]

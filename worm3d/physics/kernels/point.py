@@ -27,8 +27,8 @@ LAYOUT = Layout(
         "stiffness": 1,  # k [N/m], 0 without contact
         "damping": 1,  # c [N s/m]
         **inertia.SIZES,
-        "tangent": 6,  # along and to the left, frozen at the start of the step; with the rows up to "deep" by `start`
-        "slide_n": 2,  # displacement from the anchor at the start of the step, in these tangents
+        "tangent": 6,  # along and to the left, frozen at the start of the step; `start` computes the rows to "deep"
+        "slide_n": 2,  # displacement from the anchor at the start of the step, in the tangents
         "x_hat": 3,
         "inertia": 1,  # m/(beta dt)^2 [N/m]
         "depth_n": 1,
@@ -39,22 +39,22 @@ LAYOUT = Layout(
         "carried": 1,  # d* of (C1) [m]
         "r": 1,  # of (C3) [m]
         "centre": 2,  # s* of (C3) [m]
-        "deep": 1,  # by how much it would get deeper in the step as it moves towards the world, else 0 [m]
+        "deep": 1,  # increase of depth in the step if the point moves towards the world, else 0 [m]
         "anchor": 3,
         "mu": 3,  # forward, backward, lateral
-        "hardness": 3,  # H of (C2), likewise
+        "hardness": 3,  # H of (C2), in the same order
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
         "limit_ratio": 1,  # limit of friction over capacity: 1, or static_ratio while stuck
-        "pull": 2,  # predicted friction f of (C5), per unit of capacity; stored states hold it under this name
-        "foreseen": 1,  # normal load, as the last step of Newton foresaw it
-        "regime": 1,  # FREE, or what the contact is taken for, whatever X says
-        "error": 1,  # of what is foreseen [m]
-        "breaks": 1,  # square of eta over the yield limit, beyond which what sticks slides, whatever the error
+        "pull": 2,  # predicted friction f of (C5), per unit of capacity; stored states use this name
+        "foreseen": 1,  # normal load predicted by the last Newton step
+        "regime": 1,  # FREE, or the assumed regime, regardless of X
+        "error": 1,  # error of the prediction [m]
+        "breaks": 1,  # square of eta over the yield limit, above which a stuck contact slides at any error
         "pull_m": 2,  # predicted friction and load a step before the last
         "load_m": 1,
-        "coupled": 1,  # 1: friction takes the normal load of X itself
-        "load_n": 1,  # at the end of the last step: for `after`, of this one
+        "coupled": 1,  # 1: friction uses the normal load at X
+        "load_n": 1,  # at the end of the last step; for `after`, of this step
         "f": 3,  # for `after`: the point's gradient at the end of the step
         "of_segment": 1,  # rows shared with the ledger of the segment: its 8 terms lie here, directly before `first`
         "first": 3,  # (dX/dq) dq
@@ -70,11 +70,11 @@ ALONG_NORMAL = 1e-6
 
 
 FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
-"""Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even where it is apart.
+"""Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even at a distance.
 STICKING and STICKING_BACK: contact that sticks, even beyond the yield surface.
 
-A sticking contact has the coefficient against motion towards the head or, the last one, towards the tail, wherever y
-leads. With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
+At any y, STICKING has the coefficient against motion towards the head, and STICKING_BACK the coefficient against motion
+towards the tail. With a regime and coupled, K is the matrix of (C5) at the predicted forces, else the derivative of f.
 """
 
 Law = type[FrictionLaw]
@@ -109,7 +109,7 @@ def contact_of(law: Law) -> Contact:
 
 
 def penetration(touching: ca.SX) -> ca.SX:
-    """Return the penetration that carries load [m]: negative too in a regime of contact, which may be wrong."""
+    """Return the penetration that carries load [m]; negative if a regime of contact is assumed wrongly."""
     regime = LAYOUT.symbols["regime"]
     return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
 
@@ -131,34 +131,34 @@ def _curvature() -> ca.SX:
 def force(law: Law = Coulomb) -> ca.Function:
     """Return the gradient f (3) of a point's potential, the potential and the load.
 
-    With `coupled` f is the true residual; the potential then means nothing.
+    With `coupled` f is the true residual; the potential then has no meaning.
     """
     outputs = _force(law)
     return LAYOUT.function("point_force", {name: outputs[name] for name in ("f", "phi", "load")})
 
 
 def stiffness(law: Law = Coulomb) -> ca.Function:
-    """Return what `force` does, f with the forces that were foreseen (3), and the Hessian K (9, row by row).
+    """Return the outputs of `force`, f with the predicted forces (3), and the Hessian K (9, row by row).
 
-    With `coupled` K is the unsymmetric derivative of the residual. What was foreseen is for the second derivatives of
-    the points.
+    With `coupled` K is the unsymmetric derivative of the residual. The predicted forces serve for the second
+    derivatives of the points.
     """
     return LAYOUT.function("point_stiffness", _force(law))
 
 
 def ahead(law: Law = Coulomb) -> ca.Function:
-    """Return what `stiffness` does, but K of a free point: what contact adds to it is exchanged."""
+    """Return the outputs of `stiffness`, but with K of a free point: the contact's part of K is exchanged."""
     return LAYOUT.function("point_ahead", {**_force(law), "K": ca.vec(_still()[2])})
 
 
 def free_force() -> ca.Function:
-    """Return what `force` does where nothing touches: in the regime OPEN, coupled."""
+    """Return the outputs of `force` for a point that touches nothing: in the regime OPEN, coupled."""
     outputs = _free()
     return LAYOUT.function("point_free_force", {name: outputs[name] for name in ("f", "phi", "load")})
 
 
 def free_stiffness() -> ca.Function:
-    """Return what `stiffness` does there."""
+    """Return the outputs of `stiffness` for a point that touches nothing."""
     return LAYOUT.function("point_free_stiffness", _free())
 
 
@@ -178,7 +178,7 @@ def _still() -> tuple[ca.SX, ca.SX, ca.SX]:
 def _force(law: Law) -> dict[str, ca.SX]:
     s, c = LAYOUT.symbols, contact_of(law)
     T = ca.horzcat(*_tangents())
-    soft = [ca.if_else(s["coupled"] != 0.0, each, 1.0) for each in c.of.hardness]  # else f had no potential
+    soft = [ca.if_else(s["coupled"] != 0.0, each, 1.0) for each in c.of.hardness]  # else f would have no potential
     of = sided(contact.Coefficients(c.of.mu, contact.Directions(*soft)))
     at = contact.friction(c.y, of, c.step, s["regime"] >= STICKING)
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
@@ -201,7 +201,7 @@ def _force(law: Law) -> dict[str, ca.SX]:
 
 
 def sided(of: contact.Coefficients) -> contact.Coefficients:
-    """Return the coefficients of a regime: where a contact sticks, the same for both directions along the segment."""
+    """Return the coefficients of a regime; for a sticking contact, both directions along the segment have the same."""
     regime = LAYOUT.symbols["regime"]
     sides = [
         contact.Directions(
@@ -215,7 +215,7 @@ def sided(of: contact.Coefficients) -> contact.Coefficients:
 
 
 def start() -> ca.Function:
-    """Return what is known at the start of a step: the rows from "tangent" to "deep" (22)."""
+    """Return the quantities known at the start of a step: the rows from "tangent" to "deep" (22)."""
     s = LAYOUT.symbols
     tangents, slide = _projected()
     depth = ca.fmax(0.0, -s["distance"])
@@ -242,7 +242,7 @@ def start() -> ca.Function:
 
 
 def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return the tangents at X, along the segment, projected, and to its left, and the displacement in them."""
+    """Return the tangents at X, along the segment (projected) and to the left, and the displacement in the tangents."""
     s = LAYOUT.symbols
     n, t = s["normal"], s["segment_tangent"]
     along, upward = (each - ca.dot(each, n) * n for each in (t, ca.cross(t, s["segment_director"])))
@@ -253,7 +253,7 @@ def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
 
 
 def _slip(law: Law) -> ca.SX:
-    """Motion of the anchor (C4), shape (2,): zero where nothing touches, all of s where the place has no grip."""
+    """Return the motion of the anchor (C4), shape (2,): zero without contact, all of s where the world has no grip."""
     s, c = LAYOUT.symbols, contact_of(law)
     slip = c.y - contact.left_after_return(c.y, c.of, c.step)
     return ca.if_else(c.load > 0.0, ca.if_else(s["hold"] > 0.0, slip, c.slide), ca.SX.zeros(2))
@@ -286,7 +286,7 @@ AFTER = Layout(
 
 
 def after(law: Law = Coulomb) -> ca.Function:
-    """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state with which the next step begins."""
+    """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state at the start of the next step."""
     s, slip, touches = LAYOUT.symbols, _slip(law), LAYOUT.symbols["load_n"] > 0.0
     stored, friction = _friction_ledger(law, slip)
     parts = (friction, _normal_ledger(law), inertia.ledger(s, s["first"]))
@@ -305,14 +305,14 @@ def after(law: Law = Coulomb) -> ca.Function:
 
 
 def touches() -> ca.Function:
-    """Return 1 where a point bears load, or has before; elsewhere `free_after` says all that `after` does."""
+    """Return 1 for a point that bears or has borne load; for other points `free_after` is equal to `after`."""
     s = LAYOUT.symbols
     signs = ca.vertcat(s["load_n"], s["stored_n"], s["depth_n"], -s["distance"])
     return LAYOUT.function("point_touches", {"touches": ca.mmax(signs) > 0.0})
 
 
 def free_after() -> ca.Function:
-    """Return what `after` does where nothing touches."""
+    """Return the outputs of `after` for a point that touches nothing."""
     s = LAYOUT.symbols
     own = inertia.ledger(s, s["first"])
     rows = {
@@ -359,7 +359,7 @@ def _friction_ledger(law: Law, slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     stored, stored_n = load * of(energy, left), load * of(energy, s_n)
     spring = load * of(ca.gradient(energy, y), left)
     at = contact.friction(c.y, c.of, c.step)
-    force = load * at.f  # (C4) keeps it
+    force = load * at.f  # (C4) keeps the force
     lost = ca.sqrt(contact.squares(slip, c.of)[0])
     loss = load * c.step.strength(lost)[0] * lost
     load_change = stored_n - s["stored_n"]

@@ -1,7 +1,7 @@
-"""Kernels that guess: in which regime a contact is, or will be, and with which friction and load.
+"""Kernels that guess the present or next regime of a contact, with the friction and the load.
 
-They are heuristics: they decide where Newton's method begins and in how many iterations it ends, not the solution,
-which obeys the law of `worm3d.physics.contact` alone.
+The guesses are heuristics: they affect the start and the number of iterations of Newton's method, but not the solution,
+which obeys only the law of `worm3d.physics.contact`.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from worm3d.physics.kernels.point import (
 )
 
 MAX_SWING = 3e-5
-"""Square of the relative change of y above which the K of a sliding contact is made anew."""
+"""Square of the relative change of y above which the K of a sliding contact is computed again."""
 
 STICK_SHARE = 0.25
-"""Square of the share of the law's own force below which a foreseen force of a sliding contact means that it sticks."""
+"""Square of the predicted force of a sliding contact, as a fraction of the law's force, below which contacts stick."""
 
 SIDE_TOLERANCE = 1e-7
 """Displacement along the segment, as a fraction of the yield limit, below which a stuck contact keeps its side."""
 
 
 def near(law: Law = Coulomb) -> ca.Function:
-    """Return 1 where a contact is closed, or about to be to first order; `yielding` changes nothing elsewhere."""
+    """Return 1 for a contact that is closed, or closes to first order; `yielding` leaves other contacts as they are."""
     s, c = LAYOUT.symbols, contact_of(law)
     touching = c.touching - ca.dot(s["normal"], s["first"])
     lands = ca.logic_and(s["stiffness"] > 0.0, touching > s["error"])
@@ -44,15 +44,15 @@ def near(law: Law = Coulomb) -> ca.Function:
 
 
 def yielding(law: Law = Coulomb) -> ca.Function:
-    """Return what a contact does at X + `first`, to first order: rows "y" to "recent", 12 in all.
+    """Return the first-order prediction of a contact at X + `first`: rows "y" to "recent", 12 in all.
 
     y, predicted_friction : s - s* (2) [m], and f' (2) of (C5).
     excess : eta less its yield limit, over the largest coefficient [m].
     touching : penetration -g - d*, negative where nothing touches [m].
     foreseen : normal load [N].
     swing : square of the relative change of y.
-    regime : the one that follows, another where the present one contradicts the friction law by more than `error`.
-    stale : whether the stiffness K of the contact must be computed anew.
+    regime : next regime; it changes if the present regime contradicts the friction law by more than `error`.
+    stale : whether the stiffness K of the contact must be computed again.
     static_excess, recent : excess of eta over the static limit, (C6), and its last change, the error included [m].
     """
     s, c = LAYOUT.symbols, contact_of(law)
@@ -95,11 +95,11 @@ def _elastic(y: ca.SX, of: contact.Coefficients) -> ca.SX:
 
 
 def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
-    """Return the regime that follows: another where one contradicts the friction law by more than the error."""
+    """Return the next regime; it changes if the present regime contradicts the friction law by more than the error."""
     s = LAYOUT.symbols
     error, regime = s["error"], s["regime"]
     sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
-    side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
+    side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # distance on the other side
     limit = c.step.limit_ratio * c.step.r
     counts = ca.fabs(_elastic(y, c.of)[0] * y[0]) > SIDE_TOLERANCE * limit
     turned = ca.logic_and(ca.logic_and(side > error, counts), c.of.mu.forward != c.of.mu.backward)
@@ -115,10 +115,10 @@ def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held
 
 
 def expected(law: Law = Coulomb) -> ca.Function:
-    """Return f of (C5), load and regime that a contact will have if it goes on as in the last two steps.
+    """Return f of (C5), load and regime of a contact that continues as in the last two steps.
 
-    X and `regime` are those of the start of the step, `first` is the motion that is expected; what lands is taken for
-    pressed in by `error`.
+    X and `regime` are the values at the start of the step, and `first` is the expected motion. A contact that lands
+    counts as pressed in by `error`.
     """
     s, c = LAYOUT.symbols, contact_of(law)
     y = c.y + in_tangents(s["first"])

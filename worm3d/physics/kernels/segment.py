@@ -5,8 +5,8 @@ Points: the six apexes in the order of NOTATION.md, tail face, head face; their 
 row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
 `worm3d.physics.kernels.point`.
 
-Where all mass lies on the axis, the roll of the whole worm has no inertia. There a damper resists the roll g of each
-step: potential C g^2/(2 dt), loss C g^2/dt.
+If all mass lies on the axis, the roll of the whole worm has no inertia. A damper then resists the roll g of each step:
+potential C g^2/(2 dt), loss C g^2/dt.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LAYOUT = Layout(
         "offset": 1,
         "radius": 2,  # of the faces at p_i and p_{i+1}
         "normal": 6,  # of the world at the faces, one after the other
-        "rim": 4,  # r of (E6), likewise
+        "rim": 4,  # r of (E6), in the same order
         "k": 1,
         "k_apex": 1,
         "l0": 1,
@@ -52,19 +52,19 @@ LAYOUT = Layout(
         "length_n": 2,
         "angle_n": 2,
         "f": 3 * POINTS,  # gradient of the potential in the points
-        "of_points": 2 * POINTS,  # numbers of each point, which its kernel leaves before what follows
-        "f_ahead": 3 * POINTS,  # f as Newton foresaw it, for the second derivatives
+        "of_points": 2 * POINTS,  # numbers that the kernel of each point leaves before the next rows
+        "f_ahead": 3 * POINTS,  # f predicted by Newton's method, for the second derivatives
         "K": 9 * POINTS,  # Hessian of the potential, row 8 (3 r + c) + point
     }
 )
 
 
 _REDUCED = ca.SX.sym("z", COORDINATES)
-"""Midpoint (3), edge p_{i+1} - p_i (3), roll, bend: in these the derivatives are shortest."""
+"""Midpoint (3), edge p_{i+1} - p_i (3), roll, bend: the coordinates with the shortest derivatives."""
 
 
 def _reduced() -> ca.SX:
-    """Return `_REDUCED` as the linear function of the coordinates that it is."""
+    """Return `_REDUCED` as a linear function of the coordinates."""
     q = LAYOUT.symbols["q"]
     return ca.vertcat((q[0:3] + q[5:8]) / 2.0, q[5:8] - q[0:3], q[3], q[4])
 
@@ -149,7 +149,7 @@ Energy = Callable[[ca.SX], ca.SX]
 
 @cache
 def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX]:
-    """Potential of springs, dampers and actuators, and gradient of everything that moves with the segment."""
+    """Return the potential of springs, dampers and actuators, and the gradient of all that moves with the segment."""
     x = _shape_of_reduced()
     phi = _energy(x.lengths, _REDUCED[6], actuated)
     slope = ca.gradient(phi + ca.dot(LAYOUT.symbols["f"], x.points), _REDUCED)
@@ -175,7 +175,7 @@ def _linear() -> ca.SX:
 
 
 def _hessian(actuated: Energy | None) -> ca.SX:
-    """Return the Hessian of everything that moves with the segment, its points being free masses."""
+    """Return the Hessian of everything that moves with the segment, with points as free masses."""
     s, frame = LAYOUT.symbols, _shape_of_reduced().frame
     axes = ca.horzcat(*frame[1:])
     turn = ca.diagcat(axes, axes, ca.SX.eye(2))
@@ -188,9 +188,9 @@ def _hessian(actuated: Energy | None) -> ca.SX:
 
 
 def _curve(actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref: ca.SX, f: ca.SX) -> ca.SX:
-    """Return it in components along the frame, for midpoint, edge, roll and bend.
+    """Return the Hessian in components along the frame, for midpoint, edge, roll and bend.
 
-    There the points r = X - midpoint depend on length and bend alone. With the spin w of the frame, (E1),
+    In the frame, the points r = X - midpoint depend only on length and bend. With the spin w of the frame, (E1),
     dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r.
     """
     s, roll, shape = LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
@@ -230,7 +230,7 @@ def _hinge(angle: ca.SX) -> ca.SX:
 
 
 def _chamber_damping() -> ca.SX:
-    """Time times stiffness of one chamber [N s/m]."""
+    """Return time times stiffness of one chamber [N s/m]."""
     return LAYOUT.symbols["tau"] * LAYOUT.symbols["k"] / (2.0 * LAYOUT.symbols["l0"])
 
 
@@ -239,12 +239,12 @@ def _hinge_damping() -> ca.SX:
 
 
 def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
-    """Return the potential of springs, dampers and actuators, and the gradient (8) of it and of the points' potential.
+    """Return the potential of springs, dampers and actuators, and the gradient (8) including the points' potential.
 
     Parameters
     ----------
     layout : Layout
-        Of the inputs, with those of `actuated` behind those of the segment.
+        Layout of the inputs: the segment's inputs, then the inputs of `actuated`.
     actuated : callable, optional
         Potential of the actuators.
     """
@@ -253,9 +253,9 @@ def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Func
 
 
 def hessian(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
-    """Return potential and gradient as `gradient` does, and the Hessian (64), row by row.
+    """Return the outputs of `gradient`, and the Hessian (64), row by row.
 
-    That of the points counts as if they were free: of K the entries xx are taken, on all axes.
+    The points count as free masses: the entries xx of K are used for all axes.
     """
     phi, slope = _potential(actuated)
     return layout.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": _hessian(actuated)})
@@ -269,7 +269,7 @@ LEDGER_ROWS = 8
 def ledger() -> ca.Function:
     """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2).
 
-    Behind them, and a row that says nothing, stands what `motion` returns (24).
+    An unused row and the outputs of `motion` (24) follow.
     """
     s = LAYOUT.symbols
     terms = _chamber_ledger(0) + _chamber_ledger(1)

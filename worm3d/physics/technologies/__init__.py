@@ -1,1 +1,1 @@
-"""Actuator technologies: one law, and the numbers of those that worm robots are built with."""
+"""Actuator technologies: one law, and the numbers of the technologies used in worm robots."""

@@ -1,37 +1,40 @@
-"""The law of a technology: a slow drive, a spring that it moves, the force that it can hold, and what all that costs.
+"""The law of a technology: a slow drive, a spring moved by the drive, a limited force, and the energy used.
 
-Drive. A command c, the contraction asked of the chamber, is the share u = c/s of the free stroke s = strain lever. It
-comes with a delay, which is a lag of its own, and meets the drive d (the heat of a wire, the charge of a film, the
-pressure of a muscle, the angle of a motor), which follows it by first order, up and down at different speeds, and no
-faster than a rate:
+Drive. A command c, the commanded contraction of the chamber, is the share u = c/s of the free stroke s = strain lever.
+A separate lag delays the command. The drive d (the heat of a wire, the charge of a film, the pressure of a muscle, the
+angle of a motor) follows the delayed command by first order, up and down at different speeds, and no faster than a
+rate:
 
     d' = (target - d)/tau,   tau = rise where |target| > |d|, else fall,   |d'| <= rate                 (T1)
 
-rise and fall are those of an actuator of the cross-section `gauge`. A wire that is heated by a current and cooled by
-air gets slower with its thickness, up and down alike, so that size and times go together:
+rise and fall hold for an actuator of the cross-section `gauge`. A wire that is heated by a current and cooled by air
+becomes slower with increasing thickness, equally up and down, so that the times follow the size:
 
     rise, fall, 1/leak  ~  (area/gauge)^(THICKNESS_POWER/2)                                             (T1a)
 
 The active share a follows the drive within a band, as austenite follows temperature (a play operator, which has minor
-loops), w = `hysteresis`:
+loops), with the width w = `hysteresis`:
 
     (1 + w) d - w <= a <= (1 + w) d,   0 <= a <= 1                                                      (T2)
 
-and the target of (T1) is the drive at which a would be u, on that side of the band where it has to be moved. Actuators
-that are driven both ways have no band, and -1 <= d = a <= 1.
+The target of (T1) is the drive that makes a equal to u, at the edge of the band that moves a. Actuators that are driven
+both ways have no band, and -1 <= d = a <= 1.
 
-Force. With the actuator's own contraction z = 1 - l/l0 (of one that lengthens, minus that), x = z/s, and the blocking
-force F_b = stress area/lever, it pulls by F = F_b f, held between what it can push and what it can pull:
+Force. Let z = 1 - l/l0 be the actuator's own contraction (z = l/l0 - 1 for an actuator that lengthens the chamber),
+x = z/s, and F_b = stress area/lever the blocking force. The actuator pulls by F = F_b f, bounded by the largest push
+and the largest pull:
 
     f = max(-push, min(kappa (q - x), A (1 - droop max(x, 0)))),   kappa = `series`                     (T3)
 
-A drive that moves the free end of a spring (alloys, films, bellows, motors) has q = a and A = 1: at kappa = 1 it is the
-line from the blocking force to the free stroke, moved by the drive; a stiffer spring is a source of position whose
-force is limited. One that scales the force (`scales`: the pressure of braided muscles, the activation of natural ones)
-has q = 1 and A = a. f never grows with x: its potential Psi = - F_b l0 s (integral of f dx) is convex in the length.
+A drive that moves the free end of a spring (alloys, films, bellows, motors) has q = a and A = 1: at kappa = 1, f is the
+line from the blocking force to the free stroke, moved by the drive; with a stiffer spring the actuator sets the
+position with a limited force. A drive that scales the force (`scales`: the pressure of braided muscles, the activation
+of natural muscles) has q = 1 and A = a. f never grows with x: the potential Psi = - F_b l0 s (integral of f dx) is
+convex in the length.
 
 Energy. The end of the spring moves by dy = s l0 dx + (1 - scales) dF/K, K = kappa F_b/(s l0): the drive does the work
-W = F dy, of which (1 - scales) F^2/(2 K) is stored and the rest goes to the chamber. Beside it
+W = F dy. The spring stores (1 - scales) F^2/(2 K) of this work, and the rest goes to the chamber. The other energies
+are
 
     kept in the drive       E |d|,   E = charge area l0          (heat, field, compressed air)           (T4)
     leaking from it         leak E |d|                           (cooling, leakage)
@@ -40,15 +43,15 @@ W = F dy, of which (1 - scales) F^2/(2 K) is stored and the rest goes to the cha
     drawn from the source   D+/charging + W+/efficiency + holding + idling,   D = E |d|' + leak E |d|
     lost                    leak + D+ (1/charging - 1) + D- + W+ (1/efficiency - 1) + W- + holding + idling
 
-D+ and D- are the positive and negative parts: what a drive that is let go has beyond what leaks is thrown away, and so
-is work that the chamber does on the drive; nothing returns to the source. Drawn is what is kept, stored, lost and given
-to the chamber. `idle` is the power of the drive of one chamber, whatever the size. In a step, W and the holding are
-trapezoids and what leaks follows from the drive's exponential; then what is given to the chamber is its mean pull times
-its shortening, of which the ledger's numerical loss is the rest.
+D+ and D- are the positive and negative parts. A released drive loses all energy that does not leak, and loses the work
+that the chamber does on the drive; nothing returns to the source. The energy drawn is the sum of the energies kept,
+stored, lost and given to the chamber. `idle` is the power of the drive of one chamber at any size. In a step, W and the
+holding are trapezoids, and the leak follows from the drive's exponential. The energy given to the chamber is then the
+mean pull times the shortening; the remainder is the ledger's numerical loss.
 
-Heat. The temperature above the room's is hot d and what the losses, but for those of idling, have left in a body of the
-heat capacity C = heat_capacity stress area, which cools by first order; near `hottest` the command is turned down to
-nothing:
+Heat. The temperature T above the room temperature is the sum of hot |d| and the warming T_l of a body by all losses
+except idling. The body has the heat capacity C = heat_capacity stress area and cools by first order. Near `hottest` the
+command is reduced to zero:
 
     T = hot |d| + T_l,   C T_l' = lost - C T_l/cooling,   |u| <= 10 (1 - T/hottest)                     (T5)
 """
@@ -71,28 +74,28 @@ MOST_STROKE = 0.9
 """Largest free stroke, as a fraction of the chamber's rest length."""
 
 G = 9.81
-"""Gravity by which the default size reckons with the worm's weight [m/s^2]."""
+"""Gravity for the worm's weight in the default size [m/s^2]."""
 
 NO_LIMIT = float("inf")
 
 THICKNESS_POWER = 1.75
-"""Power of a wire's thickness with which its times grow, (T1a).
+"""Exponent of a wire's thickness in the time constants, (T1a).
 
-With it 1.85 s of a wire of 0.15 mm give the times that are told of wires of 0.10 to 0.38 mm, 1 to 10 s, within 10 %.
-With 2, of air that conducts alone, a wire of half the thickness takes 0.25 of the time instead of 0.30; with 1, of a
-constant coefficient of heat transfer, 0.5.
+With this exponent, 1.85 s for a wire of 0.15 mm gives the reported times of wires of 0.10 to 0.38 mm, 1 to 10 s, within
+10 %. With 2 (air that only conducts), a wire of half the thickness takes 0.25 of the time instead of 0.30; with 1 (a
+constant coefficient of heat transfer), 0.5.
 """
 
 
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Technology(Actuator):
-    """Base of the actuator technologies, whose numbers differ: (T1) to (T5). They act on the chambers' lengths.
+    """Base of the actuator technologies, (T1) to (T5), which differ in numbers and act on the chambers' lengths.
 
-    The springs of the chambers stay at their rest lengths and pull back what the actuators have moved. An actuator that
-    can only pull (push = 0) shortens its chamber, or with `lengthens`, as hoops that squeeze a mesh do, lengthens it.
-    Its states are recorded: "asked", "drive" and "active" as shares of the full drive, "warmth", and "pull", its force
-    on the chamber, positive where it contracts.
+    The springs of the chambers keep their rest lengths and pull the chambers back. An actuator that can only pull
+    (push = 0) shortens the chamber, or lengthens the chamber with `lengthens`, as hoops that squeeze a mesh do. A run
+    records the states: "asked", "drive" and "active" as shares of the full drive, "warmth", and "pull", the force on
+    the chamber, positive for contraction.
     """
 
     states: ClassVar[Mapping[str, str]] = {"asked": "1", "drive": "1", "active": "1", "warmth": "K", "pull": "N"}
@@ -180,9 +183,9 @@ class Technology(Actuator):
         left_out="no limit",
     )
     sources: ClassVar[Mapping[str, str]] = {}
-    """Where each number of the technology is from, by parameter."""
+    """Source of each number of the technology, by parameter."""
     uncounted: ClassVar[str] = ""
-    """What the energy drawn leaves out, so that it cannot be compared with that of others; empty: nothing known."""
+    """Energy not included in the energy drawn, which prevents comparisons with others; empty: nothing known."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -193,13 +196,13 @@ class Technology(Actuator):
 
     @classmethod
     def compiled(cls) -> type[Actuator]:
-        """Return the class that the kernels are made of: technologies differ in their numbers alone."""
+        """Return the class from which the kernels are made: technologies differ only in numbers."""
         return Technology
 
     @classmethod
     def respond(cls, s: Symbols) -> Response:
         """Return (T1) to (T5)."""
-        import casadi as ca  # parameters are wanted without it
+        import casadi as ca  # parameters do not need casadi
 
         asked, drive, active, time = _driven(s)
         now, before = _shape(s, active, "length"), _shape(s, s["active_n"], "length_n")
@@ -213,7 +216,7 @@ class Technology(Actuator):
         given, taken = ca.fmax(worked, 0.0), ca.fmax(-worked, 0.0)
         holding = s["stall"] * s["lever"] / blocking * s["dt"] * (pull**2 + pull_n**2) / 2.0
         heating = into * (1.0 / s["charging"] - 1.0) + out + given * (1.0 / s["efficiency"] - 1.0) + taken + holding
-        kept = ca.exp(-s["dt"] / (2.0 * s["cooling"]))  # over half a step, in whose middle the losses come
+        kept = ca.exp(-s["dt"] / (2.0 * s["cooling"]))  # over half a step: the losses come in the middle
         warmed = (leaked + heating) / (s["heat_capacity"] * s["stress"] * s["area"])
         left = ((s["warmth_n"] - s["hot"] * ca.fabs(s["drive_n"])) * kept + warmed) * kept
         warmth, idle = s["hot"] * ca.fabs(drive) + left, s["idle"] * s["dt"]
@@ -231,7 +234,7 @@ class Technology(Actuator):
 
     @classmethod
     def at_rest(cls, s: Symbols) -> Symbols:
-        """Return the states that a command which has long been there leads to."""
+        """Return the states under a command that has long been constant."""
         import casadi as ca
 
         share = _share(s, s["command"])
@@ -251,13 +254,13 @@ class Technology(Actuator):
         return {**given, "area": area, **times}
 
     def slower(self, area: FloatArray) -> FloatArray:
-        """Return by how much longer than `rise` and `fall` an actuator of a cross-section [m^2] takes, (T1a)."""
+        """Return the times of an actuator of a cross-section [m^2] as multiples of `rise` and `fall`, (T1a)."""
         return (area / (area if self.gauge is None else self.gauge)) ** (THICKNESS_POWER / 2.0)
 
     def size(self, worm: Body) -> FloatArray:
         """Return the default cross-section of the actuator of each chamber, shape (N,) [m^2].
 
-        It is what the worm needs, but at most a share `room` of the chamber's cross-section.
+        The actuator is as large as the worm needs, but fills at most a share `room` of the chamber's cross-section.
         """
         h0 = np.asarray(worm.half_height)
         return np.minimum(self.needed(worm), self.room * 2.0 * h0 * (worm.chamber_offset + h0))
@@ -265,8 +268,8 @@ class Technology(Actuator):
     def needed(self, worm: Body) -> FloatArray:
         """Return the cross-section of the actuator of each chamber that the worm needs, shape (N,) [m^2].
 
-        Its blocking force is `reserve` times what half of a segment's springs (a chamber's) needs for the stroke, and
-        half of the worm's weight.
+        The blocking force is `reserve` times the sum of two forces: the force for the stroke of half of a segment's
+        springs (a chamber's half), and half of the worm's weight.
         """
         wanted = -worm.stroke[0] if self.lengthens else worm.stroke[1]
         stroke = np.minimum(np.minimum(self.strain * np.asarray(self.lever), MOST_STROKE), wanted or MOST_STROKE)
@@ -275,7 +278,7 @@ class Technology(Actuator):
 
 
 class _Shape:
-    """Stroke x of an actuator, its force f over the blocking force, and the integral of f dx, (T3)."""
+    """Stroke x of an actuator, force f as a fraction of the blocking force, and the integral of f dx, (T3)."""
 
     def __init__(self, s: Symbols, active: Symbol, length: str) -> None:
         import casadi as ca
@@ -283,7 +286,7 @@ class _Shape:
         kappa, m = s["series"], s["scales"]
         at, top = m + (1.0 - m) * active, 1.0 - m + m * active
         self.x = x = _sense(s) * (1.0 - s[length] / s["l0"]) / _stroke(s)
-        early = at - top / kappa  # where the spring takes over from the limit, if that is before x = 0
+        early = at - top / kappa  # where the spring takes over from the limit, if before x = 0
         slack = ca.fmax(kappa - top * s["droop"], 1e-9)
         turn = ca.if_else(early < 0.0, early, (kappa * at - top) / slack)
         droop = ca.if_else(early < 0.0, 0.0, top * s["droop"])
@@ -296,7 +299,7 @@ _shape = _Shape
 
 
 def _sense(s: Symbols) -> Symbol:
-    """Return 1 for an actuator that shortens its chamber, -1 for one that lengthens it."""
+    """Return 1 for an actuator that shortens its chamber, -1 for an actuator that lengthens its chamber."""
     return 1.0 - 2.0 * s["lengthens"]
 
 
@@ -321,7 +324,7 @@ def _command(s: Symbols) -> Symbol:
 def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol, Symbol]:
     """Return asked, drive and active share at the end of the step, (T1) and (T2), and the time integral of |drive|.
 
-    The drive's target is held in the step. The integral is exact unless the drive changes its sign.
+    The drive's target is held in the step. The integral is exact unless the drive changes sign.
     """
     import casadi as ca
 

@@ -1,7 +1,7 @@
-"""The numbers of each technology, with their sources: actuators of the class `Technology` that differ in these alone.
+"""Numbers of each technology, with sources; technologies are subclasses of `Technology` that differ in these numbers.
 
-A number whose source is "estimate" was not found in print; one that is "computed" says from what. Published times are
-those to 90 % of a step, from which time constants are computed.
+A number whose source is "estimate" was not found in print; a "computed" number names its inputs. Published times are
+times to 90 % of a step; time constants are computed from these times.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SES = "Riddle et al., Bioinspir. Biomim. 20 (2025) 066001, and its program"
 ESTIMATE = "estimate"
 
 Row = tuple[float | bool, str]
-"""A number, or whether something holds, and its source."""
+"""A number or a flag, and the source."""
 
 
 def _lag(seconds: float, hysteresis: float = 0.0) -> float:
@@ -40,19 +40,19 @@ def _lag(seconds: float, hysteresis: float = 0.0) -> float:
 
 
 def compressed_air(gauge: float) -> tuple[float, float]:
-    """Return the energy that compressed air keeps [J/m^3] and the efficiency of filling from a supply of its pressure.
+    """Return the energy kept in compressed air [J/m^3] and the efficiency of filling from a supply at its pressure.
 
-    A volume V at the pressure p_0 of the room holds air of its own, so that filling it to p takes p - p_0 of air in V
-    from a supply that has compressed this air at the temperature of the room, (A5):
+    A volume V at the pressure p_0 of the room already holds air. Filling V to p takes air of p - p_0 in V from a supply
+    that has compressed this air at the temperature of the room, (A5):
 
         kept  V (p ln(p/p_0) - p + p_0),   drawn  V (p - p_0) ln(p/p_0)
 
-    A chamber that then grows by dV takes p ln(p/p_0) dV more from the supply, for the work (p - p_0) dV: that is in
-    `efficiency`, at best (1 - p_0/p)/ln(p/p_0), 0.80 at 60 kPa and 0.54 at 300 kPa.
+    A chamber that then grows by dV takes p ln(p/p_0) dV more from the supply, for the work (p - p_0) dV; `efficiency`
+    includes this loss and is at best (1 - p_0/p)/ln(p/p_0), 0.80 at 60 kPa and 0.54 at 300 kPa.
 
-    At part of the pressure what is drawn is in proportion, as here; what is kept is less than in proportion, by up to
-    0.23 (60 kPa) or 0.19 (300 kPa) of the whole. What a vacuum pump draws for as much below the room's pressure is
-    (p_0 - p) ln(p_0/p) instead, 1.9 times as much at 60 kPa.
+    At part of the pressure the energy drawn is in proportion to the pressure, as here; the energy kept is less than in
+    proportion, by up to 0.23 (60 kPa) or 0.19 (300 kPa) of the whole. For the same difference below the room's
+    pressure, a vacuum pump draws (p_0 - p) ln(p_0/p) instead, 1.9 times as much at 60 kPa.
     """
     p = gauge + ROOM_PRESSURE
     kept, drawn = p * (log(p / ROOM_PRESSURE) - 1.0) + ROOM_PRESSURE, (p - ROOM_PRESSURE) * log(p / ROOM_PRESSURE)
@@ -69,11 +69,12 @@ def _air(gauge: float) -> dict[str, Row]:
 
 
 def bending(thickness: float, length: float, stress: float) -> tuple[float, float]:
-    """Return the lever of strips that bend, and the blocking stress, from the stress of their faces [Pa].
+    """Return the lever of strips that bend, and the blocking stress, from the stress of the faces [Pa].
 
-    The faces of a cantilever strain by +e and -e, so that it has the curvature 2 e/thickness and its tip moves by
-    e length^2/thickness; 3 E I/length^3 times that way holds it, e E b thickness^2/(4 length) with the width b. Strips
-    that fill a chamber end to end have the stroke e lever, lever = length/thickness, and the force (e E/4) area/lever.
+    The faces of a cantilever strain by +e and -e, so that the curvature is 2 e/thickness and the tip moves by
+    e length^2/thickness. The blocking force is 3 E I/length^3 times this displacement, e E b thickness^2/(4 length)
+    with the width b. Strips that fill a chamber end to end have the stroke e lever, lever = length/thickness, and the
+    force (e E/4) area/lever.
     """
     return length / thickness, stress / 4.0
 
@@ -260,10 +261,10 @@ TABLE: dict[str, tuple[str, dict[str, Row]]] = {
         },
     ),
 }
-"""By name: what the technology is, and its numbers with their sources; the others are those of `Technology`."""
+"""By name: description of the technology, and numbers with sources; `Technology` has the other numbers."""
 
 UNCOUNTED = {"magnetic": "what the coils or magnets draw that make the field; it is the work of the field alone"}
-"""By name: what the energy drawn leaves out, where that is known to be most of it."""
+"""By name: energy not included in the energy drawn, if this is known to be the larger part."""
 
 
 def _preset(name: str, what: str, rows: Mapping[str, Row]) -> type[Technology]:
