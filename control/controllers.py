@@ -14,7 +14,7 @@ from importlib import import_module
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from control.parts import CONTROLLER, ESTIMATOR, MODEL
+from control.parts import CONTROLLER, ESTIMATOR, MODEL_KIND
 from control.task import ControlTask
 from worm3d import Controller
 from worm3d.values import named
@@ -69,7 +69,7 @@ def estimator(name: str) -> Any:
 
 def model(name: str) -> Any:
     """Return the class of a reduced model; ValueError as of `controller`."""
-    return _found(MODELS, name, MODEL)
+    return _found(MODELS, name, MODEL_KIND)
 
 
 def refused(name: str, parts: Mapping[str, Any]) -> str | None:

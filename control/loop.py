@@ -17,7 +17,7 @@ from time import perf_counter
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
 
 from control.estimation.chamber_gains import ChamberGains
-from control.estimation.estimate import HEADING, Estimate
+from control.estimation.estimate import HEADING_INDEX, Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.faults.chambers import Chambers
@@ -46,7 +46,7 @@ SOURCES: tuple[Source, ...] = get_args(Source)
 
 MOST_KEPT = 5
 """Largest number of times in a row that a plan, or parameters, are kept for lack of a better choice."""
-KNOWN = 0.08
+MAX_HEADING_DEVIATION = 0.08
 """Standard deviation below which the heading counts as known [rad]; with a larger deviation the worm leaves the
 path."""
 LONGEST_START = 3.0
@@ -56,7 +56,7 @@ LONGEST_COMPLAINT = 200
 STILL = 1e-6
 """Frequency of a wave that stands still [Hz]."""
 BLOCKED = "no way is left past an obstacle that has come into sight: the worm stops before it"
-LOST = "nothing is known to go by"
+NO_DECISION = "nothing is known to go by"
 _LOG = logging.getLogger(__name__)
 
 
@@ -352,7 +352,7 @@ class WaveController(Driver):
             self._kept_count += 1
             if self._kept_count <= MOST_KEPT:
                 return Choice("gait", self._target, complaint_of(error), failed=True)
-            return Choice("stop", rest(self._target), f"{LOST}: {complaint_of(error)}", failed=True)
+            return Choice("stop", rest(self._target), f"{NO_DECISION}: {complaint_of(error)}", failed=True)
         return choice
 
     def _is_blocked(self, t: float, estimate: Estimate | None) -> bool:
@@ -360,7 +360,9 @@ class WaveController(Driver):
         if self._blocked or estimate is None or not estimate.is_placed(self.worm.length):
             return self._blocked
         try:
-            if self.guide.look(estimate.position, estimate.heading, bool(estimate.deviations[HEADING] < KNOWN)):
+            if self.guide.look(
+                estimate.position, estimate.heading, bool(estimate.deviations[HEADING_INDEX] < MAX_HEADING_DEVIATION)
+            ):
                 self.reference = self.watch.reference = self.descent.reference = self.guide.reference
         except NoWayError as error:
             self._blocked = True
@@ -381,7 +383,9 @@ class KnownHeading:
 
     def __call__(self, estimate: Estimate, waves: float) -> bool:
         """Return whether the heading can be used, for an estimate after a number of waves."""
-        self._known = self._known or bool(estimate.deviations[HEADING] < KNOWN) or waves >= LONGEST_START
+        self._known = (
+            self._known or bool(estimate.deviations[HEADING_INDEX] < MAX_HEADING_DEVIATION) or waves >= LONGEST_START
+        )
         return self._known
 
 

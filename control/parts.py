@@ -30,9 +30,9 @@ CHANNEL = Kind("channel", "a channel of sensors", "control.sensing.sensors", "Qu
 WORLD = Kind("world", "a world", "worm3d.worlds", "World", table="WORLDS")
 ACTUATOR = Kind("actuator", "an actuator", "worm3d.physics.actuator_names", "Actuator", table="ACTUATORS")
 HYSTERESIS = Kind("hysteresis", "a friction of joints", "worm3d.physics.hysteresis", "Hysteresis", table="HYSTERESES")
-MEDIUM = Kind("medium", "a medium", "worm3d.physics.media", "Medium", table="MEDIA")
-LOAD = Kind("load", "a load", "worm3d.physics.loads", "Load", table="LOADS")
-LAW = Kind("law", "a law of friction", "worm3d.physics.friction_laws", "FrictionLaw", table="LAWS")
+MEDIUM_KIND = Kind("medium", "a medium", "worm3d.physics.media", "Medium", table="MEDIA")
+LOAD_KIND = Kind("load", "a load", "worm3d.physics.loads", "Load", table="LOADS")
+LAW_KIND = Kind("law", "a law of friction", "worm3d.physics.friction_laws", "FrictionLaw", table="LAWS")
 MEASURE = Kind("measure", "a measure", "worm3d.measures", "Measure", table="MEASURES")
 CONTROLLER = Kind("controller", "a controller", "control.loop", "WaveController", form="of(task)")
 ESTIMATOR = Kind(
@@ -42,14 +42,16 @@ ESTIMATOR = Kind(
     "Estimator",
     form="for_sensors(worm, model, schedule, sensors)",
 )
-MODEL = Kind("model", "a model", "control.estimation.reduced", "ReducedModel", form="of(worm, identified, mechanism)")
+MODEL_KIND = Kind(
+    "model", "a model", "control.estimation.reduced", "ReducedModel", form="of(worm, identified, mechanism)"
+)
 TERM = Kind("term", "a term of the cost", "control.planning.terms", "CostTerm", table="TERMS")
 CONSTRAINT = Kind("constraint", "a constraint", "control.planning.constraints", "Constraint", table="CONSTRAINTS")
-PATH = Kind("path", "a path", "control.tracking.paths", "Path")
+PATH_KIND = Kind("path", "a path", "control.tracking.paths", "Path")
 OBSTACLE = Kind("obstacle", "an obstacle", "control.tracking.obstacles", "Obstacle", table="OBSTACLES")
-OF_THE_PLANT = (GAIT, REFLEX, WORLD, ACTUATOR, HYSTERESIS, MEDIUM, LOAD, LAW, MEASURE)
-OF_CONTROL = (FAULT, CHANNEL, CONTROLLER, ESTIMATOR, MODEL, TERM, CONSTRAINT, PATH, OBSTACLE)
-KINDS = MappingProxyType({kind.name: kind for kind in (*OF_THE_PLANT, *OF_CONTROL)})
+OF_THE_PLANT = (GAIT, REFLEX, WORLD, ACTUATOR, HYSTERESIS, MEDIUM_KIND, LOAD_KIND, LAW_KIND, MEASURE)
+OF_CONTROL = (FAULT, CHANNEL, CONTROLLER, ESTIMATOR, MODEL_KIND, TERM, CONSTRAINT, PATH_KIND, OBSTACLE)
+PART_KINDS = MappingProxyType({kind.name: kind for kind in (*OF_THE_PLANT, *OF_CONTROL)})
 """Kinds by name."""
 
 
@@ -59,14 +61,14 @@ def part(kind: str) -> Callable[[T], T]:
     Parameters
     ----------
     kind : str
-        A name of `KINDS`.
+        A name of `PART_KINDS`.
 
     Raises
     ------
     ValueError
         There is no such kind.
     """
-    if not isinstance(kind, str) or kind not in KINDS:
-        known = ", ".join(map(repr, KINDS))
+    if not isinstance(kind, str) or kind not in PART_KINDS:
+        known = ", ".join(map(repr, PART_KINDS))
         raise ValueError(f"part: got {getattr(kind, '__name__', kind)!r}, must be one of {known}: @part('controller')")
     return lambda given: marked(kind, given)

@@ -29,8 +29,8 @@ from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel
 from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.surrogate import Ranges
 from control.loop import (
-    LOST,
     MOST_KEPT,
+    NO_DECISION,
     Choice,
     Estimates,
     KnownHeading,
@@ -52,7 +52,7 @@ from worm3d.values.named import EXCEPTIONS
 
 Deadline = Literal["iterations", "wall"]
 
-ROUNDING = 1e-6
+RANGE_TOLERANCE = 1e-6
 """Tolerance of the identified ranges for a plan, as a share of the ranges."""
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
@@ -222,7 +222,7 @@ class Supervisor(WaveController):
         self._kept += 1
         if self._kept <= MOST_KEPT:
             return Choice("gait", self._target, complaint, plan, failed=True)
-        return Choice("stop", rest(self._target), LOST, plan, failed=True)
+        return Choice("stop", rest(self._target), NO_DECISION, plan, failed=True)
 
     def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
         """Return the parameters of a wave; None without a wave, or if the wave is not finite."""
@@ -256,5 +256,5 @@ def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
     first = plan.parameters
     waves = np.vstack([inputs, [first.amplitude, first.frequency, first.steering(mechanism)]])
     waves[:, 0] = np.abs(waves[:, 0])  # below 0 backwards
-    (low, high), slack = ranges.bounds, ROUNDING * np.ptp(ranges.bounds, axis=0)
+    (low, high), slack = ranges.bounds, RANGE_TOLERANCE * np.ptp(ranges.bounds, axis=0)
     return OUTSIDE if ((waves < low - slack) | (waves > high + slack)).any() else ""

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv
 
 from planar.published_run import Run
-from planar.published_worm import BAND, Net, Parameters
+from planar.published_worm import NET_HALF_BANDWIDTH, Net, Parameters
 from planar.status import Status, Stop
 from worm3d.values import arguments, time_steps
 from worm3d.values.arguments import require_room
@@ -78,7 +78,7 @@ def _p2_newton(
         gradient, band = net.p7_gradient_and_band(q)
         f = mass / dt * ((q - q_k) / dt - u_k) + p.elastic_sign * gradient - force
         J = p.elastic_sign * band
-        J[BAND] += mass / dt**2
+        J[NET_HALF_BANDWIDTH] += mass / dt**2
         norm = float(np.linalg.norm(f[~held]))
         if not np.isfinite(norm):
             break  # before the solve spreads the value over the worm
@@ -89,21 +89,21 @@ def _p2_newton(
 
 
 def _free_band(held: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which entries of a band matrix join two free coordinates, shape (2 BAND + 1, D)."""
+    """Return which entries of a band matrix join two free coordinates, shape (2 NET_HALF_BANDWIDTH + 1, D)."""
     size = len(held)
-    free = np.zeros((2 * BAND + 1, size), dtype=bool)
-    for offset in range(-BAND, BAND + 1):
+    free = np.zeros((2 * NET_HALF_BANDWIDTH + 1, size), dtype=bool)
+    for offset in range(-NET_HALF_BANDWIDTH, NET_HALF_BANDWIDTH + 1):
         columns = np.arange(max(0, -offset), min(size, size - offset))
-        free[BAND + offset, columns] = ~(held[columns] | held[columns + offset])
+        free[NET_HALF_BANDWIDTH + offset, columns] = ~(held[columns] | held[columns + offset])
     return free
 
 
 def _solve_free(J: FloatArray, f: FloatArray, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> FloatArray:
     """Return J^-1 f on the free coordinates, zero on the held ones; LinAlgError if J is singular."""
-    matrix = np.zeros((3 * BAND + 1, len(f)))  # LAPACK's band has room for the fill-in of pivoting on top
-    matrix[BAND:] = np.where(free, J, 0.0)
-    matrix[2 * BAND, held] = 1.0
-    _, _, step, info = dgbsv(BAND, BAND, matrix, np.where(held, 0.0, f), overwrite_ab=True)
+    matrix = np.zeros((3 * NET_HALF_BANDWIDTH + 1, len(f)))  # LAPACK's band has room for the fill-in of pivoting on top
+    matrix[NET_HALF_BANDWIDTH:] = np.where(free, J, 0.0)
+    matrix[2 * NET_HALF_BANDWIDTH, held] = 1.0
+    _, _, step, info = dgbsv(NET_HALF_BANDWIDTH, NET_HALF_BANDWIDTH, matrix, np.where(held, 0.0, f), overwrite_ab=True)
     if info > 0:
         raise np.linalg.LinAlgError("singular matrix")
     return np.asarray(step)

@@ -14,10 +14,10 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
-BAND = 7
+NET_HALF_BANDWIDTH = 7
 """Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
 
-LARGEST = 1e100
+MAX_PARAMETER_SIZE = 1e100
 """Largest size of a parameter, and the inverse of the smallest: the program takes masses of any size for points."""
 
 
@@ -64,7 +64,7 @@ class Parameters(Spelled):
     max_iterations: int = parameter(100, meaning="iterations after which the step is kept, converged or not", ge=1)
 
     def __post_init__(self) -> None:
-        check(self, largest=LARGEST)
+        check(self, largest=MAX_PARAMETER_SIZE)
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
@@ -116,7 +116,9 @@ class Net:
         size = self.rest.size
         ends = np.column_stack([2 * self.a, 2 * self.a + 1, 2 * self.b, 2 * self.b + 1])
         self._scatter_gradient = ends.ravel()
-        self._scatter_band = ((BAND + ends[:, :, None] - ends[:, None, :]) * size + ends[:, None, :]).ravel()
+        self._scatter_band = (
+            (NET_HALF_BANDWIDTH + ends[:, :, None] - ends[:, None, :]) * size + ends[:, None, :]
+        ).ravel()
 
     def ground_height(self, clearance: float) -> float:
         """Return the height of a ground `clearance` below the lowest node at rest [m]."""
@@ -140,8 +142,8 @@ class Net:
     def p7_gradient_and_band(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient [N] and Hessian [N/m] of (P7) at the flat positions q of shape (D,).
 
-        The gradient has the shape (D,); the Hessian is banded, shape (2 BAND + 1, D): entry (i, j) at
-        [BAND + i - j, j].
+        The gradient has the shape (D,); the Hessian is banded, shape (2 NET_HALF_BANDWIDTH + 1, D): entry (i, j) at
+        [NET_HALF_BANDWIDTH + i - j, j].
         """
         x = q.reshape(-1, 2)
         e = x[self.b] - x[self.a]
@@ -155,5 +157,7 @@ class Net:
         blocks = np.empty((len(self.k), 4, 4))
         blocks[:, :2, :2] = blocks[:, 2:, 2:] = block
         blocks[:, :2, 2:] = blocks[:, 2:, :2] = -block
-        band = np.bincount(self._scatter_band, blocks.ravel(), (2 * BAND + 1) * q.size)
-        return np.asarray(gradient, dtype=float), np.asarray(band, dtype=float).reshape(2 * BAND + 1, q.size)
+        band = np.bincount(self._scatter_band, blocks.ravel(), (2 * NET_HALF_BANDWIDTH + 1) * q.size)
+        return np.asarray(gradient, dtype=float), np.asarray(band, dtype=float).reshape(
+            2 * NET_HALF_BANDWIDTH + 1, q.size
+        )

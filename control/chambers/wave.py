@@ -32,9 +32,9 @@ bent by 0.56 to 1.1 rad in an arc, at both ends, or at the head."""
 ASIDE = 0.05
 """Angle of a bent body's motion to the left of the chord, over the bend, (CP3): 0.046 to 0.049 on circles of 0.6 and
 1.5 body lengths with the bend of `control.chambers.controller` (seed 10), up to 0.07 for bends of 1.2 rad."""
-STEERINGS = 65
+STEERING_CANDIDATES = 65
 """Number of values of the steering among which (CP2) is solved."""
-SMOOTHING = 0.5
+COMMAND_SMOOTHING = 0.5
 """Number of waves after which the commands beside the wave have covered 63 % of a change."""
 
 
@@ -54,10 +54,12 @@ class BodyWave(WaveGenerator):
         Number of waves after which the commands have covered 63 % of a change of `beyond`.
     """
 
-    def __init__(self, wave: WaveGenerator, found: SteeringMap, worm: Worm, smoothing: float = SMOOTHING) -> None:
+    def __init__(
+        self, wave: WaveGenerator, found: SteeringMap, worm: Worm, smoothing: float = COMMAND_SMOOTHING
+    ) -> None:
         self._found, self._worm, self._smoothing = found, worm, smoothing
         greatest = found.ranges.steering
-        self._steerings = np.linspace(-greatest, greatest, STEERINGS)
+        self._steerings = np.linspace(-greatest, greatest, STEERING_CANDIDATES)
         super().__init__(wave.schedule, worm, wave.blend)
 
     def reset(self) -> None:

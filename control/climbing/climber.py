@@ -28,12 +28,12 @@ from control.supervisor import ARRIVED, Supervisor
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
 
-LOAD = "contact_load"
+LOAD_CHANNEL = "contact_load"
 OPENED = 2.0
 """Number of periods of the gait without an enclosed segment after which the walls have opened."""
 BLENDING = 0.6
 """Time of the transition from one gait to the other [s]; six time constants of the default actuators."""
-SMOOTHING = 0.3
+POSITION_SAMPLE_WEIGHT = 0.3
 """Weight of a new sample in the place of a climbing worm: a mean over half a second at 20 samples a second."""
 CLIMBS = "walls close round the worm: it climbs"
 
@@ -41,12 +41,12 @@ CLIMBS = "walls close round the worm: it climbs"
 class Climber(Supervisor):
     """A supervisor that climbs between walls that enclose the worm, for sensors that include "contact_load"."""
 
-    senses = (LOAD,)
+    senses = (LOAD_CHANNEL,)
 
     def reset(self) -> None:
         """Reset to the initial state."""
         super().reset()
-        self._load = np.zeros(QUANTITIES[LOAD].shape(self.worm))
+        self._load = np.zeros(QUANTITIES[LOAD_CHANNEL].shape(self.worm))
         self._limit = WallLoad().start(self.worm)
         self._climb: Climb | None = None
         self._way = Way(self.reference.path, self.worm.length, CLIMB.period)
@@ -62,7 +62,7 @@ class Climber(Supervisor):
 
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
-        self._load = latest(LOAD, measurement, self._load)
+        self._load = latest(LOAD_CHANNEL, measurement, self._load)
         self._change(t, enclosed(self.worm, self._load) > 0)
         wanted = self._crawled(t, measurement) if self._climb is None else self._climbed(t, self._climb, measurement)
         self._given = self._blended(t, wanted)
@@ -99,7 +99,7 @@ class Climber(Supervisor):
     def _crawled(self, t: float, measurement: Measurement) -> Command:
         """Return the command of the supervisor, reduced where segments press the walls too hard."""
         given = super().step(t, measurement)
-        limited = self._limit.step(t, given.contraction, {LOAD: self._load})
+        limited = self._limit.step(t, given.contraction, {LOAD_CHANNEL: self._load})
         return Command(np.clip(limited, *self.worm.stroke), given.hinge, given.force)
 
     def _climbed(self, t: float, climb: Climb, measurement: Measurement) -> Command:
@@ -108,13 +108,13 @@ class Climber(Supervisor):
         self._time = t
         com = self.gate(t, measurement).com
         if com is not None and np.isfinite(com).all():
-            self._com = com if self._com is None else self._com + SMOOTHING * (com - self._com)
+            self._com = com if self._com is None else self._com + POSITION_SAMPLE_WEIGHT * (com - self._com)
         self._way.take(climb.phase, com)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
             began = perf_counter()
         before = climb.phase
-        command = climb.step(t, dt, self._pace, {LOAD: self._load})
+        command = climb.step(t, dt, self._pace, {LOAD_CHANNEL: self._load})
         # The commanded phase advances while the worm waits, as with a wave of amplitude 0.
         self.generator.phase += 2.0 * np.pi * ((climb.phase - before) or dt / climb.period)
         self._spent += perf_counter() - began

@@ -27,13 +27,13 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
-SMOOTHING = 0.05
+RESIDUAL_SMOOTHING_TIME = 0.05
 """Time over which unexplained strains are averaged, so that noise does not count [s]."""
 USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
 """Strain caused by the command, rms: the initial assumption, and the least strain for which the misfit is judged."""
 STILL = 1e-6
 """Waves between two samples below which a wave stands still."""
-SLOWEST = 1e-3
+MIN_PHASE_RATE = 1e-3
 """Rate of the phase below which a wave stands still, and slopes over the phase are unknown [rad/s]."""
 
 
@@ -145,7 +145,7 @@ class ChamberGains:
         x = self._lagged = lagged(self._lagged, self._given, self._told, self._lags, passed)
         self._given = self._told
         rate = turned / passed
-        y = (self._given - x) / (self._lags * rate) if rate > SLOWEST else np.zeros_like(x)
+        y = (self._given - x) / (self._lags * rate) if rate > MIN_PHASE_RATE else np.zeros_like(x)
         self._past.append((t, x, y))
         while self._past[0][0] < t - self._span:
             self._past.popleft()
@@ -187,7 +187,7 @@ class ChamberGains:
         self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
         self._covariance -= gain[..., None] * spread[..., None, :]
         left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
-        self._left += (1.0 - np.exp(-passed / SMOOTHING)) * (left - self._left)
+        self._left += (1.0 - np.exp(-passed / RESIDUAL_SMOOTHING_TIME)) * (left - self._left)
         judged = known & (np.abs(own_x).max() > LEAST_STRAIN)
         share = np.where(judged, 1.0 - np.exp(-waves / self._trust.judged), 0.0)
         self._left_power += share * (self._left**2 - self._left_power)

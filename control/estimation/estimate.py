@@ -27,18 +27,18 @@ import scipy
 from control.estimation.reduced import ReducedState
 from worm3d.values.arrays import FloatArray
 
-HEADING = ReducedState._fields.index("heading")
+HEADING_INDEX = ReducedState._fields.index("heading")
 """Index of the heading in the state."""
 HOPELESS = 12.0
 """Logarithm of the likelihood ratio to the best belief beyond which a belief is dropped, a hundred thousand."""
 NARROW = 0.12
 """Standard deviation of the heading, over all beliefs, below which the beliefs are merged [rad]. A single belief with a
 less certain heading would interpret unknown forward motion as sideways motion."""
-FAR = 3.0
+MAX_POSITION_DEVIATION = 3.0
 """Standard deviation of a position beyond which the worm's position on the path is unknown [body lengths]."""
 NIS = ("nis_mean", "nis_low", "nis_high")
 """Names of the mean and the interval of (KF7) in the summary of a run."""
-SURE = 2.5
+SIGNIFICANT_EXCESS = 2.5
 """Least significant excess of an estimated value over a limit, in standard deviations."""
 PROBABILITY = 0.95
 """Probability of the interval in (KF7)."""
@@ -76,12 +76,12 @@ def merged(beliefs: Sequence[Belief]) -> Belief:
         return beliefs[0]
     shares = weights(beliefs)
     means = np.array([belief.mean for belief in beliefs])
-    best = means[np.argmax(shares), HEADING]
-    towards = shares @ np.exp(1j * (means[:, HEADING] - best))
+    best = means[np.argmax(shares), HEADING_INDEX]
+    towards = shares @ np.exp(1j * (means[:, HEADING_INDEX] - best))
     middle = best + (np.angle(towards) if abs(towards) > 1e-9 else -best)  # from all sides: 0, as good as any
-    means[:, HEADING] = middle + wrapped(means[:, HEADING] - middle)
+    means[:, HEADING_INDEX] = middle + wrapped(means[:, HEADING_INDEX] - middle)
     mean = shares @ means
-    mean[HEADING] = middle
+    mean[HEADING_INDEX] = middle
     off = means - mean
     covariance = np.einsum("i,ijk->jk", shares, np.array([belief.covariance for belief in beliefs]))
     return Belief(mean, covariance + (shares[:, None] * off).T @ off)
@@ -93,7 +93,7 @@ def pruned(beliefs: Sequence[Belief]) -> list[Belief]:
     likely = [belief for belief in beliefs if belief.log_weight > best - HOPELESS]
     left = [replace(belief, log_weight=belief.log_weight - best) for belief in likely]
     whole = merged(left)
-    return [whole] if whole.covariance[HEADING, HEADING] < NARROW**2 else left
+    return [whole] if whole.covariance[HEADING_INDEX, HEADING_INDEX] < NARROW**2 else left
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
@@ -131,7 +131,7 @@ class Estimate:
 
     def is_placed(self, length: float) -> bool:
         """Return whether the position is known well enough to place a worm of a length [m] on the path."""
-        return bool(np.isfinite(self.position).all() and self.deviations[:2].max() < FAR * length)
+        return bool(np.isfinite(self.position).all() and self.deviations[:2].max() < MAX_POSITION_DEVIATION * length)
 
     @property
     def heading(self) -> float:

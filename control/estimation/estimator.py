@@ -46,9 +46,8 @@ from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.estimation.turning import MeanRate
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule
-from control.sensing.gate import AHEAD, SPAN
-from control.sensing.sensors import COM, Channel, Measurement
-from control.sensing.sensors import HEADING as HEADING_SENSOR
+from control.sensing.gate import CLOCK_TOLERANCE, SPAN
+from control.sensing.sensors import COM, HEADING_SENSOR, Channel, Measurement
 from worm3d import Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -59,7 +58,7 @@ PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
 LATE_STRAIN = 0.1
 """Greatest age of strains that give the height of the axis above the ground [s]."""
-SIDES = 24
+INITIAL_HEADINGS = 24
 """Number of initial headings, with one filter each, when the heading is unknown."""
 ROCKED = 0.016
 """Standard deviation of the chord's azimuth about the heading, caused by the wave [rad]."""
@@ -249,7 +248,7 @@ class Estimator:
 
     def _insert(self, now: float, sample: _Sample) -> None:
         """Fuse a sample at the instant of the sample, then fuse the samples of later instants again."""
-        if not self._past[0].sample.time <= sample.time <= now + AHEAD:
+        if not self._past[0].sample.time <= sample.time <= now + CLOCK_TOLERANCE:
             return
         again = []
         while self._past[-1].sample.time > sample.time:
@@ -381,9 +380,9 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float, leng
     """Return the beliefs before the first sample, one for each possible heading."""
     if heading is not None:
         return [_believed(trust, heading, deviation, length)]
-    apart = 2.0 * np.pi / SIDES
+    apart = 2.0 * np.pi / INITIAL_HEADINGS
     # Mirror images of each other, so that mirrored worms are treated alike.
-    sides = ((np.arange(SIDES) + 0.5 - SIDES / 2.0) * apart).tolist()
+    sides = ((np.arange(INITIAL_HEADINGS) + 0.5 - INITIAL_HEADINGS / 2.0) * apart).tolist()
     return [_believed(trust, side, apart / 2.0, length) for side in sides]
 
 

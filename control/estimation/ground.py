@@ -33,7 +33,7 @@ SHARPNESS = 0.1
 """Ratio of delta to the mean rest half-height."""
 ANYWHERE = 10.0
 """Standard deviation of a coordinate before the first sample [m]."""
-MOST = 200
+MAX_GROUND_SAMPLES = 200
 """Largest number of gathered samples; a worm at rest has no stride."""
 BY_CHANCE = 4.0
 """Number of standard errors beyond which the scatter of samples counts as unknown noise."""
@@ -86,7 +86,7 @@ class Ground:
         """Return the belief after a sample z - H of the height [m] at a place (2,) [m], (KF6)."""
         gathered = np.vstack([self.gathered, [*place, height]])
         if np.hypot(*(place - gathered[0, :2])) < trust.stride:
-            return replace(self, gathered=gathered[-MOST:])
+            return replace(self, gathered=gathered[-MAX_GROUND_SAMPLES:])
         middle, noise = gathered.mean(axis=0), _noise(gathered[:, 2], trust)
         return self._fused(middle[:2], float(middle[2]), trust.standing**2 + noise / len(gathered), trust)
 

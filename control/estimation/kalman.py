@@ -52,7 +52,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from control.estimation.estimate import HEADING, Belief, wrapped
+from control.estimation.estimate import HEADING_INDEX, Belief, wrapped
 from control.estimation.reduced import INPUTS, LONGEST_SUBSTEP, STATES, ReducedInput, ReducedModel, ReducedState
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
@@ -69,13 +69,13 @@ IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; one in 270 000 pairs of normal numbers exceeds it."""
 IMPOSSIBLE_HEADING = 21.0
 """NIS beyond which a sample of the heading is refused."""
-PATIENCE = 3
+MAX_REFUSED_SAMPLES = 3
 """Number of refused samples in a row after which the filter assumes that the worm was moved."""
 TREND = 8
 """Number of samples over which innovations are averaged to a trend, 0.4 s of the default sensors."""
 IN_METRES = ("speed", "drift")
 """Parts of the state that are proportional to the length of a worm."""
-APART = 0.05
+ERROR_CORRELATION_TIME = 0.05
 """Time below which two samples have similar errors, so that the later sample counts in proportion to the time [s]."""
 RIPPLE = 0.002
 """Standard deviation of the rocking that the measured wave does not explain, twice a wave [body lengths]."""
@@ -90,7 +90,7 @@ GAINS = (0.3, 3.0)
 SLIPS = (-1.0, 1.0)
 """Least and greatest accepted slip. A worm that goes more than twice as far as the wave carries it is pushed or slides.
 If this motion were attributed to the wave, the worm would hardly crawl any more."""
-MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
+MOVED_DEVIATIONS = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 """Standard deviations that are added when the worm was moved [rad], [body lengths/s], [rad/s]."""
 
 
@@ -185,7 +185,7 @@ class Kalman:
         wave: FloatArray,
         gated: bool,
         deviation: float | None = None,
-        since: float = APART,
+        since: float = ERROR_CORRELATION_TIME,
         frequency: float = np.inf,
     ) -> Corrected:
         """Return the belief after a sample of the centre of mass (2,) [m], (KF4); only a gated sample may be refused.
@@ -197,8 +197,8 @@ class Kalman:
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
         found = float(nis[0]), e, float(spread[0])
-        trend = belief.trend + (e - belief.trend) * min(1.0, since / APART) / TREND
-        rocked = (RIPPLE * self._length) ** 2 / (1.0 + (4.0 * np.pi * frequency * TREND * APART) ** 2)
+        trend = belief.trend + (e - belief.trend) * min(1.0, since / ERROR_CORRELATION_TIME) / TREND
+        rocked = (RIPPLE * self._length) ** 2 / (1.0 + (4.0 * np.pi * frequency * TREND * ERROR_CORRELATION_TIME) ** 2)
         pushed = gated and hypot(*trend) > sqrt(UNEXPLAINED * ((found[2] + sigma**2) / (2 * TREND - 1) + rocked))
         if pushed:
             trend = np.zeros(2)
@@ -208,9 +208,9 @@ class Kalman:
         if not _usable(nis, mean, covariance):
             return Corrected(belief, *found, refused=True)
         if gated and nis[0] > IMPOSSIBLE:
-            if belief.refused < PATIENCE:
+            if belief.refused < MAX_REFUSED_SAMPLES:
                 return Corrected(replace(belief, refused=belief.refused + 1), *found, refused=True)
-            wide = widened(belief.covariance, MOVED, self._length)
+            wide = widened(belief.covariance, MOVED_DEVIATIONS, self._length)
             wide[[0, 1], [0, 1]] += float(np.hypot(*(com - belief.mean[:2]))) ** 2  # to about the place of the sample
             mean, covariance, *_ = self._com(belief.mean, wide, com, wave, sigma)
             pushed = True
@@ -226,18 +226,18 @@ class Kalman:
         Also return whether the sample was refused, and whether an impossible sample is believed because the samples
         before were impossible, too. Only a gated sample may be refused as impossible.
         """
-        off = wrapped(np.array([heading - belief.mean[HEADING]]))
-        before = belief.mean, belief.covariance, belief.mean[HEADING] + off
+        off = wrapped(np.array([heading - belief.mean[HEADING_INDEX]]))
+        before = belief.mean, belief.covariance, belief.mean[HEADING_INDEX] + off
         mean, covariance, nis, log_det = self._heading(*before)
         if not _usable(nis, mean, covariance):
             return belief, True, False
         jumped = gated and bool(nis[0] > IMPOSSIBLE_HEADING)
         if jumped:
-            if belief.turned < PATIENCE:
+            if belief.turned < MAX_REFUSED_SAMPLES:
                 return replace(belief, turned=belief.turned + 1), True, False
             widened = belief.covariance.copy()
-            widened[HEADING, HEADING] += float(off[0]) ** 2
-            mean, covariance, *_ = self._heading(belief.mean, widened, belief.mean[HEADING] + off)
+            widened[HEADING_INDEX, HEADING_INDEX] += float(off[0]) ** 2
+            mean, covariance, *_ = self._heading(belief.mean, widened, belief.mean[HEADING_INDEX] + off)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False, jumped
 
@@ -313,7 +313,7 @@ def _com_correction(size: int) -> ca.Function:
     X, P = _belief(size)
     sample, wave, deviation = ca.SX.sym("com", 2), ca.SX.sym("wave", 2), ca.SX.sym("deviation")
     rocking = ca.reshape(X[ROCKING], 2, 2) @ wave
-    cos, sin = ca.cos(X[HEADING]), ca.sin(X[HEADING])
+    cos, sin = ca.cos(X[HEADING_INDEX]), ca.sin(X[HEADING_INDEX])
     turned = ca.vertcat(cos * rocking[0] - sin * rocking[1], sin * rocking[0] + cos * rocking[1])
     expected = X[:2] + turned
     H = ca.jacobian(expected, X)
@@ -325,7 +325,9 @@ def _com_correction(size: int) -> ca.Function:
 def _heading_correction(trust: Uncertainty) -> ca.Function:
     """Return (X, P, heading) -> X, P, nis, log det S by (KF4)."""
     (X, P), sample = _belief(size_of(trust)), ca.SX.sym("heading")
-    return ca.Function("heading", [X, P, sample], _correction(X, P, sample, X[HEADING], ca.SX(trust.heading_sample)))
+    return ca.Function(
+        "heading", [X, P, sample], _correction(X, P, sample, X[HEADING_INDEX], ca.SX(trust.heading_sample))
+    )
 
 
 def _rate_correction(trust: Uncertainty) -> ca.Function:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from control.gaits.steering import BLEND, PACE, Schedule
 from worm3d.values.arrays import FloatArray
 
-SMOOTHING = 0.25
+FIT_SMOOTHING = 0.25
 """Number of waves over which a is smoothed; the shorter waves, two of them per wave, nearly vanish."""
 UNKNOWNS = 3
 """Number of unknowns of (W1) in one sample, which is also the number of segments that a fit needs."""
@@ -134,7 +134,7 @@ class MeasuredWave:
         passed = 0.0 if self._phase is None else abs(phase - self._phase) / (2.0 * np.pi)
         self._phase = phase
         sampled *= np.exp(-self._turning * phase)
-        share = 1.0 - np.exp(-passed / SMOOTHING)
+        share = 1.0 - np.exp(-passed / FIT_SMOOTHING)
         self.amplitude += share * ((0j if back else sampled) - self.amplitude)
         self.backward += share * ((sampled if back else 0j) - self.backward)
 

@@ -29,23 +29,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.estimation.chamber_gains import ChamberGains
-from control.faults.rules import ADVICE, SIDES, Fault
+from control.faults.rules import CHAMBER_ADVICE, Fault
+from control.sensing.sensors import SIDE_NAMES
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 MISSED = 0.55
 """Least share of a healthy chamber's strain that is missing in a chamber that does not obey."""
-SMOOTHING = 0.03
+MISS_TIME_CONSTANT = 0.03
 """Time constant tau of E [s]."""
 LIMIT = 0.05
 """Value of |D| beyond which a chamber does not obey, without noise."""
-SURE = 4.0
+NOISE_MARGIN = 4.0
 """Number of standard deviations of D, due to the noise of the strains, that are added to the limit."""
 SPREAD = 0.3
 """Greatest share of D in the neighbouring segments, of the same sign."""
 ONE_SIDED = 2.0
 """Ratio of |E| to the |E| of the twin above which a single chamber does not obey."""
-LASTING = 0.02
+MIN_FAULT_DURATION = 0.02
 """Time for which all these conditions have to hold [s]."""
 FOLLOWS = 1.0
 """Time constant of the twin behind the measured contraction of the faulty chamber, which the neighbours pull [s]."""
@@ -90,7 +91,7 @@ class Chambers:
         passed, self._time = t - self._time, t
         if strain is None:
             return []
-        share = 1.0 - np.exp(-passed / SMOOTHING)
+        share = 1.0 - np.exp(-passed / MISS_TIME_CONSTANT)
         known = np.isfinite(gains.miss)  # neither an unknown strain nor one from before the first command
         miss = np.where(known, gains.miss, 0.0)
         self._miss += share * (miss - self._miss)
@@ -110,10 +111,10 @@ class Chambers:
         return found
 
     def _fault(self, t: float, segment: int, side: int) -> Fault:
-        name, now = f"the {SIDES[side]} chamber of segment {segment}", -self._strain[segment, side]
+        name, now = f"the {SIDE_NAMES[side]} chamber of segment {segment}", -self._strain[segment, side]
         what = f"{name} does not obey: it is shortened by {now:.2f} in place of {now + self._short[segment, side]:.2f}"
-        advice = f"{ADVICE}; the segment is held still, the others carry it"
-        return Fault(t, f"chamber {segment} {SIDES[side]}", what, advice)
+        advice = f"{CHAMBER_ADVICE}; the segment is held still, the others carry it"
+        return Fault(t, f"chamber {segment} {SIDE_NAMES[side]}", what, advice)
 
     def amended(self, t: float, command: Command) -> Command:
         """Return the command from time t [s] on with the segments that are held still."""
@@ -144,10 +145,10 @@ class Chambers:
         """Return which chambers have not obeyed for a while, shape (N, 2)."""
         size, apart = np.abs(self._miss), self._miss[:, 0] - self._miss[:, 1]
         beside = np.sign(apart) * np.vstack([np.append(apart[1:], 0.0), np.append(0.0, apart[:-1])])
-        alone = (np.abs(apart) > LIMIT + SURE * doubt) & (beside < SPREAD * np.abs(apart)).all(axis=0)
+        alone = (np.abs(apart) > LIMIT + NOISE_MARGIN * doubt) & (beside < SPREAD * np.abs(apart)).all(axis=0)
         bad = (
             alone[:, None] & (size > ONE_SIDED * size[:, ::-1]) & (np.abs(self._short) > MISSED * np.abs(self._healthy))
         )
         self._since = np.where(bad, np.minimum(self._since, t), np.inf)
-        found: NDArray[np.bool_] = t - self._since >= LASTING
+        found: NDArray[np.bool_] = t - self._since >= MIN_FAULT_DURATION
         return found

@@ -19,17 +19,17 @@ from math import atan, cos, degrees, inf, pi, sin, sqrt
 
 import numpy as np
 
-from control.estimation.estimate import SURE, Estimate
+from control.estimation.estimate import SIGNIFICANT_EXCESS, Estimate
 from control.faults.rules import Fault
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
-AHEAD = 0.3
+DESCENT_LOOKAHEAD = 0.3
 """Distance ahead in which the path must not be too steep [body lengths]: the distance of three waves."""
-MARGIN = 0.8
+USABLE_FRICTION_SHARE = 0.8
 """Share of the friction up to which a worm crawls downhill: feet that the wave moves do not hold the worm."""
-KNOWN = 0.5
+MAX_GRADIENT_DEVIATION = 0.5
 """Greatest standard deviation of the gradient, as a share of the friction, for a stop: a worm that stops learns no more
 about the ground."""
 HOLDS = 0.01
@@ -54,13 +54,13 @@ class Descent:
 
     def tries(self, t: float, place: FloatArray) -> bool:
         """Return whether a worm with a fault at a position (2,) [m] should try the way again at time t [s]."""
-        if self._place is None or np.hypot(*(place - self._place)) > AHEAD * self._length:
+        if self._place is None or np.hypot(*(place - self._place)) > DESCENT_LOOKAHEAD * self._length:
             self._wait, self._stopped, self._place = WAITS, t, place
         elif self._tried:
             self._wait, self._stopped, self._place = min(2.0 * self._wait, LONGEST_WAIT), t, place
         self._tried = t >= self._stopped + self._wait
         if self._tried and np.hypot(*(place - self._place)) < HOLDS * self._length:
-            self._held = max(self._held, self._descent / MARGIN)
+            self._held = max(self._held, self._descent / USABLE_FRICTION_SHARE)
         return self._tried
 
     def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
@@ -72,7 +72,10 @@ class Descent:
         descent = -float(estimate.slope @ along)
         deviation = sqrt(max(float(along @ estimate.slope_covariance @ along), 0.0))
         holds = max(self.steepest, self._held)
-        if not (deviation < KNOWN * holds and descent > MARGIN * holds + SURE * deviation):
+        if not (
+            deviation < MAX_GRADIENT_DEVIATION * holds
+            and descent > USABLE_FRICTION_SHARE * holds + SIGNIFICANT_EXCESS * deviation
+        ):
             return None
         self._descent = descent
         down, slides = degrees(atan(descent)), degrees(atan(holds))
@@ -85,4 +88,7 @@ class Descent:
         if path is None:
             return float(estimate.heading) + turned
         self._near = float(path.project(estimate.position, self._near))
-        return float(path.heading(self._near + (-AHEAD if back else AHEAD) * self._length)) + turned
+        return (
+            float(path.heading(self._near + (-DESCENT_LOOKAHEAD if back else DESCENT_LOOKAHEAD) * self._length))
+            + turned
+        )

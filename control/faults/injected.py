@@ -14,7 +14,7 @@ from zlib import crc32
 
 import numpy as np
 
-from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, Measurement, Sample
+from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, SIDE_NAMES, Measurement, Sample
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 INJECTED: dict[str, type[Injected]] = {}
 """Class of each fault, by its name."""
 
-SIDES = ("left", "right")
 ALL = -1
 """Number that means all segments."""
 
@@ -97,7 +96,7 @@ class FaultyChamber(Injected, name="chamber"):
 
     def commanded(self, command: Command) -> Command:
         """Return the command with the contraction of this chamber."""
-        contraction, at = command.contraction.copy(), (self.segment, SIDES.index(self.side))
+        contraction, at = command.contraction.copy(), (self.segment, SIDE_NAMES.index(self.side))
         contraction[at] = self.contraction + self.share * contraction[at]
         return replace(command, contraction=contraction)
 
@@ -181,7 +180,7 @@ class FaultySensor(Injected, name="sensor"):
             bad = value[..., ::-1]
         elif self.mode != "frozen":
             bad = value + self.error * (1.0 if self.mode == "off" else max(instant - self.begin, 0.0))
-        both = slice(None) if self.side == "both" else SIDES.index(self.side)
+        both = slice(None) if self.side == "both" else SIDE_NAMES.index(self.side)
         own: Any = ... if self.component == ALL else self.component
         own = own if self.segment == ALL else (self.segment, both)
         spoilt = value.copy()

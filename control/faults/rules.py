@@ -27,7 +27,8 @@ from math import inf, nan
 
 import numpy as np
 
-from control.estimation.estimate import SURE
+from control.estimation.estimate import SIGNIFICANT_EXCESS
+from control.sensing.sensors import SIDE_NAMES
 from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
 
@@ -48,7 +49,7 @@ SLOW, SLOW_AT_LIMIT, FAST = 0.75, 0.9, 1.3
 """Shares of the wanted speed: too slow, too slow although the wave is as fast as possible, too fast."""
 CREEPS = 0.1
 """Share of the greatest speed of the map below which a slow worm is not reported."""
-REACH = 1.02
+UNREACHABLE_SPEED_SHARE = 1.02
 """Share of the greatest speed of the map beyond which a speed cannot be reached."""
 TURNS = 1.1
 """Share of the greatest turn rate at a speed beyond which a turn cannot be reached."""
@@ -56,7 +57,7 @@ ASTRAY = 0.5
 """Least standard deviation of a lost heading [rad]."""
 ANY_WAY = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading that is completely unknown [rad]."""
-MOVED = 0.016
+PUSH_VELOCITY_CHANGE = 0.016
 """Velocity change, beyond the change that the wave makes, of a worm that is pushed [body lengths/s]."""
 NEARLY = 0.003
 """Standard error of the mean position of a wave beyond which this change is unknown [body lengths]."""
@@ -64,15 +65,14 @@ CRABS = 0.22
 """Least angle between motion and measured heading, not explained by a slope, of a wrong heading [rad]."""
 TRESPASS = 0.03
 """Distance inside an obstacle or outside a corridor beyond which a trespass is reported [body lengths]."""
-ALONG = 0.3
+MAX_PATH_ANGLE = 0.3
 """Angle to the path below which a worm that has turned round follows the path again, and no longer leaves it [rad]."""
 LEFT_PATH = 0.15
 """Limit of the distance from the path, or from the detour around obstacles, minus the least distance of the last waves
 [body lengths]. In the benchmark (seed 40) the value is 0.05 at a corner of 90 degrees, and 0.12 after a push."""
 ENDS_OF_THREE_WAVES = 4
 """Number of waves in a sequence whose first and last waves are three waves apart."""
-SIDES = ("left", "right")
-ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
+CHAMBER_ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
 """Advice on a chamber."""
 
 
@@ -197,7 +197,9 @@ def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
     one_side = len({np.sign(lean) for lean, _ in leans}) == 1
     sure = all(abs(lean) > max(LEANS, SURE_TO_LEAN * error) for lean, error in leans)
     if len(leans) == 2 and one_side and sure and all(wave.bend < BENT for wave in waves[-2:]):
-        what = f"the worm leans on its {SIDES[leans[-1][0] < 0.0]} side, or lies on it: the chambers there carry it"
+        what = (
+            f"the worm leans on its {SIDE_NAMES[leans[-1][0] < 0.0]} side, or lies on it: the chambers there carry it"
+        )
         advice = "set it upright; no wave does that. Ask for gentler turns, or for less of a slope across"
         yield Fault(waves[-1].end, "tipped", what, advice)
 
@@ -207,7 +209,7 @@ def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(last) < 2 or any(np.isfinite(wave.gain).sum() < 3 for wave in last):
         return
     medians = [np.nanmedian(wave.gain) for wave in last]
-    surely = [(wave.gain + SURE * wave.gain_error) for wave in last]
+    surely = [(wave.gain + SIGNIFICANT_EXCESS * wave.gain_error) for wave in last]
     most = [float(np.nanmedian(gain)) for gain in surely]
     if all(gain < WEAK * wave.expected for gain, wave in zip(most, last, strict=True)):
         what = f"the chambers move by {100 * most[-1]:.0f} % of what they are told"
@@ -218,13 +220,13 @@ def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
     for segment, side in product(range(len(surely[0])), (0, 1)):
         if all(gain[segment, side] < limit for gain, limit in zip(surely, least, strict=True)):  # false if any is NaN
             share = 100 * last[-1].gain[segment, side] / medians[-1]
-            what = f"the {SIDES[side]} chamber of segment {segment} moves by {share:.0f} % of what the others do"
-            yield Fault(last[-1].end, f"chamber {segment} {SIDES[side]}", what, ADVICE)
+            what = f"the {SIDE_NAMES[side]} chamber of segment {segment} moves by {share:.0f} % of what the others do"
+            yield Fault(last[-1].end, f"chamber {segment} {SIDE_NAMES[side]}", what, CHAMBER_ADVICE)
 
 
 def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
-    if wave.most_asked > REACH * wave.reach:
+    if wave.most_asked > UNREACHABLE_SPEED_SHARE * wave.reach:
         what = f"{wave.most_asked:.3g} m/s are asked for, by the identified map this worm's wave makes {wave.reach:.3g}"
         yield Fault(wave.end, "unreachable speed", what, "ask for less speed")
     if wave.least_asked < 0.0:
@@ -274,7 +276,9 @@ def _way(waves: Sequence[Wave]) -> tuple[float, float]:
 
 def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
     turned = max((k for k, wave in enumerate(waves) if wave.away >= AWAY), default=-1)
-    follows = next((k for k in range(turned + 1, len(waves)) if turned < 0 or waves[k].away < ALONG), len(waves))
+    follows = next(
+        (k for k in range(turned + 1, len(waves)) if turned < 0 or waves[k].away < MAX_PATH_ANGLE), len(waves)
+    )
     known = [wave.aside for wave in waves[follows:] if wave.aside is not None]
     if len(known) > 1 and waves[-1].aside is not None and known[-1] > max(min(known) + LEFT_PATH, known[-2]):
         what = f"the worm is {known[-1]:.2g} body lengths beside its path, and goes farther from it"
@@ -302,7 +306,11 @@ def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
     lately = waves[1:][-3:]  # the first wave swells
-    if any(wave.pushed for wave in lately) and not any(wave.jumped for wave in lately) and _unexplained(lately) > MOVED:
+    if (
+        any(wave.pushed for wave in lately)
+        and not any(wave.jumped for wave in lately)
+        and _unexplained(lately) > PUSH_VELOCITY_CHANGE
+    ):
         what = "the centre of mass moves otherwise than the wave makes it: the worm is pushed, or the sensor drifts"
         advice = "look at what touches the worm, at the ground, and at the sensor of the centre of mass"
         yield Fault(waves[-1].end, "push or drift", what, advice)

@@ -22,11 +22,11 @@ from control.estimation.chamber_gains import ChamberGains
 from control.faults.rules import Fault
 from worm3d.values.arrays import FloatArray
 
-SMOOTHING = 0.1
+DIFFERENCE_SMOOTHING_TIME = 0.1
 """Time tau over which differences are averaged [s], the lag of the default chambers."""
-WAVES = 2
+COMPARED_WAVES = 2
 """Number of waves over which differences are compared."""
-SURE = 1.5
+SWAP_THRESHOLD = 1.5
 """Number of standard errors in (SD1) above which strains count as swapped."""
 
 
@@ -41,7 +41,7 @@ class Sides:
         """Return to the initial state."""
         self.swapped = False
         self._apart = np.zeros((3, self._segments))
-        self._waves: deque[tuple[FloatArray, int, float]] = deque(maxlen=WAVES)
+        self._waves: deque[tuple[FloatArray, int, float]] = deque(maxlen=COMPARED_WAVES)
         self._time = self._phase = np.nan
         self._sums, self._count, self._seconds = self._none()
 
@@ -59,7 +59,7 @@ class Sides:
         expected = strain - gains.miss
         seen, told = strain[:, 0] - strain[:, 1], expected[:, 0] - expected[:, 1]
         apart = np.nan_to_num(np.stack([seen - told, seen + told, told]))
-        self._apart += (1.0 - np.exp(-passed / SMOOTHING)) * (apart - self._apart)
+        self._apart += (1.0 - np.exp(-passed / DIFFERENCE_SMOOTHING_TIME)) * (apart - self._apart)
         self._sums += self._apart**2
         self._count, self._seconds = self._count + 1, self._seconds + passed
         if abs(phase - self._phase) < 2.0 * pi:
@@ -67,7 +67,7 @@ class Sides:
         self._waves.append((self._sums, self._count, self._seconds))
         self._phase = phase
         self._sums, self._count, self._seconds = self._none()
-        self.swapped = len(self._waves) == WAVES and self._surely()
+        self.swapped = len(self._waves) == COMPARED_WAVES and self._surely()
         if not self.swapped:
             return []
         what = "the strains of left and right are swapped: each side shortens as the other one is told to"
@@ -82,6 +82,6 @@ class Sides:
         sums, counts, seconds = (sum(column) for column in zip(*self._waves, strict=True))
         others = np.delete(np.asarray(sums), int(np.argmax(np.asarray(sums)[:2].sum(axis=0))), axis=1)
         own, other, told = others.sum(axis=1)
-        alike = max(2.0 * SMOOTHING * counts / seconds, 1.0)
+        alike = max(2.0 * DIFFERENCE_SMOOTHING_TIME * counts / seconds, 1.0)
         error = 4.0 * np.sqrt(min(own, other) / (counts * max(others.shape[1], 1)) * alike * told)
-        return bool(own - other > SURE * error)
+        return bool(own - other > SWAP_THRESHOLD * error)

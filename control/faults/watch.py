@@ -28,11 +28,11 @@ AT_LIMIT = 0.97
 """Share of the greatest amplitude and frequency from which a wave is as fast as possible."""
 HARMONICS = 3
 """Number of harmonics of the wave that are fitted to strains and commands; the residual is noise."""
-SAMPLES = 16
+MIN_GAIN_SAMPLES = 16
 """Least number of strains for an estimate of the gains; with fewer strains, several waves are combined."""
 MOVES = 0.02
 """Amplitude of a command below which the chamber is not judged."""
-KNOWN = 0.3
+MAX_DIRECTION_DEVIATION = 0.3
 """Standard deviation of a heading below which forward and backward can be distinguished [rad]."""
 MOMENTS = 9
 """Number of instants in a wave at which the wanted speed is looked up."""
@@ -153,7 +153,7 @@ class Watch:
         pushed, jumped = pushes > self._pushes and not explained, jumps > self._jumps
         self._pushes, self._jumps, self._felt = pushes, jumps, False
         ahead, away = way.azimuth, 0.0
-        if estimate is not None and estimate.deviations[2] < KNOWN:
+        if estimate is not None and estimate.deviations[2] < MAX_DIRECTION_DEVIATION:
             ahead = estimate.heading if ahead is None else ahead
             away = abs(float(wrapped(np.array(estimate.heading - ahead))))
         return Wave(
@@ -205,7 +205,7 @@ class Watch:
     def _gains(self) -> tuple[FloatArray, FloatArray, float]:
         """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""
         unknown = np.full((self._segments, 2), nan)
-        if len(self._strains) < SAMPLES:
+        if len(self._strains) < MIN_GAIN_SAMPLES:
             return unknown, unknown, nan
         phase, strain, told = (np.array(column) for column in zip(*self._strains, strict=True))
         self._strains.clear()
@@ -213,7 +213,7 @@ class Watch:
         missing = np.isnan(strain)
         dead = 2 * missing.sum(axis=0) > len(phase)
         rows = ~missing[:, ~dead].any(axis=1)
-        if dead.all() or rows.sum() < SAMPLES:
+        if dead.all() or rows.sum() < MIN_GAIN_SAMPLES:
             return unknown, unknown, nan
         orders = np.arange(1, HARMONICS + 1) * phase[rows, None]
         columns = np.hstack([np.ones((rows.sum(), 1)), np.cos(orders), np.sin(orders)])
@@ -247,7 +247,9 @@ class Watch:
         turn, azimuth = float(path.curvature(s)) * speed, float(path.heading(s))
         aside = float(offset(path, place, s))
         left, right, *_ = bounds(self.reference, np.array([s]))[:, 0]
-        looks = estimate.heading if estimate is not None and estimate.deviations[2] < KNOWN else azimuth
+        looks = (
+            estimate.heading if estimate is not None and estimate.deviations[2] < MAX_DIRECTION_DEVIATION else azimuth
+        )
         inside = -float(self._body.clearance(self.reference.obstacles, place, np.array(looks)))
         trespass = max(aside - left, -aside - right, inside) / self._length
         sharpest = self._feed_forward.sharpest(speed)

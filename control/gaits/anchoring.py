@@ -12,9 +12,10 @@ while the rear anchor holds, and shortens while the front anchor holds. The part
     4  body shortens, rear moves up
     5  rear anchors
 
-`two_anchor` begins with all segments contracted, and one of its anchors lets go only while the other holds, so that it
-climbs pipes of any tilt. The anchors of the inchworm change over in opposition, which takes no extra time and keeps the
-worm's length. In both gaits the worm advances in a period by the change of the body's length, if no anchor slips.
+`two_anchor` begins with all segments contracted, and one of its anchors lets go only while the other holds, so that the
+worm climbs pipes of any tilt. The anchors of the inchworm change over in opposition, which takes no extra time and
+keeps the worm's length. In both gaits the worm advances in a period by the change of the body's length, if no anchor
+slips.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
-RELAXED, CONTRACTED, LEFT, RIGHT = range(4)
+RELAXED, CONTRACTED, BENT_LEFT, BENT_RIGHT = range(4)
 """States of a segment."""
 
 TURN = np.array([0.0, 0.0, 1.0, -1.0])
@@ -102,7 +102,7 @@ class Discrete(Gait, name="discrete"):
                 f"below that of relaxed ones ({max(0, segments - short)} of the worm's {segments}); these are set by "
                 "left_bends, right_bends and contracted"
             )
-        bends = [LEFT] * self.left_bends, [RIGHT] * self.right_bends
+        bends = [BENT_LEFT] * self.left_bends, [BENT_RIGHT] * self.right_bends
         leading = bends if self.first == "left" else bends[::-1]
         return np.array([*leading[0], *leading[1], *[RELAXED] * (segments - short), *[CONTRACTED] * self.contracted])
 

@@ -81,7 +81,7 @@ class FeedbackGait(Gait):
                 f"gait: {self.name!r} senses {', '.join(self.senses)}, so it is no function of time, must be bound to "
                 "a worm that is simulated (in a scene, of the model worm or worm_planar)"
             )
-        played: dict[int, Played] = self.__dict__.setdefault("_played", {})  # stored beside the fields of the frozen dataclass
+        played: dict[int, Played] = self.__dict__.setdefault("_played", {})  # in a frozen dataclass, beside its fields
         if segments not in played:
             played[segments] = Played(partial(self.start, _Segments(segments)))
         return played[segments](times)

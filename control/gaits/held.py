@@ -93,7 +93,7 @@ def held_schedule(schedule: Schedule, segment: int, steering: Sequence[HeldSteer
 
 
 def purely_turning(turn: FloatArray, aside: FloatArray) -> FloatArray:
-    """Return (HS2), shape (2, N - 1), from the turns and the ways aside that a and b make, shape (2, N - 1) each."""
+    """Return (HS2), shape (2, N - 1), from the turns and the ways aside of a and b, shape (2, N - 1) each."""
     moves = float((aside * aside).sum())
     pattern = turn if moves == 0.0 else turn - aside * (turn * aside).sum() / moves
     greatest = np.hypot(*pattern).max()

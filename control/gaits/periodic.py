@@ -34,10 +34,10 @@ from control.gaits.gait import Direction, Gait, for_segments, joined
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
-FEWEST = 3
+MIN_SPLINE_VALUES = 3
 """Least number of values of a spline."""
 
-SAMPLES = 64
+SAMPLES_PER_VALUE = 64
 """Number of places between two values of a spline in the search for the least value."""
 
 
@@ -110,16 +110,16 @@ class Spline(_Shaped, name="spline"):
     def __post_init__(self) -> None:
         super().__post_init__()
         shape = np.shape(self.values)
-        if not (shape and shape[-1] >= FEWEST):
+        if not (shape and shape[-1] >= MIN_SPLINE_VALUES):
             raise ValueError(
-                f"values: got shape {shape}, must be a list of at least {FEWEST} numbers, or such a list or a pair of "
-                "them, left and right, for each segment"
+                f"values: got shape {shape}, must be a list of at least {MIN_SPLINE_VALUES} numbers, or such a list or "
+                "a pair of them, left and right, for each segment"
             )
 
     @property
     def lengthens(self) -> bool:
         """Whether the activation falls below 0 at some time."""
-        samples = np.linspace(0.0, 1.0, SAMPLES * np.shape(self.values)[-1] + 1)
+        samples = np.linspace(0.0, 1.0, SAMPLES_PER_VALUE * np.shape(self.values)[-1] + 1)
         curves = np.reshape(self.values, (-1, np.shape(self.values)[-1]))
         return not self.rectified and bool((_periodic_spline(curves, samples[:, None]) < 0.0).any())
 

@@ -60,19 +60,19 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 
-SAMPLES, COARSE = 16, 4
+INSTANTS_PER_STEP, COARSE_INSTANTS = 16, 4
 """Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
-their places by 1e-4 of a segment's length, 4e-4 with half as many instants. `COARSE` instants are enough to find the
+their places by 1e-4 of a segment's length, 4e-4 with half as many instants. `COARSE_INSTANTS` are enough to find the
 length of the step."""
-ITERATIONS = 12
+NEWTON_STEPS = 12
 """Newton steps of (N3); 6 are enough for turns of 20 degrees."""
 LARGEST_CHANGE = 0.6
 """Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
 """Greatest gap at which tail and head count as joined [body lengths]."""
-SHORTER = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
+SHORTENING_CANDIDATES = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
 """Candidate shares by which a turning step is shorter than a straight step: the first share within reach is refined."""
-HALVINGS = 12
+SHORTENING_BISECTIONS = 12
 """Number of bisections of the interval before that share."""
 
 
@@ -91,7 +91,7 @@ class Reach(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A wave at instants tau = 0, 1/SAMPLES, ... N + n: M of them."""
+    """A wave at instants tau = 0, 1/INSTANTS_PER_STEP, ... N + n: M of them."""
 
     lengthened: FloatArray
     """Extension of each segment beyond the contracted length, shape (M, N) [body lengths]."""
@@ -102,7 +102,7 @@ class Plan(NamedTuple):
 
     def at(self, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the extensions of segments, and the angles of joints, at K instants; 0 outside the wave."""
-        place = np.clip(tau * SAMPLES, 0.0, len(self.bends) - 1.0)
+        place = np.clip(tau * INSTANTS_PER_STEP, 0.0, len(self.bends) - 1.0)
         k = np.minimum(place.astype(int), len(self.bends) - 2)
         share = (place - k)[:, None]
         lengthened, bends = ((1.0 - share) * part[k] + share * part[k + 1] for part in self[:2])
@@ -220,22 +220,22 @@ def plan(reach: Reach, turn: float) -> Plan | None:
     """Return the wave with the longest step that turns a worm by an angle [rad]; None for an angle out of reach."""
     straight = reach.longest_step
     if turn == 0.0:
-        return _joined(reach, turn, straight, SAMPLES)
+        return _joined(reach, turn, straight, INSTANTS_PER_STEP)
     # From above: the shape of a chain that is pressed far together is not the wanted shape.
-    fitting = (k for k, share in enumerate(SHORTER) if _fits(reach, turn, (1.0 - share) * straight))
+    fitting = (k for k, share in enumerate(SHORTENING_CANDIDATES) if _fits(reach, turn, (1.0 - share) * straight))
     first = next(fitting, None)
     if first is None:
         return None
-    low, high = (0.0, *SHORTER)[first : first + 2]
-    for _ in range(HALVINGS):
+    low, high = (0.0, *SHORTENING_CANDIDATES)[first : first + 2]
+    for _ in range(SHORTENING_BISECTIONS):
         middle = (low + high) / 2.0
         low, high = (low, middle) if _fits(reach, turn, (1.0 - middle) * straight) else (middle, high)
-    return _joined(reach, turn, (1.0 - high) * straight, SAMPLES)
+    return _joined(reach, turn, (1.0 - high) * straight, INSTANTS_PER_STEP)
 
 
 def _fits(reach: Reach, turn: float, step: float) -> bool:
     """Return whether a wave of a given turn and step is within reach."""
-    found = _joined(reach, turn, step, COARSE)
+    found = _joined(reach, turn, step, COARSE_INSTANTS)
     return found is not None and found.lengthened.max() <= reach.extended - reach.contracted + JOINED
 
 
@@ -252,7 +252,7 @@ def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None
         for begin, side in ((n, -1.0), (0, 1.0))
     )
     shape = straight
-    for _ in range(ITERATIONS):
+    for _ in range(NEWTON_STEPS):
         gap, slope = _gap(shape, tail, head)
         back, weighted = straight - shape, slope * give[:, None]
         missing = gap + np.einsum("kij,kj->ki", slope, back)

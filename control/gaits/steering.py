@@ -74,7 +74,7 @@ from worm3d.values.spelling import Spelled
 Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
 Wave = Literal["sine", "steep"]
-UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.14, 0.02)}
+UNIT_STEERING: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.14, 0.02)}
 """Hinge [rad] and bias for a steering of 1; with "both" the steering is a share of the greatest steering."""
 
 LEFT_RIGHT = np.array([1.0, -1.0])
@@ -116,12 +116,12 @@ class GaitParameters(Spelled):
 
     def steered(self, mechanism: Mechanism, steering: float) -> GaitParameters:
         """Return the same wave, steered by one mechanism only: a hinge [rad], a bias, or a share of both."""
-        hinge, bias = UNITS[mechanism]
+        hinge, bias = UNIT_STEERING[mechanism]
         return GaitParameters(self.amplitude, self.frequency, bias=steering * bias, hinge=steering * hinge)
 
     def steering(self, mechanism: Mechanism) -> float:
         """Return the steering by a mechanism, so that `steered` gives this wave; nearest by least squares."""
-        hinge, bias = UNITS[mechanism]
+        hinge, bias = UNIT_STEERING[mechanism]
         return (self.hinge * hinge + self.bias * bias) / (hinge**2 + bias**2)
 
     def row(self) -> FloatArray:
@@ -201,7 +201,7 @@ class Schedule(Spelled):
         return np.sin(2.0 * np.pi * x / wavelength + sign * phase)
 
 
-WAVES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": Schedule(steepness=2.0)})
+WAVE_SCHEDULES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": Schedule(steepness=2.0)})
 """Schedules of the default worm by their names in scenes."""
 
 

@@ -59,11 +59,11 @@ QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn":
 MAX_STEERING: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06, "both": 1.0}
 """Greatest steering in the identification of the default worm, which stays on its feet with room to spare."""
 
-FORMAT = 4
+MAP_FORMAT_VERSION = 4
 """Version of the files and of the physics behind them; a change of a default parameter needs a new one."""
-FOLDER, SUFFIX = "identified", ".map"
+MAP_FOLDER, SUFFIX = "identified", ".map"
 """Folder and suffix of the files in the user's cache."""
-SHIPPED = Path(__file__).parent / "worms"
+SHIPPED_MAPS = Path(__file__).parent / "worms"
 """Folder of the files that come with the package, made of all combinations of the design (`runs` = 240)."""
 
 
@@ -330,8 +330,8 @@ def load(
 ) -> Identified | None:
     """Return the maps and lags of a worm on a ground; None if not identified yet (`worm3d study identify`)."""
     name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
-    shipped = SHIPPED / f"{name}.json"
-    content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)
+    shipped = SHIPPED_MAPS / f"{name}.json"
+    content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(MAP_FOLDER), name, SUFFIX)
     if content is None:
         return None
     return Identified.from_dict(json.loads(content)).on(worm, ground or Friction())
@@ -362,13 +362,13 @@ def store(identified: Identified, worm: Worm, ground: Friction, design: Design, 
     """Store the identified properties in the user's cache or another folder; return whether this succeeded."""
     name = key(worm, ground, identified.schedule, design)
     content = json.dumps(identified.as_dict(), indent=1, allow_nan=False) + "\n"
-    return cache.store(folder or cache.folder(FOLDER), name, content.encode(), SUFFIX)
+    return cache.store(folder or cache.folder(MAP_FOLDER), name, content.encode(), SUFFIX)
 
 
 def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
     """Return the name of the file of a worm on a ground; parameters with default values do not enter the name."""
     content = {
-        "format": FORMAT,
+        "format": MAP_FORMAT_VERSION,
         "worm": _unusual(worm),
         "ground": _unusual(ground),
         "schedule": {name: value for name, value in asdict(schedule).items() if (name, value) != ("steepness", 1.0)},

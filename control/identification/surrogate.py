@@ -34,15 +34,15 @@ from worm3d.values.arrays import FloatArray
 
 Parity = Literal["even", "odd"]
 
-START = 0.08
+STICKING_STEERING = 0.08
 """Steering below which feet stick, s_0, as a share of the greatest."""
-SLOWEST = 0.01
+MIN_WAVE_FREQUENCY = 0.01
 """Least frequency of a wave that is slower than all identified waves [Hz]."""
-STICKING = 0
+STICKING_TERM = 0
 """Marker of tanh(s/s_0) among the powers of odd quantities."""
 DEGREES: dict[Parity, dict[int, int]] = {
     "even": dict.fromkeys((0, 2, 4), 4),
-    "odd": dict.fromkeys((STICKING, 1, 3, 5), 4),
+    "odd": dict.fromkeys((STICKING_TERM, 1, 3, 5), 4),
 }
 """Powers of the steering, and the joint degree n_k in amplitude and frequency for each power."""
 RIDGE = 1e-3
@@ -82,9 +82,9 @@ class Ranges:
 
     @property
     def bounds(self) -> FloatArray:
-        """Least and greatest inputs that a controller may choose, shape (2, 3), frequencies from `SLOWEST` on."""
+        """Least and greatest inputs a controller may choose, shape (2, 3), frequencies from `MIN_WAVE_FREQUENCY` on."""
         (weak, strong), (_, fast), sharp = self.amplitude, self.frequency, self.steering
-        return np.array([[weak, SLOWEST, -sharp], [strong, fast, sharp]])
+        return np.array([[weak, MIN_WAVE_FREQUENCY, -sharp], [strong, fast, sharp]])
 
     def contain(self, amplitude: float, frequency: float, steering: float) -> bool:
         """Return whether the surrogate holds for these parameters."""
@@ -147,7 +147,7 @@ class Misfit:
 
 
 def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
-    """Return the exponents (i, j, k) of the terms of (I1); an odd quantity's k = `STICKING` is no exponent."""
+    """Return the exponents (i, j, k) of the terms of (I1); an odd quantity's k = `STICKING_TERM` is no exponent."""
     return tuple(
         (i, n - i, k) for k, degree in DEGREES[parity].items() for n in range(degree + 1) for i in range(n, -1, -1)
     )
@@ -232,7 +232,9 @@ def _of_steering(parity: Parity, s: Any) -> dict[int, Any]:
     """Return S_k of scaled steering, (I1), by k."""
     powers = {k: s**k for k in DEGREES[parity]}
     if parity == "odd":
-        powers[STICKING] = ca.tanh(s / START) if isinstance(s, ca.SX) else np.tanh(s / START)
+        powers[STICKING_TERM] = (
+            ca.tanh(s / STICKING_STEERING) if isinstance(s, ca.SX) else np.tanh(s / STICKING_STEERING)
+        )
     return powers
 
 

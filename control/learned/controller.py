@@ -8,7 +8,7 @@ from pathlib import Path
 from control.estimation.estimate import Estimate
 from control.gaits.steering import GaitParameters
 from control.learned.acts import ACTS
-from control.learned.policy import SHIPPED, Policy
+from control.learned.policy import SHIPPED_POLICY, Policy
 from control.learned.senses import Senses
 from control.loop import Choice, WaveController, rest
 from control.sensing.sensors import Measurement
@@ -33,7 +33,7 @@ class LearnedPolicy(WaveController):
         A file that holds no policy.
     """
 
-    file: Path = SHIPPED
+    file: Path = SHIPPED_POLICY
     """File of the policy; a subclass with another file is a separate controller."""
 
     def __init__(self, task: ControlTask, policy: Policy | None = None) -> None:

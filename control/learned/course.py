@@ -6,8 +6,8 @@ linearly, and the phase w_1 of the last sample,
     place = int_{w_1 - 1}^{w_1} r dw,    place_0 = int_{w_1 - 3/2}^{w_1 - 1/2} r dw,                          (LC1)
     velocity = (place - place_0) / (t(w_1) - t(w_1 - 1/2)).                                                   (LC2)
 
-White noise of standard deviation sigma in n samples a wave causes an error of sigma / sqrt(n) in the place, which lags
-by half a wave, and the same error in the displacement from place_0 to place.
+White noise of standard deviation sigma in n samples a wave causes an error of sigma / sqrt(n) in the place, and the
+same error in the displacement from place_0 to place. The place lags by half a wave.
 """
 
 from __future__ import annotations

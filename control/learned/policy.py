@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 
 from control.learned.acts import ACTS
-from control.learned.senses import OWN
+from control.learned.senses import BASE_OBSERVATION_SIZE
 from worm3d.values import regular_file
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 
-SHIPPED = Path(__file__).with_name("policy.npz")
+SHIPPED_POLICY = Path(__file__).with_name("policy.npz")
 """The policy that comes with the program."""
 LARGEST_FILE = 100_000_000
 """Largest file of a policy [byte]; a policy with two layers of 1000 has 8 MB."""
-LONGEST = 120
+MAX_QUOTED_CHARACTERS = 120
 """Largest number of characters that a message quotes from a library's error."""
 ABOUT = "about"
 """Name of the text in a file that says how the policy was trained."""
@@ -45,8 +45,8 @@ class Policy(Spelled):
     layers: tuple[tuple[FloatArray, FloatArray], ...]
     """Weights (outputs, inputs) and offsets (outputs,) of each layer."""
     about: Mapping[str, Any] = field(default_factory=dict)
-    """Training of the policy; "acts" names the kind of action, "channels" the channels beyond the `senses.OWN`
-    numbers."""
+    """Training of the policy; "acts" names the kind of action, "channels" the channels beyond the
+    `senses.BASE_OBSERVATION_SIZE` numbers."""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.about, Mapping) and all(isinstance(name, str) for name in self.channels)):
@@ -57,7 +57,7 @@ class Policy(Spelled):
             raise ValueError(f"layers: got {sizes}, must fit to one another, (outputs, inputs) of each")
         if self.acts not in ACTS:
             raise ValueError(f"acts: got {self.acts!r}, must be one of {', '.join(ACTS)}")
-        wanted = OWN + ACTS[self.acts].size
+        wanted = BASE_OBSERVATION_SIZE + ACTS[self.acts].size
         if sizes[-1][0] != ACTS[self.acts].size or self.inputs < wanted:
             got = f"{self.inputs} inputs and {sizes[-1][0]} outputs"
             raise ValueError(f"layers: got {got}, must be {wanted} inputs or more, and {ACTS[self.acts].size} outputs")
@@ -76,7 +76,7 @@ class Policy(Spelled):
 
     @property
     def channels(self) -> Sequence[str]:
-        """Observed channels beyond the `senses.OWN` numbers."""
+        """Observed channels beyond the `senses.BASE_OBSERVATION_SIZE` numbers."""
         return tuple(self.about.get("channels", ()))
 
     def __call__(self, seen: FloatArray) -> FloatArray:
@@ -95,7 +95,7 @@ class Policy(Spelled):
             np.savez_compressed(file, **arrays, **{ABOUT: np.array(json.dumps(dict(self.about)))})  # type: ignore[arg-type]
 
     @classmethod
-    def load(cls, path: Path = SHIPPED) -> Policy:
+    def load(cls, path: Path = SHIPPED_POLICY) -> Policy:
         """Return a policy from a file.
 
         Raises
@@ -112,7 +112,7 @@ class Policy(Spelled):
                 warnings.simplefilter("error")  # numpy only warns of foreign arrays, and accepts them
                 return cls(*_unpacked(data))
         except Exception as error:  # damaged zip files and arrays raise various errors
-            why = (str(error).splitlines() or [""])[0][:LONGEST]
+            why = (str(error).splitlines() or [""])[0][:MAX_QUOTED_CHARACTERS]
             raise ValueError(
                 f"{path}: is no policy of 'worm3d learn', or a damaged one ({type(error).__name__}: {why}); "
                 "take a copy of it, or train it again"

@@ -31,19 +31,19 @@ from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
-OWN = 13
+BASE_OBSERVATION_SIZE = 13
 """Number of observed numbers, without actions and further channels."""
 SPEED, CURVATURE = 1, 6
 """Indices of the reference speed and of the present curvature."""
 FAST = 10.0
 """Time that multiplies a speed in body lengths/s [s]."""
-MOST = 2.0
+OBSERVATION_LIMIT = 2.0
 """Limit for clipping the observation."""
-AHEAD = np.array([0.0, 0.15, 0.3, 0.45])
+CURVATURE_DISTANCES = np.array([0.0, 0.15, 0.3, 0.45])
 """Distances ahead of the observed curvatures of the path [body lengths]."""
 FADING = 10.0
 """Time constant of the means that fade [s]."""
-SLOWEST = 1e-3
+MIN_REFERENCE_SPEED = 1e-3
 """Least reference speed for relative errors [body lengths/s]."""
 LAG = 0.5
 """Lag of a mean over a wave [waves]."""
@@ -75,7 +75,7 @@ class Senses:
         self._length, self._reference = worm.length, reference
         self._actions = actions
         self._shapes = {name: QUANTITIES[name].shape(worm) for name in channels}
-        self.size = OWN + actions + sum(int(np.prod(shape)) for shape in self._shapes.values())
+        self.size = BASE_OBSERVATION_SIZE + actions + sum(int(np.prod(shape)) for shape in self._shapes.values())
         self.reset()
 
     def reset(self) -> None:
@@ -104,14 +104,14 @@ class Senses:
     def observed(self, t: float) -> FloatArray:
         """Return the observation at time t [s], shape (size,); call once a control period."""
         speed, fast, aside, course, curvatures = self._tracked(t)
-        miss = 0.0 if fast is None else fast / max(speed, SLOWEST * self._length) - 1.0
-        errors = np.clip([10.0 * aside / self._length, miss], -MOST, MOST)
+        miss = 0.0 if fast is None else fast / max(speed, MIN_REFERENCE_SPEED * self._length) - 1.0
+        errors = np.clip([10.0 * aside / self._length, miss], -OBSERVATION_LIMIT, OBSERVATION_LIMIT)
         left = np.exp(-(t - self._seen_at) / FADING) if isfinite(self._seen_at) else 1.0
         self._means, self._seen_at = left * self._means + (1.0 - left) * errors, t
         steering = float(np.mean([each[1] for each in self._steering])) if self._steering else 0.0
         place = (speed / self._length, miss, aside / self._length, course, self._length * curvatures)
         own = assembled(fast is not None, *place, self._means, steering, self._action)
-        further = [np.clip(latest.ravel(), -MOST, MOST) for latest in self._latest.values()]
+        further = [np.clip(latest.ravel(), -OBSERVATION_LIMIT, OBSERVATION_LIMIT) for latest in self._latest.values()]
         return np.concatenate([own, *further])
 
     def _tracked(self, t: float) -> tuple[float, float | None, float, float, FloatArray]:
@@ -119,19 +119,20 @@ class Senses:
         reference, motion = self._reference, self._course.motion()
         speed, velocity = float(reference.speed(t)), None if motion is None else motion.velocity
         if motion is None:
-            return speed, None, 0.0, 0.0, np.zeros(len(AHEAD))
+            return speed, None, 0.0, 0.0, np.zeros(len(CURVATURE_DISTANCES))
         if reference.path is None:
             heading = None if reference.heading is None else float(reference.heading(t))
             fast, course = along(velocity, heading)
             turn = 0.0 if heading is None else turn_rate(reference, t, 0.0)
-            return speed, fast, 0.0, course, np.full(len(AHEAD), turn / max(speed, SLOWEST * self._length))
+            curvature = turn / max(speed, MIN_REFERENCE_SPEED * self._length)
+            return speed, fast, 0.0, course, np.full(len(CURVATURE_DISTANCES), curvature)
         path = reference.path
         self._near = s = float(path.project(motion.place, self._near))
         # The velocity's middle lies a quarter of a wave behind the place, which lies half a wave behind the worm.
         way = 0.0 if velocity is None else float(np.hypot(*velocity)) * motion.wave
         heading, before = path.heading(s - 0.5 * LAG * way * np.array([0.0, 1.0])).tolist()
         fast, course = along(velocity, before)
-        ahead = path.curvature(s + LAG * way + self._length * AHEAD)
+        ahead = path.curvature(s + LAG * way + self._length * CURVATURE_DISTANCES)
         return speed, fast, float(offset(path, motion.place, s, heading)), course, ahead
 
 
@@ -153,7 +154,7 @@ def assembled(
     errors = (miss, 10.0 * np.asarray(aside), np.sin(course), np.cos(course) - 1.0)
     parts = ((known, FAST * np.asarray(speed), *errors), curvatures, means, (steering,), action)
     seen: FloatArray = np.concatenate([np.asarray(part, dtype=float) for part in parts])
-    return np.clip(seen, -MOST, MOST)
+    return np.clip(seen, -OBSERVATION_LIMIT, OBSERVATION_LIMIT)
 
 
 def along(velocity: FloatArray | None, heading: float | None) -> tuple[float | None, float]:

@@ -32,7 +32,7 @@ from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
 WANTED = len(Wanted._fields)
-FAR = 1e3
+UNBOUNDED_OFFSET = 1e3
 """Value that means no bound of the offset [m]."""
 
 
@@ -282,5 +282,5 @@ class Problem:
     def _wanted(self) -> FloatArray:
         ahead = self.preview
         crab = ahead.follows * ahead.ways / np.maximum(np.abs(ahead.speed), self.slowest)
-        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], FAR)
+        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], UNBOUNDED_OFFSET)
         return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab, self.frequency, *bounds])

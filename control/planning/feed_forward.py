@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput
 from control.identification.identified import SteeringMap
-from control.identification.surrogate import SLOWEST
+from control.identification.surrogate import MIN_WAVE_FREQUENCY
 from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
 """Frequency at which the default worm has most speeds [Hz]; outside the range of a map, the middle of the range."""
-POINTS = 33
+POINTS_PER_PART = 33
 """Number of points on each part of the line."""
-STEERINGS = 97
+STEERING_GRID_SIZE = 97
 """Number of values of the steering: weak steering hardly turns the worm, so that they have to be close."""
 RISE = 1e-6
 """Turn rate added to the map per unit of steering [rad/s], so that only zero steering has zero turn rate."""
@@ -55,19 +55,23 @@ class FeedForward:
         self.wave = 1.0 / self.frequency
         self.found, self.ranges, self.backward = found, found.ranges, backward
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
-        amplitudes = [np.full(2 * POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
-        up, on = np.linspace(low, preferred, POINTS), np.linspace(preferred, high, POINTS)
-        slow = np.linspace(SLOWEST, low, POINTS)
+        amplitudes = [
+            np.full(2 * POINTS_PER_PART, least),
+            np.linspace(least, greatest, POINTS_PER_PART),
+            np.full(POINTS_PER_PART, greatest),
+        ]
+        up, on = np.linspace(low, preferred, POINTS_PER_PART), np.linspace(preferred, high, POINTS_PER_PART)
+        slow = np.linspace(MIN_WAVE_FREQUENCY, low, POINTS_PER_PART)
         self._amplitudes = np.concatenate(amplitudes)
-        self._frequencies = np.concatenate([slow, up, np.full(POINTS, preferred), on])
-        self._steerings = np.linspace(0.0, found.ranges.steering, STEERINGS)
+        self._frequencies = np.concatenate([slow, up, np.full(POINTS_PER_PART, preferred), on])
+        self._steerings = np.linspace(0.0, found.ranges.steering, STEERING_GRID_SIZE)
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
-        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
+        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERING_GRID_SIZE)
         self._straight = self._speeds(0.0)
         self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
-        self.least_divisor = 0.5 * float(self._straight[POINTS])
+        self.least_divisor = 0.5 * float(self._straight[POINTS_PER_PART])
         along = zip(self._amplitudes, self._frequencies, strict=True)
         rates = np.array([self._turn_rates(*place) for place in along])
         self._line = np.array([self._speeds(steering) for steering in self._steerings[::EVERY]])

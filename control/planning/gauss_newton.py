@@ -32,7 +32,7 @@ Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.015625)
 """Shares of a step, tried in this order."""
-ENOUGH = 1e-4
+SUFFICIENT_DECREASE = 1e-4
 """Share of the promised decrease of the cost that a step must bring."""
 NEGLIGIBLE = 1e-6
 """Promised decrease, relative to 1 + cost, at which the search ends."""
@@ -145,6 +145,6 @@ def _better(
     for share in SHARES:
         trial = z + share * step
         reached = half_square(residuals(trial), limits)
-        if reached <= cost - ENOUGH * share * promised:  # false for NaN
+        if reached <= cost - SUFFICIENT_DECREASE * share * promised:  # false for NaN
             return trial, reached
     return None

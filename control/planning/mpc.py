@@ -29,7 +29,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.estimation.estimate import HEADING, SURE, Estimate
+from control.estimation.estimate import HEADING_INDEX, SIGNIFICANT_EXCESS, Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified
@@ -44,10 +44,10 @@ from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
-TURNED = 2.0
+SIGNIFICANT_YAW_BIAS = 2.0
 """Yaw bias, in standard deviations, above which an effect outside the map is assumed to turn the worm."""
 YAW_BIAS = ReducedState._fields.index("yaw_bias")
-LASTING = 6.4
+INTEGRAL_TIME_CONSTANT = 6.4
 """Time constant T of (P4) and (P5) [waves]: four times the time constant in which other offsets decay."""
 MOST_LASTING = 0.01
 """Greatest offset that counts as lasting [body lengths]; a worm with a larger offset is still returning to the path."""
@@ -168,7 +168,7 @@ class GaitMPC:
             model,
             Scale(found.ranges),
         )
-        self._length, self._lasts = worm.length, LASTING * self.feed_forward.wave
+        self._length, self._lasts = worm.length, INTEGRAL_TIME_CONSTANT * self.feed_forward.wave
         terms = default_terms() if terms is None else terms
         self.cost = Cost.of(
             model, found, worm.length, terms, default_constraints() if constraints is None else constraints
@@ -252,7 +252,7 @@ class GaitMPC:
         assert reference.path is not None
         most = MOST_LASTING * self._length
         aside = float(offset(reference.path, estimate.position, preview.progress))
-        turned = abs(estimate.state.yaw_bias) > TURNED * estimate.deviations[YAW_BIAS]
+        turned = abs(estimate.state.yaw_bias) > SIGNIFICANT_YAW_BIAS * estimate.deviations[YAW_BIAS]
         if turned and abs(aside) < most and preview.speed[0] != 0.0:
             self._lasting = min(max(self._lasting + aside * passed / self._lasts, -most), most)
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
@@ -267,8 +267,8 @@ class GaitMPC:
             return preview
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
         place = np.einsum("ki,ij,kj->k", left, estimate.covariance[:2, :2], left)
-        turned = (self._length / 2.0 * estimate.deviations[HEADING]) ** 2
-        unsure = SURE * np.minimum(np.sqrt(place + turned), MOST_UNSURE * self._length)
+        turned = (self._length / 2.0 * estimate.deviations[HEADING_INDEX]) ** 2
+        unsure = SIGNIFICANT_EXCESS * np.minimum(np.sqrt(place + turned), MOST_UNSURE * self._length)
         return replace(preview, room_left=preview.room_left - unsure, room_right=preview.room_right - unsure)
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:

@@ -24,9 +24,9 @@ from worm3d.values.arrays import FloatArray
 
 SPAN = 2.0
 """Age beyond which a sample is not used, unless slower sensors are declared [s]."""
-AHEAD = 1e-6
+CLOCK_TOLERANCE = 1e-6
 """Greatest lead of a time stamp over the clock that counts as rounding [s]."""
-KEPT = 1000
+MAX_KEPT_INSTANTS = 1000
 """Number of kept instants of a channel beyond which old instants are dropped."""
 
 
@@ -102,7 +102,7 @@ class Gate:
     def _mistimed(self, name: str, t: float, instant: Any) -> Refusal | None:
         if not (isinstance(instant, int | float | np.integer | np.floating) and -np.inf < instant < np.inf):
             return Refusal.NO_TIME
-        if instant > t + AHEAD:
+        if instant > t + CLOCK_TOLERANCE:
             return Refusal.FUTURE
         if instant < t - self._span:
             return Refusal.TOO_OLD
@@ -112,7 +112,7 @@ class Gate:
 
     def _remember(self, name: str, t: float, instant: float) -> None:
         self._latest[name] = instant
-        if len(self._instants[name]) >= KEPT:
+        if len(self._instants[name]) >= MAX_KEPT_INSTANTS:
             self._instants[name] = {each for each in self._instants[name] if each >= t - self._span}
         self._instants[name].add(instant)
 

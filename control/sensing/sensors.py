@@ -35,7 +35,9 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
-ROUNDING = 1e-9
+SIDE_NAMES = ("left", "right")
+"""Names of the sides of a segment, in the order of arrays."""
+INSTANT_TOLERANCE = 1e-9
 """Tolerance of instants, since times are sums of time steps [s]."""
 MAX_COORDINATE = 1e7
 """Largest possible magnitude of a coordinate, more than any grid on earth has [m]."""
@@ -111,7 +113,7 @@ STRAIN = Channel(noise=0.01)
 """Quality of strain gauges: 1 % of a chamber's rest length."""
 COM = Channel(noise=0.005, rate=20.0)
 """Quality of a camera: 5 mm in each direction, 20 pictures a second."""
-HEADING = Channel(noise=float(np.deg2rad(1.1)))
+HEADING_SENSOR = Channel(noise=float(np.deg2rad(1.1)))
 """Quality of a compass: 1.1 degrees."""
 ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5)))
 """Quality of a MEMS gyroscope: 0.1 deg/s (a noise density of 0.01 deg/s/sqrt(Hz) over a bandwidth of 100 Hz), and a
@@ -148,7 +150,7 @@ QUANTITIES = {
     "heading": Quantity(
         "heading",
         "rad",
-        HEADING,
+        HEADING_SENSOR,
         true_value=lambda seen: np.array(seen.heading),
         shape=lambda worm: (),
         limits=lambda worm: (-MAX_HEADING, MAX_HEADING),
@@ -318,7 +320,7 @@ class _Instrument:
         if self._is_due(seen.time):
             self._take(seen.time, true_value(self._name, seen))
         value = None
-        while self._on_the_way and self._on_the_way[0][0] + self._channel.delay <= seen.time + ROUNDING:
+        while self._on_the_way and self._on_the_way[0][0] + self._channel.delay <= seen.time + INSTANT_TOLERANCE:
             self._last, value = self._on_the_way.popleft()
         return Sample(_wrapped(value) if self._quantity.angle and value is not None else value, self._last)
 
@@ -328,7 +330,7 @@ class _Instrument:
             return True
         if np.isnan(self._begin):
             self._begin = t
-        count = int((t - self._begin + ROUNDING) * self._channel.rate)
+        count = int((t - self._begin + INSTANT_TOLERANCE) * self._channel.rate)
         due, self._count = count >= self._count, max(self._count, count + 1)
         return due
 

@@ -23,11 +23,11 @@ from worm3d.values.spelling import Spelled
 
 PARTS = 16
 """Number of parts of each interval between knots."""
-REACH = 0.125
+MAX_PROJECTION_SHIFT = 0.125
 """Greatest change from the previous projection, as a share of the length."""
 ALIKE = 0.01
 """Greatest extra distance of a pass of the curve that still counts as nearest, as a share of the length."""
-ITERATIONS = 20
+MAX_PROJECTION_ITERATIONS = 20
 """Largest number of Newton iterations; three or four are enough except at the centre of curvature."""
 GAUSS = np.polynomial.legendre.leggauss(5)
 """Points and weights of Gauss's rule on [-1, 1]."""
@@ -79,8 +79,9 @@ class Curve(Spelled, ABC):
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...) [m].
 
-        The search covers only points within an eighth of the curve's length of the arc length `near`. Without `near` it
-        covers all points; if the curve passes a place more than once, nearly as close, the first pass counts.
+        The search covers only points within an eighth of the curve's length of the arc length `near`. Without `near`
+        the search covers all points; if the curve passes a place more than once, nearly as close, the first pass
+        counts.
         """
         places = np.asarray(xy, dtype=float)
         flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
@@ -91,7 +92,7 @@ class Curve(Spelled, ABC):
         (nodes, lengths), (k, laps) = self._nodes, self._nearest_node(place, near)
         low, high = self._beside(k)
         u = float(nodes[k])
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_PROJECTION_ITERATIONS):
             r, d, dd = (part[0] for part in self._derivatives(np.array([u])))
             speed = float(d @ d)
             change = float((r - place) @ d) / max(speed + float((r - place) @ dd), 0.1 * speed)
@@ -125,7 +126,7 @@ class Curve(Spelled, ABC):
             if self.closed:
                 laps = np.round((near - lengths) / self.length)
             inside = near if self.closed else min(max(near, 0.0), self.length)
-            distance[np.abs(lengths + laps * self.length - inside) > REACH * self.length] = np.inf
+            distance[np.abs(lengths + laps * self.length - inside) > MAX_PROJECTION_SHIFT * self.length] = np.inf
         k = int(np.argmin(distance))
         return int(node[k]), float(laps[k])
 

@@ -15,7 +15,7 @@ from control.tracking.references import Reference
 from control.tracking.search import MARGINS, NoWayError, Search
 from worm3d.values.arrays import FloatArray
 
-APART, TURNED = 0.03, 0.15
+MAX_WAY_DISTANCE, MAX_WAY_ANGLE = 0.03, 0.15
 """Distance from the way [body lengths] and angle to the way [rad] beyond which a new way begins at the worm, as soon as
 the heading is known. A nearer worm returns within a wave or two."""
 STEEPEST_TURN = 0.67
@@ -124,7 +124,10 @@ class Guide:
         if sure and not self._placed:
             self._placed = True
             aside, turned = float(offset(way, place, s)), azimuth - float(way.heading(s))
-            if abs(aside) > APART * self._body.length or abs(np.arctan2(np.sin(turned), np.cos(turned))) > TURNED:
+            if (
+                abs(aside) > MAX_WAY_DISTANCE * self._body.length
+                or abs(np.arctan2(np.sin(turned), np.cos(turned))) > MAX_WAY_ANGLE
+            ):
                 self._lead_from(place, azimuth)
         near = {each: float(self._body.clearance([each], place, np.array(azimuth))) for each in way.unknown}
         seen = [each for each, clear in near.items() if clear + self._body.half_width <= each.sight]

@@ -37,9 +37,9 @@ from worm3d.values.arrays import FloatArray
 
 Bools = NDArray[np.bool_]
 
-DROPPED = 3.0
+DROPPED_PERIODS = 3.0
 """Number of periods left out at the beginning, and for `SETTLED_METRICS` after a step."""
-ROUNDING = 1e-6
+TIME_ROUNDING = 1e-6
 """Greatest difference of two times that count as equal [s]."""
 SETTLED = 0.10
 """Share of the reference speed within which a speed has settled."""
@@ -62,8 +62,8 @@ EDGE_PARTS = 8
 lengths is at most 0.001 nearer than the reported distance."""
 STAYED = 4.0
 """Time for which a worm has to stay at the end of its path at the end of a run, three periods at 0.8 Hz [s]."""
-TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
-UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
+TOO_SHORT = f"the run is shorter than the {DROPPED_PERIODS:g} periods that are left out and one more"
+UNSETTLED = f"no window lies beyond the {DROPPED_PERIODS:g} periods after each step of the reference speed"
 REASONS = {
     **dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), "the reference speed is 0"),
     **dict.fromkeys(HEADING_METRICS, "there is no heading and no path to keep to"),
@@ -259,7 +259,7 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
         return None, "the reference speed has no step"
     longest = 0.0
     for begin, end in zip(steps, (*steps[1:], np.inf), strict=True):
-        rows = (tracked.time >= begin) & (tracked.time < end - ROUNDING)  # the next speed begins at the end
+        rows = (tracked.time >= begin) & (tracked.time < end - TIME_ROUNDING)  # the next speed begins at the end
         wanted = np.asarray(reference.speed(tracked.time[rows]), dtype=float)
         off = np.flatnonzero(np.abs(tracked.speed[rows] - wanted) > SETTLED * np.abs(wanted))
         waves = tracked.waves[rows]
@@ -273,8 +273,8 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
 def joining_periods(tracked: Tracking, length: float) -> float | None:
     """Return the commanded periods until the offset stays within `WITHIN`; None if the offset never does.
 
-    The periods are counted from the start of the run to the end of the first window from which on all windows are
-    within, so that a worm that begins on its path has joined the path after 1.
+    The count runs from the start of the run to the end of the first window from which on all windows are within. A worm
+    that begins on its path has joined the path after 1.
     """
     off = np.flatnonzero(~(np.abs(tracked.cross_track) <= WITHIN * length))
     if len(off) == 0:
@@ -302,7 +302,7 @@ def _arriving(motion: Motion, reference: Reference, window: _Window, place: Floa
     if path is None or not reference.ends:
         return np.zeros(len(place), dtype=bool)
     wanted = window.mean(np.asarray(reference.speed(motion.time), dtype=float))
-    near: Bools = track(path, place) >= path.length - DROPPED * np.abs(wanted) * (window.time - window.began)
+    near: Bools = track(path, place) >= path.length - DROPPED_PERIODS * np.abs(wanted) * (window.time - window.began)
     return np.logical_or.accumulate(near) & (wanted >= 0.0)
 
 
@@ -314,8 +314,8 @@ def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
     """Return which windows lie beyond the excluded periods at the beginning and after steps [s]."""
     begins = [motion.time[0], *(t for t in steps if t <= motion.time[-1])]
     first = np.interp(begins, motion.time, motion.waves - motion.waves[0])
-    since = np.searchsorted(np.asarray(begins) + ROUNDING, window.time, side="left") - 1
-    beyond: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED - 1e-9
+    since = np.searchsorted(np.asarray(begins) + TIME_ROUNDING, window.time, side="left") - 1
+    beyond: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED_PERIODS - 1e-9
     return beyond
 
 

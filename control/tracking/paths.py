@@ -289,8 +289,7 @@ def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = 
 
 
 def track(path: Path, xy: FloatArray, near: float | None = None) -> FloatArray:
-    """Return the projections of places that follow each other, (K, 2) [m], each searched near the previous one, shape
-    (K,) [m]."""
+    """Return the projections of successive places (K, 2) [m], each searched near the previous one, shape (K,) [m]."""
     found = [near := float(path.project(place, near)) for place in xy]
     return np.array(found)
 

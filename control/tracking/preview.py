@@ -29,7 +29,7 @@ MOMENT = 0.05
 APPROACH = 2.0
 """Time T in which the distance to the end of a path falls to 37 % [waves]: the speed lags behind by one wave."""
 TURNS_IN = 0.3
-"""Distance for averaging the curvature of a path [body lengths]; a worm turns by at most a right angle over it."""
+"""Distance for averaging the curvature of a path [body lengths], over which a worm turns by a right angle at best."""
 AWAY = 1.3
 """Angle between a worm and its path above which the worm turns round before following the path [rad]."""
 PLACES = 65

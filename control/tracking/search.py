@@ -34,9 +34,9 @@ from control.tracking.preview import TURNS_IN
 from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray, IntArray
 
-STEP, CELL = 0.1, 0.01
+GRID_STEP, GRID_CELL = 0.1, 0.01
 """Spacing of the grid along and beside the path [body lengths]: slopes differ by 0.1, curvatures by 1 per length."""
-STEEPEST = 8
+MAX_SLOPE = 8
 """Greatest slope of a way against the path, in cells per step: 0.8. Steeper ways are not needed within 1 BL."""
 SHARPEST = 2.2
 """Greatest curvature of a way [1/body length]: on circles of 0.45 BL the offset is 0.003 BL, corners have 0.012."""
@@ -55,11 +55,11 @@ FOLDED = 0.3
 """Least length of an offset path inside a bend, as a share of the length of the path."""
 ROUNDED = 1.2
 """Share of the greatest curvature that a smooth way may have between the steps of the grid."""
-NEAR = 0.3
+OBSTACLE_RANGE = 0.3
 """Room beside the body beyond which an obstacle is no bound, and is ignored when a way is smoothed [body lengths]."""
-QUIET: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
+IPOPT_OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
 """Options of Ipopt, which takes some 20 iterations."""
-SLOPES, TURNS = np.arange(-STEEPEST, STEEPEST + 1), np.arange(-4, 5)
+SLOPES, TURNS = np.arange(-MAX_SLOPE, MAX_SLOPE + 1), np.arange(-4, 5)
 """Slopes of the grid [cells per step], and possible changes of a slope from step to step."""
 CHORD = np.linspace(-0.5, 0.5, 11)
 """Spots along the chord for the search [body lengths]."""
@@ -97,7 +97,7 @@ class Search:
         if not (reference.ends or path.closed):
             last = max((float(np.max(path.project(each))) for each in outlines), default=0.0)
             length = max(last, length if math.isfinite(length) else 0.0) + FARTHEST * self.unit
-        steps = max(round(length / (STEP * self.unit)), len(settled) + 1)
+        steps = max(round(length / (GRID_STEP * self.unit)), len(settled) + 1)
         self.along = np.linspace(0.0, length, steps + 1)
         self.step = length / steps / self.unit
         around = TURNS_IN / 2.0 * self.unit
@@ -110,15 +110,17 @@ class Search:
         if path.closed:
             self.end, self.end_change = float(self.settled[1]), float(self.settled[1] - self.settled[0])
         here, reach = float(self.settled[-1]), self._reach(outlines)
-        self.cells = here + CELL * np.arange(math.ceil((-reach - here) / CELL), math.floor((reach - here) / CELL) + 1)
-        self.low = self.point.min(axis=0) - self.unit * (reach + 0.5 + STEP)
+        self.cells = here + GRID_CELL * np.arange(
+            math.ceil((-reach - here) / GRID_CELL), math.floor((reach - here) / GRID_CELL) + 1
+        )
+        self.low = self.point.min(axis=0) - self.unit * (reach + 0.5 + GRID_STEP)
 
     def _reach(self, outlines: Sequence[FloatArray]) -> float:
         """Return the greatest offset that a way may need."""
         off = [np.linalg.norm(each[:, None] - self.point, axis=-1).min(axis=1) / self.unit for each in outlines]
         most = max((float(each.max()) for each in off if each.min() < FARTHEST), default=0.0)
-        most = min(most + self.body.half_width / self.unit + MARGINS[0] + STEP, FARTHEST, self.corridor)
-        return max(most, abs(float(self.settled[-1])) + CELL)
+        most = min(most + self.body.half_width / self.unit + MARGINS[0] + GRID_STEP, FARTHEST, self.corridor)
+        return max(most, abs(float(self.settled[-1])) + GRID_CELL)
 
     def way(self) -> Detour:
         """Return the way; NoWayError if there is none."""
@@ -145,7 +147,7 @@ class Search:
     @cached_property
     def _room(self) -> list[FloatArray]:
         """Distance of the chords of bodies from obstacles, by offset and slope, each of shape (E, M)."""
-        found, slopes = [], np.asarray(SLOPES * CELL / self.step)
+        found, slopes = [], np.asarray(SLOPES * GRID_CELL / self.step)
         free = self._field(self.point) > np.abs(self.cells).max() + 0.5 + self._need(MARGINS[0])
         for k in range(self.first, len(self.along)):
             aside = np.repeat(self.cells[:, None], len(slopes), axis=1)
@@ -160,19 +162,19 @@ class Search:
     @cached_property
     def _distance(self) -> FloatArray:
         """Distance from obstacles on a grid of places around the path, every second cell."""
-        spacing, high = 2.0 * CELL * self.unit, self.point.max(axis=0) + self.point.min(axis=0) - self.low
+        spacing, high = 2.0 * GRID_CELL * self.unit, self.point.max(axis=0) + self.point.min(axis=0) - self.low
         axes = [np.arange(begin, end + spacing, spacing) for begin, end in zip(self.low, high, strict=True)]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         return np.minimum(nearest(self.obstacles, places) / self.unit, FARTHEST)
 
     def _field(self, places: FloatArray) -> FloatArray:
         """Return the distances of places (..., 2) [m] from obstacles, interpolated linearly on the grid, (...)."""
-        at = np.moveaxis((places - self.low) / (2.0 * CELL * self.unit), -1, 0)
+        at = np.moveaxis((places - self.low) / (2.0 * GRID_CELL * self.unit), -1, 0)
         return np.asarray(scipy.ndimage.map_coordinates(self._distance, at, order=1, mode="nearest"))
 
     def _on_grid(self, margin: float) -> tuple[FloatArray | None, int]:
         """Return the offsets of the best way, (P3), or None, and the last point of the path that a way reaches."""
-        needs, chosen = self._needs(margin, 2.0 * CELL), list[IntArray]()
+        needs, chosen = self._needs(margin, 2.0 * GRID_CELL), list[IntArray]()
         value = np.full(self._room[0].shape, np.inf)
         if self._begin_room < self._need(0.0):
             return None, self.first
@@ -193,7 +195,7 @@ class Search:
     def _stepped(self, value: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
         """Return the least costs (P3) a step after point `k`, by offset and slope, and which of `TURNS` led there."""
         curvature = float(self.curvature[k])
-        bend, stretch = TURNS * CELL / self.step**2, np.maximum(1.0 - curvature * self.cells, FOLDED)[:, None]
+        bend, stretch = TURNS * GRID_CELL / self.step**2, np.maximum(1.0 - curvature * self.cells, FOLDED)[:, None]
         sharp = np.abs(curvature / stretch + bend / stretch**2) > self.sharpest[k]
         cost = np.where(sharp, np.inf, self.step * BENDS**4 * bend**2)
         most, rows = len(TURNS) // 2, len(self.cells)
@@ -231,14 +233,14 @@ class Search:
         turn = self.curvature[k] / stretch + bend / stretch**2
         azimuth = ca.SX(self.heading[k] + ca.atan(slope / stretch))
         room = self._rooms(k[1:-1], e, azimuth[1:-1])
-        near = np.flatnonzero(np.asarray(ca.Function("near", [e], [room])(free)).ravel() < self._need(NEAR))
+        near = np.flatnonzero(np.asarray(ca.Function("near", [e], [room])(free)).ravel() < self._need(OBSTACLE_RANGE))
         cost = h * (ca.sumsqr(own) + BENDS**4 * ca.sumsqr(bend))
         programme = {"x": e, "f": cost, "g": ca.vertcat(turn, room[near.tolist()])}
-        solver = ca.nlpsol("smooth", "ipopt", programme, QUIET)
-        needs = np.tile(self._needs(margin, CELL / 2.0)[k[1:-1]], len(CHORD) * len(self.obstacles))
+        solver = ca.nlpsol("smooth", "ipopt", programme, IPOPT_OPTIONS)
+        needs = np.tile(self._needs(margin, GRID_CELL / 2.0)[k[1:-1]], len(CHORD) * len(self.obstacles))
         least = np.append(-self.sharpest[k], needs[near])
         most = np.append(self.sharpest[k], np.full(len(near), np.inf))
-        widest = max(self.corridor - CELL, 0.0)
+        widest = max(self.corridor - GRID_CELL, 0.0)
         found = solver(x0=free, lbx=-widest, ubx=widest, lbg=least, ubg=most)
         if not solver.stats()["success"]:
             return None
@@ -287,22 +289,21 @@ class Search:
     def _beside(self, way: Detour, side: float) -> FloatArray:
         """Return the distances by which bodies on a way can move to a side before contact [m], shape (P,)."""
         azimuth = way.heading(way.lengths)
-        moved = self.unit * CELL * np.arange(round(NEAR / CELL) + 1)
+        moved = self.unit * GRID_CELL * np.arange(round(OBSTACLE_RANGE / GRID_CELL) + 1)
         places = way.points[:, None] + side * moved[:, None] * _across(azimuth)[:, None]
         touches = self.body.clearance(self.obstacles, places, np.repeat(azimuth[:, None], len(moved), axis=1)) < 0.0
         return np.where(touches.any(axis=1), moved[np.maximum(np.argmax(touches, axis=1) - 1, 0)], np.inf)
 
     def _is_kept_by(self, way: Detour, margin: float) -> bool:
-        """Return whether the body keeps a margin along a way, and the way stays in the corridor and is not too
-        sharp."""
-        s = np.arange(float(way.lengths[self.first]), way.length, self.unit * CELL)
+        """Return whether the body keeps a margin along a way in the corridor with moderate curvature."""
+        s = np.arange(float(way.lengths[self.first]), way.length, self.unit * GRID_CELL)
         clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s)) / self.unit
-        needs = np.interp(s, way.lengths, self._needs(margin, CELL)[: len(way.lengths)]) - self._need(0.0)
+        needs = np.interp(s, way.lengths, self._needs(margin, GRID_CELL)[: len(way.lengths)]) - self._need(0.0)
         aside = np.abs(way.aside[self.first :]).max()
         sharp, asked = (float(np.abs(path.curvature(s)).max()) * self.unit for path in (way, self.path))
         return bool(
             (clear >= needs).all()
-            and aside <= (self.corridor + CELL) * self.unit
+            and aside <= (self.corridor + GRID_CELL) * self.unit
             and sharp <= ROUNDED * max(SHARPEST, asked)
         )
 
@@ -317,4 +318,4 @@ def _across(azimuth: FloatArray) -> FloatArray:
 
 def _column(change: float) -> int:
     """Return the column of the slope nearest to a change of the offset in a step [body lengths]."""
-    return int(np.argmin(np.abs(SLOPES * CELL - change)))
+    return int(np.argmin(np.abs(SLOPES * GRID_CELL - change)))

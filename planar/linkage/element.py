@@ -25,12 +25,12 @@ from planar.linkage.ground import Ground
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
-BAND = 5
+HALF_BANDWIDTH = 5
 """Half bandwidth of the Hessian: a joint couples with itself and two joints on each side."""
-ROWS = 3 * BAND + 1
+ROWS = 3 * HALF_BANDWIDTH + 1
 """Rows of the Hessian's band, with room for the fill-in of pivoting."""
 
-LAW, OPEN, STICK, SLIDE = 0, 1, 2, 4
+BY_LAW, OPEN, STICK, SLIDE = 0, 1, 2, 4
 """Regimes of a contact (`planar.linkage.regimes`); stuck and sliding contacts are towards the head, plus 1 towards the
 tail."""
 
@@ -85,7 +85,7 @@ class Now(NamedTuple):
     push: FloatArray
     """(N, 2) constant forces on the apexes along x."""
     regime: NDArray[np.int64]
-    """(N, 2) LAW, or the given regime of each contact."""
+    """(N, 2) BY_LAW, or the given regime of each contact."""
 
 
 @njit
@@ -169,7 +169,7 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
             phi += 0.5 * mass * away**2 + 0.5 * drag * moved**2 - push * q[k]
             grad[k] += mass * away + drag * moved - push
             if band.shape[0] > 0:
-                band[2 * BAND, k] += mass + drag
+                band[2 * HALF_BANDWIDTH, k] += mass + drag
     return phi
 
 
@@ -240,7 +240,7 @@ def _apex(
     if band.shape[0] > 0:
         for r in range(4):
             for c in range(4):
-                band[2 * BAND + r - c, base + c] += jx[r] * (kxx * jx[c] + kxz * jz[c]) + jz[r] * kzz * jz[c]
+                band[2 * HALF_BANDWIDTH + r - c, base + c] += jx[r] * (kxx * jx[c] + kxz * jz[c]) + jz[r] * kzz * jz[c]
     across = fz * ex - fx * ez  # f.Re; and R^T f = (fz, -fx)
     _add_in_e(
         band,
@@ -267,7 +267,7 @@ def _point(
         return phi, fx, fz, kxx, kxz, kzz
     load = normal_load(-z, now.depth_n[i, j], dt, ground.stiffness, ground.damping)
     stiff, regime = ground.stiffness + ground.damping / dt, now.regime[i, j]
-    if regime != LAW:
+    if regime != BY_LAW:
         load = 0.0 if regime == OPEN else -stiff * z - ground.damping / dt * now.depth_n[i, j]
     if load > 0.0 or regime >= STICK:
         phi += 0.5 * load * load / stiff
@@ -317,7 +317,7 @@ def _torsion(
         stiff = k * (1.0 + tau) * cosine * cosine - moment * cross
         for r in range(6):
             for c in range(6):
-                band[2 * BAND + r - c, base + c] += stiff * lever[r] * lever[c]
+                band[2 * HALF_BANDWIDTH + r - c, base + c] += stiff * lever[r] * lever[c]
     for side in range(2):  # second derivative of the two angles
         i = j - 1 + side
         factor = moment * cosine * (1.0 - 2.0 * side) / length[i] ** 2
@@ -335,7 +335,7 @@ def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> N
     for r in range(4):
         for c in range(4):
             own = xx if r % 2 + c % 2 == 0 else (zz if r % 2 + c % 2 == 2 else xz)
-            band[2 * BAND + r - c, base + c] += own if (r < 2) == (c < 2) else -own
+            band[2 * HALF_BANDWIDTH + r - c, base + c] += own if (r < 2) == (c < 2) else -own
 
 
 NO_BAND: Any = np.empty((0, 0))

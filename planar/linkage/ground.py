@@ -68,7 +68,7 @@ WEIGHTLESS = 0.075
 """Substitute for the weight of a weightless worm, as a fraction of the mean stiffness of the springs; the same as in
 `worm3d`."""
 
-TIE = 1e-9
+BREAKAWAY_TOLERANCE = 1e-9
 """Distance to the static limit below which a contact breaks away (G4), as a fraction of the limit."""
 
 YIELD_TOLERANCE = 1e-9
@@ -84,7 +84,7 @@ class Friction(ReadOnly):
         0.03,
         meaning="kinetic coefficient against motion towards the head",
         ge=0,
-        le=arguments.LARGEST,
+        le=arguments.MAX_MAGNITUDE,
         each="segment",
         aka=("mu_forward",),
     )
@@ -92,7 +92,7 @@ class Friction(ReadOnly):
         0.20,
         meaning="kinetic coefficient against motion towards the tail",
         ge=0,
-        le=arguments.LARGEST,
+        le=arguments.MAX_MAGNITUDE,
         each="segment",
         aka=("mu_backward",),
     )
@@ -165,5 +165,5 @@ class Ground(NamedTuple):
 
 
 def natural_gravity(worm: Linkage, gravity: float) -> float:
-    """Return the acceleration that scales the contacts [m/s^2]: gravity, or `WEIGHTLESS` of the stiffness if 0."""
+    """Return the acceleration that scales the contacts [m/s^2]: gravity, or from `WEIGHTLESS` if gravity is 0."""
     return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.total_mass

@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from planar.linkage import regimes
-from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Now, apex_gauge, evaluate
+from planar.linkage.element import HALF_BANDWIDTH, NO_BAND, ROWS, Body, Now, apex_gauge, evaluate
 from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes
 from worm3d.machine.compiled import njit
@@ -38,7 +38,7 @@ DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
 POLISH_TOLERANCE = 1e-12
 """Largest coordinate step that ends the polish, as a fraction of the body length."""
-NEAR = 1e-4
+EXTRAPOLATION_FRACTION = 1e-4
 """Fraction of a step for extrapolating the motion of a stuck contact."""
 BEYOND = 1e-5
 """Overshoot of a stuck contact beyond rest, as a fraction of the contact's displacement or yield displacement."""
@@ -167,7 +167,7 @@ class Newton:
         for iteration in range(1, most + 1):
             if not np.isfinite(self._evaluate(q, now, coupled=True)):
                 return q, iteration, False
-            _, _, step, info = scipy.linalg.lapack.dgbsv(BAND, BAND, self.band, self.gradient)
+            _, _, step, info = scipy.linalg.lapack.dgbsv(HALF_BANDWIDTH, HALF_BANDWIDTH, self.band, self.gradient)
             if info != 0 or not np.isfinite(step).all():
                 return q, iteration, False
             previous, size = size, float(np.abs(step).max())
@@ -207,7 +207,7 @@ def _resting_points(
                 continue
             y, stuck, soft, margin = np.empty(2), False, False, 0.0
             for end in range(2):
-                k, far = 2 * i, end * (NEAR if stuck else 1.0)
+                k, far = 2 * i, end * (EXTRAPOLATION_FRACTION if stuck else 1.0)
                 ax, az = q[k] + far * direction[k], q[k + 1] + far * direction[k + 1]
                 bx, bz = q[k + 2] + far * direction[k + 2], q[k + 3] + far * direction[k + 3]
                 square = (bx - ax) ** 2 + (bz - az) ** 2
@@ -219,7 +219,7 @@ def _resting_points(
                     soft = mu < max(ground.mu_forward[i], ground.mu_backward[i])
                     margin = np.sign(y[0]) * BEYOND * max(abs(y[0]), b) if stuck else 0.0
             if stuck:
-                y[1] = y[0] + (y[1] - y[0]) / NEAR
+                y[1] = y[0] + (y[1] - y[0]) / EXTRAPOLATION_FRACTION
             if y[0] * y[1] < 0.0 and (not stuck or soft):
                 steps[found] = (y[0] + margin) / (y[0] - y[1])
                 found += 1
@@ -228,12 +228,12 @@ def _resting_points(
 
 def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | None:
     """Solve with the Hessian, shifted until it is positive definite; None if no shift suffices."""
-    upper = band[BAND : 2 * BAND + 1]
-    scale = float(np.abs(upper[BAND]).max())
+    upper = band[HALF_BANDWIDTH : 2 * HALF_BANDWIDTH + 1]
+    scale = float(np.abs(upper[HALF_BANDWIDTH]).max())
     shift = 0.0
     while shift < 1e6 * scale:
         shifted = upper.copy()
-        shifted[BAND] += shift
+        shifted[HALF_BANDWIDTH] += shift
         _, solution, info = scipy.linalg.lapack.dpbsv(shifted, gradient)
         if info == 0 and np.isfinite(solution).all():
             return np.asarray(-solution)
@@ -244,8 +244,8 @@ def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | N
 def _hold(band: FloatArray, held: NDArray[np.bool_]) -> None:
     """Replace the rows and columns of held coordinates by rows and columns of the identity."""
     size = len(held)
-    for offset in range(-BAND, BAND + 1):
+    for offset in range(-HALF_BANDWIDTH, HALF_BANDWIDTH + 1):
         columns = np.arange(max(0, -offset), min(size, size - offset))
         dead = held[columns] | held[columns + offset]
-        band[2 * BAND + offset, columns[dead]] = 0.0
-    band[2 * BAND, held] = 1.0
+        band[2 * HALF_BANDWIDTH + offset, columns[dead]] = 0.0
+    band[2 * HALF_BANDWIDTH, held] = 1.0

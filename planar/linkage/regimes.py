@@ -21,7 +21,7 @@ AT_ONCE = 10
 """Rounds that change all regimes denied by the law; later rounds change only the most denied regime, so that no two
 regimes alternate without end."""
 
-ROUNDING = 1e-9
+LAW_TOLERANCE = 1e-9
 """Tolerance of the law, as a fraction of the yield displacement or of the contact's mean load."""
 
 
@@ -51,7 +51,7 @@ def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> 
         [of_law(q, a, ground, now), OPEN, STICK + tail, STICK + 1 - tail],
         SLIDE + tail,
     )
-    denied = wrong > ROUNDING
+    denied = wrong > LAW_TOLERANCE
     if turn >= AT_ONCE and denied.any():
         denied = wrong == wrong.max()
     return np.where(denied, new, old)

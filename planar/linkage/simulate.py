@@ -36,7 +36,7 @@ Force = Callable[[float], FloatArray]
 """Time [s] -> force on each joint, shape (N+1, 2) [N]."""
 
 
-HALVINGS = 6
+MAX_STEP_HALVINGS = 6
 """Greatest number of halvings of a step that does not converge."""
 
 
@@ -176,7 +176,7 @@ class _Simulation:
         """Return the finished steps from a state, each as a list of parts, and the reason for the end."""
         done: list[list[Step]] = []
         for k in range(1, steps + 1):
-            parts, status = self._advance(state, (k - 1) * dt, dt, HALVINGS)
+            parts, status = self._advance(state, (k - 1) * dt, dt, MAX_STEP_HALVINGS)
             if status is not Status.DONE:
                 return done, _stop(status, k, dt, parts)
             done.append(parts)

@@ -16,7 +16,7 @@ from planar.status import Status
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
-FLAT = 0.02
+FLATTENED_HEIGHT = 0.02
 """Height below which a rhombus counts as flattened, as a fraction of the rest height."""
 
 SETTLING_TIME = float(np.sqrt(9.81))
@@ -28,7 +28,7 @@ MAX_SETTLING = 200
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Greatest penetration of an apex at the start, as a fraction of the segment length."""
 
-TOUCHING = 1e-6
+TOUCH_TOLERANCE = 1e-6
 """Greatest distance of an apex that counts as touching the ground, as a fraction of the body length."""
 
 
@@ -64,7 +64,7 @@ def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
         return Status.NOT_FINITE
     length, _ = diagonals(joints)
     height = np.sqrt(np.maximum(worm.link_length**2 - length**2 / 4.0, 0.0))
-    if (height < FLAT * worm.rest_half_height).any():
+    if (height < FLATTENED_HEIGHT * worm.rest_half_height).any():
         return Status.FLATTENED
     if (joint_cosines(joints) <= 0.0).any():
         return Status.FOLDED
@@ -97,7 +97,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
 
 def touches(worm: Linkage, joints: FloatArray) -> bool:
     """Return whether an apex touches the ground z = 0; a gap may be rounding."""
-    return float(apexes(joints, worm.link_length)[..., 1].min()) <= TOUCHING * worm.length
+    return float(apexes(joints, worm.link_length)[..., 1].min()) <= TOUCH_TOLERANCE * worm.length
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planar.linkage.element import LAW, Body, Now
-from planar.linkage.ground import TIE, YIELD_TOLERANCE, Ground
+from planar.linkage.element import BY_LAW, Body, Now
+from planar.linkage.ground import BREAKAWAY_TOLERANCE, YIELD_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.regimes import gauge
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
@@ -130,7 +130,7 @@ class Stepper(ABC):
             cap=cap,
             load=state.load.copy(),
             push=np.zeros_like(state.load),
-            regime=np.full(state.load.shape, LAW),
+            regime=np.full(state.load.shape, BY_LAW),
         )
 
     def _moved(self, state: State, q: FloatArray, now: Now) -> State:
@@ -172,7 +172,7 @@ class ContactStepper(Stepper):
             iterations += solution.iterations
             load = loads(solution.q, self.body, self.ground, now)
             _, y, limit = gauge(solution.q, self.body.a, self.ground, now)
-            breaks = stuck & (load > 0.0) & (np.abs(y) > limit * (1.0 - TIE))
+            breaks = stuck & (load > 0.0) & (np.abs(y) > limit * (1.0 - BREAKAWAY_TOLERANCE))
             if not solution.converged or self.ground.static_ratio == 1.0 or not breaks.any():
                 break
             stuck, guess = stuck & ~breaks, solution.q

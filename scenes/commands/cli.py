@@ -16,7 +16,7 @@ from types import FrameType
 
 from scenes.language.errors import SceneError
 
-INTERRUPTED = 130
+INTERRUPTED_CODE = 130
 """Exit code of a command that was stopped by Ctrl-C."""
 
 
@@ -34,10 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
             app(args=arguments)
         except KeyboardInterrupt:  # during the imports; while a command runs, typer ends with the same code
-            sys.exit(INTERRUPTED)
+            sys.exit(INTERRUPTED_CODE)
         except Exception as error:
             if pressed:  # compiled libraries, such as CasADi, raise a RuntimeError or SystemError
-                sys.exit(INTERRUPTED)
+                sys.exit(INTERRUPTED_CODE)
             if not isinstance(error, SceneError):
                 raise
             for line in error.lines:

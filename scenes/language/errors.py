@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-LONGEST = 1000
+MAX_LINE_LENGTH = 1000
 """Largest number of characters of a line of output; the middle of a longer line is left out."""
 
 
 def printable(text: str) -> str:
     """Return a line of text made safe for a terminal: control characters are escaped, and long text is shortened."""
     shown = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
-    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST // 2]} ... {shown[-LONGEST // 2 :]}"
+    half = MAX_LINE_LENGTH // 2
+    return shown if len(shown) <= MAX_LINE_LENGTH else f"{shown[:half]} ... {shown[-half:]}"
 
 
 class SceneError(Exception):

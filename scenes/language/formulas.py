@@ -10,9 +10,9 @@ from typing import Any
 
 from scenes.language.errors import SceneError
 
-MARK = "="
+FORMULA_MARK = "="
 """First character of a text that is a formula."""
-LONGEST = 200
+MAX_FORMULA_LENGTH = 200
 """Largest number of characters of a formula."""
 
 _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
@@ -33,7 +33,7 @@ ALLOWED = "numbers, names, + - * / **, brackets, and one of < <= > >="
 
 def is_formula(value: object) -> bool:
     """Return whether a value of a scene is a formula: a text that begins with `=`."""
-    return isinstance(value, str) and value.lstrip().startswith(MARK)
+    return isinstance(value, str) and value.lstrip().startswith(FORMULA_MARK)
 
 
 def names_in(formula: str) -> set[str]:
@@ -66,9 +66,9 @@ def evaluated(formula: str, value_of: Callable[[str], Any]) -> Any:
 
 
 def _parsed(formula: str) -> ast.expr:
-    text = formula.strip().removeprefix(MARK).strip()
-    if len(text) > LONGEST:
-        raise SceneError(f"formula '{text[:40]}...': {len(text)} characters, at most {LONGEST} are allowed")
+    text = formula.strip().removeprefix(FORMULA_MARK).strip()
+    if len(text) > MAX_FORMULA_LENGTH:
+        raise SceneError(f"formula '{text[:40]}...': {len(text)} characters, at most {MAX_FORMULA_LENGTH} are allowed")
     try:
         return ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

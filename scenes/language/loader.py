@@ -21,7 +21,7 @@ from scenes.language.sweep_section import OUTSIDE, STUDY, SWEEP, outside_mistake
 from worm3d.values import regular_file
 from worm3d.values.spelling import did_you_mean
 
-SHIPPED = Path(__file__).parents[1]
+SHIPPED_FOLDER = Path(__file__).parents[1]
 """Folder of the scenes that come with the program."""
 
 LARGEST_FILE = 4_000_000
@@ -133,7 +133,7 @@ class Draft(Generic[M]):
     ) -> None:
         self._models, self._text, self._name = models, text, name
         written = toml.parse(text)
-        if folder is not None and folder != SHIPPED:
+        if folder is not None and folder != SHIPPED_FOLDER:
             _look_beside(written, _model_of(models, written)[0].schema, folder)
         self._data, self._overridden, self._mistakes = apply_overrides(written, overrides)
         self._passed: dict[type[Section], Passed] = {}
@@ -200,7 +200,7 @@ def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> N
 
 def shipped_scenes() -> dict[str, Path]:
     """Return the files of the shipped scenes by name."""
-    return {path.stem: path for path in sorted(SHIPPED.glob("*.toml"))}
+    return {path.stem: path for path in sorted(SHIPPED_FOLDER.glob("*.toml"))}
 
 
 def find_scene(name_or_path: str) -> Path:

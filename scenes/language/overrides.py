@@ -8,10 +8,10 @@ from typing import Any
 
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.toml import DEEPEST, KeyPath, path_of, require_shallow
+from scenes.language.toml import MAX_NESTING, KeyPath, path_of, require_shallow
 from worm3d.values.named import is_own
 
-MOST = 1000
+MAX_OVERRIDES = 1000
 """Largest number of overrides of a scene; larger changes belong in the scene file."""
 
 
@@ -26,8 +26,10 @@ def apply_overrides(
         There are too many overrides, or an override is nested too deeply for a scene.
     """
     overrides = tuple(overrides)
-    if len(overrides) > MOST:
-        raise SceneError(f"got {len(overrides)} overrides, at most {MOST} are allowed: write them into a scene's file")
+    if len(overrides) > MAX_OVERRIDES:
+        raise SceneError(
+            f"got {len(overrides)} overrides, at most {MAX_OVERRIDES} are allowed: write them into a scene's file"
+        )
     result: dict[str, Any] = dict(data)
     paths: list[KeyPath] = []
     mistakes: list[Mistake] = []
@@ -35,7 +37,7 @@ def apply_overrides(
         key, equals, text = override.partition("=")
         path = path_of(key)
         paths.append(path)
-        if not (equals and all(path)) or len(path) > DEEPEST:
+        if not (equals and all(path)) or len(path) > MAX_NESTING:
             mistakes.append(Mistake(path, "must be written as section.key=value"))
         elif (outer := _plain_value_above(result, path)) is not None:
             mistakes.append(Mistake(path, f"{dotted(outer)} is not a section, it has no keys"))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 from scenes.language.checks import of_this_kind
 from scenes.language.mistakes import Mistake
 from scenes.language.parts import ITSELF, Keys, PartSection, head, keys_of
-from scenes.language.schema import OWN, Key, Section, keys_in
+from scenes.language.schema import OWN_KINDS, Key, Section, keys_in
 from worm3d.values import named
 from worm3d.values.named import Kind
 
@@ -171,7 +171,7 @@ def _extended(
     keys: Keys = {
         key: known
         for key, known in keys_in(section).items()
-        if not is_chosen or (key not in section.of_parts and (not known.only or OWN in known.only))
+        if not is_chosen or (key not in section.of_parts and (not known.only or OWN_KINDS in known.only))
     }
     clashes: list[tuple[_Named, str]] = []
     for each in own:

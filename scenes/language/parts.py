@@ -37,12 +37,12 @@ T = TypeVar("T")
 Keys = dict[str, Key]
 """Keys of a section by name."""
 
-NOTHING: Mapping[str, Any] = MappingProxyType({})
+EMPTY_MAPPING: Mapping[str, Any] = MappingProxyType({})
 
 ITSELF = ""
 """Key in `PartSection.holds` for a section that contains the parts themselves."""
 
-UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
+KEY_UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
 """Units that can end a key."""
 
 
@@ -59,7 +59,7 @@ class PartSection(Section):
     and in `scenes.language.own` the keys of users' own parts.
     """
 
-    holds: ClassVar[Mapping[str, Kind]] = NOTHING
+    holds: ClassVar[Mapping[str, Kind]] = EMPTY_MAPPING
     source: ClassVar[Source]
     """Function that makes the keys of the first kind in `holds`."""
     of_parts: ClassVar[frozenset[str]] = frozenset()
@@ -70,7 +70,7 @@ class PartSection(Section):
         """Return the keys of the sub-section of a user's own part, `module:NAME`."""
         return keys_of(part)
 
-    def __init_subclass__(cls, holds: Mapping[str, Kind] = NOTHING, **given: Any) -> None:
+    def __init_subclass__(cls, holds: Mapping[str, Kind] = EMPTY_MAPPING, **given: Any) -> None:
         if holds:
             cls.holds = holds
         found = Keys()
@@ -101,9 +101,9 @@ def keys_of(
     aka: tuple[str, ...] = ("type",),
     these: Collection[str] = (),
     without: Collection[str] = (),
-    bounds: Mapping[str, Mapping[str, Any]] = NOTHING,
-    defaults: Mapping[str, Any] = NOTHING,
-    units: Mapping[str, str] = NOTHING,
+    bounds: Mapping[str, Mapping[str, Any]] = EMPTY_MAPPING,
+    defaults: Mapping[str, Any] = EMPTY_MAPPING,
+    units: Mapping[str, str] = EMPTY_MAPPING,
     prefix: str = "",
     about: str = "",
     only: tuple[str, ...] = (),
@@ -164,7 +164,9 @@ def head(part: Any) -> str:
     return getattr(part, "meaning", "") or (part.__doc__ or "").split(".")[0]
 
 
-def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING, **given: Any) -> T:
+def part_of(
+    part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = EMPTY_MAPPING, **given: Any
+) -> T:
     """Return the part described by a section, or by several sections together.
 
     Parameters
@@ -187,7 +189,7 @@ def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str,
     return part(**values | {name: value for name, value in given.items() if name in names})
 
 
-def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING) -> dict[str, Any]:
+def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, str] = EMPTY_MAPPING) -> dict[str, Any]:
     """Return the values of the parameters of a part in the sections; the arguments are those in `part_of`."""
     values: dict[str, Any] = {}
     for name, said in declared(part).items():
@@ -218,10 +220,10 @@ def part_named(kind: Kind, name: str, *sections: Any, **how: Any) -> Any:
 
 
 def key_of(known: Parameter) -> str:
-    """Return the key of a parameter in a section: the name and the unit, if all parts of the unit are in `UNITS`."""
+    """Return the key of a parameter in a section: the name and the unit, if all its parts are in `KEY_UNITS`."""
     unit = in_degrees(known).unit
     words = unit.replace("/", " ").split()
-    if known.key or not all(word in UNITS for word in words):
+    if known.key or not all(word in KEY_UNITS for word in words):
         return known.key or known.name
     return "_".join([known.name, *unit.replace("1/", "per ").replace("/", " ").replace("^", "").split()])
 

@@ -25,7 +25,7 @@ from worm3d.values.parameters import EACH, PARAMETER, Parameter, parameter, para
 
 N = TypeVar("N")
 
-OWN = "module:NAME"
+OWN_KINDS = "module:NAME"
 """Entry of `only` for all of a user's own kinds."""
 
 Each = Union[N, tuple[N, ...]]  # noqa: UP007  # `|` takes no type variable here
@@ -127,7 +127,11 @@ class Key(Parameter):
 
     def is_for(self, kind: Any) -> bool:
         """Return whether a kind of the section has the key."""
-        return not self.only or kind in self.only or (OWN in self.only and isinstance(kind, str) and named.is_own(kind))
+        return (
+            not self.only
+            or kind in self.only
+            or (OWN_KINDS in self.only and isinstance(kind, str) and named.is_own(kind))
+        )
 
     def as_field(self) -> Any:
         """Return the key as a field of a dataclass."""
@@ -204,7 +208,7 @@ def new_key(default: Any = None, **said: Any) -> Key:
 def part_key(names: Sequence[str], **said: Any) -> Key:
     """Return a key that names a part: an item of `names` (by default the first), or `module:NAME`.
 
-    See `worm3d.values.named`. If `only` contains `OWN`, users' own kinds also have the key.
+    See `worm3d.values.named`. If `only` contains `OWN_KINDS`, users' own kinds also have the key.
     """
     return new_key(names[0], hint=str, names=tuple(names), **said)
 
@@ -239,8 +243,8 @@ def few(words: Sequence[str]) -> list[str]:
 def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the data of a scene with the defaults of the kinds that its sections choose.
 
-    A user's own kind has the defaults of `OWN`, if there are any. An invalid kind, which other checks report, counts as
-    the first kind.
+    A user's own kind has the defaults of `OWN_KINDS`, if there are any. An invalid kind, which other checks report,
+    counts as the first kind.
     """
     filled = dict(data)
     for name, declared in keys_in(schema).items():
@@ -252,7 +256,7 @@ def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[st
         kind: Any = asked if asked in kinds.choices else kinds.default
         known = {key: each.defaults_by_kind for key, each in keys_in(section).items() if key not in given}
         if isinstance(asked, str) and named.is_own(asked):
-            known = {key: {kind: own[OWN]} if OWN in own else own for key, own in known.items()}
+            known = {key: {kind: own[OWN_KINDS]} if OWN_KINDS in own else own for key, own in known.items()}
         added = {key: own[kind] for key, own in known.items() if kind in own}
         if added:
             filled[name] = {**given, **added}

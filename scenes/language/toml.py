@@ -36,16 +36,16 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 
-SHOWN = 160
+SHOWN_CHARACTERS = 160
 """Number of characters of a source line shown with a mistake."""
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
-_KEYS = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
+_KEY_TUPLE = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
 """A path in the messages of tomllib: a tuple in Python notation."""
 
 
-DEEPEST = 20
+MAX_NESTING = 20
 """Largest nesting depth of sections, tables and lists; no scene needs more than 5."""
 
 
@@ -55,8 +55,8 @@ def parse(text: str) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        The TOML is invalid, or nested deeper than `DEEPEST`. The error shows the source line and a caret under the
-        column.
+        The TOML is invalid, or nested deeper than `MAX_NESTING`. The error shows the source line and a caret under
+        the column.
     """
     try:
         data = tomllib.loads(text)
@@ -71,12 +71,12 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def require_shallow(data: Any) -> None:
-    """Raise SceneError if data are nested deeper than `DEEPEST`, as functions walk through the data by recursion."""
+    """Raise SceneError if data are nested deeper than `MAX_NESTING`, as functions walk through data by recursion."""
     level = [data]
-    for _ in range(DEEPEST):
+    for _ in range(MAX_NESTING):
         level = [item for outer in level for item in _items(outer)]
     if level:
-        raise SceneError(f"sections and lists are nested too deeply: got more than {DEEPEST} within each other")
+        raise SceneError(f"sections and lists are nested too deeply: got more than {MAX_NESTING} within each other")
 
 
 def _items(outer: Any) -> Iterator[Any]:
@@ -92,9 +92,9 @@ def _picture(text: str, message: str) -> tuple[str, str, str]:
     else:
         line = max(n for n, content in enumerate(lines, 1) if content.strip())
         column = len(lines[line - 1]) + 1
-    what = _KEYS.sub(lambda keys: f"'{_dotted(keys[0])}'", _PLACE.sub("", message))
-    begin = max(0, column - 1 - SHOWN // 2) if len(lines[line - 1]) > SHOWN else 0
-    source = "".join(char if char.isprintable() else " " for char in lines[line - 1][begin : begin + SHOWN])
+    what = _KEY_TUPLE.sub(lambda keys: f"'{_dotted(keys[0])}'", _PLACE.sub("", message))
+    begin = max(0, column - 1 - SHOWN_CHARACTERS // 2) if len(lines[line - 1]) > SHOWN_CHARACTERS else 0
+    source = "".join(char if char.isprintable() else " " for char in lines[line - 1][begin : begin + SHOWN_CHARACTERS])
     return (
         f"line {line}, column {column}: broken TOML: {what[:1].lower()}{what[1:]}",
         f"    {source}",

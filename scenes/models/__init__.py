@@ -9,12 +9,12 @@ if TYPE_CHECKING:
     from scenes.models.base import Model
 
 _PLACES = {
-    "worm": ("scenes.models.worm.model", "MODEL"),
-    "worm_control": ("scenes.models.control.model", "MODEL"),
-    "load_frame": ("scenes.models.load_frame.model", "MODEL"),
+    "worm": ("scenes.models.worm.model", "WORM_MODEL"),
+    "worm_control": ("scenes.models.control.model", "CONTROL_MODEL"),
+    "load_frame": ("scenes.models.load_frame.model", "LOAD_FRAME_MODEL"),
     "worm_planar": ("scenes.models.worm.model", "PLANAR"),
-    "planar_published": ("scenes.models.planar.published", "MODEL"),
-    "planar_linkage": ("scenes.models.planar.linkage", "MODEL"),
+    "planar_published": ("scenes.models.planar.published", "PUBLISHED_MODEL"),
+    "planar_linkage": ("scenes.models.planar.linkage", "LINKAGE_MODEL"),
 }
 """Module of each model, and the name of the model in the module."""
 

@@ -21,12 +21,12 @@ from scenes.models.sections import gait_from
 from worm3d.values import named, time_steps
 from worm3d.values.arguments import MOST_MEMORY
 
-AMPLITUDE = "gait.amplitude"
+AMPLITUDE_KEY = "gait.amplitude"
 
 BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
 """Keys that determine the reach of the links of a chamber."""
 
-ASKED = {"worm.segments": "require_body", "run.dt_s": "require_steps", "worm.stroke": "require_stroke"}
+CHECKING_METHODS = {"worm.segments": "require_body", "run.dt_s": "require_steps", "worm.stroke": "require_stroke"}
 """Methods of a gait that raise an error about the value of a key."""
 
 
@@ -151,11 +151,15 @@ def gait_checks(
         getattr(gait_from(replace(section, **dict.fromkeys(unlimited, 0.0)), dt=1.0), method)(limit)
 
     stroke = ("worm.stroke",) if "stroke" in keys_in(worm) else ()
-    body = (*BODY, *stroke, AMPLITUDE)
+    body = (*BODY, *stroke, AMPLITUDE_KEY)
     has_links = "half_height_m" in keys_in(worm)
     keys = ("run.dt_s", *(f"worm.{key}" for key in keys_in(worm)))
     return (
-        *(building(partial(ask, method=method), key, "gait") for key, method in ASKED.items() if key in keys),
+        *(
+            building(partial(ask, method=method), key, "gait")
+            for key, method in CHECKING_METHODS.items()
+            if key in keys
+        ),
         *([] if can_sense else [Check(("gait",), _senses_nothing)]),
         *([Check((*body, "gait"), partial(_links_reach, body=body))] if has_links else []),
     )
@@ -191,7 +195,9 @@ def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
     if longest < reach:
         return None
     what, one_of = (
-        ("chamber", f"one of {AMPLITUDE} and -worm.stroke[0]") if "worm.stroke" in given else ("segment", AMPLITUDE)
+        ("chamber", f"one of {AMPLITUDE_KEY} and -worm.stroke[0]")
+        if "worm.stroke" in given
+        else ("segment", AMPLITUDE_KEY)
     )
     text = (
         f"the gait lengthens a {what} to {longest:.4g} m, but its links end at {reach:.4g} m; "
@@ -199,7 +205,7 @@ def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
     )
     switches = {f"gait.{key}": value for key, value in values[-1] if isinstance(value, bool)}
     given |= {"gait.kind": values[-1].kind, **switches}
-    keys = (AMPLITUDE, "worm.stroke", "worm.half_height_m", "gait.kind", *switches)
+    keys = (AMPLITUDE_KEY, "worm.stroke", "worm.half_height_m", "gait.kind", *switches)
     return {key: f"got {shown(given[key])}: {text}" for key in keys if key in given}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from control.parts import KINDS
+from control.parts import PART_KINDS
 from scenes import models
 from scenes.language.errors import SceneError
 from scenes.language.parts import ITSELF, head
@@ -22,14 +22,14 @@ def lines(name: str) -> list[str]:
     SceneError
         There is no such kind.
     """
-    if name not in KINDS:
-        raise SceneError(unknown("kind of parts", name, [(each, each) for each in KINDS]))
+    if name not in PART_KINDS:
+        raise SceneError(unknown("kind of parts", name, [(each, each) for each in PART_KINDS]))
     keys: dict[str, list[str]] = {}
     parts: dict[str, str] = {}
     for model in map(models.get, models.names()):
-        for place, known in _keys(model.schema, KINDS[name]):
+        for place, known in _keys(model.schema, PART_KINDS[name]):
             keys.setdefault(place, []).append(model.name)
-            registry = KINDS[name].registry
+            registry = PART_KINDS[name].registry
             names = known.choices if known else registry
             parts |= {
                 each: head(registry[each]) if each in registry else _said(known, each)

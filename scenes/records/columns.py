@@ -19,7 +19,7 @@ from worm3d.values.variable import AXES, Variable
 
 _DEGREE = math.pi / 180.0
 
-UNITS = {
+COLUMN_UNITS = {
     **{name: ("m", factor) for name, factor in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}.items()},
     **{name: ("s", factor) for name, factor in {"s": 1.0, "ms": 1e-3, "min": 60.0}.items()},
     **{name: ("rad", factor) for name, factor in {"rad": 1.0, "deg": _DEGREE}.items()},
@@ -64,8 +64,8 @@ class Column:
 
 def parsed(title: str) -> Column:
     """Return the column described by a name; SceneError if the unit is unknown or the quantity has no name."""
-    suffix = max((each for each in UNITS if title.endswith(f"_{each}")), key=len, default="")
-    unit, factor = UNITS[suffix] if suffix else ("1", 1.0)
+    suffix = max((each for each in COLUMN_UNITS if title.endswith(f"_{each}")), key=len, default="")
+    unit, factor = COLUMN_UNITS[suffix] if suffix else ("1", 1.0)
     tokens = title.removesuffix(f"_{suffix}").split("_")
     axis = AXES.index(tokens.pop()) if len(tokens) > 1 and tokens[-1] in set(AXES) else None
     index: tuple[int, ...] = ()
@@ -78,7 +78,7 @@ def parsed(title: str) -> Column:
         raise SceneError(f"column '{title}': must be a position, such as marker_head_x_m")
     if not suffix and not index and axis is None and name not in PURE:
         raise SceneError(
-            f"column '{title}': unknown unit '{tokens[-1]}', must end in one of {', '.join(UNITS)}, "
+            f"column '{title}': unknown unit '{tokens[-1]}', must end in one of {', '.join(COLUMN_UNITS)}, "
             "or 1 for a pure number"
         )
     if name not in INDEXED and index == (1,) and not suffix:

@@ -24,7 +24,7 @@ LARGEST_NUMBER = 1e100
 PACKED = ".gz"
 """Suffix of gzip files."""
 
-_HEADER = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
+_HEADER_LINE = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
 
 Rows = list[tuple[int, list[str]]]
 """Cells of rows, each with a line number."""
@@ -52,7 +52,7 @@ def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
     lines = text.splitlines()
     start = next((n for n, line in enumerate(lines) if line.strip() and not line.startswith("#")), len(lines))
     for line in lines[:start]:
-        if match := _HEADER.fullmatch(line):
+        if match := _HEADER_LINE.fullmatch(line):
             header[match["name"]] = match["text"]
     if start == len(lines):
         raise SceneError(f"{path}: no row of column names, such as time_s,com_x_m,com_y_m")

@@ -29,9 +29,9 @@ ANIMATION = "animation.gif"
 VIEWER = "viewer.html"
 """Page of a 3D worm that plays in any browser without a network."""
 
-PREFIX = ".worm3d-"
+TEMPORARY_PREFIX = ".worm3d-"
 """Prefix of the names of temporary files."""
-LOCK = f"{PREFIX}lock"
+LOCK = f"{TEMPORARY_PREFIX}lock"
 LOCKED_BYTE = 1 << 20
 """Byte that is locked on Windows, because other processes cannot read locked bytes."""
 
@@ -69,7 +69,11 @@ def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path
 
 def _require_empty(folder: Path, *, force: bool) -> None:
     try:
-        if not force and folder.is_dir() and any(not path.name.startswith(PREFIX) for path in folder.iterdir()):
+        if (
+            not force
+            and folder.is_dir()
+            and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir())
+        ):
             raise SceneError(
                 f"{folder} exists and is not empty: choose another --out, or replace its results with --force"
             )
@@ -125,7 +129,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     DiscError
         The file system reported an error; the previous file, if any, is unchanged.
     """
-    part = path.with_name(f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
+    part = path.with_name(f"{TEMPORARY_PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         yield part
         os.replace(part, path)

@@ -23,7 +23,7 @@ from scenes.records.record import Record, Summary
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
-MODEL = "measured"
+MEASURED_MODEL = "measured"
 """Value of `Record.model` for a measurement."""
 ENDING = ".csv"
 """Suffix of the file name of a measurement."""
@@ -31,7 +31,7 @@ ENDING = ".csv"
 JOINTS = ("joints", "joint", "main_node")
 """Variables with the joints of a worm, from tail to head, in the records of different models."""
 
-ROUNDING = 1e-9
+TIME_TOLERANCE = 1e-9
 """Fraction of the duration by which an instant may lie outside the simulation."""
 
 
@@ -55,7 +55,7 @@ def load(path: Path) -> Record:
         raise SceneError(f"{path}: {error}") from None
     return Record(
         name=path.stem,
-        model=MODEL,
+        model=MEASURED_MODEL,
         scene=_scene(header),
         status="done",
         sentence="measured",
@@ -68,7 +68,7 @@ def load(path: Path) -> Record:
 
 def is_measured(record: Record) -> bool:
     """Return whether a record is a measurement, not a simulation."""
-    return record.model == MODEL
+    return record.model == MEASURED_MODEL
 
 
 def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]:
@@ -167,7 +167,7 @@ def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatA
     """Return a series, shape (T, ...), from ascending times, (T,), at instants, (K,); NaN outside, shape (K, ...)."""
     if np.array_equal(time, instants):
         return values.astype(float)
-    slack = ROUNDING * float(time[-1] - time[0])
+    slack = TIME_TOLERANCE * float(time[-1] - time[0])
     t = np.clip(instants, time[0], time[-1])
     k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, max(len(time) - 2, 0))
     after = np.minimum(k + 1, len(time) - 1)
@@ -229,4 +229,4 @@ def _scene(header: dict[str, str]) -> str:
     """Return the header as TOML, in place of the scene of a record."""
     title = [f"title = {toml_value(header['title'])}"] if "title" in header else []
     lines = (f"{toml_value(name)} = {toml_value(text)}" for name, text in header.items())
-    return "\n".join([f"model = {toml_value(MODEL)}", *title, "", "[header]", *lines]) + "\n"
+    return "\n".join([f"model = {toml_value(MEASURED_MODEL)}", *title, "", "[header]", *lines]) + "\n"

@@ -28,7 +28,7 @@ TICKS = 6
 
 INK, GRID = "#333333", "#dddddd"
 
-WIDTH, LEFT, RIGHT, ABOVE, BELOW, HEADER = 720, 62, 16, 24, 36, 46
+PICTURE_WIDTH, LEFT_MARGIN, RIGHT_MARGIN, TOP_MARGIN, BOTTOM_MARGIN, HEADER_HEIGHT = 720, 62, 16, 24, 36, 46
 """Width of the picture, margins around each panel, and height of the header [pixels]."""
 
 BODY_HIGH, CURVES_HIGH = 190, 150
@@ -37,14 +37,15 @@ BODY_HIGH, CURVES_HIGH = 190, 150
 MOST_LENGTHS = 4.0
 """Largest distance, in body lengths, at which both start and end are shown; beyond, only the end is shown."""
 
-SHORTER, REST, LONGER = (
-    tuple(round(255 * part) for part in each) for each in (colours.SHORTER, colours.REST, colours.LONGER)
+SHORTER_COLOUR, REST_COLOUR, LONGER_COLOUR = (
+    tuple(round(255 * part) for part in each)
+    for each in (colours.SHORT_CHAMBER, colours.RESTING_CHAMBER, colours.LONG_CHAMBER)
 )
-START = "#a8a8a8"
+START_COLOUR = "#a8a8a8"
 INVALID = "white"
 """Colour for values that are not numbers because the run diverged."""
 
-COLOURS = ("#1f6fb4", "#e08214", "#3a923a", "#8c2d83")
+LINE_COLOURS = ("#1f6fb4", "#e08214", "#3a923a", "#8c2d83")
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,14 @@ class Side:
 def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArray]) -> Image.Image:
     """Return the overview of a run: views, and curves [m], each of shape (T,), over time."""
     heights = [_height(side) for side in sides]
-    canvas = headed(record, record.sentence, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (ABOVE + BELOW))
-    top = HEADER
+    canvas = headed(
+        record, record.sentence, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (TOP_MARGIN + BOTTOM_MARGIN)
+    )
+    top = HEADER_HEIGHT
     for side, height in zip(sides, heights, strict=True):
-        _draw_side(canvas, side, top + ABOVE, height)
-        top += ABOVE + height + BELOW
-    _draw_curves(canvas, record["time"], curves, top + ABOVE)
+        _draw_side(canvas, side, top + TOP_MARGIN, height)
+        top += TOP_MARGIN + height + BOTTOM_MARGIN
+    _draw_curves(canvas, record["time"], curves, top + TOP_MARGIN)
     return canvas.image
 
 
@@ -91,9 +94,9 @@ def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArra
 
 def headed(record: Record, sentence: str, height: int) -> Canvas:
     """Return a canvas with the title and a sentence above panels with a total height [pixels]."""
-    canvas = Canvas(WIDTH, HEADER + height)
-    canvas.text(12, 16, record.title, size=15, width=WIDTH - 24)
-    canvas.text(12, 36, sentence, width=WIDTH - 24)
+    canvas = Canvas(PICTURE_WIDTH, HEADER_HEIGHT + height)
+    canvas.text(12, 16, record.title, size=15, width=PICTURE_WIDTH - 24)
+    canvas.text(12, 36, sentence, width=PICTURE_WIDTH - 24)
     return canvas
 
 
@@ -110,42 +113,44 @@ def _window(side: Side) -> tuple[FloatArray, FloatArray]:
 
 def _height(side: Side) -> int:
     low, high = _window(side)
-    return round(min(BODY_HIGH, (WIDTH - LEFT - RIGHT) * float((high[1] - low[1]) / (high[0] - low[0]))))
+    return round(
+        min(BODY_HIGH, (PICTURE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN) * float((high[1] - low[1]) / (high[0] - low[0])))
+    )
 
 
 def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
     """Draw a view to one scale; the panel is made narrower if the view would be too high."""
     low, high = _window(side)
-    scale = min((WIDTH - LEFT - RIGHT) / (high[0] - low[0]), height / (high[1] - low[1]))
-    right = LEFT + scale * float(high[0] - low[0])
-    panel = Panel(canvas, (LEFT, top, right, top + scale * float(high[1] - low[1])), low, high)
+    scale = min((PICTURE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN) / (high[0] - low[0]), height / (high[1] - low[1]))
+    right = LEFT_MARGIN + scale * float(high[0] - low[0])
+    panel = Panel(canvas, (LEFT_MARGIN, top, right, top + scale * float(high[1] - low[1])), low, high)
     panel.frame(side.title, side.along)
-    panel.areas(side.bodies[0], [None] * len(side.shortening), START)
+    panel.areas(side.bodies[0], [None] * len(side.shortening), START_COLOUR)
     panel.areas(side.bodies[1], [_shade(share) for share in side.shortening.tolist()])
-    panel.line(side.trail, COLOURS[3])
+    panel.line(side.trail, LINE_COLOURS[3])
 
 
 def _shade(share: float) -> Colour:
     """Return red for a shortened polygon, blue for a lengthened polygon, and the skin colour at rest."""
     if not math.isfinite(share):
         return INVALID
-    far, size = (SHORTER, min(share, 1.0)) if share > 0.0 else (LONGER, min(-share, 1.0))
-    red, green, blue = (round(rest + size * (end - rest)) for rest, end in zip(REST, far, strict=True))
+    far, size = (SHORTER_COLOUR, min(share, 1.0)) if share > 0.0 else (LONGER_COLOUR, min(-share, 1.0))
+    red, green, blue = (round(rest + size * (end - rest)) for rest, end in zip(REST_COLOUR, far, strict=True))
     return red, green, blue
 
 
 def _draw_curves(canvas: Canvas, time: FloatArray, curves: Mapping[str, FloatArray], top: int) -> None:
     x, y = limits(time, 1e-9, 0.0), limits(np.concatenate(list(curves.values())), 1e-3)
-    box = (LEFT, top, WIDTH - RIGHT, top + CURVES_HIGH)
+    box = (LEFT_MARGIN, top, PICTURE_WIDTH - RIGHT_MARGIN, top + CURVES_HIGH)
     panel = Panel(canvas, box, np.array([x[0], y[0]]), np.array([x[1], y[1]]))
     panel.frame("displacement of the centre of mass [m]", "time [s]")
     for number, (label, values) in enumerate(curves.items()):
-        colour, row = COLOURS[number], top + 12 + 15 * number
+        colour, row = LINE_COLOURS[number], top + 12 + 15 * number
         panel.line(np.column_stack([time, values]), colour)
         if len(curves) > 1:
-            ends = [(SCALE * (LEFT + shift), SCALE * row) for shift in (10, 28)]
+            ends = [(SCALE * (LEFT_MARGIN + shift), SCALE * row) for shift in (10, 28)]
             canvas.draw.line(ends, fill=colour, width=2 * SCALE)
-            canvas.text(LEFT + 34, row, label, size=10)
+            canvas.text(LEFT_MARGIN + 34, row, label, size=10)
 
 
 class Canvas:

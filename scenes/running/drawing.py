@@ -10,7 +10,7 @@ from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.language.sweep_section import SWEEP
 from scenes.models.base import MOVIE_S, Model, Movie, Pictures
 from scenes.records import measured
-from scenes.records.folder import ANIMATION, OVERVIEW, PREFIX, SUMMARY, VIEWER, write_bytes, written_whole
+from scenes.records.folder import ANIMATION, OVERVIEW, SUMMARY, TEMPORARY_PREFIX, VIEWER, write_bytes, written_whole
 from scenes.records.record import Record
 from scenes.running.overlays import measured_pictures
 
@@ -154,7 +154,7 @@ def clear_pictures(folder: Path) -> None:
     found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
     # Only if there are pictures, since this imports every model.
     stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
-    unfinished = [path.name for path in folder.glob(f"{PREFIX}*.part*")]
+    unfinished = [path.name for path in folder.glob(f"{TEMPORARY_PREFIX}*.part*")]
     for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
         try:
             (folder / name).unlink(missing_ok=True)

@@ -34,7 +34,7 @@ MOST_ROWS = 12
 """Largest number of panels one above the other."""
 LEAST_RANGE = 1e-11
 """Smallest range of an axis over time: smaller ranges are rounding errors, in all drawn units."""
-ENERGIES = (
+DRAWN_ENERGIES = (
     "work_contract",
     "work_external",
     "friction_loss",
@@ -44,7 +44,7 @@ ENERGIES = (
     "numerical_loss",
 )
 """Drawn terms of the energy ledger, summed over the run."""
-APART = ("strain", "heading", "com", *ENERGIES)
+SEPARATE_QUANTITIES = ("strain", "heading", "com", *DRAWN_ENERGIES)
 """Quantities with separate figures."""
 
 
@@ -110,7 +110,7 @@ def markers(records: Records) -> tuple[Figure, Axes] | None:
 
 def energy(records: Records) -> tuple[Figure, Axes] | None:
     """Draw the main terms of the energy ledger, summed over the run."""
-    known = {name: _series(records, name) for name in ENERGIES}
+    known = {name: _series(records, name) for name in DRAWN_ENERGIES}
     rows = {
         f"{name.replace('_', ' ')} [J]": {label: (time, np.cumsum(each)) for label, (time, each) in found.items()}
         for name, found in known.items()
@@ -167,7 +167,7 @@ def measured_pictures(record: Record) -> Pictures:
     """Return the figures of a measurement for which the measurement has data."""
     present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
     figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
-    return Pictures(name=measured.MODEL, title="a measurement", figures=figures, overview=None)
+    return Pictures(name=measured.MEASURED_MODEL, title="a measurement", figures=figures, overview=None)
 
 
 def _of_one(draw: Overlay, record: Record) -> tuple[Figure, Axes]:
@@ -204,7 +204,7 @@ def _numbers(records: Records) -> dict[str, str]:
         for record in records.values()
         if measured.is_measured(record)
         for name, variable in measured.series_of(record).items()
-        if variable.dims == ("time",) and name not in APART
+        if variable.dims == ("time",) and name not in SEPARATE_QUANTITIES
     }
 
 

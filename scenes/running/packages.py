@@ -23,7 +23,7 @@ from scenes.language.errors import SceneError
 
 LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "h5netcdf", "h5py", "matplotlib")
 OURS = ("control", "planar", "worm3d")
-MARK = 'DISTRIBUTION = "worm3d"'
+OWN_CONTROL_LINE = 'DISTRIBUTION = "worm3d"'
 """Line that only our `control` contains."""
 HOME = Path(__file__).resolve().parents[2]
 
@@ -38,7 +38,7 @@ def require_own_packages() -> None:
     """
     for name in OURS:
         found, own = _found(name), HOME / name / "__init__.py"
-        if found != own or (name == "control" and MARK not in own.read_text(encoding="utf-8")):
+        if found != own or (name == "control" and OWN_CONTROL_LINE not in own.read_text(encoding="utf-8")):
             raise SceneError(
                 f"the import name '{name}' leads to {found or 'nothing'}, which is not worm3d's package; "
                 f"run 'pip uninstall {name}' (or take its folder off PYTHONPATH), then install worm3d again"

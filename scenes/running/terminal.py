@@ -158,10 +158,10 @@ def _metrics(record: Record, model: Model[Any]) -> list[str]:
 
 def _error(record: Record) -> list[tuple[str, str, str]]:
     """Return the headline with the error of the distance, if there is an error or if single distances mean little."""
-    from worm3d.measures.spread import ROUGH
+    from worm3d.measures.spread import UNEVEN_GROUND_ADVICE
 
     name = "distance_error_m"
-    known = record.summary.metrics.get(name) is not None or ROUGH in record.summary.reasons.get(name, "")
+    known = record.summary.metrics.get(name) is not None or UNEVEN_GROUND_ADVICE in record.summary.reasons.get(name, "")
     return [(name, "error of distance", "m")] if known else []
 
 

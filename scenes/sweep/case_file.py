@@ -24,8 +24,8 @@ from worm3d.values import netcdf
 
 CASES = "cases"
 """Folder of the files of the cases, in the folder of a sweep."""
-FORMAT = "worm3d case 1"
-FAILED = "failed"
+CASE_FORMAT = "worm3d case 1"
+FAILED_STATUS = "failed"
 """Status of a case without a record: refused by the plant, or ended by an error or the death of the worker."""
 NOT_RUN = "not run"
 """Status of a case without a file: the sweep was interrupted before the case."""
@@ -84,7 +84,7 @@ def write(result: CaseResult, path: Path) -> None:
     DiscError
         The file cannot be written.
     """
-    content = finite({"format": FORMAT, **vars(result)})
+    content = finite({"format": CASE_FORMAT, **vars(result)})
     text = json.dumps({**content, "digest": _digest(content)}, indent=1, ensure_ascii=False)
     write_bytes(path, f"{text}\n".encode())
 
@@ -99,7 +99,7 @@ def read(path: Path) -> CaseResult | None:
 
 def _of_json(path: Path) -> CaseResult:
     content = json.loads(path.read_text("utf-8"))
-    if content.pop("digest") != _digest(content) or content.pop("format") != FORMAT:
+    if content.pop("digest") != _digest(content) or content.pop("format") != CASE_FORMAT:
         raise ValueError(f"{path}: damaged, or not the file of a case")
     return CaseResult(**content)
 

@@ -15,16 +15,16 @@ from distributed import Client, LocalCluster
 from distributed.utils import silence_logging_cmgr
 
 from scenes.language.errors import DiscError, MissingPartError, SceneError
-from scenes.records.folder import PREFIX
+from scenes.records.folder import TEMPORARY_PREFIX
 from scenes.sweep.executors import LOOPBACK, Perform, Stopped
-from scenes.sweep.flight import PATIENCE, Flight
+from scenes.sweep.flight import WORKER_TIMEOUT_S, Flight
 from scenes.sweep.job import Ended, Job
 
 CONNECT = 5.0
 """Longest time for the response of a scheduler [s]."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # `scenes.sweep.flight` decides which cases are tried again
-    "distributed.deploy.lost-worker-timeout": f"{PATIENCE}s",  # on a busy machine a worker is slow to return
+    "distributed.deploy.lost-worker-timeout": f"{WORKER_TIMEOUT_S}s",  # on a busy machine a worker is slow to return
     "distributed.worker.profile.enabled": False,  # takes time of the cases
     "distributed.admin.system-monitor.interval": "10s",  # so does this
     "distributed.worker.memory.target": False,
@@ -127,7 +127,7 @@ def _require_single(threads: dict[str, int]) -> None:
 
 def _require_folder(client: Client, folder: Path) -> None:
     """Check that all workers have worm3d, and access to the folder of the cases."""
-    probe = folder / f"{PREFIX}{secrets.token_hex(8)}.part"
+    probe = folder / f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.part"
     try:
         probe.write_text(probe.name)
         found = client.run(_sees, str(probe), on_error="return")

@@ -25,7 +25,7 @@ from scenes.sweep.progress import shown, summed_up
 from scenes.sweep.table import Table
 from scenes.sweep.vary import cases_of, texts
 
-INTERRUPTED = EXIT_CODES["interrupted"]
+INTERRUPTED_CODE = EXIT_CODES["interrupted"]
 MOST_TOLD = 20
 """Largest number of failed cases that are reported individually."""
 QUICKLY_CHECKED = 500
@@ -96,7 +96,7 @@ def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options, th
     try:
         stopped, told_at_end, code = _run_and_write(folder, plan, executor, options, then)
     except KeyboardInterrupt:
-        stopped, told_at_end, code = True, (), INTERRUPTED
+        stopped, told_at_end, code = True, (), INTERRUPTED_CODE
     if stopped:
         typer.echo(f"{name}: stopped by Ctrl-C; finished cases are safe, and the same command runs the rest", err=True)
     if not options.quiet:
@@ -127,7 +127,7 @@ def _run_and_write(
     lines = (*report(plan.base, written.table), *more, f"{'files':22}{folder}")
     told_at_end = (f"{name}: {summed_up(far, seconds)}", *(f"  {line}" for line in lines))
     stopped = interruption.requested
-    return stopped, told_at_end, INTERRUPTED if stopped else EXIT_CODES[written.status]
+    return stopped, told_at_end, INTERRUPTED_CODE if stopped else EXIT_CODES[written.status]
 
 
 def failures(design: Design, table: Table) -> Iterator[str]:

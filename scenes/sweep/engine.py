@@ -10,8 +10,8 @@ from pathlib import Path
 
 from scenes.language.errors import DiscError, SceneError
 from scenes.language.sweep_section import CASE_LIMIT
-from scenes.records.folder import PREFIX, made
-from scenes.sweep.case_file import CASES, FAILED, NOT_RUN, CaseResult
+from scenes.records.folder import TEMPORARY_PREFIX, made
+from scenes.sweep.case_file import CASES, FAILED_STATUS, NOT_RUN, CaseResult
 from scenes.sweep.executors import LOOPBACK, Executor, InProcess, Stopped
 from scenes.sweep.job import Ended, found, perform, refused
 from scenes.sweep.plan import Case, Jobs, Plan
@@ -137,13 +137,13 @@ class Sweep:
 
     def _without_file(self, case: Case) -> CaseResult:
         reason = self._lost.get(case.key)
-        status, sentence = (NOT_RUN, "the sweep was stopped before") if reason is None else (FAILED, reason)
+        status, sentence = (NOT_RUN, "the sweep was stopped before") if reason is None else (FAILED_STATUS, reason)
         return CaseResult(case.key, self.plan.base.name, self.plan.base.model.name, status, sentence, case.seed)
 
     def _remove_parts(self) -> None:
         """Remove unfinished files of killed workers."""
         with suppress(OSError):
-            for path in self.cases_folder.glob(f"{PREFIX}*.part"):
+            for path in self.cases_folder.glob(f"{TEMPORARY_PREFIX}*.part"):
                 _remove(path)
 
 
@@ -165,7 +165,9 @@ def require_place(folder: Path, *, force: bool) -> None:
         The folder cannot be read.
     """
     try:
-        there = [path for path in folder.iterdir() if not path.name.startswith(PREFIX)] if folder.is_dir() else []
+        there = (
+            [path for path in folder.iterdir() if not path.name.startswith(TEMPORARY_PREFIX)] if folder.is_dir() else []
+        )
     except OSError as error:
         raise DiscError.writing(folder, error) from error
     if there and not force and not (folder / CASES).is_dir():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from scenes.sweep.job import INTERRUPTED, Ended, Job
+from scenes.sweep.job import INTERRUPTED_STATUS, Ended, Job
 
 Stopped = Callable[[], bool]
 
@@ -46,5 +46,5 @@ class InProcess:
         for job in jobs:
             if stopped():
                 return
-            if (ended := perform(job, stopped)).status != INTERRUPTED:
+            if (ended := perform(job, stopped)).status != INTERRUPTED_STATUS:
                 yield ended

@@ -14,7 +14,7 @@ from scenes.sweep.design import CASE, SAMPLE, Varied
 from scenes.sweep.table import Table, cell, is_numeric
 from worm3d.values.arrays import FloatArray
 
-FAILED: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
+FAILED_MARKER: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
 
 MOST_TICKS = 12
 """Largest number of values on an axis that are all labelled."""
@@ -120,7 +120,7 @@ def _draw_points(axes: Axes, table: Table, keys: list[Varied], values: FloatArra
     x, y = (_along(table, key) for key in keys)
     shown = np.isfinite(values)
     points = axes.scatter(x[shown], y[shown], c=values[shown], s=28, **colours(values))
-    axes.scatter(x[table.failed], y[table.failed], **FAILED)
+    axes.scatter(x[table.failed], y[table.failed], **FAILED_MARKER)
     assert isinstance(axes.figure, Figure)
     axes.figure.colorbar(points, ax=axes, label=label)
     for which, along in (("x", x), ("y", y)):
@@ -139,7 +139,7 @@ def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, 
     mesh = axes.pcolormesh(edges(x), edges(y), np.ma.masked_invalid(cells), **colours(values))
     axes.set_facecolor("0.92")
     rows, columns = np.nonzero(failed)
-    axes.scatter(x[columns], y[rows], **FAILED)
+    axes.scatter(x[columns], y[rows], **FAILED_MARKER)
     if cells.size <= MOST_NUMBERS:
         for (row, column), value in np.ndenumerate(cells):
             if np.isfinite(value):
@@ -223,7 +223,7 @@ def _mark_absent(axes: Axes, table: Table, x: FloatArray, values: FloatArray) ->
     """Mark cases that failed, and cases without a value, at the bottom of a panel."""
     foot = axes.get_xaxis_transform()
     failed = np.unique(x[table.failed])
-    axes.scatter(failed, np.full(len(failed), 0.03), transform=foot, **FAILED)
+    axes.scatter(failed, np.full(len(failed), 0.03), transform=foot, **FAILED_MARKER)
     for place in np.unique(x[table.done & ~np.isfinite(values)]):
         axes.text(place, 0.03, "none", transform=foot, ha="center", fontsize=8, color="0.4")
 

@@ -25,7 +25,7 @@ import typer
 from distributed import Client, Future, KilledWorker, get_worker
 
 from scenes.language.errors import SceneError
-from scenes.sweep.case_file import FAILED
+from scenes.sweep.case_file import FAILED_STATUS
 from scenes.sweep.executors import Perform, Stopped
 from scenes.sweep.job import Ended, Job, too_late
 from scenes.sweep.limit import ended_when_stuck
@@ -40,10 +40,10 @@ LOOK = 1.0
 """Time between two counts of the workers [s]."""
 NOTICE = 10.0
 """Time without a worker after which the user is notified [s]."""
-PATIENCE = 600.0
+WORKER_TIMEOUT_S = 600.0
 """Time without a worker after which the sweep ends [s]."""
 DEATH = f"its worker died in each of {len(COMPANY)} tries: killed, out of memory, or a crash of compiled code"
-KEPT = "finished cases are kept, the same command runs the rest"
+RESUME_ADVICE = "finished cases are kept, the same command runs the rest"
 
 Batch = tuple[Job, ...]
 """Jobs of one task."""
@@ -88,7 +88,7 @@ class Flight:
         Raises
         ------
         SchedulerError
-            The scheduler has ended, or there is no worker for `PATIENCE`.
+            The scheduler has ended, or there is no worker for `WORKER_TIMEOUT_S`.
         SceneError
             A worker raised the error.
         """
@@ -98,7 +98,7 @@ class Flight:
             yield from self._try(number, rest, company)
             rest = self._lost
         if not self._stopped():
-            yield from (Ended(job.key, FAILED, DEATH) for job in rest)
+            yield from (Ended(job.key, FAILED_STATUS, DEATH) for job in rest)
 
     def wait_for_workers(self) -> bool:
         """Wait for the first worker; return False if the user stops the sweep before a worker is there."""
@@ -147,9 +147,9 @@ class Flight:
         if batch[0].key not in self._under_way:
             return None
         if future.status == "finished":
-            return _Report(*future.result(timeout=PATIENCE))
+            return _Report(*future.result(timeout=WORKER_TIMEOUT_S))
         if future.status != "error":
-            raise SchedulerError(f"the scheduler has ended: {KEPT}")
+            raise SchedulerError(f"the scheduler has ended: {RESUME_ADVICE}")
         error = future.exception()
         if isinstance(error, SceneError):
             raise error
@@ -157,7 +157,7 @@ class Flight:
             del self._under_way[batch[0].key]
             self._lost.extend(batch)
             return None
-        return _Report(batch[0].key, TASK, [(batch[0].key, FAILED, f"{type(error).__name__}: {error}")])
+        return _Report(batch[0].key, TASK, [(batch[0].key, FAILED_STATUS, f"{type(error).__name__}: {error}")])
 
     def _look(self) -> None:
         """Count the workers now and then."""
@@ -166,13 +166,13 @@ class Flight:
             return
         self._looked = now
         if self._client.status != "running":
-            raise SchedulerError(f"the scheduler has ended: {KEPT}")
+            raise SchedulerError(f"the scheduler has ended: {RESUME_ADVICE}")
         with suppress(OSError, TimeoutError):
             self._workers = len(self._client.nthreads())
         if self._workers:
             self._deserted = now
-        elif now > self._deserted + PATIENCE:
-            raise SchedulerError(f"no worker for {PATIENCE / 60.0:.0f} minutes: {KEPT}")
+        elif now > self._deserted + WORKER_TIMEOUT_S:
+            raise SchedulerError(f"no worker for {WORKER_TIMEOUT_S / 60.0:.0f} minutes: {RESUME_ADVICE}")
         elif now > self._deserted + NOTICE and not self._told:
             self._told = True
             typer.echo(f"waiting for a worker: {self._hint}", err=True)

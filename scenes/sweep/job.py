@@ -14,11 +14,11 @@ from scenes.models.loading import Scene, trusted_scene
 from scenes.records.store import save
 from scenes.running.packages import versions
 from scenes.running.runner import simulate
-from scenes.sweep.case_file import FAILED, CaseResult, read, result_of, write
+from scenes.sweep.case_file import FAILED_STATUS, CaseResult, read, result_of, write
 from scenes.sweep.key import key_of
 from scenes.sweep.limit import Clock, told
 
-INTERRUPTED = "interrupted"
+INTERRUPTED_STATUS = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
         raise
     except Exception as error:  # the other cases continue after any error
         return _failed(job, scene, data, error)
-    if record.status == INTERRUPTED:
-        return too_late(job) if clock.is_over else Ended(job.key, INTERRUPTED)
+    if record.status == INTERRUPTED_STATUS:
+        return too_late(job) if clock.is_over else Ended(job.key, INTERRUPTED_STATUS)
     result = result_of(job.key, record, data)
     if job.results:
         save(record, Path(job.path))
@@ -96,7 +96,7 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
 
 def too_late(job: Job) -> Ended:
     """Return how a case ended that exceeded the limit: without a file, since the case may be in time elsewhere."""
-    return Ended(job.key, FAILED, told(job.limit_s))
+    return Ended(job.key, FAILED_STATUS, told(job.limit_s))
 
 
 def found(job: Job) -> CaseResult | None:
@@ -105,7 +105,7 @@ def found(job: Job) -> CaseResult | None:
     if (earlier := read(whole)) is not None:
         return earlier
     earlier = read(short)
-    return None if earlier is None or (job.results and earlier.status != FAILED) else earlier
+    return None if earlier is None or (job.results and earlier.status != FAILED_STATUS) else earlier
 
 
 def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -> Ended:
@@ -118,7 +118,7 @@ def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -
 
 def refused(job: Job, model: str, seed: int, scene: Mapping[str, Any], sentence: str) -> CaseResult:
     """Write the file of a case that failed without a record, and return the result of the case."""
-    result = CaseResult(job.key, job.name, model, FAILED, sentence, seed, versions=versions(), scene=scene)
+    result = CaseResult(job.key, job.name, model, FAILED_STATUS, sentence, seed, versions=versions(), scene=scene)
     write(result, Path(job.path).with_suffix(".json"))
     return result
 

@@ -11,13 +11,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from scenes.language.loader import SHIPPED
+from scenes.language.loader import SHIPPED_FOLDER
 from scenes.language.schema import Section, keys_in
 from scenes.models.loading import Scene
 from scenes.running.packages import sources, versions
 from worm3d.values import named
 
-LENGTH = 20
+KEY_LENGTH = 20
 """Number of characters of a key: 80 bits, so that two of a million cases hardly ever have the same key."""
 
 
@@ -36,7 +36,7 @@ def key_of(scene: Scene, *, possible: bool = True) -> str:
         "versions": versions(),
         "sources": sources(),
     }
-    return hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()[:LENGTH]
+    return hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()[:KEY_LENGTH]
 
 
 def _modules(text: str) -> list[Path]:
@@ -54,7 +54,7 @@ def _files(section: Section) -> Iterator[Path]:
         for name in path:
             value = getattr(value, name)
         if isinstance(value, str):
-            yield from [path for path in (Path(value), SHIPPED / value) if path.is_file()][:1]
+            yield from [path for path in (Path(value), SHIPPED_FOLDER / value) if path.is_file()][:1]
 
 
 @cache

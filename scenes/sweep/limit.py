@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from scenes.language.errors import DiscError, SceneError
 from scenes.language.sweep_section import CASE_LIMIT, LONGEST_CASE_LIMIT
-from scenes.records.folder import PREFIX
+from scenes.records.folder import TEMPORARY_PREFIX
 
 LONGEST_START = 600.0
 """Time from the beginning of a case to the first step after which a worker counts as stuck [s]: compiling all kernels
@@ -76,7 +76,7 @@ def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
     Only for worker processes that run one case at a time. DiscError if the folder is not writable.
     """
     global _witness
-    witness = path.with_name(f"{PREFIX}{path.stem}.late.part")
+    witness = path.with_name(f"{TEMPORARY_PREFIX}{path.stem}.late.part")
     if witness.is_file() and witness.stat().st_size:
         yield True
         return

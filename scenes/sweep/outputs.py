@@ -27,10 +27,11 @@ from scenes.running.packages import versions
 from scenes.running.terminal import HEADLINES
 from scenes.sweep.case_file import NOT_RUN, CaseResult
 from scenes.sweep.design import Design, Varied
+from scenes.sweep.plan import SEED_KEY
 from scenes.sweep.table import OF_A_CASE, Table, cell, is_numeric
 from worm3d.values import netcdf
 from worm3d.values.arrays import FloatArray
-from worm3d.values.metrics import ROUNDING, named, written
+from worm3d.values.metrics import METRIC_ROUNDING, named, written
 from worm3d.values.netcdf import Content
 from worm3d.values.variable import Variable
 
@@ -49,9 +50,6 @@ REPORTED = ("distance_m", "cost_of_transport")
 """Headlines in the report for every model."""
 OF_THE_MODEL = 3
 """Largest number of further headlines of the model in the report."""
-
-SEED = "seed"
-"""Column of the seeds, and the key of a scene if the seed is varied."""
 
 PER_CASE = "a sweep has one for each case: see sweep.csv"
 NONE_DONE = "no case came to its end"
@@ -195,7 +193,11 @@ def _content(base: Scene, table: Table, summary: Summary) -> Content:
     variables = (
         *map(_coordinate, table.design.varied),
         *(Variable(name, dims, np.array(cells[name]).reshape(shape), "1", text) for name, text in texts.items()),
-        *(() if SEED in keys else (Variable(SEED, dims, seeds.reshape(shape), "1", "seed of everything random"),)),
+        *(
+            ()
+            if SEED_KEY in keys
+            else (Variable(SEED_KEY, dims, seeds.reshape(shape), "1", "seed of everything random"),)
+        ),
         *_figures(table.figures, dims, shape),
     )
     return Content(attributes, {netcdf.ROOT: variables, netcdf.TIMING: tuple(_figures(table.timing, dims, shape))})
@@ -225,7 +227,7 @@ def _draw(folder: Path, base: Scene, table: Table) -> Iterator[Path]:
 
     title = getattr(base.settings, "title", "") or base.name
     for name, (label, unit) in headlines(base).items():
-        if (np.abs(table.figures.get(name, np.zeros(1))) > ROUNDING.get(unit, 0.0)).any():
+        if (np.abs(table.figures.get(name, np.zeros(1))) > METRIC_ROUNDING.get(unit, 0.0)).any():
             path = folder / FIGURE.format(name)
             save_figure(draw(table, name, f"{label} [{unit}]" if unit else label, title), path)
             yield path

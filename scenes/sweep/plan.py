@@ -26,11 +26,11 @@ from scenes.sweep.key import key_of
 from scenes.sweep.links import Links, value_at
 from scenes.sweep.vary import design_of, with_meaning
 
-SEED = "seed"
+SEED_KEY = "seed"
 """Key of a scene that seeds all random numbers."""
 LARGEST_SEED = 2**53 - 1
 """Largest seed of a case: all programs can represent this number exactly."""
-_NUMBERS = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+_NUMBER_PATTERN = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 MOST_WRONG = 20
 """Number of cases with mistakes after which the check of cases stops."""
@@ -162,7 +162,7 @@ def planned(
     keys = {each.key for each in design.varied}
     if twice := sorted(key for key in keys if path_of(key) in fixed):
         raise SceneError(f"{twice[0]}: both varied and fixed by an override (-o); leave one of them out")
-    given = SEED in keys or path_of(SEED) in fixed
+    given = SEED_KEY in keys or path_of(SEED_KEY) in fixed
     cases, wrong, impossible = [], _Mistakes(tuple(keys)), _Mistakes(tuple(keys))
     for done, values in enumerate(design.cases(), start=1):
         reasons: Sequence[str] = ()
@@ -202,7 +202,7 @@ def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, A
     """Return a case's scene with a seed that depends only on the seed of the sweep and the values of the case."""
     said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
-    return replace(scene, settings=replace(scene.settings, **{SEED: seed}))
+    return replace(scene, settings=replace(scene.settings, **{SEED_KEY: seed}))
 
 
 class _Mistakes:
@@ -222,7 +222,7 @@ class _Mistakes:
         for line in lines:
             label, _, rest = line.partition(": ")
             key = label.removeprefix("override ")
-            kind = _NUMBERS.sub("#", line)
+            kind = _NUMBER_PATTERN.sub("#", line)
             texts.append(f"{key}: {rest}" if key in self._keys else line)
             first, text, number = self._found.get(kind, (told(values), texts[-1], 0))
             self._found[kind] = first, text, number + 1

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Iterator
 
 from scenes.records.text import markdown_table
-from scenes.studies.bench.control_error import SHORTEST, START, WINDOW
-from scenes.studies.bench.control_report import FAILED, Options
+from scenes.studies.bench.control_error import MIN_RUN_DURATION_S, STARTUP_TIME_S, WINDOW
+from scenes.studies.bench.control_report import LOST_TRIAL_EXIT_CODE, Options
 from scenes.studies.bench.control_score import FLOOR
 from scenes.studies.bench.control_trials import CLASSES, GROUPS, QUICK, SHORT, SPEEDS
 
@@ -97,12 +97,12 @@ def page() -> str:
     """Return the page."""
     return PAGE.format(
         trials=Options().trials,
-        failed=FAILED,
+        failed=LOST_TRIAL_EXIT_CODE,
         quick=" and ".join(f"a {name}" for name in QUICK),
         short=SHORT[0].partition("=")[2] + " s",
         window=WINDOW,
-        start=START,
-        shortest=SHORTEST,
+        start=STARTUP_TIME_S,
+        shortest=MIN_RUN_DURATION_S,
         floor=FLOOR,
         count=len(CLASSES),
         least=SPEEDS[0],

@@ -17,15 +17,16 @@ from speed_measures import DT, crawl, us_per_step
 from worm3d import Friction, Result
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.running.plant import Plant
 from worm3d.running.problem import held_mask
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, regimes
 from worm3d.solver.actuate import actuate
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import Block, copy, matrix, vector
 from worm3d.solver.entry import reset
-from worm3d.solver.evaluate import LOCAL, NONE, WHOLE, evaluate, hold
+from worm3d.solver.evaluate import LOCAL_HESSIAN, NO_HESSIAN, WHOLE_HESSIAN, evaluate, hold
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record
 from worm3d.solver.step import _commit, begin, place_start
@@ -121,11 +122,11 @@ class _MiddleOfStep:
         """Return what is timed, by name; each takes the number of passes."""
         core, block = self.core, self.records.block
         return {
-            "whole": lambda times: evaluate_loop(core, WHOLE, times),
+            "whole": lambda times: evaluate_loop(core, WHOLE_HESSIAN, times),
             "exchanged": lambda times: exchange_loop(core, times),
-            "residual": lambda times: evaluate_loop(core, NONE, times),
+            "residual": lambda times: evaluate_loop(core, NO_HESSIAN, times),
             "factorise": lambda times: linear_loop(core, 0, times),
-            "refactorise": lambda times: linear_loop(core, BLOCK * (core.n // 2), times),
+            "refactorise": lambda times: linear_loop(core, BLOCK_SIZE * (core.n // 2), times),
             "solve": lambda times: linear_loop(core, -1, times),
             "ahead": lambda times: ahead_loop(core, times),
             "expect": lambda times: expect_loop(core, times),
@@ -158,7 +159,7 @@ def ready(core: Core, dt: float) -> None:
     place_start(core)
     begin(core, dt, True)
     regimes.set_regimes_from_last_step(core)
-    _newton_step(core, WHOLE, False)
+    _newton_step(core, WHOLE_HESSIAN, False)
     ledger.prepare(core)
     ledger.add(core, vector(core.block, a.TERMS_))
 
@@ -175,7 +176,7 @@ def exchange_loop(core: Core, times: int) -> None:
     """Compute the residual, and exchange what a contact in the middle of the body contributes to the band."""
     for _ in range(times):
         vector(core.block, a.CHANGED)[core.n // 2] = 1.0
-        evaluate(core, a.X, True, LOCAL)
+        evaluate(core, a.X, True, LOCAL_HESSIAN)
 
 
 @njit
@@ -186,7 +187,7 @@ def linear_loop(core: Core, first: int, times: int) -> None:
         hold(core, first >= 0)
         copy(step, vector(core.block, a.GRADIENT))
         if first >= 0:
-            lu_factor(matrix(core.block, a.BAND), factor, first)
+            lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, first)
         lu_solve(factor, step)
 
 

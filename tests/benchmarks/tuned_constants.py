@@ -30,7 +30,7 @@ SCENES = ("flat", "pipe_bend", "slope_15", "rubble")
 COMPILED = {
     "worm3d.solver.newton": (
         "MAX_ITERATIONS DIVERGED STRAY_STEP MAX_STRAYS MAX_CHANGES CONTRACTION CURVATURE DOUBT EARLY_RELEASE_MARGIN "
-        "SLIDE_AT_ONCE KEPT SLOWEST QUIET STAGNATION"
+        "SLIDE_AT_ONCE KEPT_JACOBIAN_MOTION MIN_STEP_RATIO QUIET_STEP STAGNATION"
     ),
     "worm3d.solver.descent": "MAX_DESCENT MAX_SEARCH SUFFICIENT SLOPE_LEFT DESCENT_TOLERANCE",
     "worm3d.solver.regimes": "SHALLOW PRESSED",
@@ -40,7 +40,7 @@ COMPILED = {
 
 SYMBOLIC = {
     "worm3d.physics.kernels.regime": "MAX_SWING STICK_SHARE SIDE_TOLERANCE",
-    "worm3d.physics.contact": "YIELD_TOLERANCE TIE",
+    "worm3d.physics.contact": "YIELD_TOLERANCE BREAKAWAY_TOLERANCE",
     "worm3d.physics.friction": "RESTING_PENETRATION BREAKAWAY TANGENTIAL_DAMPING_RATIO",
 }
 """Constants of kernels, which are made anew, and of Python code."""

@@ -10,7 +10,7 @@ from control.estimation.kalman import GAINS
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification import identified
-from control.sensing.sensors import HEADING, Measurement
+from control.sensing.sensors import HEADING_SENSOR, Measurement
 from control.tracking.paths import Circle, Line
 from worm3d import Worm
 
@@ -101,7 +101,7 @@ def test_the_crab_of_a_bent_body_is_taken_as_known_and_turns_what_is_believed_of
 
 
 def test_a_sensor_of_the_heading_shows_the_crab_itself():
-    assert believed({"heading": HEADING}, told=True) == believed({"heading": HEADING}, told=False)
+    assert believed({"heading": HEADING_SENSOR}, told=True) == believed({"heading": HEADING_SENSOR}, told=False)
 
 
 @pytest.mark.parametrize(("gain", "taken"), [(0.5, 0.5), (2.0, 2.0), (0.01, GAINS[0]), (9.0, GAINS[1])])

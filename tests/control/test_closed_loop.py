@@ -12,7 +12,7 @@ import pytest
 from control.baselines import PiLineOfSight
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel
-from control.gaits.steering import WAVES, Wave
+from control.gaits.steering import WAVE_SCHEDULES, Wave
 from control.identification.identified import Identified, load
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Sensors
@@ -30,7 +30,7 @@ CRUISE = Constant(0.08)
 
 
 def known(wave: Wave = "sine") -> Identified:
-    found = load(WORM, schedule=WAVES[wave])
+    found = load(WORM, schedule=WAVE_SCHEDULES[wave])
     assert found is not None
     return found
 

@@ -6,9 +6,9 @@ from math import atan, inf, radians, tan
 import numpy as np
 import pytest
 
-from control.estimation.estimate import SURE, Estimate
+from control.estimation.estimate import SIGNIFICANT_EXCESS, Estimate
 from control.estimation.reduced import STATES, ReducedState
-from control.faults.descent import AHEAD, KNOWN, MARGIN, Descent
+from control.faults.descent import DESCENT_LOOKAHEAD, MAX_GRADIENT_DEVIATION, USABLE_FRICTION_SHARE, Descent
 from control.identification.identified import load
 from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
@@ -28,7 +28,7 @@ def estimate(slope: tuple[float, float], deviation: float = 0.001, heading: floa
 @pytest.mark.parametrize("azimuth", [0.0, 1.0, -2.5])
 @pytest.mark.parametrize("deviation", [1e-6, 0.004])
 def test_it_is_stopped_where_the_gradient_along_its_way_is_surely_beyond_friction(azimuth, deviation) -> None:
-    limit = MARGIN * HOLDS + SURE * deviation
+    limit = USABLE_FRICTION_SHARE * HOLDS + SIGNIFICANT_EXCESS * deviation
     along, left = np.array([np.cos(azimuth), np.sin(azimuth)]), np.array([-np.sin(azimuth), np.cos(azimuth)])
     for reference in (Reference(Constant(0.08), path=Line(azimuth=azimuth)), Reference(Constant(0.08))):
         descent = Descent(WORM, reference, HOLDS)
@@ -43,7 +43,7 @@ def test_it_is_stopped_where_the_gradient_along_its_way_is_surely_beyond_frictio
 def test_the_path_ahead_counts_and_not_where_the_worm_looks() -> None:
     radius = 0.5
     descent = Descent(WORM, Reference(Constant(0.08), path=Circle(radius)), HOLDS)
-    begins = np.arccos(-MARGIN * HOLDS / 0.07) - AHEAD * WORM.length / radius
+    begins = np.arccos(-USABLE_FRICTION_SHARE * HOLDS / 0.07) - DESCENT_LOOKAHEAD * WORM.length / radius
     for angle, stops in ((begins - 0.02, False), (begins + 0.02, True)):
         at = radius * np.sin(angle), radius * (1.0 - np.cos(angle))
         found = descent.fault(1.0, estimate((0.07, 0.0), 1e-9, 0.0, at))
@@ -65,7 +65,7 @@ def test_a_worm_that_does_not_know_where_it_is_minds_no_slope() -> None:
 
 def test_what_is_hardly_known_stops_nobody() -> None:
     descent = Descent(WORM, Reference(Constant(0.08), path=Line()), HOLDS)
-    assert descent.fault(1.0, estimate((-1.0, 0.0), 1.01 * KNOWN * HOLDS)) is None
+    assert descent.fault(1.0, estimate((-1.0, 0.0), 1.01 * MAX_GRADIENT_DEVIATION * HOLDS)) is None
     assert descent.fault(1.0, estimate((np.nan, 0.0))) is None
     assert descent.fault(1.0, None) is None
     assert Descent(WORM, Reference(Constant(0.08)), inf).fault(1.0, estimate((-1.0, 0.0))) is None

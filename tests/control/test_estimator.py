@@ -14,7 +14,7 @@ from control.estimation.estimator import Estimate, Estimator, _Sample
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification.identified import load
-from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Measurement, Sensors
+from control.sensing.sensors import COM, HEADING_SENSOR, STRAIN, Channel, Measurement, Sensors
 from worm3d import Command, Friction, Observation, Plane, Worm, simulate
 
 WORM = Worm()
@@ -260,8 +260,8 @@ def test_a_late_sample_counts_at_its_instant() -> None:
 
 def test_samples_out_of_order_count_as_if_in_order() -> None:
     run = recorded("winding")
-    quick = Sensors(Channel(noise=0.01), COM, replace(HEADING, rate=10.0), seed=2)
-    slow = Sensors(Channel(noise=0.01), replace(COM, delay=0.13), replace(HEADING, rate=10.0), seed=2)
+    quick = Sensors(Channel(noise=0.01), COM, replace(HEADING_SENSOR, rate=10.0), seed=2)
+    slow = Sensors(Channel(noise=0.01), replace(COM, delay=0.13), replace(HEADING_SENSOR, rate=10.0), seed=2)
     for steps in (1009, 1500):
         in_order = estimated(run, quick, Estimator(WORM, model(), heading=0.0), steps)
         estimator = Estimator(WORM, model(), heading=0.0)
@@ -428,7 +428,7 @@ def test_a_reset_estimator_says_the_same_again() -> None:
 
 def test_a_heading_sensor_is_used() -> None:
     run = recorded("winding")
-    with_it = Sensors(heading=HEADING, seed=1)
+    with_it = Sensors(heading=HEADING_SENSOR, seed=1)
     off = errors(run, estimated(run, with_it, Estimator(WORM, model())))
     assert rms(off.heading) < np.deg2rad(0.6)
     assert rms(off.heading_share) < 1.5

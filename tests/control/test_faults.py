@@ -13,7 +13,7 @@ from control.faults.injected import Faulty, FaultySensor
 from control.faults.rules import Fault, Wave, faults
 from control.faults.watch import _crab
 from control.identification.identified import load
-from control.sensing.sensors import COM, HEADING, Channel, Measurement, Sensors
+from control.sensing.sensors import COM, HEADING_SENSOR, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
 from control.task import ControlTask
 from control.tracking.obstacles import Disc
@@ -304,7 +304,7 @@ def test_strains_that_are_lost_are_told_within_three_waves_and_a_worm_without_su
 )
 def test_a_sensor_that_misleads_is_named_within_three_waves(kind: str, fault: FaultySensor) -> None:
     assert FOUND is not None
-    heading = HEADING if fault.channel == "heading" else None
+    heading = HEADING_SENSOR if fault.channel == "heading" else None
     supervisor = Supervisor.of(ControlTask(WORM, Reference(Constant(0.08), path=CIRCLE), FOUND))
     sensors = Sensors(heading=heading, seed=5)
     simulate(WORM, Plane(), actuation=Faulty(supervisor, [fault]), sensor=sensors, duration=15.0)
@@ -317,10 +317,16 @@ def test_a_sensor_that_misleads_is_named_within_three_waves(kind: str, fault: Fa
 def test_a_heading_that_was_off_from_the_first_is_told_by_the_way() -> None:
     assert FOUND is not None
     supervisor = Supervisor.of(
-        ControlTask(WORM, Reference(Constant(0.08), path=LINE), FOUND, sensors={"heading": HEADING})
+        ControlTask(WORM, Reference(Constant(0.08), path=LINE), FOUND, sensors={"heading": HEADING_SENSOR})
     )
     off = FaultySensor(channel="heading", mode="off", error=0.35)
-    simulate(WORM, Plane(), actuation=Faulty(supervisor, [off]), sensor=Sensors(heading=HEADING, seed=5), duration=20.0)
+    simulate(
+        WORM,
+        Plane(),
+        actuation=Faulty(supervisor, [off]),
+        sensor=Sensors(heading=HEADING_SENSOR, seed=5),
+        duration=20.0,
+    )
     assert [each.kind for each in supervisor.faults] == ["heading off"]
 
 

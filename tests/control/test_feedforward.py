@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from control.identification.identified import SteeringMap, load
-from control.identification.surrogate import SLOWEST
+from control.identification.surrogate import MIN_WAVE_FREQUENCY
 from control.planning.feed_forward import PREFERRED, FeedForward
 from worm3d import Worm
 
@@ -40,7 +40,7 @@ def test_beyond_the_map_it_gives_its_edge() -> None:
     forward = FeedForward(found("hinge"), 1.0)
     ranges = found("hinge").ranges
     assert forward(1.0, 0.0) == (ranges.amplitude[1], ranges.frequency[1], 0.0)
-    assert forward(0.0, 0.0) == (ranges.amplitude[0], SLOWEST, 0.0)
+    assert forward(0.0, 0.0) == (ranges.amplitude[0], MIN_WAVE_FREQUENCY, 0.0)
     assert forward(0.08, 9.0).steering == ranges.steering
 
 
@@ -131,7 +131,7 @@ def test_a_preferred_frequency_outside_the_map_gives_way_to_the_middle(
     assert forward.frequency == pytest.approx(preferred)
     frequencies = forward.frequencies(np.linspace(forward.slowest, forward.fastest, 60))
     assert np.isclose(frequencies, preferred).sum() > 3
-    assert frequencies.min() >= SLOWEST
+    assert frequencies.min() >= MIN_WAVE_FREQUENCY
     assert frequencies.max() <= greatest
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimation.estimate import FAR, Estimate
+from control.estimation.estimate import MAX_POSITION_DEVIATION, Estimate
 from control.estimation.ground import Ground, GroundTrust, Standing
 from control.estimation.reduced import STATES, ReducedState
 from worm3d import Worm
@@ -64,7 +64,8 @@ def test_a_worm_stands_on_its_thickest_segments() -> None:
 
 
 @pytest.mark.parametrize(
-    ("x", "deviation", "placed"), [(0.0, FAR - 0.1, True), (0.0, FAR + 0.1, False), (np.nan, 0.1, False)]
+    ("x", "deviation", "placed"),
+    [(0.0, MAX_POSITION_DEVIATION - 0.1, True), (0.0, MAX_POSITION_DEVIATION + 0.1, False), (np.nan, 0.1, False)],
 )
 def test_a_place_is_known_where_it_is_finite_and_sure(x: float, deviation: float, placed: bool) -> None:
     covariance = np.diag([deviation**2, 0.01, *np.ones(STATES - 2)])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.gaits.steering import MECHANISMS, WAVES, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import MECHANISMS, WAVE_SCHEDULES, GaitParameters, Schedule, SteeredWave
 from control.identification import identified, surrogate
 from control.identification.identified import (
-    SHIPPED,
+    SHIPPED_MAPS,
     Design,
     Identified,
     Motion,
@@ -133,15 +133,15 @@ def test_a_parameter_that_has_its_default_does_not_enter_the_key() -> None:
 
 
 def test_only_the_default_worm_is_shipped() -> None:
-    names = {wave: f"{key(Worm(), Friction(), schedule, DESIGN)}.json" for wave, schedule in WAVES.items()}
-    assert {path.name for path in SHIPPED.glob("*.json")} == set(names.values())
-    for wave, schedule in WAVES.items():
-        content = json.loads((SHIPPED / names[wave]).read_text("utf-8"))
+    names = {wave: f"{key(Worm(), Friction(), schedule, DESIGN)}.json" for wave, schedule in WAVE_SCHEDULES.items()}
+    assert {path.name for path in SHIPPED_MAPS.glob("*.json")} == set(names.values())
+    for wave, schedule in WAVE_SCHEDULES.items():
+        content = json.loads((SHIPPED_MAPS / names[wave]).read_text("utf-8"))
         assert Identified.from_dict(content).on(Worm(), Friction()) == load(Worm(), schedule=schedule)
         assert Identified.from_dict(content).schedule == schedule
 
 
-@pytest.mark.parametrize("schedule", WAVES.values(), ids=WAVES)
+@pytest.mark.parametrize("schedule", WAVE_SCHEDULES.values(), ids=WAVE_SCHEDULES)
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_the_shipped_map_agrees_with_fresh_runs(mechanism, schedule) -> None:
     default = load(Worm(), schedule=schedule)

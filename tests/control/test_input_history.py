@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimation.wave import SMOOTHING, InputHistory, MeasuredWave
+from control.estimation.wave import FIT_SMOOTHING, InputHistory, MeasuredWave
 from control.gaits.steering import BLEND, Schedule
 
 FREQUENCY = 0.8
@@ -72,7 +72,7 @@ def test_the_wave_in_the_strains_is_found(direction, back: bool) -> None:
             strain[k % 6] = np.nan  # one chamber that is not known
         sides = np.column_stack([strain, strain])[:: -1 if back else 1]
         measured.take(sides, 0.2 * k, back)
-    found = 1.0 - np.exp(-0.2 * 40 / (2.0 * np.pi) / SMOOTHING)
+    found = 1.0 - np.exp(-0.2 * 40 / (2.0 * np.pi) / FIT_SMOOTHING)
     assert (measured.backward if back else measured.amplitude) == pytest.approx(found * a)
     assert (measured.amplitude if back else measured.backward) == 0.0
     expected = (-1.0 if back else 1.0) * found * a * np.exp(1j * sign * 1.3)

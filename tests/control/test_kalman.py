@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from control.estimation.estimate import Belief, consistency, merged, pruned, weights, wrapped
-from control.estimation.kalman import GAINS, IMPOSSIBLE, PATIENCE, ROCKING, SIZE, Kalman, Uncertainty
+from control.estimation.kalman import GAINS, IMPOSSIBLE, MAX_REFUSED_SAMPLES, ROCKING, SIZE, Kalman, Uncertainty
 from control.estimation.reduced import LONGEST_SUBSTEP, STATES, ReducedModel
 from control.identification.identified import load
 from worm3d import Worm
@@ -171,7 +171,7 @@ def test_likelier_samples_make_likelier_beliefs() -> None:
 
 def test_a_few_impossible_samples_are_refused_and_many_believed() -> None:
     belief, far = Belief(MEAN, 1e-2 * spread()), expected_com(MEAN) + np.array([0.3, 0.0])
-    for count in range(PATIENCE):
+    for count in range(MAX_REFUSED_SAMPLES):
         corrected = FILTER.with_com(belief, far, WAVE, gated=True)
         assert corrected.nis > IMPOSSIBLE
         assert corrected.belief.refused == count + 1
@@ -307,7 +307,7 @@ def test_samples_that_follow_each_other_closely_make_no_push() -> None:
 def test_a_few_impossible_headings_are_refused_and_many_believed(way: float) -> None:
     """A heading that a filter is so sure of that no sample may be a radian off; it is open again for such samples."""
     belief, far = Belief(MEAN, 1e-2 * spread()), MEAN[2] + way
-    for count in range(PATIENCE):
+    for count in range(MAX_REFUSED_SAMPLES):
         belief, refused, jumped = FILTER.with_heading(belief, far, gated=True)
         assert (refused, jumped) == (True, False)
         assert (belief.turned, belief.log_weight) == (count + 1, 0.0)

@@ -12,7 +12,7 @@ from control.learned.acts import ACTS, TRIM, TURN
 from control.learned.controller import LearnedPolicy
 from control.learned.course import Course
 from control.learned.policy import Policy
-from control.learned.senses import CURVATURE, OWN, SPEED, Senses
+from control.learned.senses import BASE_OBSERVATION_SIZE, CURVATURE, SPEED, Senses
 from control.sensing.sensors import Channel, Measurement, Sensors
 from control.task import ControlTask
 from control.tracking.paths import Circle, Line
@@ -26,7 +26,7 @@ assert FOUND is not None
 LINE = Reference(Constant(0.08), path=Line())
 
 
-def policy(actions: int = 2, inputs: int = OWN + 2, **about: object) -> Policy:
+def policy(actions: int = 2, inputs: int = BASE_OBSERVATION_SIZE + 2, **about: object) -> Policy:
     """A network with random weights, which steers against its offset."""
     random = np.random.default_rng(2)
     hidden = random.normal(size=(8, inputs)) * 0.2, random.normal(size=8) * 0.1
@@ -108,7 +108,7 @@ def test_mirrored_worlds_look_mirrored() -> None:
 
 def test_no_action_is_the_wave_of_the_map() -> None:
     found = FOUND.maps["hinge"]
-    act, seen = ACTS["course"](found, "hinge", 1.0), np.zeros(OWN + 2)
+    act, seen = ACTS["course"](found, "hinge", 1.0), np.zeros(BASE_OBSERVATION_SIZE + 2)
     seen[[SPEED, CURVATURE]] = 0.8, 0.5
     plain = act(np.zeros(2), seen)
     assert_allclose(plain.row(), found_wave(0.08, 0.04))
@@ -123,7 +123,7 @@ def found_wave(speed: float, turn_rate: float) -> np.ndarray:
 
 
 def test_a_policy_comes_back_from_its_file(tmp_path: Path) -> None:
-    one, seen = policy(acts="course", seed=3), np.random.default_rng(0).normal(size=OWN + 2)
+    one, seen = policy(acts="course", seed=3), np.random.default_rng(0).normal(size=BASE_OBSERVATION_SIZE + 2)
     one.save(tmp_path / "a.npz")
     two = Policy.load(tmp_path / "a.npz")
     assert_array_equal(one(seen), two(seen))
@@ -144,7 +144,7 @@ def test_files_and_networks_that_are_none_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="got 15 inputs and 3 outputs, must be 15 inputs or more, and 2 outputs"):
         policy(3)
     with pytest.raises(ValueError, match="not finite"):
-        Policy(((np.full((2, OWN + 2), np.nan), np.zeros(2)),))
+        Policy(((np.full((2, BASE_OBSERVATION_SIZE + 2), np.nan), np.zeros(2)),))
 
 
 def test_in_a_run_it_sees_and_does_what_it_does_in_training() -> None:

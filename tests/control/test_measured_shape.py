@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimation.ground import MOST, Ground, GroundTrust, Standing
+from control.estimation.ground import MAX_GROUND_SAMPLES, Ground, GroundTrust, Standing
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from worm3d import Worm
@@ -119,7 +119,7 @@ def test_a_worm_at_rest_learns_nothing_of_the_slope() -> None:
     ground = walked(1e-3 * np.random.default_rng(1).standard_normal((1000, 2)), np.full(1000, 0.4))
     assert_allclose(ground.slope, 0.0, atol=0.0)
     assert_allclose(np.diag(ground.covariance)[1:], GroundTrust().slope ** 2)
-    assert len(ground.gathered) <= MOST
+    assert len(ground.gathered) <= MAX_GROUND_SAMPLES
 
 
 def test_errors_of_the_place_do_not_point_across_the_way() -> None:

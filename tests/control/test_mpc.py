@@ -14,7 +14,15 @@ from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.identification.identified import Identified, load
 from control.planning.constraints import Clearance, Constraint
 from control.planning.cost import Problem
-from control.planning.mpc import LASTING, MOST_LASTING, MOST_MISSED, TURNED, GaitMPC, Plan, PlanStatus
+from control.planning.mpc import (
+    INTEGRAL_TIME_CONSTANT,
+    MOST_LASTING,
+    MOST_MISSED,
+    SIGNIFICANT_YAW_BIAS,
+    GaitMPC,
+    Plan,
+    PlanStatus,
+)
 from control.planning.terms import (
     Arrival,
     Change,
@@ -57,7 +65,7 @@ def exact(t: float, state: FloatArray) -> Estimate:
     return Estimate(t, ReducedState(*map(float, state)), np.zeros((STATES, STATES)), None)
 
 
-LASTS = LASTING / 0.8
+LASTS = INTEGRAL_TIME_CONSTANT / 0.8
 """Time constant (P4) of a worm whose waves have 0.8 Hz [s]."""
 
 
@@ -226,11 +234,11 @@ def test_a_plan_knows_how_long_it_took(x: float) -> None:
 @pytest.mark.parametrize(
     ("aside", "deviations", "speed", "moved"),
     [
-        (0.005, 1.01 * TURNED, 0.08, 0.005 / LASTS),
-        (0.005, 0.99 * TURNED, 0.08, 0.0),
-        (0.99 * MOST_LASTING, 1.01 * TURNED, 0.08, 0.99 * MOST_LASTING / LASTS),
-        (1.01 * MOST_LASTING, 1.01 * TURNED, 0.08, 0.0),
-        (0.005, 1.01 * TURNED, 0.0, 0.0),
+        (0.005, 1.01 * SIGNIFICANT_YAW_BIAS, 0.08, 0.005 / LASTS),
+        (0.005, 0.99 * SIGNIFICANT_YAW_BIAS, 0.08, 0.0),
+        (0.99 * MOST_LASTING, 1.01 * SIGNIFICANT_YAW_BIAS, 0.08, 0.99 * MOST_LASTING / LASTS),
+        (1.01 * MOST_LASTING, 1.01 * SIGNIFICANT_YAW_BIAS, 0.08, 0.0),
+        (0.005, 1.01 * SIGNIFICANT_YAW_BIAS, 0.0, 0.0),
     ],
     ids=["lasts", "may not be turned", "just near", "on its way back", "stands"],
 )

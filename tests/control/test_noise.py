@@ -11,7 +11,7 @@ from control.estimation.noise import NOISE_LATEST, NOISE_LEAST, NOISE_WINDOW, No
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters
 from control.identification.identified import load
-from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Measurement, Sensors
+from control.sensing.sensors import COM, HEADING_SENSOR, STRAIN, Channel, Measurement, Sensors
 from control.supervisor import Supervisor
 from control.task import ControlTask
 from control.tracking.metrics import Motion, summary, tracking
@@ -97,7 +97,7 @@ def test_the_estimator_is_told_how_good_its_sensors_are() -> None:
     assert told(com=Channel(noise=0.03)).noise.told == 0.03
     assert told(com=Channel(noise=0.0)).noise.told > 0.0, "the wave is not known to the micrometre"
     assert told(com=Channel(noise=0.005, delay=3.0)).span > 3.0
-    assert told(heading=HEADING).span == told().span
+    assert told(heading=HEADING_SENSOR).span == told().span
 
 
 def test_samples_that_came_before_the_noise_was_found_count_as_if_it_had_been_told() -> None:

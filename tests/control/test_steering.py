@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import TravellingWave
 from control.gaits.steering import (
     MECHANISMS,
-    UNITS,
-    WAVES,
+    UNIT_STEERING,
+    WAVE_SCHEDULES,
     GaitParameters,
     PlannedWave,
     Schedule,
@@ -55,7 +55,7 @@ def test_the_schedule_is_its_formula() -> None:
 def test_a_steep_wave_is_cut_at_the_amplitude_and_stays_there_for_a_third() -> None:
     phase = np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False)
     rows = np.tile(GaitParameters(0.3, 0.8).row(), (len(phase), 1))
-    found = WAVES["steep"].commands_at(phase, rows, WORM).contraction[..., 0]
+    found = WAVE_SCHEDULES["steep"].commands_at(phase, rows, WORM).contraction[..., 0]
     sine = np.sin(2 * np.pi * (np.arange(6) + 0.5) / 6 / 0.7 + phase[:, None])
     assert_allclose(found, 0.3 * np.clip(2.0 * sine, 0.0, 1.0), atol=1e-14)
     assert_allclose((found == 0.3).mean(axis=0), 1 / 3, atol=0.01)
@@ -154,7 +154,9 @@ def test_steering_is_the_inverse_of_steered(mechanism) -> None:
 
 def test_steering_of_a_wave_that_a_mechanism_cannot_make_is_the_nearest() -> None:
     wave, s = GaitParameters(0.3, 0.8, bias=0.01, hinge=0.07), np.linspace(-1.0, 1.0, 20001)
-    nearest = s[np.argmin((s * UNITS["both"][0] - wave.hinge) ** 2 + (s * UNITS["both"][1] - wave.bias) ** 2)]
+    nearest = s[
+        np.argmin((s * UNIT_STEERING["both"][0] - wave.hinge) ** 2 + (s * UNIT_STEERING["both"][1] - wave.bias) ** 2)
+    ]
     assert wave.steering("both") == pytest.approx(nearest, abs=1e-4)
     assert wave.steering("hinge") == wave.hinge
     assert wave.steering("bias") == wave.bias

@@ -10,7 +10,7 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified, load
-from control.loop import LONGEST_START, LOST, MOST_KEPT, STILL
+from control.loop import LONGEST_START, MOST_KEPT, NO_DECISION, STILL
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
@@ -267,7 +267,7 @@ def test_without_a_finite_reference_parameters_are_kept_and_then_it_rests() -> N
     assert len({d.parameters for d in supervisor.decisions[4 : 5 + MOST_KEPT]}) == 1
     assert supervisor.decisions[4].parameters.amplitude > 0.2
     last = supervisor.decisions[-1]
-    assert (last.parameters.amplitude, last.status) == (0.0, LOST)
+    assert (last.parameters.amplitude, last.status) == (0.0, NO_DECISION)
 
 
 def test_a_lost_estimate_leaves_the_plain_wave() -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import control
-from control.parts import KINDS
+from control.parts import PART_KINDS
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene, read_text
 from scenes.models.loading import draft
@@ -106,7 +106,7 @@ def main(seed: int, number: int) -> None:
         module, name, thing = next(found)
         value, tried = f"{module.__name__}:{name}", tried + 1
         for scene, key, kind in asked:
-            if isinstance(thing, type) and KINDS[kind].base_class in thing.__mro__:
+            if isinstance(thing, type) and PART_KINDS[kind].base_class in thing.__mro__:
                 continue  # a part that ships
             note = functools.partial(called.append, key.format(value))
             setattr(module, name, stand_in(thing, note))

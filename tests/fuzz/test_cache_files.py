@@ -60,8 +60,8 @@ RUN = """
 import hashlib
 import worm3d
 from control.gaits import TravellingWave
-from scenes.language.loader import SHIPPED
-world = worm3d.Mesh(SHIPPED / "mesh_tunnel.stl", units="m", solid="outside")
+from scenes.language.loader import SHIPPED_FOLDER
+world = worm3d.Mesh(SHIPPED_FOLDER / "mesh_tunnel.stl", units="m", solid="outside")
 start = worm3d.State.straight(worm3d.Worm(), world, position=(0.6, 0.0))
 result = worm3d.simulate(worm3d.Worm(), world, actuation=TravellingWave(), duration=0.5, dt=0.01, state=start)
 print(hashlib.sha256(result.com.tobytes()).hexdigest())

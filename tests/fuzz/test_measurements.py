@@ -16,7 +16,7 @@ from control.gaits.steering import GaitParameters
 from control.identification.identified import load
 from control.loop import WaveController
 from control.sensing.gate import SPAN, Gate
-from control.sensing.sensors import COM, HEADING, STRAIN, Measurement, Sensors
+from control.sensing.sensors import COM, HEADING_SENSOR, STRAIN, Measurement, Sensors
 from control.supervisor import Supervisor
 from control.task import ControlTask
 from control.tracking.metrics import Motion, summary, tracking
@@ -128,7 +128,7 @@ class Watched:
 
 def controller(kind: str, heading: bool) -> WaveController:
     assert FOUND is not None
-    channels = {"strain": STRAIN, "com": COM} | ({"heading": HEADING} if heading else {})
+    channels = {"strain": STRAIN, "com": COM} | ({"heading": HEADING_SENSOR} if heading else {})
     if kind == "mpc":
         return Supervisor.of(ControlTask(WORM, REFERENCE, FOUND, sensors=channels))
     return (PiLineOfSight if kind == "pi_los" else OpenLoop)(ControlTask(WORM, REFERENCE, FOUND))
@@ -136,7 +136,7 @@ def controller(kind: str, heading: bool) -> WaveController:
 
 def run(kind: str, share: float, seed: int, heading: bool, duration: float = 12.0) -> tuple[Result, Watched, Corrupted]:
     watched = Watched(controller(kind, heading))
-    sensors = Corrupted(share, seed, Sensors(heading=HEADING if heading else None, seed=seed))
+    sensors = Corrupted(share, seed, Sensors(heading=HEADING_SENSOR if heading else None, seed=seed))
     result = simulate(WORM, Plane(), actuation=watched, sensor=sensors, duration=duration)
     return result, watched, sensors
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from fuzzing import TIMES
 
-from control.learned.policy import SHIPPED, Policy
+from control.learned.policy import SHIPPED_POLICY, Policy
 
-WHOLE = SHIPPED.read_bytes()
+WHOLE = SHIPPED_POLICY.read_bytes()
 COUNT = 400
 
 
@@ -58,7 +58,7 @@ def test_damaged_policies_are_refused_in_one_sentence(tmp_path: Path) -> None:
 
 def rewritten(**changes: Any) -> bytes:
     """Return the shipped file, as numpy writes it, with some arrays changed; None leaves one out."""
-    with np.load(SHIPPED) as kept:
+    with np.load(SHIPPED_POLICY) as kept:
         arrays = {name: kept[name] for name in kept.files} | changes
     file = io.BytesIO()
     np.savez(file, **{name: array for name, array in arrays.items() if array is not None})

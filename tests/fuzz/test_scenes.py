@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from scenes import models
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED, read_text, shipped_scenes
+from scenes.language.loader import SHIPPED_FOLDER, read_text, shipped_scenes
 from scenes.language.template import template
 from scenes.models.loading import parse_scene
 
@@ -107,7 +107,7 @@ def loaded_as_written(text: str, given: list[str]) -> None:
     """Load a text: it is refused by lines that a terminal may show, or its values are those that are written."""
     try:
         with no_hang(), np.errstate(all="warn"):
-            scene = parse_scene(text, "fuzzed", given, SHIPPED)
+            scene = parse_scene(text, "fuzzed", given, SHIPPED_FOLDER)
     except SceneError as refused:
         _require_showable(refused.lines)
         return
@@ -144,4 +144,4 @@ def test_noise_is_refused(text: str, content: bytes) -> None:
 
 def test_the_texts_themselves_are_right() -> None:
     for text in TEXTS:
-        parse_scene(text, "written", folder=SHIPPED)
+        parse_scene(text, "written", folder=SHIPPED_FOLDER)

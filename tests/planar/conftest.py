@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planar import linkage
-from planar.published_worm import BAND, Net
+from planar.published_worm import NET_HALF_BANDWIDTH, Net
 
 
 @pytest.fixture(scope="session")
@@ -41,8 +41,8 @@ def dense_hessian() -> Callable[[Net, np.ndarray], np.ndarray]:
     def dense(net: Net, q: np.ndarray) -> np.ndarray:
         band = net.p7_gradient_and_band(q)[1]
         rows, columns = np.indices((q.size, q.size))
-        offset = BAND + rows - columns
-        inside = (offset >= 0) & (offset <= 2 * BAND)
-        return np.where(inside, band[np.clip(offset, 0, 2 * BAND), columns], 0.0)
+        offset = NET_HALF_BANDWIDTH + rows - columns
+        inside = (offset >= 0) & (offset <= 2 * NET_HALF_BANDWIDTH)
+        return np.where(inside, band[np.clip(offset, 0, 2 * NET_HALF_BANDWIDTH), columns], 0.0)
 
     return dense

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from planar.linkage import Friction, Linkage, regimes
-from planar.linkage.element import BAND, LAW, NO_BAND, OPEN, ROWS, SLIDE, STICK, Body, Now, evaluate
+from planar.linkage.element import BY_LAW, HALF_BANDWIDTH, NO_BAND, OPEN, ROWS, SLIDE, STICK, Body, Now, evaluate
 from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.step import body_of
@@ -43,7 +43,7 @@ def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
         cap=np.tile([1.0, 1.2], (N, 1)),
         load=np.abs(rng.standard_normal((N, 2))),
         push=rng.standard_normal((N, 2)),
-        regime=np.full((N, 2), LAW),
+        regime=np.full((N, 2), BY_LAW),
     )
     return joints.ravel(), now
 
@@ -51,8 +51,8 @@ def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
 def dense(band: np.ndarray) -> np.ndarray:
     matrix = np.zeros((SIZE, SIZE))
     for i in range(SIZE):
-        for j in range(max(0, i - BAND), min(SIZE, i + BAND + 1)):
-            matrix[i, j] = band[2 * BAND + i - j, j]
+        for j in range(max(0, i - HALF_BANDWIDTH), min(SIZE, i + HALF_BANDWIDTH + 1)):
+            matrix[i, j] = band[2 * HALF_BANDWIDTH + i - j, j]
     return matrix
 
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planar import published
 from planar.metrics import dimensionless_cost_of_transport, p12_cost_of_transport
 from planar.published import Parameters
-from planar.published_worm import BAND, Net
+from planar.published_worm import NET_HALF_BANDWIDTH, Net
 from planar.status import Status
 
 # n, reported distance [m], work [J], total cost of transport [J/m], true displacement [m]; T_wave = 2 s
@@ -162,7 +162,7 @@ def test_the_gait_is_asked_once_a_step() -> None:
 def test_a_singular_matrix_has_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
     held = np.zeros(20, dtype=bool)
     with pytest.raises(np.linalg.LinAlgError):
-        published._solve_free(np.zeros((2 * BAND + 1, 20)), np.ones(20), held, published._free_band(held))
+        published._solve_free(np.zeros((2 * NET_HALF_BANDWIDTH + 1, 20)), np.ones(20), held, published._free_band(held))
     solve, calls = published._solve_free, []
 
     def singular_in_the_end(J: np.ndarray, *arguments: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from typer.main import get_command
 
-from control.parts import KINDS
+from control.parts import PART_KINDS
 from scenes import models
 from scenes.commands import app as app_module
 from scenes.commands import cli
@@ -64,13 +64,13 @@ def test_version(worm3d) -> None:
     assert worm3d("--version").out == "worm3d 0.1.0\n"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", PART_KINDS)
 def test_list_names_the_parts_of_a_kind_and_the_keys_that_take_them(worm3d, kind: str) -> None:
     lines = worm3d("list", kind).out.splitlines()
     keys, parts = [line for line in lines if line[0] != " "], [line.split()[0] for line in lines if line[0] == " "]
     assert keys
     assert all("module:NAME" in line and ", in scenes of worm" in line for line in keys)
-    shipped = {*KINDS[kind].registry} if kind != "measure" else set()  # summaries have all that ship
+    shipped = {*PART_KINDS[kind].registry} if kind != "measure" else set()  # summaries have all that ship
     assert shipped - {"none"} <= {*parts}
 
 

@@ -16,7 +16,7 @@ import pytest
 import strangers
 
 import worm3d as package
-from control.parts import KINDS, part
+from control.parts import PART_KINDS, part
 from scenes import models
 from scenes.language import toml
 from scenes.language.errors import SceneError
@@ -140,7 +140,7 @@ def test_each_key_that_takes_a_part_of_a_module_is_tried() -> None:
         others = {key.partition("=")[0].removesuffix('."{}"') for key in strangers.KEYS}
         assert {key for key, _ in takes} <= {key for key, _ in tried_here} | others
     asked = {kind for keys in strangers.TRIED.values() for kind in keys.values()}
-    assert asked == {*KINDS}
+    assert asked == {*PART_KINDS}
 
 
 def test_only_keys_that_hold_parts_take_the_name_of_one() -> None:
@@ -196,7 +196,7 @@ def test_the_mark_says_the_kind() -> None:
     @part("path")
     def both() -> None: ...
 
-    assert [name for name, kind in KINDS.items() if kind.marks(both)] == ["term", "path"]
+    assert [name for name, kind in PART_KINDS.items() if kind.marks(both)] == ["term", "path"]
     with pytest.raises(ValueError, match=r"part: got 'Bare', must be one of 'gait', .*: @part\('controller'\)"):
 
         @part
@@ -220,7 +220,7 @@ def test_what_claims_to_be_anything_is_not_asked() -> None:
             raise AssertionError(name)
 
     for thing in (Chameleon(), Any("Thing", (), {})):
-        assert not any(kind.marks(thing) for kind in KINDS.values())
+        assert not any(kind.marks(thing) for kind in PART_KINDS.values())
         assert "Chameleon" in named._described(thing) or "Thing" in named._described(thing)
 
 

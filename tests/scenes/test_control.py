@@ -27,7 +27,7 @@ from scenes.language.errors import SceneError
 from scenes.models.base import Watch
 from scenes.models.control.build import controller_of, sensors_of, wave_of
 from scenes.models.control.faults import in_turn, of_controller, refused
-from scenes.models.control.model import MODEL
+from scenes.models.control.model import CONTROL_MODEL
 from scenes.models.control.record import tracked
 from scenes.models.control.reference import path_of, reference_of
 from scenes.models.control.schema import ControlScene
@@ -73,7 +73,7 @@ def circle() -> Record:
 @pytest.mark.parametrize("name", SCENES)
 def test_every_shipped_scene_has_a_controller_and_says_what_to_see(name: str) -> None:
     loaded = load_scene(name)
-    assert loaded.model is MODEL
+    assert loaded.model is CONTROL_MODEL
     assert len(loaded.settings.says) > 20
     assert scene(name).controller.kind == "mpc"
     assert isinstance(controller_of(scene(name)), Supervisor)
@@ -195,12 +195,12 @@ def test_a_run_repeats_bit_for_bit_and_another_seed_does_not(circle: Record) -> 
 def test_a_record_survives_the_disc_and_is_drawn(circle: Record, tmp_path: Path) -> None:
     save(circle, tmp_path / "result.nc")
     read = load(tmp_path)
-    for stem, draw in MODEL.figures.items():
+    for stem, draw in CONTROL_MODEL.figures.items():
         figure, _ = draw(read)
         figure.savefig(tmp_path / f"{stem}.png")
         with Image.open(tmp_path / f"{stem}.png") as picture:
             assert np.ptp(np.asarray(picture.convert("L"))) > 100
-    assert {path.stem for path in tmp_path.glob("*.png")} == set(MODEL.figures)
+    assert {path.stem for path in tmp_path.glob("*.png")} == set(CONTROL_MODEL.figures)
 
 
 def test_a_run_that_is_watched_shows_the_horizon_as_its_page_does(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -272,12 +272,12 @@ def test_a_worm_that_lies_on_its_side_is_no_ordinary_end(tipped: Record, tmp_pat
     times = [row["time_s"] for row in rows]
     assert times == sorted(times)
     assert 0.5 < times[0] < 3.0
-    ending = terminal.ending(tipped, MODEL, tmp_path)
+    ending = terminal.ending(tipped, CONTROL_MODEL, tmp_path)
     assert f"path_line: the run reached its end, with {len(rows)} faults" in ending
     assert any("the worm lies on its side (from 1." in line for line in terminal.warnings(tipped))
     save(tipped, tmp_path / "result.nc")
     assert load(tmp_path).summary.faults == rows
-    MODEL.figures["tracking"](tipped)[0].savefig(tmp_path / "tracking.png")
+    CONTROL_MODEL.figures["tracking"](tipped)[0].savefig(tmp_path / "tracking.png")
 
 
 def test_noise_and_delays_of_a_scene_are_those_of_its_estimator() -> None:
@@ -310,7 +310,7 @@ def test_baselines_run_too() -> None:
     assert "horizon" not in {v.name for v in blind.variables}
     sighted = simulate(load_scene("path_circle", (*BRIEF, "controller.kind=pi_los")))
     assert sighted["estimate"].shape == (40, STATES)
-    for draw in MODEL.figures.values():
+    for draw in CONTROL_MODEL.figures.values():
         draw(blind)
 
 
@@ -318,7 +318,7 @@ def test_a_run_shorter_than_a_period_says_so() -> None:
     record = simulate(load_scene("path_line", ("run.duration_s=0.5", "run.record_every=2")))
     assert record.summary["speed_bias_relative"] is None
     assert "3 periods" in record.summary.reasons["speed_bias_relative"]
-    for draw in MODEL.figures.values():
+    for draw in CONTROL_MODEL.figures.values():
         draw(record)
 
 

@@ -115,7 +115,7 @@ def test_files_of_earlier_versions_are_read_with_a_warning(record: Record, tmp_p
 def test_a_file_on_which_hdf5_never_ends(whole: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, command = tmp_path / "result.nc", [sys.executable, "-c", "while True: pass"]
     path.write_bytes(whole[: -netcdf.SEAL_LENGTH])
-    monkeypatch.setattr(netcdf, "PATIENCE", 0.3)
+    monkeypatch.setattr(netcdf, "MAX_READ_SECONDS", 0.3)
     run = subprocess.run
     monkeypatch.setattr(subprocess, "run", lambda _, **options: run(command, **options))
     with pytest.raises(SceneError, match=r"result\.nc: not a result of worm3d, or damaged: not read after 0\.3 s"):

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from scenes.language.errors import SceneError
-from scenes.language.formulas import LONGEST, evaluated, is_formula, names_in
+from scenes.language.formulas import MAX_FORMULA_LENGTH, evaluated, is_formula, names_in
 
 KNOWN = {"worm.segments": 6.0, "ratio": 4.0, "zero": 0.0}
 
@@ -42,7 +42,7 @@ def test_arrays_are_taken_element_by_element() -> None:
         ("= 1 +", "cannot be read; allowed are numbers, names"),
         ("= 1\n2", "cannot be read"),
         ("= " + "(" * 150 + "1" + ")" * 150, "at most 200"),
-        ("= 1" + " + 1" * LONGEST, "at most 200 are allowed"),
+        ("= 1" + " + 1" * MAX_FORMULA_LENGTH, "at most 200 are allowed"),
         ("= __import__('os')", "'__import__('os')' is not allowed"),
         ("= 'text'", "is not allowed"),
         ("= True", "'True' is not allowed"),

@@ -13,14 +13,14 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED
+from scenes.language.loader import SHIPPED_FOLDER
 from scenes.models.load_frame import figures, overview
 from scenes.models.loading import load_scene, parse_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from scenes.running.runner import simulate
 
-DATA = SHIPPED / "data" / "mesh_segment_load_frame.csv"
+DATA = SHIPPED_FOLDER / "data" / "mesh_segment_load_frame.csv"
 
 
 RUBS = ("moment_N_m", "load_ratio", "give_J", "spread")
@@ -31,7 +31,7 @@ NO_FRICTION = ("hysteresis.kind=none",)
 def pulled(*overrides: str) -> Record:
     if not {*NO_FRICTION} <= {*overrides}:
         return simulate(load_scene("load_frame", overrides))
-    text = (SHIPPED / "load_frame.toml").read_text()
+    text = (SHIPPED_FOLDER / "load_frame.toml").read_text()
     kept = [line for line in text.splitlines() if not line.startswith(RUBS)]
     return simulate(parse_scene("\n".join(kept), "load_frame", overrides))
 

@@ -7,7 +7,7 @@ import pytest
 
 from control.gaits import GAITS
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED, shipped_scenes
+from scenes.language.loader import SHIPPED_FOLDER, shipped_scenes
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.sections import gait_from
 from worm3d.values.parameters import parameters_of
@@ -317,7 +317,7 @@ def test_shipped_scenes_are_right_and_say_what_to_see(name: str) -> None:
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_the_resolved_scene_is_a_scene_and_resolves_to_itself(name: str) -> None:
-    scene = load_scene(SHIPPED / f"{name}.toml", ['title=quo"te \\ \x7f é'])
+    scene = load_scene(SHIPPED_FOLDER / f"{name}.toml", ['title=quo"te \\ \x7f é'])
     again = parse_scene(scene.to_toml(), name)
     assert again.settings == scene.settings
     assert again.to_toml() == scene.to_toml()

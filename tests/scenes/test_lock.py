@@ -48,16 +48,16 @@ def test_a_second_run_into_a_folder_is_refused(holder, force, worm3d, tmp_path: 
     holder.communicate("")
     assert list((tmp_path / "x").iterdir()) == []
     assert worm3d("run", "planar_published", *SHORT, "--out", "x").code == 0
-    assert not list((tmp_path / "x").glob(f"{folder.PREFIX}*"))
+    assert not list((tmp_path / "x").glob(f"{folder.TEMPORARY_PREFIX}*"))
 
 
 def test_the_lock_of_a_killed_process_locks_nothing(holder, worm3d, tmp_path: Path) -> None:
-    (tmp_path / "x" / f"{folder.PREFIX}1-a.part").write_text("half a file")
+    (tmp_path / "x" / f"{folder.TEMPORARY_PREFIX}1-a.part").write_text("half a file")
     holder.send_signal(signal.SIGKILL)
     holder.wait()
     assert (tmp_path / "x" / folder.LOCK).exists()
     assert worm3d("run", "planar_published", *SHORT, "--out", "x").code == 0, "nor is the folder full by what it left"
-    assert not list((tmp_path / "x").glob(f"{folder.PREFIX}*"))
+    assert not list((tmp_path / "x").glob(f"{folder.TEMPORARY_PREFIX}*"))
 
 
 def test_one_of_many_gets_it_each_time(tmp_path: Path) -> None:

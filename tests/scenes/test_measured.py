@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scenes.language.errors import DiscError, SceneError
 from scenes.models.loading import load_scene
 from scenes.records import measured, store
-from scenes.records.columns import UNITS
+from scenes.records.columns import COLUMN_UNITS
 from scenes.records.record import Record, Summary
 from scenes.running.runner import simulate
 from worm3d.values.arrays import FloatArray
@@ -80,10 +80,10 @@ def test_columns_become_si_units_shapes_and_missing_values(tmp_path: Path) -> No
     assert record.summary["duration_s"] == pytest.approx(0.03)
 
 
-@pytest.mark.parametrize("suffix", UNITS)
+@pytest.mark.parametrize("suffix", COLUMN_UNITS)
 def test_each_unit_has_its_factor(tmp_path: Path, suffix: str) -> None:
     record = measured.load(written(tmp_path, f"time_s,thing_{suffix}\n0,3\n1,5\n"))
-    unit, factor = UNITS[suffix]
+    unit, factor = COLUMN_UNITS[suffix]
     assert record.variable("thing").units == unit
     assert_allclose(record["thing"], [3.0 * factor, 5.0 * factor], rtol=1e-15)
     scales = {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "ms": 1e-3, "min": 60, "mN": 1e-3, "kN": 1e3, "percent": 1e-2}

@@ -18,7 +18,7 @@ from scenes import models
 from scenes.language.errors import SceneError
 from scenes.language.reading import trusted
 from scenes.models.loading import load_scene, parse_scene
-from scenes.models.planar.linkage import INCOMING, LOST, STORED
+from scenes.models.planar.linkage import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from scenes.models.planar.linkage_scene import LinkageScene, gait_of, worm_of
 from scenes.records.record import Record
 from scenes.records.store import load, save
@@ -117,7 +117,7 @@ def test_the_ledger_of_the_record_closes(wave: Record) -> None:
     def total(names: dict[str, str]) -> float:
         return sum(float(wave[name].sum()) for name in names)
 
-    assert_allclose(total(INCOMING), total(STORED) + total(LOST), rtol=1e-9)
+    assert_allclose(total(SUPPLIED_ENERGY), total(STORED_ENERGY) + total(LOST_ENERGY), rtol=1e-9)
     assert_allclose(wave["residual"], 0.0, atol=1e-9)
     assert {f.name for f in fields(Ledger)} <= {variable.name for variable in wave.variables}
 

@@ -14,7 +14,7 @@ from planar import published
 from scenes.language.parts import key_of
 from scenes.language.schema import keys_in
 from scenes.models.loading import load_scene
-from scenes.models.planar.published import MODEL, PublishedGait, PublishedScene, gait_of, parameters_of
+from scenes.models.planar.published import PUBLISHED_MODEL, PublishedGait, PublishedScene, gait_of, parameters_of
 from scenes.records.record import Record
 from scenes.running.runner import simulate
 from worm3d.values.parameters import Parameter
@@ -227,7 +227,7 @@ def test_the_cost_of_transport_counts_the_weight() -> None:
 
 
 def test_the_figures_draw_the_record(paper_run: Record) -> None:
-    draw = {name: figure(paper_run)[1] for name, figure in MODEL.figures.items()}
+    draw = {name: figure(paper_run)[1] for name, figure in PUBLISHED_MODEL.figures.items()}
     com = [line.get_ydata() for line in draw["centre_of_mass"].lines]
     assert_allclose(com[0], paper_run["com"][:, 0] - paper_run["com"][0, 0])
     assert_allclose(com[1], paper_run["reported_com"] - paper_run["reported_com"][0])
@@ -242,7 +242,7 @@ def test_the_figures_draw_the_record(paper_run: Record) -> None:
 
 def test_the_movie_has_its_ground_where_the_program_has_it(paper_run: Record) -> None:
     assert_allclose(paper_run["ground"], -np.sqrt(3.0) / 4.0 / 6.0 - 0.02, rtol=1e-12)
-    movie = MODEL.animate(paper_run)
+    movie = PUBLISHED_MODEL.animate(paper_run)
     (ground,) = movie.figure.axes[0].patches  # type: ignore[attr-defined]
     assert_allclose(ground.get_y() + ground.get_height(), paper_run["ground"])
     assert_array_equal(movie.corners[:, :, 1], paper_run["top_node"])  # type: ignore[attr-defined]

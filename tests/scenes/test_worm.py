@@ -24,8 +24,8 @@ from scenes.models.worlds.schema import World
 from scenes.models.worm import build as worm_build
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import (
-    KEYS,
     PLANAR_KEYS,
+    WORM_KEYS,
     force_of,
     friction_of,
     gait_of,
@@ -38,7 +38,7 @@ from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running import drawing, terminal
 from scenes.running.runner import simulate
-from worm3d.recorded.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.recorded.series import Recorded, Steps, series_of
 from worm3d.results import pictures
 from worm3d.values.variable import Variable
@@ -159,7 +159,7 @@ def test_the_ledger_of_the_record_closes(flat: Record) -> None:
     def total(names: tuple[str, ...]) -> float:
         return sum(float(flat[name].sum()) for name in names)
 
-    assert_allclose(total(INCOMING), total(STORED) + total(LOST), rtol=1e-9)
+    assert_allclose(total(SUPPLIED_ENERGY), total(STORED_ENERGY) + total(LOST_ENERGY), rtol=1e-9)
     assert_allclose(flat["residual"], 0.0, atol=1e-9)
 
 
@@ -240,9 +240,9 @@ def test_every_key_of_the_worm_reaches_the_plant() -> None:
     each |= {"actuator_lag_s": 0.2, "stroke": [-0.2, 0.3], "rate_limit_per_s": 5.0}
     each |= {"payload_kg": 0.02, "outward_apexes": False, "end_faces": False}
     scene = trusted(WormScene, {"model": "worm", "worm": each})
-    assert set(each) == set(KEYS.values()) == set(dict(scene.worm))
+    assert set(each) == set(WORM_KEYS.values()) == set(dict(scene.worm))
     assert_equal_fields(
-        worm_of(scene), worm3d.Worm(**{parameter: each[key] for parameter, key in KEYS.items()})  # type: ignore[arg-type]
+        worm_of(scene), worm3d.Worm(**{parameter: each[key] for parameter, key in WORM_KEYS.items()})  # type: ignore[arg-type]
     )  # fmt: skip
 
 

@@ -243,10 +243,10 @@ def test_a_model_with_a_view_gets_its_page(worm3d, tmp_path: Path, monkeypatch: 
         path.write_text(f"<title>{record.title}</title>")
 
     model = replace(models.get("worm"), view=view)
-    monkeypatch.setattr("scenes.models.worm.model.MODEL", model)
+    monkeypatch.setattr("scenes.models.worm.model.WORM_MODEL", model)
     assert worm3d("run", "flat", *SHORT, "--out", "x", "--quiet").code == 0
     assert (tmp_path / "x" / "viewer.html").read_text() == "<title>The worm on flat ground</title>"
-    monkeypatch.setattr("scenes.models.worm.model.MODEL", replace(model, view=None))
+    monkeypatch.setattr("scenes.models.worm.model.WORM_MODEL", replace(model, view=None))
     assert worm3d("run", "flat", *SHORT, "--out", "x", "--quiet", "--force").code == 0
     assert not (tmp_path / "x" / "viewer.html").exists()
 

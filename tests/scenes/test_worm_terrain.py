@@ -10,7 +10,7 @@ import pytest
 
 import worm3d
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED
+from scenes.language.loader import SHIPPED_FOLDER
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worlds.build import world_of
 from scenes.models.worm import build as worm_build
@@ -129,7 +129,7 @@ def test_mistakes_get_their_line(section: str, lines: list[str]) -> None:
 def test_a_mesh_is_looked_up_beside_its_scene_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also from another folder, where a file of that name is something else; shipped ones keep their short names."""
     (tmp_path / "mine").mkdir()
-    shipped = SHIPPED / "mesh_tunnel.stl"
+    shipped = SHIPPED_FOLDER / "mesh_tunnel.stl"
     (tmp_path / "mine" / "rock.stl").write_bytes(shipped.read_bytes())
     (tmp_path / "rock.stl").write_text("no mesh")
     monkeypatch.chdir(tmp_path)

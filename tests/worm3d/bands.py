@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from worm3d.machine.banded import WIDTH, B
+from worm3d.machine.banded import BAND_COLUMNS, B
 
 
 def banded(whole: np.ndarray) -> np.ndarray:
-    """Return the band of a matrix, shape (n + B, WIDTH)."""
-    band = np.zeros((len(whole) + B, WIDTH))
+    """Return the band of a matrix, shape (n + B, BAND_COLUMNS)."""
+    band = np.zeros((len(whole) + B, BAND_COLUMNS))
     for i, row in enumerate(whole):
         for j in range(max(0, i - B), min(len(whole), i + B + 1)):
             band[i, B + j - i] = row[j]

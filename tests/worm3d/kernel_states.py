@@ -220,7 +220,7 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "law": uniform(0.5, 2.0, 4),
     }
     values |= presets(values)
-    return {name: values[name] for name in point.LAYOUT.sizes}
+    return {name: values[name] for name in point.POINT_LAYOUT.sizes}
 
 
 def some_mass(x: np.ndarray, rng: np.random.Generator) -> Values:
@@ -252,10 +252,10 @@ def some_node(seed: int = 13) -> Values:
     values = {"x": x, **some_mass(x, rng), "drag": rng.uniform(0.01, 1.0, (1, COUNT))}
     values |= {name: rng.uniform(-1, 1, (3, COUNT)) for name in ("weight", "external", "friction")}
     known = np.zeros((8, COUNT))
-    assert list(node.LAYOUT.sizes)[-4:] == ["drag_hat", "x_hat", "inertia", "drag_rate"]
+    assert list(node.NODE_LAYOUT.sizes)[-4:] == ["drag_hat", "x_hat", "inertia", "drag_rate"]
     empty = {"drag_hat": known[:3], "x_hat": known[3:6], "inertia": known[6:7], "drag_rate": known[7:]}
-    known[:] = run("node_start", node.LAYOUT, values | empty)
-    return {name: (values | empty)[name] for name in node.LAYOUT.sizes}
+    known[:] = run("node_start", node.NODE_LAYOUT, values | empty)
+    return {name: (values | empty)[name] for name in node.NODE_LAYOUT.sizes}
 
 
 def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
@@ -271,7 +271,7 @@ def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
 
 def with_pull_of_the_law(values: Values, law: type[FrictionLaw] = Coulomb) -> Values:
     """Return the values with friction (C3) and load of the place itself: what is foreseen for a step of nothing."""
-    own = run("point_yielding", point.LAYOUT, values | AT_REST, law)
+    own = run("point_yielding", point.POINT_LAYOUT, values | AT_REST, law)
     return values | {
         "pull": own[PREDICTED_FRICTION : PREDICTED_FRICTION + 2],
         "foreseen": own[PREDICTED_FRICTION + 2 : SWING],
@@ -292,9 +292,9 @@ def some_inputs(function: ca.Function) -> tuple[Layout, Values]:
     if name.startswith("hinge"):
         return some_actuated(actuator.hinges(FirstOrder), some_joint(8))
     if name.startswith("segment"):
-        return segment.LAYOUT, some_segment(7)
+        return segment.SEGMENT_LAYOUT, some_segment(7)
     if name.startswith("joint"):
-        return joint.LAYOUT, some_joint(8)
+        return joint.JOINT_LAYOUT, some_joint(8)
     if name.startswith("node"):
-        return node.LAYOUT, some_node()
-    return point.LAYOUT, some_point(coupled=True, inside=False, seed=9)
+        return node.NODE_LAYOUT, some_node()
+    return point.POINT_LAYOUT, some_point(coupled=True, inside=False, seed=9)

@@ -45,7 +45,8 @@ def make(folder: Path) -> None:
     calls = _called()
     forks = multiprocessing.get_context("fork")
     makers = [
-        forks.Process(target=_make, args=(folder / packed.archive(name).name, name, calls)) for name in packed.KINDS
+        forks.Process(target=_make, args=(folder / packed.archive(name).name, name, calls))
+        for name in packed.PACKED_PROCESSORS
     ]
     for each in makers:
         each.start()
@@ -112,14 +113,17 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare what is there, write nothing")
     check = parser.parse_args().check
     if (sys.platform, platform.machine()) != ("linux", "x86_64"):
-        sys.stdout.write(f"skipped: code for {' and '.join(packed.KINDS)} is made on Linux on x86-64\n")
+        sys.stdout.write(f"skipped: code for {' and '.join(packed.PACKED_PROCESSORS)} is made on Linux on x86-64\n")
         return 0
     if not check:
-        make(packed.FOLDER)
+        make(packed.PACKED_FOLDER)
         return 0
     with tempfile.TemporaryDirectory() as anew:
         make(Path(anew))
-        found = {name: compare(packed.archive(name), Path(anew) / packed.archive(name).name) for name in packed.KINDS}
+        found = {
+            name: compare(packed.archive(name), Path(anew) / packed.archive(name).name)
+            for name in packed.PACKED_PROCESSORS
+        }
     sys.stdout.writelines(f"{name}: {sentence}\n" for name, (_, sentence) in found.items())
     return int(not all(same for same, _ in found.values()))
 

@@ -210,7 +210,7 @@ def test_a_batch_gives_what_single_runs_give(whole: Result) -> None:
 
 
 def test_what_cannot_be_met_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs, "TIGHTENED", 0)
+    monkeypatch.setattr(runs, "MAX_REFINEMENTS", 0)
     monkeypatch.setattr(runs, "STEP_ERROR", 1e-2)
     missed = crawl(accuracy=1e-3, duration=0.5)
     assert missed.error_estimate is not None

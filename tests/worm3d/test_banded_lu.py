@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bands import banded
 
-from worm3d.machine.banded import BLOCK, WIDTH, B, lu_factor, lu_solve
+from worm3d.machine.banded import BAND_COLUMNS, BLOCK_SIZE, B, lu_factor, lu_solve
 
 SIZES = [*range(1, 15), 33, 35, 100, 205]
 GROUP = 13
@@ -13,7 +13,7 @@ GROUP = 13
 def coupled(n):
     """Which coordinates share a group."""
     found = np.zeros((n, n), dtype=bool)
-    for first in range(0, n, BLOCK):
+    for first in range(0, n, BLOCK_SIZE):
         found[first : first + GROUP, first : first + GROUP] = True
     return found
 
@@ -29,7 +29,7 @@ def dominant(n, seed):
 
 
 def factors_of(A):
-    factors = np.full((len(A) + B, WIDTH), np.nan)
+    factors = np.full((len(A) + B, BAND_COLUMNS), np.nan)
     lu_factor(banded(A), factors, 0)
     return factors
 
@@ -58,10 +58,10 @@ def test_pivots_need_not_dominate(n):
     """Symmetric positive definite, far from diagonally dominant, and in units that differ as metres and radians do."""
     rng = np.random.default_rng(n)
     A = 1e-3 * np.eye(n)
-    for first in range(0, n - GROUP + 1, BLOCK):
+    for first in range(0, n - GROUP + 1, BLOCK_SIZE):
         root = rng.normal(size=(GROUP, 4))
         A[first : first + GROUP, first : first + GROUP] += root @ root.T
-    units = np.where(np.arange(n) % BLOCK > 2, 1e-2, 1e2)
+    units = np.where(np.arange(n) % BLOCK_SIZE > 2, 1e-2, 1e2)
     A, b = units[:, None] * A * units, units * rng.normal(size=n)
     x = solved(factors_of(A), b)
     backward = np.abs(A @ x - b) / (np.abs(A) @ np.abs(x))
@@ -72,7 +72,7 @@ def test_pivots_need_not_dominate(n):
 @pytest.mark.parametrize("n", SIZES)
 def test_nothing_beyond_the_arrays_is_read_or_written(n):
     A, b = dominant(n, n)
-    around = np.full((n + B + 40, WIDTH), np.nan)
+    around = np.full((n + B + 40, BAND_COLUMNS), np.nan)
     band, factors, x = (np.full(shape, np.nan) for shape in (around.shape, around.shape, n + 40))
     band[20 : 20 + n + B], x[20 : 20 + n] = banded(A), b
     lu_factor(band[20 : 20 + n + B], factors[20 : 20 + n + B], 0)
@@ -100,11 +100,11 @@ def test_it_goes_on_where_rows_have_changed(n, start):
     np.testing.assert_array_equal(x, solved(factors_of(changed), b))
 
 
-@pytest.mark.parametrize("alone", range(4 * BLOCK))
+@pytest.mark.parametrize("alone", range(4 * BLOCK_SIZE))
 @pytest.mark.parametrize("pair", [(0, 1), (3, 4), (4, 5), (1, 12), (8, 9), (9, 11), (15, 16), (18, 19)])
 def test_a_coordinate_that_nothing_holds_stays(alone, pair):
     """A singular system with a solution: a roll that neither mass nor spring holds, or none after elimination."""
-    n = 4 * BLOCK
+    n = 4 * BLOCK_SIZE
     A, b = dominant(n, 1)
     i, j = pair
     for k in {alone, i, j}:
@@ -122,7 +122,7 @@ def test_a_coordinate_that_nothing_holds_stays(alone, pair):
 @pytest.mark.parametrize("k", range(10, 15))
 def test_a_pivot_vanishes_beside_its_diagonal_entry_only(k, size):
     """What elimination leaves of it is compared with what it was."""
-    n = 4 * BLOCK
+    n = 4 * BLOCK_SIZE
     A = np.eye(n)
     A[k - 7, k] = A[k, k - 7] = 1.0
     A[k, k] += size * 1e-14

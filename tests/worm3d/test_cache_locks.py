@@ -74,7 +74,7 @@ def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
 
 
 def test_nobody_waits_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(locks, "LONGEST", 0.2)
+    monkeypatch.setattr(locks, "MAX_LOCK_WAIT", 0.2)
     begun = time.monotonic()
     with cache.alone(tmp_path / "kernels", "key"):
         with cache.alone(tmp_path / "kernels", "other"):

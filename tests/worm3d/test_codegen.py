@@ -365,7 +365,7 @@ def test_long_compilations_are_announced_once(monkeypatch: pytest.MonkeyPatch, t
     said: list[str] = []
     compile_kernel(rhombus(), folder=tmp_path, notify=said.append)
     assert not said
-    monkeypatch.setattr(kernels, "PATIENCE", 0.0)
+    monkeypatch.setattr(kernels, "SILENT_COMPILE_TIME", 0.0)
     for _ in range(2):
         compile_kernel(rhombus(couplings=3), folder=tmp_path, notify=said.append)
         kernels._LOADED.clear()

@@ -103,7 +103,7 @@ def test_without_a_place_to_write_kernels_are_compiled_in_memory(
 
 
 def test_the_oldest_kernels_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "KEPT", 2)
+    monkeypatch.setattr(files, "MAX_FILES", 2)
     for age, key in enumerate("abc"):
         assert cache.store(tmp_path, key, b"code of " + key.encode())
         os.utime(tmp_path / f"{key}.kernel", (age, age))

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from control.gaits import TravellingWave
 from worm3d import ClampedGround, Command, Friction, Held, Patch, Plane, Result, State, Status, Worm, simulate
 from worm3d.physics.friction import ContactConstants
-from worm3d.recorded.energy import INCOMING, LOST, STORED, TERMS, Energy
+from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY, TERMS, Energy
 
 INTEGRATORS = ("implicit_euler", "bdf2")
 N = 6
@@ -82,7 +82,9 @@ def crawl(case: dict[str, Any], **changes: Any) -> Result:
 
 def absolute(result: Result) -> np.ndarray:
     """Return the sum of the absolute terms of each row [J]."""
-    return np.sum([np.abs(getattr(result.energy, name)) for name in (*INCOMING, *STORED, *LOST)], axis=0)
+    return np.sum(
+        [np.abs(getattr(result.energy, name)) for name in (*SUPPLIED_ENERGY, *STORED_ENERGY, *LOST_ENERGY)], axis=0
+    )
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -300,12 +302,12 @@ def test_the_ledger_is_finite_and_closes_for_every_number_of_segments(segments: 
     worm = Worm(segments=segments, length=0.2 * segments, mass=0.02 * segments)
     gravity = (0.0, 0.0, 0.0 if world is None else -9.81)
     run = simulate(worm, world, actuation=TravellingWave(amplitude=0.1), duration=0.1, dt=0.005, gravity=gravity)
-    terms = np.array([getattr(run.energy, name) for name in (*STORED, *LOST, *INCOMING)])
+    terms = np.array([getattr(run.energy, name) for name in (*STORED_ENERGY, *LOST_ENERGY, *SUPPLIED_ENERGY)])
     assert np.isfinite(terms).all()
     assert np.abs(run.energy.residual.sum()) < 1e-10 * max(np.abs(terms).sum(), 1e-6)
 
 
-@pytest.mark.parametrize("term", [*STORED, *LOST, *INCOMING])
+@pytest.mark.parametrize("term", [*STORED_ENERGY, *LOST_ENERGY, *SUPPLIED_ENERGY])
 def test_a_ledger_with_nan_does_not_balance(term: str) -> None:
     """The error of the balance is NaN then, not 0."""
     rows = np.ones((3, len(TERMS)))

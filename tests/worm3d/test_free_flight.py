@@ -238,6 +238,6 @@ def test_damping_of_roll_leaves_worms_with_mass_off_the_axis_alone() -> None:
     dampings = []
     for fraction in (1.0, 0.9995, 0.999, 0.5):
         plant = Plant(Worm(joint_mass_fraction=fraction), None, Friction(), np.zeros(3), np.zeros(35, dtype=bool))
-        dampings.append(float(plant.arrays["segment_in"][segment.LAYOUT.first("roll_damping"), 0]))
+        dampings.append(float(plant.arrays["segment_in"][segment.SEGMENT_LAYOUT.first("roll_damping"), 0]))
     assert dampings[0] > 0.0
     assert_allclose(dampings, [dampings[0], 0.5 * dampings[0], 0.0, 0.0], rtol=1e-9, atol=1e-15)

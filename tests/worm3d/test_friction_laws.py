@@ -16,7 +16,7 @@ from control.gaits import TravellingWave
 from worm3d import Coulomb, Friction, FrictionLaw, Plane, State, Status, Viscous, Worm
 from worm3d.physics.friction_laws import LAWS, law_of
 from worm3d.physics.kernels import point
-from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
+from worm3d.solver.evaluate import LOAD_ROW, PHI, STIFFNESS
 from worm3d.solver.regimes import EXCESS, PREDICTED_FRICTION, Y
 from worm3d.values.parameters import parameter
 
@@ -185,19 +185,19 @@ def test_force_and_derivative_of_a_law(law: type[FrictionLaw], coupled: bool, in
     values = with_pull_of_the_law(values | {"regime": np.full((1, COUNT), point.FREE)}, law)
 
     def at(x: np.ndarray) -> np.ndarray:
-        return run("point_stiffness", point.LAYOUT, values | {"x": x} | on_sphere(x, inside), law)
+        return run("point_stiffness", point.POINT_LAYOUT, values | {"x": x} | on_sphere(x, inside), law)
 
     out, h = at(values["x"]), 1e-6
     K = out[STIFFNESS:].reshape(3, 3, COUNT)
-    pushed = (out[LOAD] >= 0.0) | (not coupled)
+    pushed = (out[LOAD_ROW] >= 0.0) | (not coupled)
     assert_close(K[..., pushed], differences(lambda x: at(x)[:3], values["x"], h)[..., pushed], 1e-6)
     if not coupled:
         assert_close(out[None, :3], differences(lambda x: at(x)[PHI : PHI + 1], values["x"], h), 1e-6)
-    look = run("point_yielding", point.LAYOUT, values | AT_REST, law)
-    sliding = (look[EXCESS] > 0.0) & (out[LOAD] > 0.0)
-    for kind in (sliding & (look[Y] > 0.0), sliding & (look[Y] < 0.0), ~sliding & (out[LOAD] > 0.0)):
+    look = run("point_yielding", point.POINT_LAYOUT, values | AT_REST, law)
+    sliding = (look[EXCESS] > 0.0) & (out[LOAD_ROW] > 0.0)
+    for kind in (sliding & (look[Y] > 0.0), sliding & (look[Y] < 0.0), ~sliding & (out[LOAD_ROW] > 0.0)):
         assert kind.sum() >= 3
-    other = run("point_stiffness", point.LAYOUT, values)
+    other = run("point_stiffness", point.POINT_LAYOUT, values)
     assert (law is Coulomb) == np.allclose(other, out)
 
 
@@ -206,8 +206,8 @@ def test_the_force_is_that_of_the_equations(law: type[FrictionLaw]) -> None:
     """(C3) with C(N) and 1 + Psi', written out; Newton's own friction stays on its ellipse."""
     v = some_point(coupled=True, inside=False, seed=22) | {"regime": np.full((1, COUNT), point.FREE)}
     p, dt, c_0, r = v["law"], v["dt"][0], v["limit_ratio"][0], v["r"][0]
-    out, look = (run(name, point.LAYOUT, v | AT_REST, law) for name in ("point_force", "point_yielding"))
-    y, N = look[Y : Y + 2], out[LOAD]
+    out, look = (run(name, point.POINT_LAYOUT, v | AT_REST, law) for name in ("point_force", "point_yielding"))
+    y, N = look[Y : Y + 2], out[LOAD_ROW]
     mu = np.array([np.where(y[0] > 0.0, *v["mu"][:2]), v["mu"][2]])
     rho = np.hypot(*(mu * y))
     slip = np.maximum(0.0, rho - c_0 * r)
@@ -220,10 +220,10 @@ def test_the_force_is_that_of_the_equations(law: type[FrictionLaw]) -> None:
     }[law]
     size = np.where(slip > 0.0, strength, rho / r)
     along = v["tangent"].reshape(2, 3, COUNT)
-    without = run("point_force", point.LAYOUT, v | {"hold": np.zeros((1, COUNT))}, law)
+    without = run("point_force", point.POINT_LAYOUT, v | {"hold": np.zeros((1, COUNT))}, law)
     force = np.einsum("idk,dk->ik", along, out[:3] - without[:3])
     assert_allclose(force, v["hold"] * capacity * size * mu**2 * y / rho, rtol=1e-9, atol=1e-12)
-    foreseen = run("point_yielding", point.LAYOUT, v, law)
+    foreseen = run("point_yielding", point.POINT_LAYOUT, v, law)
     ahead = foreseen[PREDICTED_FRICTION : PREDICTED_FRICTION + 2]
     side = np.array([np.where(ahead[0] > 0.0, *v["mu"][:2]), v["mu"][2]])
     reached = foreseen[Y : Y + 2]

@@ -35,7 +35,7 @@ class Contacts:
         worm, gravity = Worm(segments=SEGMENTS), np.array([0.0, 0.0, -9.81])
         mask = held_mask(None, SEGMENTS, flat=worm.flat, clamped=False)
         self.plant = Plant(worm, Plane(), Friction(), gravity, mask)
-        self.row = {name: point.LAYOUT.first(name) for name in ("load_n", "load_m", "pull", "pull_m", "regime")}
+        self.row = {name: point.POINT_LAYOUT.first(name) for name in ("load_n", "load_m", "pull", "pull_m", "regime")}
 
     def do(self, what: str) -> None:
         p, stuck = self.plant.arrays["point_in"], self.plant.arrays["stuck"][0]
@@ -54,7 +54,7 @@ class Contacts:
     def expect(self) -> str:
         expected(self.plant.core)
         p = self.plant.arrays["point_in"]
-        names = {point.OPEN: ".", point.STICKING: "#", point.STICKING_BACK: "#"}
+        names = {point.OPEN: ".", point.STICKING_FORWARD: "#", point.STICKING_BACK: "#"}
         regime, pull = p[self.row["regime"], :SEGMENTS], p[self.row["pull"], :SEGMENTS]
         return "".join(names.get(kind, ">" if f > 0.0 else "<") for kind, f in zip(regime, pull, strict=True))
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from control.gaits import TravellingWave
 from worm3d import Plane, State, Status, Worm, simulate
 from worm3d.physics.kernels import joint, point, segment
-from worm3d.solver.arrays import POINTS
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver.evaluate import LENGTHS, TANGENT
 from worm3d.solver.guard import BEND, joint_angles, refused
 
@@ -18,8 +18,8 @@ def angles(tangents: np.ndarray, bend: np.ndarray, hinge: np.ndarray) -> tuple[n
     """Return the angles of joints for tangents (3, N), chamber bends (N,) and hinges (N - 1,), in wider arrays."""
     rest, segments, joints = np.full((TANGENT + 3, 8), 7.0), np.full((60, 8), 7.0), np.full((60, 8), 7.0)
     rest[TANGENT:, :N] = tangents
-    segments[segment.LAYOUT.first("q") + BEND, :N] = bend
-    joints[joint.LAYOUT.first("hinge"), : N - 1] = hinge
+    segments[segment.SEGMENT_LAYOUT.first("q") + BEND, :N] = bend
+    joints[joint.JOINT_LAYOUT.first("hinge"), : N - 1] = hinge
     return joint_angles({"rest": rest, "segment_in": segments, "joint_in": joints}, N)
 
 
@@ -48,9 +48,9 @@ def test_a_bent_body_has_the_angles_of_its_turns_and_its_chambers_and_hinges_ask
 
 
 def arrays_of(rest: float, distance: np.ndarray) -> dict[str, np.ndarray]:
-    """Return arrays of segments with chambers of one length, and of points at distances (POINTS, N), in wider ones."""
-    points = np.full((60, POINTS * 8), -1.0)
-    lanes = points[point.LAYOUT.first("distance")].reshape(POINTS, 8)
+    """Return arrays of segments with chambers of one length, and of points at distances (8, N), in wider ones."""
+    points = np.full((60, POINTS_PER_SEGMENT * 8), -1.0)
+    lanes = points[point.POINT_LAYOUT.first("distance")].reshape(POINTS_PER_SEGMENT, 8)
     lanes[:, :N] = distance
     return {"rest": np.full((60, 8), rest), "longest": np.linspace(0.2, 0.3, 8)[None], "point_in": points}
 
@@ -61,7 +61,7 @@ def test_the_deepest_joint_is_named_that_of_the_head_too(deepest: int) -> None:
 
     Apexes below the segments may be deeper: they are no joints.
     """
-    distance = np.full((POINTS, N), 1.0)
+    distance = np.full((POINTS_PER_SEGMENT, N), 1.0)
     distance[:6] = -0.5
     distance[6] = 0.001
     distance[7, -1] = 0.002
@@ -74,7 +74,7 @@ def test_the_deepest_joint_is_named_that_of_the_head_too(deepest: int) -> None:
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("longest", range(N))
 def test_the_chamber_that_is_longest_beside_its_links_is_named(longest: int, side: int) -> None:
-    arrays = arrays_of(0.1, np.ones((POINTS, N)))
+    arrays = arrays_of(0.1, np.ones((POINTS_PER_SEGMENT, N)))
     arrays["rest"][LENGTHS + side, longest] = 1.01 * arrays["longest"][0, longest]
     found, reason = refused(arrays, N, Status.FLATTENED)
     assert found == longest

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Heightfield, Plane, State, Status, Worm
-from worm3d.recorded.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.worlds.kernels import looked_up
 
 RUBBLE = Heightfield.rubble(3.0, 1.5, 0.02, height=0.04, size=0.12, seed=1)
@@ -157,7 +157,9 @@ def test_the_ledger_closes_on_terrain(world: Heightfield, integrator: str) -> No
     state, gait = State.straight(Worm(), world, START), TravellingWave(amplitude=0.3, bias=0.3)
     result = worm3d.simulate(Worm(), world, actuation=gait, duration=2.4, state=state, integrator=integrator)
     assert result.status is Status.DONE
-    absolute = np.sum([np.abs(getattr(result.energy, name)) for name in (*INCOMING, *STORED, *LOST)], axis=0)[1:]
+    absolute = np.sum(
+        [np.abs(getattr(result.energy, name)) for name in (*SUPPLIED_ENERGY, *STORED_ENERGY, *LOST_ENERGY)], axis=0
+    )[1:]
     assert np.abs(result.energy.residual[1:] / absolute).max() < 1e-9
     assert result.energy.friction_loss.min() >= 0.0
     assert result.halved_steps == 0

@@ -62,8 +62,8 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
 
 def points_potential(values: Values, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return points (24, COUNT) at q, and f there of the field f0 + k (x - x0): of free masses with the stiffness k."""
-    x0 = run("segment_shape", segment.LAYOUT, values)[8:]
-    x = run("segment_shape", segment.LAYOUT, values | {"q": at})[8:]
+    x0 = run("segment_shape", segment.SEGMENT_LAYOUT, values)[8:]
+    x = run("segment_shape", segment.SEGMENT_LAYOUT, values | {"q": at})[8:]
     return x, values["f"] + np.tile(values["K"][:8], (3, 1)) * (x - x0)
 
 
@@ -77,20 +77,20 @@ def test_segment_gradient_and_hessian() -> None:
 
     def potential(q: np.ndarray) -> np.ndarray:
         x, _ = points_potential(values, q)
-        return run("segment_gradient", segment.LAYOUT, values | {"q": q})[:1] + np.sum(values["f"] * x, axis=0)
+        return run("segment_gradient", segment.SEGMENT_LAYOUT, values | {"q": q})[:1] + np.sum(values["f"] * x, axis=0)
 
     def gradient(q: np.ndarray) -> np.ndarray:
         _, f = points_potential(values, q)
-        return run("segment_gradient", segment.LAYOUT, values | {"q": q, "f": f})[1:]
+        return run("segment_gradient", segment.SEGMENT_LAYOUT, values | {"q": q, "f": f})[1:]
 
-    out = run("segment_hessian", segment.LAYOUT, values)
+    out = run("segment_hessian", segment.SEGMENT_LAYOUT, values)
     assert_close(out[None, 1:9], differences(potential, values["q"], 1e-4), 1e-8)
     hessian = out[9:].reshape(8, 8, COUNT)  # row by row
     assert_close(hessian, differences(gradient, values["q"], 1e-4), 1e-8)
     np.testing.assert_array_equal(hessian, hessian.transpose(1, 0, 2))
-    assert_allclose(out[:9], run("segment_gradient", segment.LAYOUT, values), rtol=1e-12, atol=1e-12)
-    other = run("segment_hessian", segment.LAYOUT, foreseen)
-    of_foreseen = run("segment_hessian", segment.LAYOUT, foreseen | {"f": foreseen["f_ahead"]})
+    assert_allclose(out[:9], run("segment_gradient", segment.SEGMENT_LAYOUT, values), rtol=1e-12, atol=1e-12)
+    other = run("segment_hessian", segment.SEGMENT_LAYOUT, foreseen)
+    of_foreseen = run("segment_hessian", segment.SEGMENT_LAYOUT, foreseen | {"f": foreseen["f_ahead"]})
     assert_allclose(other[:9], out[:9], rtol=1e-12, atol=1e-12)
     assert_allclose(other[9:], of_foreseen[9:], rtol=1e-12, atol=1e-12)
     assert np.abs(other[9:] - out[9:]).max() > 0.01
@@ -98,15 +98,19 @@ def test_segment_gradient_and_hessian() -> None:
 
 def test_segment_motion_is_the_points_derivative_along_dq() -> None:
     values = some_segment(1)
-    moved = run("segment_motion", segment.LAYOUT, values)
-    jacobian = differences(lambda q: run("segment_shape", segment.LAYOUT, values | {"q": q})[8:], values["q"], 1e-4)
+    moved = run("segment_motion", segment.SEGMENT_LAYOUT, values)
+    jacobian = differences(
+        lambda q: run("segment_shape", segment.SEGMENT_LAYOUT, values | {"q": q})[8:], values["q"], 1e-4
+    )
     assert_allclose(moved, np.einsum("mnk,nk->mk", jacobian, values["dq"]), rtol=0, atol=1e-11)
 
 
 def test_segment_jacobian_is_the_points_derivative_point_by_point() -> None:
     values = some_segment(2)
-    expected = differences(lambda q: run("segment_shape", segment.LAYOUT, values | {"q": q})[8:], values["q"], 1e-4)
-    found = run("segment_jacobian", segment.LAYOUT, values).reshape(8, 3, 8, COUNT)  # point, axis, coordinate
+    expected = differences(
+        lambda q: run("segment_shape", segment.SEGMENT_LAYOUT, values | {"q": q})[8:], values["q"], 1e-4
+    )
+    found = run("segment_jacobian", segment.SEGMENT_LAYOUT, values).reshape(8, 3, 8, COUNT)  # point, axis, coordinate
     assert_allclose(found, expected.reshape(3, 8, 8, COUNT).transpose(1, 0, 2, 3), rtol=0, atol=1e-10)
 
 
@@ -136,7 +140,7 @@ def test_segment_shape_and_energy_are_those_of_the_equations() -> None:
     v = some_segment(2)
     q, b = v["q"], v["offset"][0]
     length, t, d, u = frames(q[5:] - q[:3], q[3], v["t_ref"], v["d_ref"])
-    out = run("segment_shape", segment.LAYOUT, v)
+    out = run("segment_shape", segment.SEGMENT_LAYOUT, v)
     chambers = np.array([length - b * q[4], length + b * q[4]])
     assert_allclose(out[:2], chambers, rtol=1e-13)
     assert_allclose(out[2:5], t, rtol=0, atol=1e-13)
@@ -146,7 +150,7 @@ def test_segment_shape_and_energy_are_those_of_the_equations() -> None:
     expected += [middle - b * d - h[1] * u, middle - b * d + h[1] * u, middle - (b + h[1]) * d]
     points = out[8:].reshape(3, 8, COUNT).transpose(1, 0, 2)
     assert_allclose(points[:6], expected, rtol=0, atol=1e-13)
-    rims = run("segment_rims", segment.LAYOUT, v)
+    rims = run("segment_rims", segment.SEGMENT_LAYOUT, v)
     for k, p in enumerate((q[:3], q[5:])):
         r = v["rim"][2 * k : 2 * k + 2]
         assert_allclose(points[6 + k], p + v["radius"][k] * (r[0] * d + r[1] * u), rtol=0, atol=1e-13)
@@ -163,7 +167,7 @@ def test_segment_shape_and_energy_are_those_of_the_equations() -> None:
     phi += tau * k / (2 * l0) / (2 * span) * (chambers - v["length_hat"]) ** 2
     phi += tau * ka / (2 * span) * (angle - v["angle_hat"]) ** 2
     rolling = v["roll_damping"][0] / (2 * v["dt"][0]) * q[3] ** 2
-    assert_allclose(run("segment_gradient", segment.LAYOUT, v)[0], phi.sum(axis=0) + rolling, rtol=1e-12)
+    assert_allclose(run("segment_gradient", segment.SEGMENT_LAYOUT, v)[0], phi.sum(axis=0) + rolling, rtol=1e-12)
 
 
 def test_joint_gradient_and_roots_of_its_hessian() -> None:
@@ -171,13 +175,13 @@ def test_joint_gradient_and_roots_of_its_hessian() -> None:
     values = some_joint()
 
     def run_at(name: str) -> np.ndarray:
-        return run(f"joint_{name}", joint.LAYOUT, values)
+        return run(f"joint_{name}", joint.JOINT_LAYOUT, values)
 
     def potential(q: np.ndarray) -> np.ndarray:
-        return run("joint_gradient", joint.LAYOUT, values | {"q": q})[:1]
+        return run("joint_gradient", joint.JOINT_LAYOUT, values | {"q": q})[:1]
 
     def gradient(q: np.ndarray) -> np.ndarray:
-        return run("joint_gradient", joint.LAYOUT, values | {"q": q})[1:14]
+        return run("joint_gradient", joint.JOINT_LAYOUT, values | {"q": q})[1:14]
 
     assert_close(run_at("gradient")[None, 1:14], differences(potential, values["q"], 1e-4), 1e-8)
     assert_allclose(run_at("roots")[:17], run_at("gradient"), rtol=1e-12, atol=1e-12)
@@ -207,7 +211,7 @@ def test_joint_strains_and_energy_are_those_of_the_equations() -> None:
     twist *= np.sign(np.sum(np.cross(carried, d2, axis=0) * t2, axis=0))
     bends = q[4] + q[9]
     expected = np.array([pitch, yaw, twist, bends])
-    assert_allclose(run("joint_angles", joint.LAYOUT, v), expected, rtol=0, atol=1e-11)
+    assert_allclose(run("joint_angles", joint.JOINT_LAYOUT, v), expected, rtol=0, atol=1e-11)
 
     def strains(angles: np.ndarray, hinge: str = "hinge") -> np.ndarray:
         yawed = angles[1] - np.sin(angles[3] / 2 + v[hinge][0])
@@ -215,16 +219,16 @@ def test_joint_strains_and_energy_are_those_of_the_equations() -> None:
 
     s, hat = strains(expected), 4 / 3 * strains(v["angles_n"]) - strains(v["angles_m"]) / 3
     known = [hat, strains(v["angles_n"]), strains(v["angles_n"], "hinge_n")]
-    assert_allclose(run("joint_start", joint.LAYOUT, v), np.vstack(known), rtol=0, atol=1e-14)
+    assert_allclose(run("joint_start", joint.JOINT_LAYOUT, v), np.vstack(known), rtol=0, atol=1e-14)
     v["strain_hat"] = hat
     phi = v["k"] / 2 * (s**2 + v["tau"] / v["span"] * (s - hat) ** 2)
-    assert_allclose(run("joint_gradient", joint.LAYOUT, v)[0], phi.sum(axis=0), rtol=1e-10)
+    assert_allclose(run("joint_gradient", joint.JOINT_LAYOUT, v)[0], phi.sum(axis=0), rtol=1e-10)
 
 
 def test_a_joints_ledger_closes_and_its_terms_are_those_of_the_equations() -> None:
     """Inertia and medium times motion is the gain of kinetic energy and what is lost, each by its own formula."""
     v = some_node()
-    out = run("node_after", node.LAYOUT, v)
+    out = run("node_after", node.NODE_LAYOUT, v)
     terms = dict(zip(node.LEDGER_TERMS, out, strict=False))
     moved, speed = v["x"] - v["past"][:3], difference(v, v["x"], v["past"])
     assert_allclose(out[len(node.LEDGER_TERMS) :], speed, rtol=0, atol=1e-12)

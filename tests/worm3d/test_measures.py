@@ -16,7 +16,7 @@ from worm3d import Friction, Plane, Problem, Result, State, Worm, simulate
 from worm3d.measures import MEASURES, general, measure
 from worm3d.measures.posture import ON_ITS_SIDE
 from worm3d.running.recovery import recovery
-from worm3d.values.metrics import UNITS, named
+from worm3d.values.metrics import METRIC_UNITS, named
 
 PERIOD, DT = 0.5, 0.01
 
@@ -308,7 +308,7 @@ def test_the_table_is_documented() -> None:
     listed = re.findall(r"^\| `(\w+)` \|", notation, re.MULTILINE)
     for name, each in MEASURES.items():
         assert each.meaning, name
-        assert named(name)[1] or not any(name.endswith(ending) for ending in UNITS)
+        assert named(name)[1] or not any(name.endswith(ending) for ending in METRIC_UNITS)
         assert name in listed or each.function.__module__ in (general.__name__, "functools"), name
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Mesh, Plane, State, Status, Worm
-from worm3d.recorded.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.worlds import mesh as module
 from worm3d.worlds.kernels import looked_up
 
@@ -219,7 +219,9 @@ def test_the_ledger_closes_in_a_tunnel(tunnel: Mesh, integrator: str) -> None:
     state, gait = State.straight(Worm(), tunnel, (-0.8, 0.0)), TravellingWave()
     result = worm3d.simulate(Worm(), tunnel, actuation=gait, duration=4.0, state=state, integrator=integrator)
     assert result.status is Status.DONE
-    absolute = np.sum([np.abs(getattr(result.energy, name)) for name in (*INCOMING, *STORED, *LOST)], axis=0)[1:]
+    absolute = np.sum(
+        [np.abs(getattr(result.energy, name)) for name in (*SUPPLIED_ENERGY, *STORED_ENERGY, *LOST_ENERGY)], axis=0
+    )[1:]
     assert np.abs(result.energy.residual[1:] / absolute).max() < 1e-9
     assert result.com[-1, 0] > result.com[0, 0] + 0.05, "it climbs"
     assert result.com[-1, 2] > result.com[0, 2]

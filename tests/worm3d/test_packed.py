@@ -39,7 +39,7 @@ def archive(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The archive of this processor's kind, with what `fresh` calls, beside an empty cache."""
     if HERE is None:
         pytest.skip("nothing is packed for this processor")
-    monkeypatch.setattr(packed, "FOLDER", tmp_path)
+    monkeypatch.setattr(packed, "PACKED_FOLDER", tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "one"))
     packed.content_of.cache_clear()
     with monkeypatch.context() as compiling:
@@ -131,7 +131,7 @@ def test_code_made_for_a_kind_is_the_same_wherever_it_is_made(tmp_path: Path) ->
     asked = {native.SWITCH: HERE.cpu, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(Path(__file__).parent)}
     subprocess.run([sys.executable, "-c", "import kept_files; kept_files.fresh()"], env=os.environ | asked, check=True)
     kept = {path.name: path.read_bytes() for path in tmp_path.rglob("*.kernel")}
-    for kind in packed.KINDS:
+    for kind in packed.PACKED_PROCESSORS:
         made = tmp_path / packed.archive(kind).name
         environment = os.environ | asked | {native.SWITCH: ""}
         subprocess.run([sys.executable, "-c", MAKE, str(made), kind], env=environment, check=True)
@@ -178,7 +178,7 @@ def test_another_llvmlite_is_named_where_it_compiles(archive: Path, monkeypatch,
     announce.cache_clear()
 
 
-@pytest.mark.parametrize("kind", packed.KINDS)
+@pytest.mark.parametrize("kind", packed.PACKED_PROCESSORS)
 def test_no_object_names_the_folder_where_it_was_made(kind: str) -> None:
     for content in packed.content_of(packed.archive(kind)).values():
         assert not re.search(rb"/[\x20-\x7e]*(worm3d|site-packages)/", content)

@@ -56,7 +56,7 @@ def scattered(line: Centreline, rng: np.random.Generator) -> FloatArray:
 def test_points_that_jump_get_what_they_get_with_nothing_kept(name: str) -> None:
     pipe, rng = PIPES[name], np.random.default_rng(4)
     kernel = pipe.kernel()
-    inputs, last, used = laid_out(kernel), -pipe_table.OWN, set()
+    inputs, last, used = laid_out(kernel), -pipe_table.TABLE_ROWS, set()
     for _ in range(50):
         points = scattered(pipe.centreline, rng)
         first = asked(kernel, laid_out(kernel), points)
@@ -65,7 +65,7 @@ def test_points_that_jump_get_what_they_get_with_nothing_kept(name: str) -> None
         assert_array_equal(np.isnan(first[0]), np.isnan(points).any(axis=1))
         assert not np.signbit(first[-1]).any(), "what marks a point in question is taken away"
         used |= set(inputs[last])
-    assert len(used - {pipe_table.NONE}) > 0.8 * len(pipe._pieces()), "points have been on most pieces"
+    assert len(used - {pipe_table.NO_PIECE}) > 0.8 * len(pipe._pieces()), "points have been on most pieces"
 
 
 @pytest.mark.parametrize("name", PIPES)
@@ -74,11 +74,11 @@ def test_points_that_creep_get_what_they_get_with_nothing_kept(name: str) -> Non
     pipe, rng = PIPES[name], np.random.default_rng(5)
     kernel, away = pipe.kernel(), rng.normal(0.0, 0.02, (LANES, 3))
     inputs, places, changed = laid_out(kernel), rng.uniform(0.0, 0.9 * pipe.centreline.total, LANES), 0
-    before = np.full(LANES, pipe_table.NONE)
+    before = np.full(LANES, pipe_table.NO_PIECE)
     for step in range(200):
         points = pipe.centreline.at(places + 5e-4 * step)[0] + away
         assert_array_equal(asked(kernel, inputs, points), asked(kernel, laid_out(kernel), points))
-        kept = inputs[-pipe_table.OWN].copy()
+        kept = inputs[-pipe_table.TABLE_ROWS].copy()
         changed += step > 0 and (kept != before).sum()
         before = kept
     assert 0 < changed < 0.1 * 200 * LANES

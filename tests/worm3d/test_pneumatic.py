@@ -13,7 +13,7 @@ from control.gaits import TravellingWave
 from scenes.language.errors import SceneError
 from worm3d import Command, Held, Plane, Pneumatic, Status, Worm, simulate
 from worm3d.physics.kernels import actuator
-from worm3d.physics.kernels.segment import LAYOUT
+from worm3d.physics.kernels.segment import SEGMENT_LAYOUT
 from worm3d.running.plant import kernels
 from worm3d.running.problem import Problem
 from worm3d.running.run import Run
@@ -274,5 +274,5 @@ def test_every_segment_of_a_contracted_pose_has_the_rest_length_of_its_actuator(
     state = worm3d.State.straight(worm, None, contraction=np.full((6, 2), 0.2))
     plant = Run(Problem(worm=worm, world=None, state=state, gravity=(0.0, 0.0, 0.0))).plant
     plant.set_pose(state)
-    lengths = LAYOUT.of("commanded", plant.arrays["segment_in"])[:, :6]
+    lengths = SEGMENT_LAYOUT.of("commanded", plant.arrays["segment_in"])[:, :6]
     assert_allclose(lengths, worm.l0, rtol=1e-15)  # pressure bears what is asked, no shorter springs

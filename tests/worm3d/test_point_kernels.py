@@ -20,7 +20,7 @@ from numpy.testing import assert_allclose
 from worm3d.physics.kernels import point
 from worm3d.physics.kernels import regime as regime_kernels
 from worm3d.physics.kernels.point import LEDGER_TERMS
-from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
+from worm3d.solver.evaluate import LOAD_ROW, PHI, STIFFNESS
 from worm3d.solver.regimes import (
     EXCESS,
     NEXT,
@@ -29,7 +29,7 @@ from worm3d.solver.regimes import (
     STALE,
     STATIC_EXCESS,
     SWING,
-    TOUCHING,
+    TOUCHING_DEPTH,
     Y,
 )
 
@@ -42,19 +42,21 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
     With a regime K is the derivative where what Newton foresaw is what the law says.
     """
     values = some_point(coupled, inside)
-    own = run("point_yielding", point.LAYOUT, values | AT_REST)
-    held = np.where(own[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    own = run("point_yielding", point.POINT_LAYOUT, values | AT_REST)
+    held = np.where(own[Y] < 0.0, point.STICKING_BACK, point.STICKING_FORWARD)
     held = np.where(own[EXCESS] > 0.0, point.SLIDING, held)
-    values["regime"] = np.where(values["regime"] == point.STICKING, held, values["regime"])
+    values["regime"] = np.where(values["regime"] == point.STICKING_FORWARD, held, values["regime"])
     values = with_pull_of_the_law(values)
 
     def at(x: np.ndarray) -> np.ndarray:
-        return run("point_stiffness", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
+        return run("point_stiffness", point.POINT_LAYOUT, values | {"x": x} | on_sphere(x, inside))
 
     out, h = at(values["x"]), 1e-6
-    assert_allclose(run("point_force", point.LAYOUT, values | on_sphere(values["x"], inside)), out[:5], rtol=1e-14)
+    assert_allclose(
+        run("point_force", point.POINT_LAYOUT, values | on_sphere(values["x"], inside)), out[:5], rtol=1e-14
+    )
     K = out[STIFFNESS:].reshape(3, 3, COUNT)
-    pushed = (out[LOAD] >= 0.0) | (
+    pushed = (out[LOAD_ROW] >= 0.0) | (
         not coupled
     )  # friction of what would pull is left out of K: it were a pushing spring
     assert pushed.sum() > COUNT - 5
@@ -62,25 +64,30 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
     if not coupled:
         assert_close(out[None, :3], differences(lambda x: at(x)[PHI : PHI + 1], values["x"], h), 1e-6)
     assert (np.abs(K - K.transpose(1, 0, 2)).max() > 1.0) == coupled
-    yielding = run("point_yielding", point.LAYOUT, values | AT_REST)
-    free, touching = values["regime"][0] == point.FREE, (out[LOAD] > 0.0)
+    yielding = run("point_yielding", point.POINT_LAYOUT, values | AT_REST)
+    free, touching = values["regime"][0] == point.FREE, (out[LOAD_ROW] > 0.0)
     touching, sliding, ahead = free & touching, yielding[EXCESS] > 0.0, yielding[Y] > 0.0
     for kind in (touching & sliding & ahead, touching & sliding & ~ahead, touching & ~sliding, free & ~touching):
         assert kind.sum() >= 3, "every branch is among the states"
 
 
 def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
-    """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
+    """Newton's regimes OPEN, SLIDING and sticking give force, derivative, potential and load of the law itself."""
     values = with_pull_of_the_law(some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)})
-    law, yielding = run("point_stiffness", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
-    sticking = np.where(yielding[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    law, yielding = (
+        run("point_stiffness", point.POINT_LAYOUT, values),
+        run("point_yielding", point.POINT_LAYOUT, values | AT_REST),
+    )
+    sticking = np.where(yielding[Y] < 0.0, point.STICKING_BACK, point.STICKING_FORWARD)
     held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, sticking)
-    regime = np.where(yielding[TOUCHING] > 0.0, held, point.OPEN)
+    regime = np.where(yielding[TOUCHING_DEPTH] > 0.0, held, point.OPEN)
     assert len(set(regime)) == 4
     assert_allclose(
-        run("point_stiffness", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12
+        run("point_stiffness", point.POINT_LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12
     )
-    wrong = run("point_stiffness", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
+    wrong = run(
+        "point_stiffness", point.POINT_LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]}
+    )
     assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
 
 
@@ -88,16 +95,16 @@ def test_where_points_stay_open_nothing_of_contact_counts() -> None:
     """The kernels of mass and weight alone agree with the whole ones, and `near` names all that could change."""
     values = some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.OPEN)}
     for kind in ("force", "stiffness"):
-        free, whole = (run(f"point_{name}{kind}", point.LAYOUT, values) for name in ("free_", ""))
+        free, whole = (run(f"point_{name}{kind}", point.POINT_LAYOUT, values) for name in ("free_", ""))
         assert_allclose(free, whole, rtol=1e-14, atol=1e-14)
     values["regime"][0, ::3] = point.SLIDING
     ahead, whole, free = (
-        run(f"point_{name}", point.LAYOUT, values) for name in ("ahead", "stiffness", "free_stiffness")
+        run(f"point_{name}", point.POINT_LAYOUT, values) for name in ("ahead", "stiffness", "free_stiffness")
     )
     assert_allclose(ahead[:STIFFNESS], whole[:STIFFNESS], rtol=1e-14, atol=1e-14)
     np.testing.assert_array_equal(ahead[STIFFNESS:], free[STIFFNESS:])
-    near = run("point_near", point.LAYOUT, values)[0]
-    stale = run("point_yielding", point.LAYOUT, values)[STALE]
+    near = run("point_near", point.POINT_LAYOUT, values)[0]
+    stale = run("point_yielding", point.POINT_LAYOUT, values)[STALE]
     assert not stale[near == 0.0].any()
     assert (near == 0.0).sum() > COUNT / 10
     assert (near == 1.0)[::3].all()
@@ -109,21 +116,21 @@ def test_looking_ahead_is_looking_from_there() -> None:
     values = some_point(coupled=True, inside=False)
     there = values["x"] + values["first"]
     closer = values["distance"] + np.sum(values["normal"] * values["first"], axis=0)
-    ahead = run("point_yielding", point.LAYOUT, values)
-    seen = run("point_yielding", point.LAYOUT, values | AT_REST | {"x": there, "distance": closer})
-    assert_allclose(ahead[: TOUCHING + 1], seen[: TOUCHING + 1], rtol=1e-9, atol=1e-12)
+    ahead = run("point_yielding", point.POINT_LAYOUT, values)
+    seen = run("point_yielding", point.POINT_LAYOUT, values | AT_REST | {"x": there, "distance": closer})
+    assert_allclose(ahead[: TOUCHING_DEPTH + 1], seen[: TOUCHING_DEPTH + 1], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("error", [0.0, 0.003])
 def test_regimes_change_where_the_law_denies_them(error: float) -> None:
     """Each regime of each state, by the rules in words; what is denied by less than the error stays."""
-    kinds = (point.OPEN, point.SLIDING, point.STICKING, point.STICKING_BACK)
+    kinds = (point.OPEN, point.SLIDING, point.STICKING_FORWARD, point.STICKING_BACK)
     seen = set()
     for regime in kinds:
         more = {"regime": np.full((1, COUNT), regime), "error": np.full((1, COUNT), error)}
         v = some_point(coupled=True, inside=False, seed=9) | more
         v["distance"] = np.random.default_rng(3).uniform(-0.02, 0.01, (1, COUNT))
-        out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+        out, now = run("point_yielding", point.POINT_LAYOUT, v), run("point_yielding", point.POINT_LAYOUT, v | AT_REST)
         f = out[PREDICTED_FRICTION : PREDICTED_FRICTION + 2] / np.array(
             [np.where(out[PREDICTED_FRICTION] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]]
         )
@@ -131,11 +138,11 @@ def test_regimes_change_where_the_law_denies_them(error: float) -> None:
         mu_n, mu = (np.where(way[Y] > 0.0, v["mu"][0], v["mu"][1]) for way in (now, out))
         back = mu_n**2 * now[Y] * out[Y] + v["mu"][2] ** 2 * now[Y + 1] * out[Y + 1] <= 0.0
         for k in range(COUNT):
-            side = point.STICKING if out[Y, k] >= 0.0 else point.STICKING_BACK
+            side = point.STICKING_FORWARD if out[Y, k] >= 0.0 else point.STICKING_BACK
             if regime == point.OPEN:
                 slides = out[EXCESS, k] > error and not back[k]
-                expected = (point.SLIDING if slides else side) if out[TOUCHING, k] > error else point.OPEN
-            elif out[TOUCHING, k] < -error:
+                expected = (point.SLIDING if slides else side) if out[TOUCHING_DEPTH, k] > error else point.OPEN
+            elif out[TOUCHING_DEPTH, k] < -error:
                 expected = point.OPEN
             elif regime == point.SLIDING:
                 expected = side if out[EXCESS, k] < -error or inside[k] else point.SLIDING
@@ -169,52 +176,52 @@ def test_what_is_as_good_as_at_its_static_limit_breaks_away() -> None:
     """(C6): within a billionth of the limit in the gauge eta, and not before, in any direction."""
     angle = np.linspace(-3.0, 3.0, COUNT)
     for share in (0.5, 1.0 - 2e-9, 1.0 - 0.5e-9, 1.0, 1.5):
-        v = displaced(share * np.array([np.cos(angle), np.sin(angle)]), point.STICKING, 0.0)
-        out, limit = run("point_yielding", point.LAYOUT, v), (v["limit_ratio"] * v["r"])[0]
+        v = displaced(share * np.array([np.cos(angle), np.sin(angle)]), point.STICKING_FORWARD, 0.0)
+        out, limit = run("point_yielding", point.POINT_LAYOUT, v), (v["limit_ratio"] * v["r"])[0]
         assert ((out[STATIC_EXCESS] > 0.0) == (share > 1.0 - 1e-9)).all()
         assert_allclose(out[STATIC_EXCESS], (share - 1.0) * limit, rtol=1e-6, atol=2e-9 * limit.max())
 
 
 def test_the_last_change_of_a_contact_is_its_step_in_its_gauge_and_the_error() -> None:
     angle = np.linspace(-3.0, 3.0, COUNT)
-    v = displaced(0.7 * np.array([np.cos(angle), np.sin(angle)]), point.STICKING, 2e-4)
+    v = displaced(0.7 * np.array([np.cos(angle), np.sin(angle)]), point.STICKING_FORWARD, 2e-4)
     v["first"] = np.random.default_rng(19).uniform(-1e-4, 1e-4, (3, COUNT))
-    out, e = run("point_yielding", point.LAYOUT, v), v["mu"] * v["hardness"]
+    out, e = run("point_yielding", point.POINT_LAYOUT, v), v["mu"] * v["hardness"]
     dy = np.array([np.sum(way * v["first"], axis=0) for way in (v["tangent"][:3], v["tangent"][3:])])
     moved = np.hypot(np.where(out[Y] > 0.0, e[0], e[1]) * dy[0], e[2] * dy[1])
     assert_allclose(out[RECENT], moved + e.max(axis=0) * 2e-4, rtol=1e-9)
 
 
-@pytest.mark.parametrize("regime", [point.STICKING, point.STICKING_BACK])
+@pytest.mark.parametrize("regime", [point.STICKING_FORWARD, point.STICKING_BACK])
 def test_a_stuck_contact_slides_far_beyond_its_limit_whatever_the_error(regime: float) -> None:
     """Up to there it sticks as long as the error may be to blame."""
     angle = np.linspace(-3.0, 3.0, COUNT)
     for share in (0.9, 2.9, 3.1):
         v = displaced(share * np.array([np.cos(angle), np.sin(angle)]), regime, 1.0, breaks=np.full((1, COUNT), 9.0))
-        found = run("point_yielding", point.LAYOUT, v)[NEXT]
+        found = run("point_yielding", point.POINT_LAYOUT, v)[NEXT]
         assert (found == (point.SLIDING if share > 3.0 else regime)).all()
 
 
 def test_a_stuck_contact_takes_the_other_side_once_it_is_there_by_more_than_rounding() -> None:
     """Coefficients forward and backward differ: that of the side counts, from a ten millionth of the limit on."""
-    regimes = point.STICKING, point.STICKING_BACK
+    regimes = point.STICKING_FORWARD, point.STICKING_BACK
     for regime, other, way in ((*regimes, -1.0), (*regimes[::-1], 1.0)):
         for share, turns in ((-0.5, False), (0.5e-7, False), (2e-7, True), (0.5, True)):
             y = np.array([np.full(COUNT, way * share), np.full(COUNT, 0.1)])
             v = displaced(y, regime, 0.0)
-            assert (run("point_yielding", point.LAYOUT, v)[NEXT] == (other if turns else regime)).all()
+            assert (run("point_yielding", point.POINT_LAYOUT, v)[NEXT] == (other if turns else regime)).all()
             v["mu"][1], v["hardness"][1] = v["mu"][0], v["hardness"][0]
-            assert (run("point_yielding", point.LAYOUT, v)[NEXT] != other).all(), "both sides are alike"
+            assert (run("point_yielding", point.POINT_LAYOUT, v)[NEXT] != other).all(), "both sides are alike"
 
 
 def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
     """Each regime of each state, by the rules in words: what lifts, breaks away, turns or lands by its trend."""
     seen = set()
-    for regime in (point.OPEN, point.SLIDING, point.STICKING, point.STICKING_BACK):
+    for regime in (point.OPEN, point.SLIDING, point.STICKING_FORWARD, point.STICKING_BACK):
         v = some_point(coupled=True, inside=False, seed=5) | {"regime": np.full((1, COUNT), regime)}
         v["load_m"] = np.where(np.arange(COUNT) % 5 == 0, 0.0, 2.2 * v["load_m"])
         v["distance"] = np.random.default_rng(6).uniform(-0.02, 0.02, (1, COUNT))
-        out, along = run("point_expected", point.LAYOUT, v), v["tangent"].reshape(2, 3, COUNT)
+        out, along = run("point_expected", point.POINT_LAYOUT, v), v["tangent"].reshape(2, 3, COUNT)
         y = np.einsum("idk,dk->ik", along, v["x"] + v["first"] - v["anchor"]) - v["centre"]
         trend = 2.0 * v["pull"] - v["pull_m"]
         mu, mu_of_trend = (np.vstack([np.where(x[0] > 0.0, *v["mu"][:2]), v["mu"][2]]) for x in (y, trend))
@@ -231,7 +238,7 @@ def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
             against = c_0 * mu[:, k] ** 2 * y[:, k] / max(rho[k], c_0 * v["r"][0, k])
             if regime == point.OPEN and touching[k] > 0.0:
                 expected, pull, load = point.SLIDING, against, v["stiff"][0, k] * v["error"][0, k]
-            elif regime >= point.STICKING and known and share[k] > c_0:
+            elif regime >= point.STICKING_FORWARD and known and share[k] > c_0:
                 expected, pull = point.SLIDING, trend[:, k] * c_0 / share[k]
             elif regime == point.SLIDING and rho[k] > c_0 * v["r"][0, k] and y[:, k] @ pull < 0.0:
                 pull = against
@@ -247,7 +254,7 @@ def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
 def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
     """(C5) against (C3): m f = c_0 M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
     v = some_point(coupled=True, inside=False, seed=8) | {"regime": np.full((1, COUNT), point.SLIDING)}
-    out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+    out, now = run("point_yielding", point.POINT_LAYOUT, v), run("point_yielding", point.POINT_LAYOUT, v | AT_REST)
     y, dy, f, c_0 = now[Y : Y + 2], out[Y : Y + 2] - now[Y : Y + 2], v["pull"], v["limit_ratio"][0]
     mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
     limit = c_0 / (1.0 / v["yield_gauge"][0] + v["gauge_damping"][0] / v["dt"][0])
@@ -267,9 +274,9 @@ def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
         out[PREDICTED_FRICTION : PREDICTED_FRICTION + 2], expected * np.minimum(1.0, c_0 / size), rtol=1e-7, atol=1e-9
     )
     assert_allclose(out[SWING], np.sum((mu * dy) ** 2, axis=0) / m(y) ** 2, rtol=1e-12)
-    force = run("point_force", point.LAYOUT, with_pull_of_the_law(v))[:3]
-    without = run("point_force", point.LAYOUT, v | {"hold": np.zeros((1, COUNT))})[:3]
-    load = run("point_force", point.LAYOUT, v)[LOAD]
+    force = run("point_force", point.POINT_LAYOUT, with_pull_of_the_law(v))[:3]
+    without = run("point_force", point.POINT_LAYOUT, v | {"hold": np.zeros((1, COUNT))})[:3]
+    load = run("point_force", point.POINT_LAYOUT, v)[LOAD_ROW]
     own = with_pull_of_the_law(v)["pull"]
     friction = v["hold"][0] * load * (own[0] * v["tangent"][:3] + own[1] * v["tangent"][3:])
     assert_allclose(force - without, friction, rtol=0, atol=1e-12)
@@ -290,8 +297,8 @@ def test_point_force_is_that_of_the_equations() -> None:
     share = np.minimum(1.0, v["limit_ratio"][0] / gauge)
     force = v["hold"][0] * load * share * mu**2 * elastic
     expected = v["inertia"] * (v["x"] - v["x_hat"]) - v["weight"] - load * n + force[0] * along + force[1] * left
-    out = run("point_force", point.LAYOUT, v)
-    assert_allclose(out[LOAD], load, rtol=1e-12)
+    out = run("point_force", point.POINT_LAYOUT, v)
+    assert_allclose(out[LOAD_ROW], load, rtol=1e-12)
     assert_allclose(out[:3], expected, rtol=0, atol=1e-12)
     friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
     assert (friction <= v["limit_ratio"][0] * (1 + 1e-12)).all(), "inside the set"
@@ -304,7 +311,7 @@ def test_tangents_are_the_segment_projected_and_its_left() -> None:
     upright = np.arange(COUNT) % 4 == 0
     v["segment_tangent"] = np.where(upright, v["normal"], v["segment_tangent"])
     v["segment_director"] = across(v["segment_tangent"], np.random.default_rng(3))
-    out = run("point_start", point.LAYOUT, v)[:8]
+    out = run("point_start", point.POINT_LAYOUT, v)[:8]
     along, left = out[:3], out[3:6]
     pointing = np.where(upright, np.cross(v["segment_tangent"], v["segment_director"], axis=0), v["segment_tangent"])
     for a, b, expected in ((along, along, 1.0), (left, left, 1.0), (along, left, 0.0), (along, v["normal"], 0.0)):
@@ -320,7 +327,7 @@ def test_start_of_a_step_is_that_of_the_equations() -> None:
     """Presets of contact, friction and inertia; a point that approaches sinks in by -v.n dt less its gap."""
     v = some_point(coupled=True, inside=False, seed=12)
     v["stiffness"][0, :4] = 0.0
-    out, layout = run("point_start", point.LAYOUT, v), point.LAYOUT
+    out, layout = run("point_start", point.POINT_LAYOUT, v), point.POINT_LAYOUT
     found = {name: out[layout.first(name) - layout.first("tangent") :][: layout.sizes[name]] for name in layout.sizes}
     v |= {"slide_n": found["slide_n"], "depth_n": np.maximum(0.0, -v["distance"])}
     speed = difference(v, found["x_hat"], v["past"])
@@ -350,7 +357,7 @@ def test_an_anchor_on_its_yield_surface_stays_but_for_more_than_rounding() -> No
     for excess, slips in ((0.5e-9, False), (2e-9, True)):
         s = v["centre"] + surface * (1.0 + excess)
         v["anchor"] = v["x"] - s[0] * v["tangent"][:3] - s[1] * v["tangent"][3:]
-        slipped = run("point_after", point.LAYOUT, v)[point.AFTER.first("slipped")]
+        slipped = run("point_after", point.POINT_LAYOUT, v)[point.AFTER.first("slipped")]
         assert ((slipped > 0.0) == slips).all()
 
 
@@ -358,7 +365,11 @@ def test_friction_loses_the_gauge_of_the_slip_times_the_limit() -> None:
     """(C2) and (C4): load, limit and rho of what the anchor slips, whatever the hardness; nothing where it holds."""
     v = some_point(coupled=True, inside=False, seed=6) | {"regime": np.full((1, COUNT), point.FREE)}
     v["hardness"] = np.random.default_rng(7).uniform(0.5, 1.0, v["hardness"].shape)
-    out, first, load = run("point_after", point.LAYOUT, v), point.AFTER.first, run("point_force", point.LAYOUT, v)[LOAD]
+    out, first, load = (
+        run("point_after", point.POINT_LAYOUT, v),
+        point.AFTER.first,
+        run("point_force", point.POINT_LAYOUT, v)[LOAD_ROW],
+    )
     moved = out[first("anchor") : first("anchor") + 3] - v["anchor"]
     slip = np.array([np.sum(way * moved, axis=0) for way in (v["tangent"][:3], v["tangent"][3:])])
     mu = np.array([np.where(slip[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
@@ -375,16 +386,16 @@ def after(values: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], dict[st
 
     Inertia's terms are those of a point that touches nothing.
     """
-    out, first = run("point_after", point.LAYOUT, values), point.AFTER.first
+    out, first = run("point_after", point.POINT_LAYOUT, values), point.AFTER.first
     found = {name: out[first(name) : first(name) + size].squeeze() for name, size in point.AFTER.sizes.items()}
-    of_inertia = run("point_free_after", point.LAYOUT, values)[: len(LEDGER_TERMS)]
+    of_inertia = run("point_free_after", point.POINT_LAYOUT, values)[: len(LEDGER_TERMS)]
     return found, dict(zip(LEDGER_TERMS, found["terms"] - of_inertia, strict=True))
 
 
 def pressed(seed: int) -> dict[str, np.ndarray]:
     """Return points of which some are pressed into the world, with their own load as that of the end of the step."""
     v = some_point(coupled=True, inside=False, seed=seed) | {"regime": np.full((1, COUNT), point.FREE)}
-    v["load_n"] = run("point_force", point.LAYOUT, v)[LOAD][None]
+    v["load_n"] = run("point_force", point.POINT_LAYOUT, v)[LOAD_ROW][None]
     assert 5 < (v["load_n"] > 0.0).sum() < COUNT - 5
     return v
 
@@ -421,7 +432,7 @@ def test_what_the_world_does_in_a_step_is_stored_or_lost() -> None:
     names = ("penetration", "anchor", "viscous_loss", "friction_loss", "impact", "numerical_loss")
     spent = sum(terms[name] for name in names) - terms["load_change"]
     load, normal = v["load_n"], v["normal"]
-    force = run("point_free_force", point.LAYOUT, v)[:3] - run("point_force", point.LAYOUT, v)[:3]
+    force = run("point_free_force", point.POINT_LAYOUT, v)[:3] - run("point_force", point.POINT_LAYOUT, v)[:3]
     assert_allclose(spent, -np.sum(force * v["first"], axis=0), rtol=0, atol=1e-12)
     friction, moved = force - load * normal, v["x"] - v["past"][:3]
     assert_allclose(terms["work_friction_p13"], np.sum(friction * moved, axis=0), rtol=0, atol=1e-12)
@@ -448,7 +459,7 @@ def test_an_impact_takes_what_the_load_does_over_the_mean_motion_and_a_damper_wh
     v = pressed(23)
     (found, terms), lands, load = after(v), v["lands"][0] > 0, v["load_n"][0]
     mean, moved = 0.5 * v["dt"] * (found["velocity"] + v["velocity"][:3]), v["x"] - v["past"][:3]
-    force = run("point_free_force", point.LAYOUT, v)[:3] - run("point_force", point.LAYOUT, v)[:3]
+    force = run("point_free_force", point.POINT_LAYOUT, v)[:3] - run("point_force", point.POINT_LAYOUT, v)[:3]
     friction = force - load * v["normal"]
     of_landing = -np.sum(force * mean, axis=0) + np.sum(friction * moved, axis=0) - terms["penetration"]
     spring = v["stiffness"][0] * np.maximum(0.0, -v["distance"][0])

@@ -7,7 +7,7 @@ import pytest
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d.values.read_only import COLUMNS, LINES
+from worm3d.values.read_only import PRINTED_COLUMNS, PRINTED_LINES
 
 LINE = worm3d.Centreline.through([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.8, 0.2, 0.05), (2.5, 0.7, 0.1)])
 LONG = worm3d.Worm(segments=150, length=20.0, half_height=np.linspace(0.04, 0.06, 150))
@@ -31,8 +31,8 @@ def result() -> worm3d.Result:
 def test_it_is_a_few_lines(result: worm3d.Result, name: str) -> None:
     thing = {**OBJECTS, "result": result, "energy": result.energy, "state": result.state}[name]
     lines = repr(thing).splitlines()
-    assert len(lines) <= LINES
-    assert max(map(len, lines)) <= COLUMNS
+    assert len(lines) <= PRINTED_LINES
+    assert max(map(len, lines)) <= PRINTED_COLUMNS
     assert lines[0].startswith(type(thing).__name__)
 
 

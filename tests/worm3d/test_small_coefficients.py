@@ -109,8 +109,8 @@ def hard_states(seed: int) -> dict[str, np.ndarray]:
 def friction_of(values: dict[str, np.ndarray]) -> np.ndarray:
     """Return friction per unit of normal load, along and to the left, shape (2, COUNT)."""
     own = with_pull_of_the_law(values | {"regime": np.full((1, COUNT), point.SLIDING)})
-    force = run("point_force", point.LAYOUT, own)
-    without = run("point_force", point.LAYOUT, own | {"hold": np.zeros((1, COUNT))})
+    force = run("point_force", point.POINT_LAYOUT, own)
+    without = run("point_force", point.POINT_LAYOUT, own | {"hold": np.zeros((1, COUNT))})
     along = own["tangent"].reshape(2, 3, COUNT)
     return np.einsum("idk,dk->ik", along, force[:3] - without[:3]) / (own["hold"] * force[4])
 
@@ -120,7 +120,7 @@ def test_friction_of_hard_contacts_is_inside_the_ellipse_and_on_it_far_out() -> 
     for reach in (1.0, 1e6):
         v = hard_states(3)
         v |= {"anchor": v["x"] - reach * (v["x"] - v["anchor"])}
-        y = run("point_yielding", point.LAYOUT, v | AT_REST)[Y : Y + 2]
+        y = run("point_yielding", point.POINT_LAYOUT, v | AT_REST)[Y : Y + 2]
         mu, H = (np.array([np.where(y[0] > 0.0, v[name][0], v[name][1]), v[name][2]]) for name in ("mu", "hardness"))
         rho, eta, c_0, r = np.hypot(*(mu * y)), np.hypot(*(H * mu * y)), v["limit_ratio"][0], v["r"][0]
         f = friction_of(v)
@@ -151,7 +151,7 @@ def test_a_contact_without_friction_along_the_segment_holds_sideways() -> None:
     assert np.abs(along).max() < 1e-9
     assert (across <= limit * np.minimum(1.0, multiple) + 1e-3).all()
     assert (across >= limit * multiple / (1.0 + multiple) - 1e-3).all()
-    assert (run("point_yielding", point.LAYOUT, v | AT_REST)[EXCESS] > 0.0).all(), "the anchor follows"
+    assert (run("point_yielding", point.POINT_LAYOUT, v | AT_REST)[EXCESS] > 0.0).all(), "the anchor follows"
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])

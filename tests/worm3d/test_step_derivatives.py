@@ -8,13 +8,15 @@ from numpy.testing import assert_allclose
 from worm3d import Friction, Plane, Worm
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import point
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.recorded.state import State
 from worm3d.running.plant import Plant
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
-from worm3d.solver.arrays import BLOCK, Core
-from worm3d.solver.evaluate import EXACT, LOAD, LOCAL, NONE, WHOLE, evaluate
+from worm3d.solver.arrays import Core
+from worm3d.solver.evaluate import EXACT_HESSIAN, LOAD_ROW, LOCAL_HESSIAN, NO_HESSIAN, WHOLE_HESSIAN, evaluate
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.regimes import EXCESS, evaluate_yielding
 
@@ -61,7 +63,7 @@ def a_plant(friction: Friction, n: int = 5) -> Plant:
 
 def soften(plant: Plant, rng: np.random.Generator) -> None:
     """Make contact and friction soft enough for differences, and stuck and sliding points common."""
-    points, layout = plant.arrays["point_in"], point.LAYOUT
+    points, layout = plant.arrays["point_in"], point.POINT_LAYOUT
     touching = points[layout.first("stiffness")] > 0.0
     reach = rng.choice([0.001, 0.05], points.shape[1])
     anchor = slice(layout.first("anchor"), layout.first("anchor") + 3)
@@ -83,15 +85,15 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     x, gradient, size = plant.arrays["x"][0], plant.arrays["gradient"][0], plant.arrays["x"].size
     rng = np.random.default_rng(12)
     x[:] += 0.003 * rng.standard_normal(size)
-    x[2::BLOCK] -= 0.03
-    x[3:-BLOCK:BLOCK] += 0.2 * rng.standard_normal(plant.n)  # rolls
+    x[2::BLOCK_SIZE] -= 0.03
+    x[3:-BLOCK_SIZE:BLOCK_SIZE] += 0.2 * rng.standard_normal(plant.n)  # rolls
     x[-2:] = 0.0
     at, h = x.copy(), 1e-6
-    evaluate(plant.core, arrays.X, coupled, WHOLE)
+    evaluate(plant.core, arrays.X, coupled, WHOLE_HESSIAN)
     soften(plant, rng)
-    evaluate(plant.core, arrays.X, coupled, EXACT)
+    evaluate(plant.core, arrays.X, coupled, EXACT_HESSIAN)
     matrix, residual = dense(plant.arrays["band"][:size]), gradient.copy()
-    loads, out = plant.arrays["point_out"][LOAD], plant.arrays["yielding_out"]
+    loads, out = plant.arrays["point_out"][LOAD_ROW], plant.arrays["yielding_out"]
     evaluate_yielding(plant.core)
     sliding = (out[EXCESS] > 0.0) & (loads > 0.0)
     assert sliding.sum() >= 3
@@ -101,7 +103,7 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
         for step, weight in ((h, 8.0), (-h, -8.0), (2 * h, -1.0), (-2 * h, 1.0)):
             x[:] = at
             x[k] += step
-            slopes[k] += weight * evaluate(plant.core, arrays.X, coupled, NONE) / (12 * h)
+            slopes[k] += weight * evaluate(plant.core, arrays.X, coupled, NO_HESSIAN) / (12 * h)
             columns[:, k] += weight * gradient / (12 * h)
     scale = np.abs(columns).max()
     assert_allclose(matrix, columns, rtol=0, atol=1e-8 * scale)
@@ -124,21 +126,21 @@ def test_a_contact_that_changes_is_exchanged_in_the_jacobian(n: int) -> None:
     points, band, size = plant.arrays["point_in"], plant.arrays["band"], plant.arrays["x"].size
     rng = np.random.default_rng(13)
     soften(plant, rng)
-    regime, foreseen = (points[point.LAYOUT.first(name)] for name in ("regime", "foreseen"))
-    touching = points[point.LAYOUT.first("stiffness")] > 0.0
-    regime[:], foreseen[:] = point.STICKING, 1.0
-    newton_step(plant.core, WHOLE)
+    regime, foreseen = (points[point.POINT_LAYOUT.first(name)] for name in ("regime", "foreseen"))
+    touching = points[point.POINT_LAYOUT.first("stiffness")] > 0.0
+    regime[:], foreseen[:] = point.STICKING_FORWARD, 1.0
+    newton_step(plant.core, WHOLE_HESSIAN)
     before = band[:size].copy()
-    of_head = np.arange(touching.size) % (touching.size // arrays.POINTS) >= n // 2
+    of_head = np.arange(touching.size) % (touching.size // POINTS_PER_SEGMENT) >= n // 2
     chosen = rng.permutation(np.flatnonzero(touching & of_head))[:7]
     for some in (chosen[:4], chosen[4:], chosen[:1]):  # one of them twice
         regime[some] = np.where(regime[some] == point.SLIDING, point.STICKING_BACK, point.SLIDING)
         plant.arrays["changed"][0, some] = 1.0
-        newton_step(plant.core, LOCAL)
+        newton_step(plant.core, LOCAL_HESSIAN)
         assert not plant.arrays["changed"].any()
     exchanged, residual, step = (plant.arrays[name].copy() for name in ("band", "gradient", "direction"))
     exchanged = exchanged[:size]
-    newton_step(plant.core, WHOLE)
+    newton_step(plant.core, WHOLE_HESSIAN)
     scale = np.abs(before).max()
     assert_allclose(exchanged, band[:size], rtol=0, atol=1e-12 * scale)
     assert_allclose(residual, plant.arrays["gradient"], rtol=0, atol=1e-12 * np.abs(residual).max())
@@ -149,10 +151,10 @@ def test_a_contact_that_changes_is_exchanged_in_the_jacobian(n: int) -> None:
 def test_what_is_not_said_to_have_changed_stays_in_the_jacobian() -> None:
     plant = a_plant(Friction(0.3, 0.6, 0.4))
     soften(plant, np.random.default_rng(13))
-    evaluate(plant.core, arrays.X, True, WHOLE)
+    evaluate(plant.core, arrays.X, True, WHOLE_HESSIAN)
     before = plant.arrays["band"].copy()
-    plant.arrays["point_in"][point.LAYOUT.first("regime")] = point.SLIDING
-    evaluate(plant.core, arrays.X, True, LOCAL)
+    plant.arrays["point_in"][point.POINT_LAYOUT.first("regime")] = point.SLIDING
+    evaluate(plant.core, arrays.X, True, LOCAL_HESSIAN)
     np.testing.assert_array_equal(plant.arrays["band"], before)
 
 
@@ -161,9 +163,9 @@ def test_the_jacobian_fits_into_the_groups_of_the_linear_solver() -> None:
     plant = a_plant(Friction(0.3, 0.6, 0.4))
     size, band = plant.arrays["x"].size, plant.arrays["band"]
     within = np.zeros((size, size), dtype=bool)
-    for first in range(0, size, BLOCK):
+    for first in range(0, size, BLOCK_SIZE):
         within[first : first + 13, first : first + 13] = True
-    evaluate(plant.core, arrays.X, True, WHOLE)
+    evaluate(plant.core, arrays.X, True, WHOLE_HESSIAN)
     matrix, residual = dense(band[:size]), plant.arrays["gradient"][0]
     assert not matrix[~within].any()
     assert np.count_nonzero(matrix) > 0.8 * np.count_nonzero(within)

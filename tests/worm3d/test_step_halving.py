@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
 from worm3d import Actuator, Command, FirstOrder, Plane, Pneumatic, Result, State, Status, Worm, simulate
-from worm3d.recorded.energy import INCOMING, LOST, STORED
-from worm3d.running.run import HALVINGS, NEVER
+from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
+from worm3d.running.run import MAX_HALVINGS, NEVER
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 
 N = 6
@@ -88,7 +88,9 @@ def test_ledger_and_rows_do_not_notice(deny: Deny, integrator: str) -> None:
     assert result.status is Status.DONE
     assert result.halved_steps == 6
     assert_allclose(result.time, plain.time[::4], rtol=0, atol=1e-14)
-    terms = np.sum([np.abs(getattr(result.energy, name)) for name in (*INCOMING, *STORED, *LOST)], axis=0)[1:]
+    terms = np.sum(
+        [np.abs(getattr(result.energy, name)) for name in (*SUPPLIED_ENERGY, *STORED_ENERGY, *LOST_ENERGY)], axis=0
+    )[1:]
     assert (np.abs(result.energy.residual[1:]) < 1e-9 * terms).all()
     assert_allclose(result.contraction, plain.contraction[::4], rtol=0, atol=2e-4)  # parts follow the command closer
     moved = np.abs(plain.joints[-1] - plain.joints[0]).max()
@@ -97,7 +99,7 @@ def test_ledger_and_rows_do_not_notice(deny: Deny, integrator: str) -> None:
 
 
 def test_a_step_that_never_converges_ends_the_run_with_its_name(deny: Deny) -> None:
-    deny({30}, 0.01 / 2**HALVINGS / 2)
+    deny({30}, 0.01 / 2**MAX_HALVINGS / 2)
     result = simulate(Worm(), Plane(), actuation=TravellingWave(), duration=1.0)
     assert result.status is Status.NO_CONVERGENCE
     assert result.stop.step == 31

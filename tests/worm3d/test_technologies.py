@@ -13,7 +13,7 @@ from control.gaits import TravellingWave
 from worm3d import Command, Held, Plane, Status, Worm, simulate
 from worm3d.physics.actuator_names import ACTUATORS, TECHNOLOGIES, Technology
 from worm3d.physics.kernels import actuator
-from worm3d.physics.technologies.presets import TABLE
+from worm3d.physics.technologies.presets import TECHNOLOGY_PRESETS
 from worm3d.running.plant import kernels
 from worm3d.values.parameters import parameters_of
 
@@ -280,8 +280,12 @@ def test_the_size_follows_from_the_worm() -> None:
 
 
 def test_every_number_has_a_source_and_all_share_their_kernels() -> None:
-    assert set(TECHNOLOGIES) == set(TABLE) == {name for name, each in ACTUATORS.items() if issubclass(each, Technology)}
-    for name, (_, rows) in TABLE.items():
+    assert (
+        set(TECHNOLOGIES)
+        == set(TECHNOLOGY_PRESETS)
+        == {name for name, each in ACTUATORS.items() if issubclass(each, Technology)}
+    )
+    for name, (_, rows) in TECHNOLOGY_PRESETS.items():
         made = ACTUATORS[name]()
         assert all(source for _, source in rows.values())
         assert all(getattr(made, key) == value for key, (value, _) in rows.items())

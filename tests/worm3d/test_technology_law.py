@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from worm3d.physics.actuator_names import Technology
-from worm3d.physics.actuators import KNOWN
+from worm3d.physics.actuators import RESPONSE_INPUTS
 from worm3d.values.parameters import parameters_of
 
 COUNT = 4000
@@ -55,7 +55,7 @@ def play(p: Values, before: np.ndarray, drive: np.ndarray) -> np.ndarray:
 def some_step() -> Values:
     """Return the parameters, the states at the start, and the commands and lengths of a step, each (COUNT,)."""
     rng = np.random.default_rng(11)
-    p = {name: np.zeros(COUNT) for name in (*KNOWN, *parameters_of(Technology))}
+    p = {name: np.zeros(COUNT) for name in (*RESPONSE_INPUTS, *parameters_of(Technology))}
     p |= {name: rng.uniform(*span, COUNT) for name, span in SPANS.items()}
     kind = np.arange(COUNT) % 3
     p |= {"scales": 1.0 * (kind == 1), "both_ways": 1.0 * (kind == 2), "lengthens": 1.0 * rng.integers(0, 2, COUNT)}

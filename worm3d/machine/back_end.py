@@ -68,7 +68,7 @@ def _aim_at(host: native.Host) -> None:
     RuntimeError
         Numba was used before, for another processor.
     """
-    if host.cpu not in native.KINDS:
+    if host.cpu not in native.PROCESSOR_VECTORS:
         return
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = host.cpu, host.features  # type: ignore[attr-defined]
     aim = cpu_target.target_context.codegen().magic_tuple()[1]

@@ -1,8 +1,8 @@
 """Banded linear systems in compiled code: root-free Cholesky, and LU factors block by block without pivoting.
 
-A matrix of size n with half bandwidth B is stored by rows: entry (i, j) at [i, B + j - i], in an array (n + B, WIDTH)
-whose other entries are zero. With the spare columns and B rows below the end, every inner loop has the same length and
-becomes a few vector instructions. The cost is linear in n.
+A matrix of size n with half bandwidth B is stored by rows: entry (i, j) at [i, B + j - i], in an array
+(n + B, BAND_COLUMNS) whose other entries are zero. With the spare columns and B rows below the end, every inner loop
+has the same length and becomes a few vector instructions. The cost is linear in n.
 
 LU is for the unsymmetric matrices of Newton's steps. Coordinates come in blocks of five. Groups of 13 coordinates that
 begin with a block are coupled; entries outside all these groups must be zero. Thus elimination of a block affects only
@@ -26,21 +26,19 @@ from llvmlite import ir
 
 from worm3d.machine.compiled import njit
 from worm3d.machine.later import utils
-from worm3d.machine.vectors import subtract_16
+from worm3d.machine.vectors import BLOCK_SIZE, subtract_16
 from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses
 from worm3d.values.arrays import FloatArray
 
 B = 12
 """Half bandwidth: a joint couples 13 coordinates."""
-WIDTH = 40
+BAND_COLUMNS = 40
 """Columns: 2 B + 1 and spare columns that vector instructions read, rounded up to a multiple of 8."""
 SMALLEST_PIVOT = 1e-14
 """Least pivot of a positive definite matrix, as a fraction of the diagonal entry."""
-BLOCK = 5
-"""Coordinates of a block."""
-_SHARED = LANES - BLOCK
+_SHARED = LANES - BLOCK_SIZE
 """Coordinates that a block shares with the second next block."""
-_ROOM = BLOCK * WIDTH
+_ROOM = BLOCK_SIZE * BAND_COLUMNS
 """Numbers of a block in the array of the factors."""
 _INVERSE, _H, _G, _CORNER, _Y = (LANES * k for k in (0, 5, 10, 15, 23))
 """First number of each part of a block's factors: 5 rows of A11^-1 with the first columns of H, 5 rows of H, 5 columns
@@ -53,7 +51,7 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
 
     Parameters
     ----------
-    band : ndarray, shape (n + B, WIDTH)
+    band : ndarray, shape (n + B, BAND_COLUMNS)
         Overwritten by L D L^T; columns from 2 B + 1 on must be zero.
     x : ndarray, shape (n,)
 
@@ -74,7 +72,7 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
             factor = band[j, B + m] * inverse
             if factor != 0.0:
                 x[j + m] -= factor * x[j]
-                subtract_16(start + 8 * WIDTH * (j + m), start + 8 * (WIDTH * j + m), factor)
+                subtract_16(start + 8 * BAND_COLUMNS * (j + m), start + 8 * (BAND_COLUMNS * j + m), factor)
     for j in range(n - 1, -1, -1):
         total = x[j]
         for m in range(1, min(B, n - 1 - j) + 1):
@@ -85,7 +83,7 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
 
 def _of_matrix(row: int, column: int) -> int:
     """Return the offset of an entry from an entry on the diagonal."""
-    return row * (WIDTH - 1) + column
+    return row * (BAND_COLUMNS - 1) + column
 
 
 def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
@@ -100,38 +98,38 @@ def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], Non
 
     The instructions that `between` writes after each pivot run while the elimination waits for the next pivot.
     """
-    near = [w.load(factors, _CORNER + LANES * r) for r in range(BLOCK)]
-    far = [w.load(band, _of_matrix(r, LANES)) for r in range(BLOCK)]
+    near = [w.load(factors, _CORNER + LANES * r) for r in range(BLOCK_SIZE)]
+    far = [w.load(band, _of_matrix(r, LANES)) for r in range(BLOCK_SIZE)]
     pivot = w.lane(near[0], 0)
-    for k in range(BLOCK):
+    for k in range(BLOCK_SIZE):
         inverse = _inverse(w, pivot, w.number(band, _of_matrix(k, k)))
-        if k + 1 < BLOCK:  # before the rows, since the next inverse takes longest
+        if k + 1 < BLOCK_SIZE:  # before the rows, since the next inverse takes longest
             product = w.mul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
             pivot = w.less(w.lane(near[k + 1], k + 1), product, inverse)
         own = [w.mul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], w.splat(1.0), k), far[k])]
-        for r in range(BLOCK):
+        for r in range(BLOCK_SIZE):
             if r != k:
                 factor = w.spread(near[r], k)
                 near[r] = w.less(w.exchanged(near[r], w.splat(0.0), k), factor, own[0])
                 far[r] = w.less(far[r], factor, own[1])
         near[k], far[k] = own
         between(k)
-    return near, [w.lanes(x, y, list(range(BLOCK, BLOCK + LANES))) for x, y in zip(near, far, strict=True)]
+    return near, [w.lanes(x, y, list(range(BLOCK_SIZE, BLOCK_SIZE + LANES))) for x, y in zip(near, far, strict=True)]
 
 
 def _below(w: Writer, factors: Any, band: Any, r: int) -> list[Any]:
     """Return the numbers of a row of A21; the first three rows are in the corner."""
     if r < _SHARED:
-        return [w.spread_number(w.number(factors, _CORNER + LANES * (BLOCK + r) + j)) for j in range(BLOCK)]
-    return [w.spread_number(w.number(band, _of_matrix(BLOCK + r, j))) for j in range(BLOCK)]
+        return [w.spread_number(w.number(factors, _CORNER + LANES * (BLOCK_SIZE + r) + j)) for j in range(BLOCK_SIZE)]
+    return [w.spread_number(w.number(band, _of_matrix(BLOCK_SIZE + r, j))) for j in range(BLOCK_SIZE)]
 
 
 def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
     """Return a row of A22; three numbers of the first three rows are in the corner."""
-    row = w.load(band, _of_matrix(BLOCK + r, BLOCK))
+    row = w.load(band, _of_matrix(BLOCK_SIZE + r, BLOCK_SIZE))
     if r >= _SHARED:
         return row
-    return w.lanes(w.load(factors, _CORNER + LANES * (BLOCK + r)), row, [5, 6, 7, 11, 12, 13, 14, 15])
+    return w.lanes(w.load(factors, _CORNER + LANES * (BLOCK_SIZE + r)), row, [5, 6, 7, 11, 12, 13, 14, 15])
 
 
 def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
@@ -151,23 +149,23 @@ def _begin(w: Writer, factors: Any, band: Any) -> None:
 @on_addresses()
 def _again(w: Writer, factors: Any, band: Any) -> None:
     """Write the corner of the next block, from a block with known factors."""
-    _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK)])
+    _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK_SIZE)])
 
 
 @on_addresses()
 def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
     """Write A11^-1 and H of a block, the corner of the next block, and meanwhile G of the previous block."""
-    places = [(before, _CORNER + LANES * (BLOCK + r)) for r in range(_SHARED)]
-    places += [(band_before, _of_matrix(BLOCK + r, 0)) for r in range(_SHARED, LANES)]
-    below = w.transposed([w.load(*place) for place in places])[:BLOCK]
+    places = [(before, _CORNER + LANES * (BLOCK_SIZE + r)) for r in range(_SHARED)]
+    places += [(band_before, _of_matrix(BLOCK_SIZE + r, 0)) for r in range(_SHARED, LANES)]
+    below = w.transposed([w.load(*place) for place in places])[:BLOCK_SIZE]
 
     def between(k: int) -> None:
-        inverse = [w.spread_number(w.number(before, _INVERSE + LANES * r + k)) for r in range(BLOCK)]
+        inverse = [w.spread_number(w.number(before, _INVERSE + LANES * r + k)) for r in range(BLOCK_SIZE)]
         w.store(w.sum(inverse, below), before, _G + LANES * k)
 
     near, h = _eliminated(w, factors, band, between)
     _write_corner(w, factors, band, h)
-    for r in range(BLOCK):
+    for r in range(BLOCK_SIZE):
         w.store(near[r], factors, _INVERSE + LANES * r)
         w.store(h[r], factors, _H + LANES * r)
 
@@ -178,12 +176,12 @@ def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
     place = utils.alloca_once_value(w.builder, w.load_some(x, n))
     with _blocks(w.builder, n) as block:
         here, y = w.shifted(factors, block, _ROOM), w.builder.load(place)
-        done = w.builder.mul(w.builder.add(block, w.count(1)), w.count(BLOCK))
+        done = w.builder.mul(w.builder.add(block, w.count(1)), w.count(BLOCK_SIZE))
         w.store(y, here, _Y)
         ahead = w.load_some(w.shifted(x, done), w.builder.sub(n, done))
         ahead = w.lanes(y, ahead, [5, 6, 7, 11, 12, 13, 14, 15])
-        g = [w.load(here, _G + LANES * j) for j in range(BLOCK)]
-        w.builder.store(w.less_sum(ahead, [w.spread(y, j) for j in range(BLOCK)], g), place)
+        g = [w.load(here, _G + LANES * j) for j in range(BLOCK_SIZE)]
+        w.builder.store(w.less_sum(ahead, [w.spread(y, j) for j in range(BLOCK_SIZE)], g), place)
 
 
 @on_addresses()
@@ -191,11 +189,11 @@ def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
     """Write the solution, from the last block to the first."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     with _blocks(w.builder, n, backwards=True) as block:
-        here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK))
+        here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK_SIZE))
         y = w.lanes(w.load(here, _Y), w.splat(0.0), [0, 1, 2, 3, 4, 13, 14, 15])
         behind = w.builder.load(place)
-        own = [w.mul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK)]
-        found = _totals(w, [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK)], behind)
+        own = [w.mul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK_SIZE)]
+        found = _totals(w, [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK_SIZE)], behind)
         w.builder.store(found, place)
         w.store_some(found, w.shifted(x, done), w.builder.sub(n, done))
 
@@ -220,7 +218,7 @@ def _folded(w: Writer, x: Any, y: Any, parts: tuple[list[int], list[int]]) -> An
 
 @contextmanager
 def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
-    count = builder.sdiv(builder.add(n, ir.Constant(n.type, BLOCK - 1)), ir.Constant(n.type, BLOCK))
+    count = builder.sdiv(builder.add(n, ir.Constant(n.type, BLOCK_SIZE - 1)), ir.Constant(n.type, BLOCK_SIZE))
     with utils.for_range(builder, count) as loop:
         last = builder.sub(count, ir.Constant(n.type, 1))
         yield builder.sub(last, loop.index) if backwards else loop.index
@@ -236,16 +234,16 @@ def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
 
     Parameters
     ----------
-    band : ndarray, shape (n + B, WIDTH)
-    factors : ndarray, shape (n + B, WIDTH)
+    band : ndarray, shape (n + B, BAND_COLUMNS)
+    factors : ndarray, shape (n + B, BAND_COLUMNS)
         Overwritten by the factors, in a special order.
     start : int
         First coordinate of a block. The factors of the earlier blocks are kept from the last factorisation; since then
         A has changed only in rows and columns from `start` on.
     """
-    blocks, first = (len(band) - B + BLOCK - 1) // BLOCK, start // BLOCK
+    blocks, first = (len(band) - B + BLOCK_SIZE - 1) // BLOCK_SIZE, start // BLOCK_SIZE
     to, source = factors.ctypes.data, band.ctypes.data + 8 * B
-    room, rows = 8 * _ROOM, 8 * BLOCK * WIDTH
+    room, rows = 8 * _ROOM, 8 * BLOCK_SIZE * BAND_COLUMNS
     known = max(0, first - 2)  # only the last rows are right, and only they affect the next block
     _begin(to + known * room, source + known * rows)
     for k in range(known, first):
@@ -261,7 +259,7 @@ def lu_solve(factors: FloatArray, x: FloatArray) -> None:
 
     Parameters
     ----------
-    factors : ndarray, shape (n + B, WIDTH)
+    factors : ndarray, shape (n + B, BAND_COLUMNS)
         Factors; also used as working memory.
     x : ndarray, shape (n,)
     """

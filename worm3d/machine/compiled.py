@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from worm3d.machine import cache
-from worm3d.machine.functions import FOLDER, Function, _dispatcher
+from worm3d.machine.functions import FUNCTION_FOLDER, Function, _dispatcher
 from worm3d.machine.later import later
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -50,7 +50,7 @@ def announce() -> None:
     """Print on stderr, once, that compiling the solver takes half a minute."""
     from worm3d.machine import packed  # imports modules that unpack
 
-    folder = cache.folder(FOLDER)
+    folder = cache.folder(FUNCTION_FOLDER)
     why = cache.obstacle(folder)
     if why is None:
         sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder}){packed.reason()}\n")

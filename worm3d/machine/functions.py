@@ -26,7 +26,7 @@ from worm3d.machine.symbols import missing
 
 Objects = tuple[bytes, bytes]
 """Object code of a function, and object code of the C wrapper of the function."""
-FOLDER = "compiled"
+FUNCTION_FOLDER = "compiled"
 """Folder of compiled functions in the cache."""
 _LOCK = threading.RLock()
 _HEAD = 8
@@ -87,7 +87,7 @@ class Function:
     def _built(self, args: Any, result: Any = None) -> int:
         """Return the address of the function for such arguments, as described in `worm3d.machine.back_end`."""
         with _LOCK:
-            folder, host = cache.folder(FOLDER), native.this_host()
+            folder, host = cache.folder(FUNCTION_FOLDER), native.this_host()
             key = self.key(args, result, host)
             objects = _objects(cache.load(folder, key))
             if objects is None:

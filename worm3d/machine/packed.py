@@ -17,9 +17,9 @@ import llvmlite
 from worm3d.machine.cache import files
 from worm3d.machine.codegen import native
 
-KINDS = ("x86-64-v4", "x86-64-v3")
+PACKED_PROCESSORS = ("x86-64-v4", "x86-64-v3")
 """Kinds of processors with packed code, the best kind first."""
-FOLDER = Path(__file__).with_name("packed")
+PACKED_FOLDER = Path(__file__).with_name("packed")
 MADE_WITH = "made_with"
 """Entry of an archive that lists the versions of the tools, such as `llvmlite 0.50.0`, a line each."""
 
@@ -27,7 +27,7 @@ MADE_WITH = "made_with"
 def kind_of(host: native.Host) -> native.Host | None:
     """Return the best kind of processor that a host includes; None for another family."""
     known = set(host.features.split(","))
-    for name in KINDS:
+    for name in PACKED_PROCESSORS:
         if known.issuperset(f"+{each}" for each in native.FEATURES[name]) and sys.platform == "linux":
             return native.kind(name)
     return None
@@ -52,7 +52,7 @@ def reason() -> str:
 
 def archive(kind: str) -> Path:
     """Return the place of the archive for a kind of processor."""
-    return FOLDER / f"{kind}.tar.xz"
+    return PACKED_FOLDER / f"{kind}.tar.xz"
 
 
 @cache

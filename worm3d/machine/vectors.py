@@ -13,10 +13,10 @@ from llvmlite import ir
 from worm3d.machine.later import placeholder, utils
 from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses
 
-WIDTH = LANES
+VECTOR_WIDTH = LANES
 """Doubles in a vector."""
-_BLOCK = 5
-"""Coordinates of a joint's block."""
+BLOCK_SIZE = 5
+"""Coordinates of a joint's block: p (3), roll and bend of the segment ahead of the joint."""
 
 
 def _pointer(name: str) -> Any:
@@ -47,8 +47,8 @@ indices_at: Any = placeholder(lambda: _pointer("int32"))
 
 def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, order: Sequence[int]) -> None:
     """Write rows, read in the given order, as columns; the number of rows is a multiple of eight."""
-    for first in range(0, len(order), WIDTH):
-        rows = [w.load(w.shifted(source, k, stride)) for k in order[first : first + WIDTH]]
+    for first in range(0, len(order), VECTOR_WIDTH):
+        rows = [w.load(w.shifted(source, k, stride)) for k in order[first : first + VECTOR_WIDTH]]
         for k, row in enumerate(w.transposed(rows)):
             w.store(row, w.shifted(to, k, to_stride), first)
 
@@ -56,20 +56,20 @@ def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, ord
 @on_addresses()
 def transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> None:
     """Write 8 rows of 8 doubles as columns."""
-    _transpose(w, to, to_stride, source, stride, range(WIDTH))
+    _transpose(w, to, to_stride, source, stride, range(VECTOR_WIDTH))
 
 
 @on_addresses()
 def transpose_places(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> None:
     """Write 24 rows, 8 of each axis, as 8 rows of 8 positions, each x, y, z."""
-    _transpose(w, to, to_stride, source, stride, [WIDTH * (k % 3) + k // 3 for k in range(3 * WIDTH)])
+    _transpose(w, to, to_stride, source, stride, [VECTOR_WIDTH * (k % 3) + k // 3 for k in range(3 * VECTOR_WIDTH)])
 
 
 @on_addresses()
 def repeat_8(w: Writer, to: Any, stride: Any, source: Any) -> None:
     """Write 8 doubles into each of 8 rows."""
     value = w.load(source)
-    for k in range(WIDTH):
+    for k in range(VECTOR_WIDTH):
         w.store(value, w.shifted(to, k, stride))
 
 
@@ -85,7 +85,7 @@ def add_rows(w: Writer, to: Any, pitch: Any, source: Any, stride: Any, count: An
 def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
     """Subtract a factor times the 16 doubles at `source` from 16 doubles."""
     minus = w.neg(w.spread_number(factor))
-    for shift in (0, WIDTH):
+    for shift in (0, VECTOR_WIDTH):
         w.store(w.fma(minus, w.load(source, shift), w.load(to, shift)), to, shift)
 
 
@@ -93,7 +93,9 @@ def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
 def all_equal(w: Writer, source: Any, value: Any) -> Any:
     """Return 1 if all 8 doubles equal `value`, else 0."""
     equal = w.compare("oeq", w.load(source), w.spread_number(value))
-    every = w.builder.icmp_signed("==", w.builder.bitcast(equal, ir.IntType(WIDTH)), ir.Constant(ir.IntType(WIDTH), -1))
+    every = w.builder.icmp_signed(
+        "==", w.builder.bitcast(equal, ir.IntType(VECTOR_WIDTH)), ir.Constant(ir.IntType(VECTOR_WIDTH), -1)
+    )
     return w.builder.zext(every, ir.IntType(64))
 
 
@@ -104,11 +106,11 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
     J consists of 3 rows of 8 doubles at an address; the 9 doubles of K are stored row by row, a stride apart [byte].
     """
     axes = range(3)
-    J = [w.load(jacobian, WIDTH * axis) for axis in axes]
+    J = [w.load(jacobian, VECTOR_WIDTH * axis) for axis in axes]
     places = [w.builder.add(stiffness, w.builder.mul(stride, w.count(k))) for k in range(9)]
     K = [w.spread_number(w.number(place, 0)) for place in places]
     KJ = [w.sum(K[3 * axis : 3 * (axis + 1)], J) for axis in axes]
-    for r in range(WIDTH):
+    for r in range(VECTOR_WIDTH):
         here = w.builder.add(to, w.builder.mul(pitch, w.count(r)))
         row = w.load(here)
         for axis in axes:
@@ -119,11 +121,11 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
 @on_addresses()
 def add_squares(w: Writer, to: Any, pitch: Any, roots: Any) -> None:
     """Add J^T J to 13 rows of 16 doubles that begin a pitch apart [byte]; J has 3 rows of 16 doubles at an address."""
-    halves = range(0, 2 * WIDTH, WIDTH)
-    J = [[w.load(roots, 2 * WIDTH * k + half) for k in range(3)] for half in halves]
+    halves = range(0, 2 * VECTOR_WIDTH, VECTOR_WIDTH)
+    J = [[w.load(roots, 2 * VECTOR_WIDTH * k + half) for k in range(3)] for half in halves]
     for r in range(13):
         here = w.builder.add(to, w.builder.mul(pitch, w.count(r)))
-        own = [w.spread(J[r // WIDTH][k], r % WIDTH) for k in range(3)]
+        own = [w.spread(J[r // VECTOR_WIDTH][k], r % VECTOR_WIDTH) for k in range(3)]
         for half, of_half in zip(halves, J, strict=True):
             w.store(w.add(w.load(here, half), w.sum(own, of_half)), here, half)
 
@@ -146,8 +148,8 @@ def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
     zero = w.splat(0.0)
     places = [utils.alloca_once_value(w.builder, zero) for _ in sources]
     counts = w.spread_number(count)
-    with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
-        lanes = w.builder.add(w.spread_number(k), ir.Constant(counts.type, list(range(WIDTH))))
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(VECTOR_WIDTH)) as (k, _):
+        lanes = w.builder.add(w.spread_number(k), ir.Constant(counts.type, list(range(VECTOR_WIDTH))))
         counted = w.builder.icmp_signed("<", lanes, counts)
         for source, place in zip(sources, places, strict=True):
             here = w.load(w.shifted(source, k))
@@ -160,14 +162,14 @@ def total(w: Writer, source: Any, count: Any) -> Any:
     """Return the sum of doubles; up to seven doubles behind them are read and ignored."""
     (lanes,) = _sums(w, [source], count)
     for apart in (4, 2, 1):
-        lanes = w.add(lanes, w.lanes(lanes, lanes, [k + apart if k < apart else k for k in range(WIDTH)]))
+        lanes = w.add(lanes, w.lanes(lanes, lanes, [k + apart if k < apart else k for k in range(VECTOR_WIDTH)]))
     return w.lane(lanes, 0)
 
 
 @on_addresses()
 def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
     """Write the sums of 8 rows, as `total` does."""
-    sums = w.transposed(_sums(w, [w.shifted(source, k, stride) for k in range(WIDTH)], count))
+    sums = w.transposed(_sums(w, [w.shifted(source, k, stride) for k in range(VECTOR_WIDTH)], count))
     while len(sums) > 1:
         sums = [w.add(x, y) for x, y in zip(sums[::2], sums[1::2], strict=True)]
     w.store(sums[0], to)
@@ -177,7 +179,7 @@ def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
 def greatest(w: Writer, source: Any, count: Any) -> Any:
     """Return the greatest of some doubles, or 0 if all are negative; the count is a multiple of eight."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
-    with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(VECTOR_WIDTH)) as (k, _):
         here, most = w.load(w.shifted(source, k)), w.builder.load(place)
         w.builder.store(w.select(w.compare("ogt", here, most), here, most), place)
     return _greatest_lane(w, w.builder.load(place))
@@ -186,7 +188,7 @@ def greatest(w: Writer, source: Any, count: Any) -> Any:
 def _greatest_lane(w: Writer, lanes: Any) -> Any:
     """Return the greatest number, or NaN if a lane is NaN."""
     for apart in (4, 2, 1):
-        other = w.lanes(lanes, lanes, [(k + apart) % WIDTH for k in range(WIDTH)])
+        other = w.lanes(lanes, lanes, [(k + apart) % VECTOR_WIDTH for k in range(VECTOR_WIDTH)])
         lanes = w.select(w.compare("ugt", other, lanes), other, lanes)
     return w.lane(lanes, 0)
 
@@ -196,11 +198,11 @@ def largest(w: Writer, source: Any, count: Any, lever: Any) -> Any:
     """Return the largest size of doubles in blocks of five, the last two of each times a lever; NaN if any is NaN."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     bad, lever = utils.alloca_once_value(w.builder, w.splat(0.0)), w.spread_number(lever)
-    with utils.for_range_slice(w.builder, w.count(0), count, w.count(_BLOCK * WIDTH)) as (k, _):
-        for first in range(0, _BLOCK * WIDTH, WIDTH):
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(BLOCK_SIZE * VECTOR_WIDTH)) as (k, _):
+        for first in range(0, BLOCK_SIZE * VECTOR_WIDTH, VECTOR_WIDTH):
             begin = w.builder.add(k, w.count(first))
             here = w.load_some(w.shifted(source, begin), w.builder.sub(count, begin))
-            turns = [(first + lane) % _BLOCK > 2 for lane in range(WIDTH)]
+            turns = [(first + lane) % BLOCK_SIZE > 2 for lane in range(VECTOR_WIDTH)]
             size = w.size(w.mul(here, w.select(ir.Constant(w.mask, turns), lever, w.splat(1.0))))
             most = w.builder.load(place)
             w.builder.store(w.select(w.compare("ogt", size, most), size, most), place)

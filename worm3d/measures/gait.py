@@ -21,7 +21,7 @@ from worm3d.measures.waves import Waves, waves_of
 from worm3d.measures.way import NO_WAY
 from worm3d.recorded.finished import FinishedRun
 
-STRAIGHT = 1000.0
+MIN_STRAIGHT_RADIUS = 1000.0
 """Radius beyond which a worm crawls straight [body lengths]."""
 IN_A_PIPE = "in a pipe the wall decides which way the worm goes"
 
@@ -51,8 +51,8 @@ def _radius(result: FinishedRun) -> float:
         raise NoValueError(IN_A_PIPE)
     sine = abs(float(np.sin(waves.turns.mean() / 2.0)))
     chord = float(waves.path.mean()) / result.worm.length
-    if chord >= 2.0 * STRAIGHT * sine:
-        raise NoValueError(f"the worm crawls straight: on no circle of less than {STRAIGHT:g} body lengths")
+    if chord >= 2.0 * MIN_STRAIGHT_RADIUS * sine:
+        raise NoValueError(f"the worm crawls straight: on no circle of less than {MIN_STRAIGHT_RADIUS:g} body lengths")
     return chord / (2.0 * sine)
 
 

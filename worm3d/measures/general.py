@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from worm3d.measures.spread import ROUGH, rough
+from worm3d.measures.spread import UNEVEN_GROUND_ADVICE, rough
 from worm3d.measures.table import NoValueError, measure
 from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, along_the_ground, distance, way
 from worm3d.recorded.energy import TERMS, Energy
@@ -104,7 +104,7 @@ def _iterations(result: FinishedRun) -> float:
     return float(result.newton_iterations.sum()) / solved
 
 
-ERRORS = {
+ERROR_MEASURES = {
     "distance_error_m": ("what the distance may be off by", lambda error: error.distance),
     "heading_error_deg": ("what the turn may be off by", lambda error: float(np.rad2deg(error.heading))),
     "work_error_J": ("what the net work of the actuators may be off by", lambda error: error.work),
@@ -113,11 +113,11 @@ ERRORS = {
 
 def _error(result: FinishedRun, of: Callable[[ErrorEstimate], float]) -> float:
     if result.error_estimate is None:
-        raise NoValueError(f"{FIXED}; {ROUGH}" if rough(result) else FIXED)
+        raise NoValueError(f"{FIXED}; {UNEVEN_GROUND_ADVICE}" if rough(result) else FIXED)
     return of(result.error_estimate)
 
 
-for _name, (_meaning, _of) in ERRORS.items():
+for _name, (_meaning, _of) in ERROR_MEASURES.items():
     measure(_name, _meaning)(partial(_error, of=_of))
 
 
@@ -201,7 +201,7 @@ def carried(result: FinishedRun) -> float:
     Raises
     ------
     NoValueError
-        The worm made no way forward, or has no weight or no heading.
+        The worm did not move forward, or has no weight or no heading.
     """
     weight = result.worm.mass * float(np.linalg.norm(result.gravity))
     if distance(result) <= NO_WAY * result.worm.length:

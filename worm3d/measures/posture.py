@@ -19,7 +19,7 @@ ON_ITS_SIDE = float(np.deg2rad(35.0))
 its side. When crawling, the roll is at most 5 degrees on level ground and on slopes, 20 in the bend of a pipe, and for
 moments 18 on rubble and 30 in a tunnel."""
 
-LASTING = 0.5
+MIN_SIDE_TIME = 0.5
 """Shortest time on the side that counts, so that a rocking worm does not count [s]."""
 
 GROUND = 0.5
@@ -46,7 +46,7 @@ def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Rolled:
-    """Roll of a worm at some rows of its run: all on a plane, elsewhere five in half a second (`LASTING`)."""
+    """Roll of a worm at rows of a run: all rows on a plane, elsewhere five rows in half a second (`MIN_SIDE_TIME`)."""
 
     time: FloatArray
     """Instants, shape (R,) [s]."""
@@ -64,8 +64,8 @@ class Rolled:
 @kept
 def rolled(result: FinishedRun) -> Rolled:
     """Return the roll of a run's worm."""
-    apart = float(result.time[1] - result.time[0]) if len(result.time) > 1 else LASTING
-    step = max(1, int(LASTING / (5.0 * apart)))
+    apart = float(result.time[1] - result.time[0]) if len(result.time) > 1 else MIN_SIDE_TIME
+    step = max(1, int(MIN_SIDE_TIME / (5.0 * apart)))
     even = result.world is not None and result.world.flat
     rows = slice(None, None, 1 if even else step)
     return Rolled(result.time[rows], roll(result, rows), step if even else 1)
@@ -80,7 +80,7 @@ def on_its_side(result: FinishedRun) -> float | None:
     time, lies = found.time[:: found.step], np.abs(np.nan_to_num(found.roll[:: found.step])) > ON_ITS_SIDE
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lies.astype(int), [0]])))
     for begin, end in edges.reshape(-1, 2):
-        if time[end - 1] - time[begin] >= LASTING * (1.0 - 1e-9):
+        if time[end - 1] - time[begin] >= MIN_SIDE_TIME * (1.0 - 1e-9):
             return float(time[begin])
     return None
 

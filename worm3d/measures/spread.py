@@ -13,11 +13,11 @@ from worm3d.recorded.state import State
 from worm3d.values import arguments
 from worm3d.values.documented import with_fields
 
-ENOUGH = 24
+MIN_STARTS = 24
 """Smallest number of starts for a mean: the error of the mean is then a fifth of the spread."""
-ROUGH = (
+UNEVEN_GROUND_ADVICE = (
     "on uneven ground every stone decides, and a single distance means little: take the mean over "
-    f"{ENOUGH} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
+    f"{MIN_STARTS} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
 )
 ROUGH_FROM = 0.01
 """Height of bumps, as a fraction of the length of a segment, from which ground is uneven in this sense."""
@@ -45,7 +45,7 @@ class Spread:
         ValueError
             Fewer than 24 runs, or a run that did not reach the end.
         """
-        arguments.whole("results", len(results), ge=ENOUGH)
+        arguments.whole("results", len(results), ge=MIN_STARTS)
         for k, each in enumerate(results):
             if each.status.diverged:
                 raise ValueError(f"results: got run {k}, of which {each.stop.sentence}; must have reached its end")
@@ -59,7 +59,7 @@ def rough(result: FinishedRun) -> bool:
     return result.world is not None and result.world.bumps(length) > ROUGH_FROM * length
 
 
-def scattered(state: State, count: int = ENOUGH, within: float | None = None, seed: int = 0) -> list[State]:
+def scattered(state: State, count: int = MIN_STARTS, within: float | None = None, seed: int = 0) -> list[State]:
     """Return copies of a state with small horizontal shifts, for runs on uneven ground.
 
     Parameters

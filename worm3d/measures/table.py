@@ -43,7 +43,7 @@ class Measure:
     """A measure of a run."""
 
     name: str = ""
-    """Name, which ends in a unit of `worm3d.values.metrics.UNITS`."""
+    """Name, which ends in a unit of `worm3d.values.metrics.METRIC_UNITS`."""
     meaning: str = ""
     """Meaning of the measure, in a few words."""
     function: Function | None = None

@@ -28,9 +28,9 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter, parameters_of
 
 COMMANDS = ("command", "command_n", "given_n", "force_command", "force_command_n", "force_n")
-"""Commands to an actuator at the end and at the start of a step, and its outputs at the start of the step."""
+"""Commands to an actuator at the end and at the start of a step, and outputs at the start of the step."""
 
-KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
+RESPONSE_INPUTS = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
 """Names of the inputs of `Actuator.respond` beside parameters and states."""
 
 
@@ -58,7 +58,7 @@ class Response(NamedTuple):
 
 
 ACTUATORS: dict[str, type[Actuator]] = {}
-"""Class of each actuator by its name."""
+"""Class of each actuator by name."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,7 +70,7 @@ class Actuator(Part, registry=ACTUATORS):
     `hinge_actuator` sets the actuator of the hinges.
     """
 
-    known: ClassVar[tuple[str, ...]] = KNOWN
+    known: ClassVar[tuple[str, ...]] = RESPONSE_INPUTS
     told: ClassVar[tuple[str, ...]] = ("states", "drives_hinges", "has_source")
     drives_hinges: ClassVar[bool] = True
     """Whether the actuator may drive a hinge: such an actuator has no potential and no energy, and needs no length."""
@@ -109,7 +109,7 @@ class Actuator(Part, registry=ACTUATORS):
         return dict.fromkeys(cls.states, 0.0)
 
     def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
-        """Return the parameters by name for the chambers or the hinges of a worm, a number or one for each."""
+        """Return the parameters by name for the chambers or the hinges of a worm, a number or one number for each."""
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
 
@@ -151,7 +151,7 @@ class FirstOrder(Actuator, name="first_order"):
     @classmethod
     def respond(cls, s: Symbols) -> Response:
         """Return the contraction or angle, and the force, after lag and limits."""
-        import casadi as ca  # parameters are wanted without it
+        import casadi as ca  # parameters do not need casadi
 
         command = ca.fmin(ca.fmax(s["command"], s["least"]), s["greatest"])
         most = s["rate_limit"] * s["dt"]

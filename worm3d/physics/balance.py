@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from worm3d.physics.actuators import KNOWN, Actuator
+from worm3d.physics.actuators import RESPONSE_INPUTS, Actuator
 from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import once
 from worm3d.physics.worm import Worm
@@ -37,7 +37,7 @@ The actuators of worm3d miss 1.6e-4 at most; a declared work that is 5 % too lar
 limit separate the two cases as well.
 """
 
-ENERGIES = ("missed", "work", "stored", "lost", "on_chamber")
+BALANCE_TERMS = ("missed", "work", "stored", "lost", "on_chamber")
 
 
 class UnbalancedEnergyWarning(RuntimeWarning):
@@ -92,22 +92,22 @@ def balance(part: Actuator, worm: Worm) -> Balance:
 
 
 def _energies(part: Actuator, worm: Worm, steps: int) -> FloatArray:
-    """Return `ENERGIES` until the start and the end of each step, shape (steps + 1, 5, N) [J]."""
+    """Return the cumulative `BALANCE_TERMS` at the start and after each step, shape (steps + 1, 5, N) [J]."""
     kind, n, dt = part.compiled(), worm.segments, MOTION_TIME / steps
     at_rest, of_step = _functions(kind)
     lengths, commands = _motion(worm, np.linspace(0.0, MOTION_TIME, steps + 1))
     fixed = dict(part.values(worm, hinge=False))
     fixed |= {"l0": worm.l0, "link": worm.link_length, "k": worm.k_spring, "dt": dt, "span": dt}
-    known = dict.fromkeys(KNOWN, 0.0) | fixed
+    known = dict.fromkeys(RESPONSE_INPUTS, 0.0) | fixed
     known |= {"command": commands[0], "command_n": commands[0], "given_n": commands[0]}
     states, given = at_rest(known | {"length": lengths[0], "length_n": lengths[0]}, n), commands[0]
-    total = np.zeros((steps + 1, len(ENERGIES), n))
+    total = np.zeros((steps + 1, len(BALANCE_TERMS), n))
     for k in range(steps):
         known |= {"command": commands[k + 1], "command_n": commands[k], "given_n": given}
         known |= {"length": lengths[k + 1], "length_n": lengths[k]}
         known |= {f"{name}_{past}": states[name] for name in kind.states for past in ("n", "hat")}
         states = of_step(known, n)
-        given, total[k + 1] = states["given"], total[k] + [states[name] for name in ENERGIES]
+        given, total[k + 1] = states["given"], total[k] + [states[name] for name in BALANCE_TERMS]
     return total
 
 
@@ -129,7 +129,7 @@ Numeric = Callable[[dict[str, Any], int], dict[str, FloatArray]]
 def _functions(kind: type[Actuator]) -> tuple[Numeric, Numeric]:
     """Return the states of an actuator at rest, and the function of a step."""
     past = [f"{state}_{at}" for state in kind.states for at in ("n", "hat")]
-    s = {name: ca.SX.sym(name) for name in (*KNOWN, *parameters_of(kind), *past)}
+    s = {name: ca.SX.sym(name) for name in (*RESPONSE_INPUTS, *parameters_of(kind), *past)}
     response, length = kind.respond(s), s["length"]
 
     def potential(at: ca.SX) -> ca.SX:

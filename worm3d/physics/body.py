@@ -146,7 +146,7 @@ class Body(ReadOnly):
 
 def _stroke(given: tuple[float, float]) -> tuple[float, float]:
     found = arguments.floats("stroke", given)
-    if found.shape != (2,) or not (-arguments.LARGEST <= found[0] <= 0.0 <= found[1] < 1.0):
+    if found.shape != (2,) or not (-arguments.MAX_MAGNITUDE <= found[0] <= 0.0 <= found[1] < 1.0):
         raise ValueError(
             f"stroke: got {arguments.shown(given)}, must be finite and (c_min, c_max) with c_min <= 0 <= c_max < 1"
         )

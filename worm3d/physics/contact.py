@@ -51,7 +51,7 @@ these, all contacts that yield in the solution, or almost yield,
 
 break away together: they get c_0 = 1, and the step is solved again from the start. This is repeated until no contact
 yields. A contact that breaks away keeps the kinetic limit until the step ends, even if Newton's method puts the contact
-in the regime STICKING again; therefore the repetition ends. The static limit returns in the next step if the anchor did
+in a sticking regime again; therefore the repetition ends. The static limit returns in the next step if the anchor did
 not slip. A contact that yields has the greatest force regardless of rounding, so that contacts with equal forces behave
 alike; neither the order of the contacts nor the way to the solution matters.
 
@@ -70,19 +70,19 @@ from worm3d.physics.friction_laws import FrictionLaw, Symbols
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, so that rounding does not make anchors creep."""
 
-TIE = 1e-9
+BREAKAWAY_TOLERANCE = 1e-9
 """Relative distance below the static limit at which a contact breaks away, (C6)."""
 
 
 class Directions(NamedTuple):
-    """Number of a contact for motion towards the head, towards the tail and sideways."""
+    """Values of a contact for motion towards the head, towards the tail and sideways."""
 
     forward: ca.SX
     backward: ca.SX
     lateral: ca.SX
 
     def of(self, y: ca.SX) -> ca.SX:
-        """Return the numbers along the segment and sideways for a displacement y, shape (2,)."""
+        """Return the values along the segment and sideways for a displacement y, shape (2,)."""
         return ca.vertcat(ca.if_else(y[0] > 0.0, self.forward, self.backward), self.lateral)
 
 
@@ -203,7 +203,7 @@ def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
 
 def static_excess(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
     """Return the excess of eta(y) over the static limit, (C6) [m]."""
-    return ca.sqrt(squares(y, of)[1]) - step.limit_ratio * step.r * (1.0 - TIE)
+    return ca.sqrt(squares(y, of)[1]) - step.limit_ratio * step.r * (1.0 - BREAKAWAY_TOLERANCE)
 
 
 def anchor_energy(s: ca.SX, of: Coefficients, yield_gauge: ca.SX) -> ca.SX:

@@ -1,6 +1,6 @@
 """Kinematics and elastic energies of the 3D linkage, symbolic, each formula once.
 
-Everything else is generated from here: the simulator's kernels, its derivatives and the controller's model.
+The simulator's kernels, the derivatives and the controller's model are generated from these formulas.
 Axes: x forward, y left, z up. Segment i has the end joints p_i, p_{i+1}, the roll g_i and the chamber bend th_i.
 
 Frame (E1): e = p_{i+1} - p_i, l = |e|, t = e/l. The reference director, a unit vector normal to t_ref, is carried to t
@@ -45,7 +45,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-SIDES = (1.0, -1.0)
+SIDE_SIGNS = (1.0, -1.0)
 """Sign of the lateral offset of the chambers [left, right]."""
 
 FACING = 1e-3
@@ -91,7 +91,7 @@ def spin_change(f: Frame, t_ref: ca.SX, m: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def chamber_lengths(length: ca.SX, bend: ca.SX, offset: ca.SX) -> list[ca.SX]:
     """Return the lengths of the chambers [left, right], (E2) [m]."""
-    return [length - side * offset * bend for side in SIDES]
+    return [length - side * offset * bend for side in SIDE_SIGNS]
 
 
 def half_height(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
@@ -102,7 +102,7 @@ def half_height(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
 def apexes(middle: ca.SX, f: Frame, chambers: list[ca.SX], link: ca.SX, offset: ca.SX) -> list[ca.SX]:
     """Return the six apexes of a segment, (E3), each of shape (3,) [m]; `middle` is (p_i + p_{i+1})/2."""
     points = []
-    for side, length in zip(SIDES, chambers, strict=True):
+    for side, length in zip(SIDE_SIGNS, chambers, strict=True):
         h = half_height(link, length)
         centre = middle + side * offset * f.d
         points += [centre - h * f.u, centre + h * f.u, middle + side * (offset + h) * f.d]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import casadi as ca
 
-ADVICE = (
+EXPRESSION_ADVICE = (
     "must be a scalar expression; take ca.if_else, ca.fmin and ca.fmax (casadi as ca), not Python's if, min and max or "
     "np.clip"
 )
@@ -28,7 +28,7 @@ def answer(of: type, method: str, *given: Any) -> Any:
         said = f"{type(error).__name__}: {(str(error).strip().splitlines() or [''])[0]}"
         if "truth value" in said:
             said = "a decision of Python on an expression, of which it is not known yet whether it is true"
-        raise ValueError(f"{of.__name__}.{method}: got {said}; {ADVICE}") from error
+        raise ValueError(f"{of.__name__}.{method}: got {said}; {EXPRESSION_ADVICE}") from error
 
 
 def scalar(name: str, value: Any) -> ca.SX:
@@ -44,7 +44,7 @@ def scalar(name: str, value: Any) -> ca.SX:
     try:
         found = ca.SX(value)
     except Exception as error:
-        raise ValueError(f"{name}: got {type(value).__name__}, {ADVICE}") from error
+        raise ValueError(f"{name}: got {type(value).__name__}, {EXPRESSION_ADVICE}") from error
     if found.shape != (1, 1):
-        raise ValueError(f"{name}: got an array of shape {found.shape}, {ADVICE}")
+        raise ValueError(f"{name}: got an array of shape {found.shape}, {EXPRESSION_ADVICE}")
     return found

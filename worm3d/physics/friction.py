@@ -53,8 +53,8 @@ the damping.
 
 WEIGHTLESS = 0.075
 """Weight to which the contacts of a worm without weight are scaled, as a fraction of the mean stiffness of its springs:
-about the weight of the default worm. Such a worm touches its world with the forces of its springs alone. At half and
-double this weight the contacts yield by twice and half as much."""
+about the weight of the default worm. Only spring forces press such a worm on its world. At half and double this weight
+the contacts yield by twice and half as much."""
 
 _RANGE: dict[str, Any] = {"ge": 0, "le": GREATEST, "each": "segment"}
 
@@ -128,7 +128,7 @@ class ContactConstants:
 
     @classmethod
     def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
-        """Return the constants scaled to a worm's weight, or to `natural_gravity` without one.
+        """Return the constants scaled to a worm's weight, or to `natural_gravity` for a worm without weight.
 
         Left and right apexes below a segment share the load, so that each apex has half of the segment's stiffness.
         """

@@ -35,19 +35,19 @@ Symbols: TypeAlias = "Mapping[str, ca.SX]"
 """Parameters of a law by name."""
 
 LAWS: dict[str, type[FrictionLaw]] = {}
-"""Class of each law of friction, by its name."""
+"""Class of each law of friction, by name."""
 
 MAX_PARAMETERS = 4
 """Largest number of parameters of a law, which is the number of rows in the kernels."""
 
-ROUNDING = 1e-12
-"""Size up to which a value counts as 0 where a law is checked."""
+ZERO_TOLERANCE = 1e-12
+"""Size up to which a value counts as 0 in the check of a law."""
 
 FALLING = 1e-9
 """Size of a negative derivative that counts as rounding, as a fraction of the largest derivative so far."""
 
-LOADS, RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
-"""Normal loads [N] and rates [m/s] at which a law is checked."""
+CHECKED_LOADS, CHECKED_RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
+"""Normal loads [N] and rates [m/s] for the check of a law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +97,14 @@ class FrictionLaw(ReadOnly):
         for column in np.unique(self.rows(), axis=1).T:
             capacity, excess, slope, rise = (float(each) for each in values(0.0, column))
             for what, value in (("capacity at 0", capacity), ("excess at 0", excess), ("slope of excess at 0", rise)):
-                if not abs(value) <= ROUNDING:
+                if not abs(value) <= ZERO_TOLERANCE:
                     raise ValueError(f"{type(self).__name__}: the {what} is {value:g}, must be 0")
             if not 0.0 <= slope < np.inf:
                 raise ValueError(
                     f"{type(self).__name__}: the slope of capacity at 0 is {slope:g}, must be finite and at least 0"
                 )
-            self._check_growth("capacity", "slope", grown(LOADS[None], column), LOADS, "N")
-            self._check_growth("excess", "second derivative", curved(RATES[None], column), RATES, "m/s")
+            self._check_growth("capacity", "slope", grown(CHECKED_LOADS[None], column), CHECKED_LOADS, "N")
+            self._check_growth("excess", "second derivative", curved(CHECKED_RATES[None], column), CHECKED_RATES, "m/s")
 
     def _check_growth(self, name: str, derivative: str, values: Sequence[ca.DM], at: FloatArray, unit: str) -> None:
         """Raise ValueError if a function or a derivative is not finite, or if the last derivative is negative."""
@@ -170,10 +170,10 @@ class Coulomb(FrictionLaw, name="coulomb"):
 @documented
 @dataclass(frozen=True, eq=False)
 class Viscous(FrictionLaw, name="viscous"):
-    """Coulomb's law with a resistance that grows with the speed of sliding, as of mucus, mud or a greased skin.
+    """Coulomb's law with a resistance that grows with the speed of sliding, as in mucus, mud or a greased skin.
 
     A contact that slides along an axis with the coefficient mu feels mu N (1 + viscosity mu |v|), a Bingham fluid's
-    law: twice the kinetic friction at the speed 1/(viscosity mu). Sticking and breaking away are Coulomb's.
+    law: twice the kinetic friction at the speed 1/(viscosity mu). Sticking and breakaway follow Coulomb's law.
     """
 
     viscosity: Numbers = parameter(

@@ -42,11 +42,11 @@ from typing import ClassVar
 from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.parameters import documented, parameter
 
-PREFIX = "hysteresis_"
+HYSTERESIS_PREFIX = "hysteresis_"
 """Prefix of the friction's states and parameters among the names of a chamber's actuator."""
 
 HYSTERESES: dict[str, type[Hysteresis]] = {}
-"""Class of each kind of joint friction by its name."""
+"""Class of each kind of joint friction by name."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,7 +92,7 @@ HYSTERESES["none"] = Hysteresis
 
 def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str]:
     """Return the unit of each state of a chamber by name: first the actuator's states, then the joint friction's."""
-    return {**actuator.states, **{PREFIX + name: unit for name, unit in own.states.items()}}
+    return {**actuator.states, **{HYSTERESIS_PREFIX + name: unit for name, unit in own.states.items()}}
 
 
 @documented

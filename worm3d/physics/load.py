@@ -27,7 +27,7 @@ HEAD = -1
 """Number for the head's joint."""
 
 LOADS: dict[str, type[Load]] = {}
-"""Class of each kind of load by its name."""
+"""Class of each kind of load by name."""
 
 
 class LoadStep(NamedTuple):

@@ -23,7 +23,7 @@ from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.parameters import documented, parameter
 
 MEDIA: dict[str, type[Medium]] = {}
-"""Class of each kind of medium by its name."""
+"""Class of each kind of medium by name."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,11 +54,12 @@ MEDIA["uniform"] = Medium
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrainDrag(Medium, name="strain_drag"):
-    """Resistance in proportion to 1 + gain strain + rate_gain strain rate, as of bristles that stand up or lie down.
+    """Resistance in proportion to 1 + gain strain + rate_gain strain rate, like bristles that stand up or lie down.
 
-    With the strain A cos(k X - w t) the factor is 1 + B cos(k X - w t + phi), where B cos(phi) = gain A and
-    B sin(phi) = -rate_gain A w: the worm swims at (A B/2) (w/k) cos(phi) along the wave, against it where stretched
-    segments resist less (Tanaka, Ito, Nakagaki, Kobayashi, J. R. Soc. Interface 9, 2012, 222, control friction so).
+    With the strain A cos(k X - w t) the factor is 1 + B cos(k X - w t + phi), where B cos(phi) = gain A and B
+    sin(phi) = -rate_gain A w: the worm swims at (A B/2) (w/k) cos(phi) along the wave, and against the wave if
+    stretched segments resist less (Tanaka, Ito, Nakagaki, Kobayashi, J. R. Soc. Interface 9, 2012, 222, control
+    friction in this way).
     """
 
     gain: Numbers = parameter(

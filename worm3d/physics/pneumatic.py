@@ -50,7 +50,7 @@ class Pneumatic(Actuator, name="pneumatic"):
     """Chambers that are filled with air through a valve: a contraction is commanded as a pressure.
 
     The commanded gauge pressure is `gain` times the commanded contraction, within the limits of the supply; the springs
-    of the chambers stay at their rest lengths. Small contractions are as commanded, at rest and without load, where
+    of the chambers keep their rest lengths. Small contractions are as commanded, at rest and without load, where
     gain = k/(2 |dV/dl|). States: pressure (absolute) and mass of the air of each chamber.
 
     Raises

@@ -59,7 +59,7 @@ from worm3d.values.parameters import documented, parameter
 if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
-TIE = 1e-9
+KINK_TOLERANCE = 1e-9
 """Excess of the tension over a kink at which the regime changes, as a fraction of the limit; rounding is less."""
 
 NEAREST = 0.01
@@ -199,7 +199,7 @@ class _Cable:
         """Return the next regime: sticking comes between the two others."""
         import casadi as ca
 
-        regime, tie = self.s["regime"], TIE * (self.high.limit / self.stiffness + 1e-12)
+        regime, tie = self.s["regime"], KINK_TOLERANCE * (self.high.limit / self.stiffness + 1e-12)
         above, below = self.y > self.high.kink + tie, self.y < self.low.kink - tie
         stays = ca.if_else(above, LOAD_HIGH, ca.if_else(below, LOAD_LOW, LOAD_STICKING))
         of_high = ca.if_else(self.y < self.high.kink - tie, LOAD_STICKING, LOAD_HIGH)

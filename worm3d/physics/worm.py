@@ -71,7 +71,7 @@ class Worm(Body):
         Parameters
         ----------
         half_height : float or ndarray, shape (N,), optional
-            sqrt(3)/4 l0 (the paper's) if left out [m].
+            sqrt(3)/4 l0, as in the paper, if left out [m].
         density, depth : float
             Mass = density [kg/m^3] x rest area of the rhombi x depth [m], unless `mass` is given.
         apex_mass_fraction : float

@@ -45,7 +45,7 @@ class Energy(ReadOnly):
     @derived("time", "J", "what comes in less what is stored or lost")
     def residual(self) -> FloatArray:
         """Return the energy supplied minus the energy stored or lost: zero up to Newton's residual."""
-        return self.sum(INCOMING) - self.sum(STORED) - self.sum(LOST)
+        return self.sum(SUPPLIED_ENERGY) - self.sum(STORED_ENERGY) - self.sum(LOST_ENERGY)
 
     @classmethod
     def of(cls, rows: FloatArray) -> Energy:
@@ -71,20 +71,22 @@ class Energy(ReadOnly):
             "damping": self.viscous_loss + self.actuator_loss,
             "impact": self.impact,
             "numerical": self.numerical_loss,
-            "gained": self.sum(STORED) - self.load_change,
+            "gained": self.sum(STORED_ENERGY) - self.load_change,
         }
         return {name: float(part.sum()) for name, part in parts.items()}
 
     @property
     def balance_error(self) -> float:
         """|Residual of the run| over the sum of the absolute terms; NaN if a term is NaN."""
-        scale = sum(float(np.abs(getattr(self, name)).sum()) for name in (*INCOMING, *STORED, *LOST))
+        scale = sum(
+            float(np.abs(getattr(self, name)).sum()) for name in (*SUPPLIED_ENERGY, *STORED_ENERGY, *LOST_ENERGY)
+        )
         return 0.0 if scale == 0.0 else abs(float(self.residual.sum())) / scale
 
 
 TERMS = tuple(each.name for each in fields(Energy))
 """Terms of the ledger, in the order of the solver's array "terms"."""
 
-INCOMING, STORED, LOST = TERMS[:3], TERMS[3:9], TERMS[9:15]
+SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY = TERMS[:3], TERMS[3:9], TERMS[9:15]
 """Terms that balance: the energy supplied equals the energy stored plus the energy lost. The other terms are parts of
 these terms, or terms of the paper."""

@@ -159,7 +159,7 @@ class State(ReadOnly):
             position of the tail along the pipe, and 0. In no world can a worm start below the surface, and on the
             clamped ground a worm cannot start above the surface.
         azimuth : float
-            Heading, from x towards y; in a pipe 0 (along it) or pi (back) [rad].
+            Heading, from x towards y; in a pipe 0 (along the pipe) or pi (back) [rad].
         contraction : float or array_like, shape (N, 2)
             Contraction of the chambers. The pose shows the worm at its rest length; settling contracts the worm as far
             as the world allows.
@@ -174,7 +174,7 @@ class State(ReadOnly):
         arguments.instance("worm", worm, Worm, "a worm3d.Worm")
         arguments.instance("world", world, World | None, "a world such as worm3d.Plane(), or None")
         at = arguments.floats("position", position)
-        if at.shape not in ((2,), (3,)) or not (np.abs(at) <= arguments.LARGEST).all():
+        if at.shape not in ((2,), (3,)) or not (np.abs(at) <= arguments.MAX_MAGNITUDE).all():
             raise ValueError(f"position: got {arguments.shown(position)} m, must be finite: x, y (and a lift)")
         azimuth = arguments.number("azimuth", azimuth, "rad")
         along = worm.l0 * np.arange(worm.segments + 1.0)
@@ -191,7 +191,7 @@ class State(ReadOnly):
         return cls(joints=joints, directors=directors, contraction=contraction, laid=laid)
 
     def with_changes(self, **changes: Any) -> State:
-        """Return a copy with some fields changed; the memory is left out unless given, and `laid` if the pose changes."""
+        """Return a copy with some fields changed; drop the memory unless given, and `laid` if the pose changes."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
         return State(**{**given, "memory": None, "laid": laid, **changes})

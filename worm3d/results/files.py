@@ -45,7 +45,7 @@ RESULT = "result.nc"
 RUN, CHECKPOINT = "run", "checkpoint"
 """Groups: arrays of worm and world, and the state at the end."""
 
-STATE = {
+STATE_FIELDS = {
     "joints": "m",
     "directors": "1",
     "bend": "rad",
@@ -57,12 +57,12 @@ STATE = {
 }
 """Numeric fields of a state, and the units."""
 
-FIELD, MEMORY = "state_", "memory_"
+FIELD_PREFIX, MEMORY_PREFIX = "state_", "memory_"
 """Prefixes of variables of a checkpoint: fields of the state, and arrays of the memory."""
 
 KEPT_MARGIN = 0.4
-"""Distance around a worm within which a user's own world is stored [body lengths]. Pictures show 0.3: at half this
-distance the rim is visible; at double the distance the cells are a third wider."""
+"""Distance around a worm within which a user's own world is stored [body lengths]. Pictures show 0.3 body lengths. With
+half the margin the rim is visible; with double the margin the cells are a third wider."""
 
 IN_TEXT = 16
 """Largest size of an array in the text; larger arrays are variables."""
@@ -209,9 +209,11 @@ def _seen(result: FinishedRun) -> World | None:
 
 def checkpoint_of(state: State) -> tuple[Variable, ...]:
     """Return a state with its memory as variables."""
-    arrays = {FIELD + name: (getattr(state, name), unit, f"{name} at the end") for name, unit in STATE.items()}
+    arrays = {
+        FIELD_PREFIX + name: (getattr(state, name), unit, f"{name} at the end") for name, unit in STATE_FIELDS.items()
+    }
     for name, array in state.memory.items():
-        arrays[MEMORY + name] = (array, "SI", f"what the next step depends on: {name}, in the solver's layout")
+        arrays[MEMORY_PREFIX + name] = (array, "SI", f"what the next step depends on: {name}, in the solver's layout")
     return tuple(
         Variable(name, tuple(f"size_{n}" for n in np.shape(array)), array, unit, meaning)
         for name, (array, unit, meaning) in arrays.items()
@@ -221,8 +223,12 @@ def checkpoint_of(state: State) -> tuple[Variable, ...]:
 def state_of(checkpoint: tuple[Variable, ...], laid: bool = False) -> State:
     """Return the state of a checkpoint."""
     values = {variable.name: variable.values for variable in checkpoint}
-    memory = {name.removeprefix(MEMORY): array for name, array in values.items() if name.startswith(MEMORY)}
-    given: dict[str, Any] = {name: values[FIELD + name] for name in STATE if FIELD + name in values}
+    memory = {
+        name.removeprefix(MEMORY_PREFIX): array for name, array in values.items() if name.startswith(MEMORY_PREFIX)
+    }
+    given: dict[str, Any] = {
+        name: values[FIELD_PREFIX + name] for name in STATE_FIELDS if FIELD_PREFIX + name in values
+    }
     return State(**{**given, "time": float(given["time"])}, memory=memory, laid=laid)
 
 

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 
 FPS = 25.0
-"""Largest number of frames per second of a page, a movie or (of real time) the live view."""
+"""Largest number of frames per second of a page or a movie, and of the live view in real time."""
 
 MOST_SEGMENTS = 12_000
 """Largest number of segments in all frames of a page together: longer runs and worms get fewer frames per second."""
 
 PATH_ABOVE, TRAIL_ABOVE = 0.004, 0.008
-"""Heights above the ground at which the path to follow and the trail of the centre of mass are drawn [body lengths]."""
+"""Heights above the ground of the drawn path to follow and of the trail of the centre of mass [body lengths]."""
 
 SERIES = (
     *("time", "joints", "points", "directors", "chamber_length", "com", "contact_force"),

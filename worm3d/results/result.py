@@ -41,7 +41,7 @@ class Result(FinishedRun):
 
     @property
     def rolled(self) -> Rolled:
-        """Roll of the worm at some or all of its rows."""
+        """Roll of the worm at some or all rows of the result."""
         return rolled(self)
 
     @property

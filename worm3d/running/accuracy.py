@@ -27,7 +27,7 @@ FINEST = 1e-12
 
 FINER = 4.0
 """Ratio of the allowed errors of a step in two successive runs."""
-CHECKS, TIGHTENED = 2, 4
+COARSER_RUNS, MAX_REFINEMENTS = 2, 4
 """Number of coarser runs that a run is compared with, and the largest number of further refinements."""
 FINAL, EARLIER, LEAST_SHARE = 2.0, 1.25, 0.03
 """Factors of the error estimate. The estimate is the larger of FINAL times the difference from the previous run and
@@ -41,8 +41,8 @@ LATER_SHARE = 0.5
 """Final share of a run in which the rms difference to another run counts as much as the difference at the end: runs
 that agree at the end by chance do not agree all the time. Half and double leave 98 and 96 % of these turns within two
 estimates, and 97 % of the distances."""
-SURE = 2.0
-"""A run is refined until SURE times the estimate is at most the requested error: errors are rarely larger."""
+ESTIMATE_SAFETY_FACTOR = 2.0
+"""Least ratio of the requested error to the estimate; a run is refined until then, and errors are rarely larger."""
 OF_THE_COMPUTATION = frozenset({"real_time_factor", "newton_iterations_mean", "halved_steps"})
 """Numbers of a summary that describe the computation; they have no error estimate."""
 LEAST_WAY = 0.1
@@ -73,7 +73,10 @@ def begin(
         run = Run(problem, placing)
         return lambda: run.finish(*observed(run))
     share = STEP_ERROR * (accuracy / USUAL) ** 2
-    allowed = [max(FINEST, share * FINER ** (CHECKS - k)) * problem.worm.length for k in range(CHECKS + TIGHTENED + 1)]
+    allowed = [
+        max(FINEST, share * FINER ** (COARSER_RUNS - k)) * problem.worm.length
+        for k in range(COARSER_RUNS + MAX_REFINEMENTS + 1)
+    ]
     coarsest = Run(problem, placing, allowed[0])
 
     def finish() -> Result:
@@ -82,7 +85,7 @@ def begin(
         seconds = 0.0
         for k, most in enumerate(allowed):
             run = Run(problem, placing, most) if k > 0 else coarsest
-            may_be_it = k >= CHECKS
+            may_be_it = k >= COARSER_RUNS
             result = run.finish(*(observed(run) if may_be_it else checked))
             seconds += result.wall_s
             if result.status is not Status.DONE and (may_be_it or not result.status.diverged):
@@ -96,7 +99,7 @@ def begin(
                 figures = _errors_of_figures(summaries, accuracy)
                 estimate = ErrorEstimate(distance, heading, work, asked, most, int(run.solves), k + 1, figures)
                 result = replace(result, error_estimate=estimate)
-                if SURE * distance <= asked:
+                if ESTIMATE_SAFETY_FACTOR * distance <= asked:
                     break
         return replace(result, wall_s=seconds)
 
@@ -136,7 +139,7 @@ def _errors(found: Sequence[FloatArray]) -> tuple[float, ...]:
 
 def _errors_of_figures(summaries: Sequence[Mapping[str, Any]], accuracy: float) -> tuple[tuple[str, float], ...]:
     """Return name and error of each number that all the last runs have; the error is 0 if all values are equal."""
-    compared = summaries[-CHECKS - 1 :]
+    compared = summaries[-COARSER_RUNS - 1 :]
     names = [
         name
         for name in compared[-1]

@@ -15,7 +15,7 @@ from worm3d.results.result import Result
 from worm3d.running.accuracy import begin
 from worm3d.running.actuation import Actuation
 from worm3d.running.places import Places
-from worm3d.running.plant import ROUNDING
+from worm3d.running.plant import MIN_NEWTON_TOLERANCE
 from worm3d.running.problem import Force, Held, Integrator, Problem
 from worm3d.running.start import LimitPointError
 from worm3d.values import arguments
@@ -42,7 +42,7 @@ def simulate_batch(
     record_every: int = 1,
     *,
     settle_first: bool | None = None,
-    tolerance: float = ROUNDING,
+    tolerance: float = MIN_NEWTON_TOLERANCE,
     accuracy: float | None = None,
     threads: int = 1,
 ) -> list[Result]:

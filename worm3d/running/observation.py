@@ -50,14 +50,15 @@ class Observation:
     @classmethod
     def of(cls, plant: Plant, time: float) -> Observation:
         """Return the observation of a worm at a time, read directly from the solver, since every step requests it."""
-        from worm3d.solver.arrays import POINTS  # imports CasADi, which sensors do not need
+        from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT  # imports CasADi, which sensors do not need
         from worm3d.solver.records import mass_centre
 
         arrays, n, worm = plant.arrays, plant.n, plant.worm
         momentum, com = mass_centre(plant.core)
         joints = arrays["joints"][:3, : n + 1].T.copy()
         apexes, apex_velocity = (
-            arrays[name][:3].reshape(3, POINTS, -1)[:, :6, :n].T.copy() for name in ("points", "point_velocity")
+            arrays[name][:3].reshape(3, POINTS_PER_SEGMENT, -1)[:, :6, :n].T.copy()
+            for name in ("points", "point_velocity")
         )
         states = {
             name: arrays["actuator"][2 * k : 2 * k + 2, :n].T.copy()

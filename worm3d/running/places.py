@@ -16,7 +16,7 @@ from worm3d.worlds import World
 
 T = TypeVar("T")
 
-KEPT, LARGEST = 16, 100
+MAX_WORMS_KEPT, MAX_SEGMENTS_KEPT = 16, 100
 """Number of worms kept for later runs of this process, and number of segments of the largest kept worm. The largest
 kept worm takes 2 MB, and its run takes much longer than placing."""
 
@@ -85,7 +85,7 @@ def _content(parts: tuple[object, ...]) -> Hashable:
         return object()
 
 
-_kept = Places(KEPT)
+_kept = Places(MAX_WORMS_KEPT)
 
 
 def place_kept(problem: Problem) -> Placed:
@@ -94,5 +94,5 @@ def place_kept(problem: Problem) -> Placed:
     Users' own worlds, which may change, and states with memory are always placed again.
     """
     goes_on = problem.state is not None and bool(problem.state.memory)
-    keeps = _is_ours(problem.world) and not goes_on and problem.worm.segments <= LARGEST
+    keeps = _is_ours(problem.world) and not goes_on and problem.worm.segments <= MAX_SEGMENTS_KEPT
     return _kept.place(problem) if keeps else place(problem)

@@ -13,22 +13,24 @@ from numpy.typing import NDArray
 from worm3d.machine import vectors
 from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.machine.compiled import announce, cfunc
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.balance import warn_of_imbalance
 from worm3d.physics.friction import TANGENTIAL_DAMPING_RATIO, ContactConstants, Friction, natural_time
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
-from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
+from worm3d.physics.hysteresis import HYSTERESIS_PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, load, medium, node, point, segment
 from worm3d.physics.kernels.layout import Layout, once
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.load import LOAD_STICKING, Load
 from worm3d.physics.media import Medium
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State, StateError
 from worm3d.recorded.status import Status
 from worm3d.solver import arrays
-from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
+from worm3d.solver.arrays import CoreMemory, Sizes
 from worm3d.solver.evaluate import DIRECTOR, TANGENT, evaluate_entry
-from worm3d.solver.guard import SIDES, refused
+from worm3d.solver.guard import CHAMBER_SIDES, refused
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.pose import put_entry
 from worm3d.solver.records import Records
@@ -37,13 +39,13 @@ from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
 
-FLAT = 0.02
+FLATTENED_HEIGHT = 0.02
 """Height of a chamber that counts as flattened, as a fraction of the rest height."""
 
-DEEPEST = 0.1
+SUNK_DEPTH = 0.1
 """Depth of a joint in the world that counts as sunk, as a fraction of the segment length."""
 
-ROUNDING = 2e-15
+MIN_NEWTON_TOLERANCE = 2e-15
 """Smallest tolerance of Newton, as a fraction of the body length; shorter steps are rounding."""
 
 ROLL_DAMPING = 1e-7
@@ -136,7 +138,7 @@ class Plant:
         self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads)
         if chamber.__module__.partition(".")[0] != "worm3d":  # tests cover the other actuators
             warn_of_imbalance(worm)
-        width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
+        width = max(vectors.VECTOR_WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane
         world_rows = 3 + len(self.world_kernel.parameters)
@@ -176,10 +178,10 @@ class Plant:
         worm, n = self.worm, self.n
         numbers = {
             "l0": worm.l0,
-            "deepest": np.inf if not self.touches else DEEPEST * worm.l0 if worm.end_faces else 0.0,
+            "deepest": np.inf if not self.touches else SUNK_DEPTH * worm.l0 if worm.end_faces else 0.0,
             "static_ratio": self.friction.static_ratio,
             "length": worm.length,
-            "tolerance": ROUNDING,
+            "tolerance": MIN_NEWTON_TOLERANCE,
             "lever": 0.5 * worm.l0,
             "clamped": float(self.clamped),
             "ratio": 1.0,
@@ -189,26 +191,28 @@ class Plant:
             "threshold": 0.0 if self.world is None else self.world.velocity_threshold,
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), self.gravity, strict=True)),
         }
-        self.arrays["numbers"][0] = [numbers[name] for name in arrays.NUMBERS]
+        self.arrays["numbers"][0] = [numbers[name] for name in arrays.NUMBER_NAMES]
         drag = np.full(n + 1, worm.drag / n)
         drag[[0, -1]] /= 2.0
         mu = self.friction.coefficients(n)
         self.arrays["point_mass"][:6, :n] = worm.apex_mass.T
         self.arrays["joint_mass"][0, : n + 1], self.arrays["drag"][0, : n + 1] = worm.joint_mass, drag
-        node.LAYOUT.of("weight", self.arrays["node_in"])[:] = self.arrays["joint_mass"] * self.gravity[:, None]
+        node.NODE_LAYOUT.of("weight", self.arrays["node_in"])[:] = self.arrays["joint_mass"] * self.gravity[:, None]
         self.arrays["joint_mu"][:] = 0.5 * (np.column_stack([mu[:, :1], mu]) + np.column_stack([mu, mu[:, -1:]]))
-        self.arrays["longest"][0] = 2.0 * np.sqrt(worm.link_length**2 - (FLAT * np.asarray(worm.half_height)) ** 2)
+        self.arrays["longest"][0] = 2.0 * np.sqrt(
+            worm.link_length**2 - (FLATTENED_HEIGHT * np.asarray(worm.half_height)) ** 2
+        )
         self.arrays["stuck"][:] = 1.0
 
     def _segment_row(self, name: str) -> FloatArray:  # (size, N)
-        return segment.LAYOUT.of(name, self.arrays["segment_in"])[:, : self.n]
+        return segment.SEGMENT_LAYOUT.of(name, self.arrays["segment_in"])[:, : self.n]
 
     def _joint_row(self, name: str) -> FloatArray:  # (size, N-1)
-        return joint.LAYOUT.of(name, self.arrays["joint_in"])[:, : self.n - 1]
+        return joint.JOINT_LAYOUT.of(name, self.arrays["joint_in"])[:, : self.n - 1]
 
     def _point_row(self, name: str) -> FloatArray:  # (size, 8, lanes)
-        rows = point.LAYOUT.of(name, self.arrays["point_in"])
-        return rows.reshape(len(rows), POINTS, -1)
+        rows = point.POINT_LAYOUT.of(name, self.arrays["point_in"])
+        return rows.reshape(len(rows), POINTS_PER_SEGMENT, -1)
 
     def _fill_segments(self) -> None:
         worm, h0 = self.worm, np.asarray(self.worm.half_height)
@@ -235,7 +239,7 @@ class Plant:
 
     def _fill_points(self) -> None:
         constants = ContactConstants.of(self.worm, self.friction, self._weight)
-        touching = np.zeros((POINTS, self.n))
+        touching = np.zeros((POINTS_PER_SEGMENT, self.n))
         if self.touches:
             touching[:6] = 1.0
             touching[[2, 5]] *= self.worm.outward_apexes
@@ -258,11 +262,11 @@ class Plant:
     def _fill_actuators(self) -> None:
         worm, n = self.worm, self.n
         chambers, hinges = self._layouts()
-        friction = {PREFIX + name: value for name, value in worm.hysteresis.parameters().items()}
+        friction = {HYSTERESIS_PREFIX + name: value for name, value in worm.hysteresis.parameters().items()}
         for name, value in {**worm.actuator.values(worm, hinge=False), **friction}.items():
-            chambers.of(actuator.PREFIX + name, self.arrays["actuated"])[:, :n] = value
+            chambers.of(actuator.ACTUATOR_PREFIX + name, self.arrays["actuated"])[:, :n] = value
         for name, value in worm.hinge_actuator.values(worm, hinge=True).items():
-            hinges.of(actuator.PREFIX + name, self.arrays["hinged"])[:, : n - 1] = value
+            hinges.of(actuator.ACTUATOR_PREFIX + name, self.arrays["hinged"])[:, : n - 1] = value
         self.hasten(1.0)
 
     def _fill_medium(self) -> None:
@@ -270,7 +274,7 @@ class Plant:
         if rows.rows:
             self.arrays["medium_in"][medium.SHARE, : self.n] = self.worm.drag / self.n
             for name, value in values.items():
-                rows.of(medium.PREFIX + name, self.arrays["medium_in"])[:, : self.n] = value
+                rows.of(medium.MEDIUM_PREFIX + name, self.arrays["medium_in"])[:, : self.n] = value
 
     def _fill_external_loads(self) -> None:
         loads, rows = self.worm.loads, load.layout(*map(type, self.worm.loads))
@@ -300,7 +304,7 @@ class Plant:
     def hasten(self, times: float) -> None:
         """Make time pass `times` as fast for the actuators; unless `times` is 1, joints have no friction."""
         for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
-            layout.of(actuator.PREFIX + actuator.HASTE, self.arrays[name])[:] = times
+            layout.of(actuator.ACTUATOR_PREFIX + actuator.HASTE, self.arrays[name])[:] = times
 
     def _layouts(self) -> tuple[Layout, Layout]:
         """Return the layouts of the arrays "actuated" and "hinged"."""
@@ -320,16 +324,16 @@ class Plant:
     def _not_finite(self) -> tuple[int, str]:
         """Return the place and the name of an actuator's output that is not finite."""
         worm, n, a = self.worm, self.n, self.arrays
-        started = a["actuator_start"][:, :n].reshape(-1, actuator.SIDES, n)
+        started = a["actuator_start"][:, :n].reshape(-1, actuator.ACTUATORS_PER_SEGMENT, n)
         known = list(zip(("command", "spring", "force", "given"), started, strict=True))
         if "actuator_end" in self._kernels:
             energy, rows = np.split(a["actuator_out"][:, :n], [actuator.LEDGER_ROWS])
             names = ("given", *chamber_states(type(worm.actuator), type(worm.hysteresis)))
-            known += zip(names, rows.reshape(-1, actuator.SIDES, n), strict=True)
+            known += zip(names, rows.reshape(-1, actuator.ACTUATORS_PER_SEGMENT, n), strict=True)
             known.append(("energy", energy.sum(axis=0)[None]))
         for name, values in known:
             for side, i in np.argwhere(~np.isfinite(values)):
-                where = f"segment {i}" if name == "energy" else f"the {SIDES[side]} chamber of segment {i}"
+                where = f"segment {i}" if name == "energy" else f"the {CHAMBER_SIDES[side]} chamber of segment {i}"
                 return int(i), f"actuator: {type(worm.actuator).__name__} gives no finite {name} for {where}"
         hinges = a["hinge_out"][:, : n - 1]
         for name, row in zip(("command", "given", *type(worm.hinge_actuator).states), hinges, strict=True):
@@ -366,7 +370,7 @@ class Plant:
 
     def set_pose(self, state: State) -> None:
         """Set the pose and velocities of a state, without a command and without stored friction."""
-        n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK), np.zeros((self.n + 1, BLOCK))
+        n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK_SIZE), np.zeros((self.n + 1, BLOCK_SIZE))
         x[:, :3], x[:n, 4] = state.joints, state.bend
         self._segment_row("d_ref")[:] = state.directors.T
         self.arrays["asked"][0, : 2 * n] = state.contraction.ravel()
@@ -382,7 +386,7 @@ class Plant:
     def set_normal_loads(self, load: FloatArray) -> None:
         """Set the normal loads of a worm at rest, shape (8, N) [N], and the contact forces to these loads alone."""
         self.normal_loads()[:] = load
-        force = self.arrays["contact_force"].reshape(3, POINTS, -1)
+        force = self.arrays["contact_force"].reshape(3, POINTS_PER_SEGMENT, -1)
         force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
 
     def zero_velocities(self) -> None:
@@ -400,11 +404,11 @@ class Plant:
     def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
         """Return the state with memory and `more`; `dt` is the last time step, for the rates of roll and bend."""
         n, a = self.n, self.arrays
-        rates = a["last"].reshape(-1, BLOCK)[:n] / dt
+        rates = a["last"].reshape(-1, BLOCK_SIZE)[:n] / dt
         return State.unchecked(
             joints=a["joints"][:3, : n + 1].T.copy(),
             directors=self._segment_row("d_ref").T.copy(),
-            bend=a["x"].reshape(-1, BLOCK)[:n, 4].copy(),
+            bend=a["x"].reshape(-1, BLOCK_SIZE)[:n, 4].copy(),
             joint_velocity=a["joint_velocity"][:3, : n + 1].T.copy(),
             roll_rate=rates[:, 3].copy(),
             bend_rate=rates[:, 4].copy(),

@@ -15,7 +15,7 @@ from worm3d.physics.friction_laws import Coulomb
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State
 from worm3d.running.actuation import Actuation, Sensor
-from worm3d.running.plant import ROUNDING
+from worm3d.running.plant import MIN_NEWTON_TOLERANCE
 from worm3d.values import arguments, time_steps
 from worm3d.values.arguments import bytes_of_run, require_room
 from worm3d.values.arrays import BoolArray, FloatArray
@@ -121,7 +121,7 @@ class Problem(Spelled):
     sensor: Sensor | None = None
     record_every: int = 1
     settle_first: bool | None = None
-    tolerance: float = ROUNDING
+    tolerance: float = MIN_NEWTON_TOLERANCE
     accuracy: float | None = None
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ class Problem(Spelled):
             arguments.function("external_force", self.external_force, "a function of time, or None")
 
     def _check_numbers(self) -> None:
-        if not (self.weight.shape == (3,) and (np.abs(self.weight) <= arguments.LARGEST).all()):
+        if not (self.weight.shape == (3,) and (np.abs(self.weight) <= arguments.MAX_MAGNITUDE).all()):
             raise ValueError(f"gravity: got {arguments.shown(self.gravity)}, must be finite, x, y and z [m/s^2]")
         for name in ("duration", "dt"):
             arguments.number(name, getattr(self, name), "s", gt=0.0)
@@ -166,7 +166,7 @@ class Problem(Spelled):
         self._check_resolved()
         arguments.whole("record_every", self.record_every)
         arguments.choice("integrator", self.integrator, get_args(Integrator))
-        arguments.number("tolerance", self.tolerance, "body lengths", ge=ROUNDING, le=LARGEST_TOLERANCE)
+        arguments.number("tolerance", self.tolerance, "body lengths", ge=MIN_NEWTON_TOLERANCE, le=LARGEST_TOLERANCE)
         if self.accuracy is not None:
             arguments.number("accuracy", self.accuracy, ge=FINEST_ACCURACY, le=COARSEST_ACCURACY)
             if self.integrator != "bdf2":

@@ -23,15 +23,15 @@ from worm3d.running.plant import HISTORIES
 from worm3d.running.problem import Problem
 from worm3d.running.start import GUARDED, Placed, place
 from worm3d.solver.actuate import ask
-from worm3d.solver.advance import LAST, NEXT, SHORTEST, SINCE, SOLVES, advance, worst_residual
-from worm3d.solver.arrays import ALLOWED, TOLERANCE
+from worm3d.solver.advance import LAST, MIN_STEP, NEXT, SINCE, SOLVES, advance, worst_residual
+from worm3d.solver.arrays import ALLOWED, NEWTON_TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import Records, gather, record
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
 
-HALVINGS = 6
+MAX_HALVINGS = 6
 """Largest number of times that a step that does not converge is halved."""
 
 NEVER = 2**62
@@ -77,7 +77,7 @@ class Run:
         self, problem: Problem, placing: Callable[[Problem], Placed] = place, allowed: float | None = None
     ) -> None:
         plant, start, self.begun, self.settling, reason = placing(problem)
-        plant.arrays["numbers"][0, TOLERANCE] = problem.tolerance
+        plant.arrays["numbers"][0, NEWTON_TOLERANCE] = problem.tolerance
         self.driver = Driver(problem.actuation, problem.worm, problem.sensor)
         self.holds = self.driver.controller is not None  # commands are held if a step is taken in parts
         self.plant, self.external_force, self.period = plant, problem.external_force, problem.period
@@ -99,7 +99,7 @@ class Run:
             self.pace[LAST] = self.dt if remembered[LAST] == self.dt else 0.0
         else:
             plant.arrays["numbers"][0, ALLOWED] = allowed
-            self.pace[:SINCE] = [*remembered, SHORTEST][:SINCE]
+            self.pace[:SINCE] = [*remembered, MIN_STEP][:SINCE]
             if not self.holds:
                 self.parts = max(1, round(self.dt / COMMANDED))
                 self.beat = max(1, round(BEAT / self.dt))
@@ -262,9 +262,9 @@ class Run:
         before, last = self.plant.memory(), self.pace[LAST]
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
         try:
-            status = self._part(command, self.done, 0.5, HALVINGS - 1)
+            status = self._part(command, self.done, 0.5, MAX_HALVINGS - 1)
             if status is Status.DONE:
-                status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
+                status = self._part(command, self.done + 0.5, 0.5, MAX_HALVINGS - 1)
         except EXCEPTIONS as error:
             self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:

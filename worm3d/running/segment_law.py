@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from worm3d.physics.actuators import FirstOrder
-from worm3d.physics.hysteresis import PREFIX as FRICTION
+from worm3d.physics.hysteresis import HYSTERESIS_PREFIX
 from worm3d.physics.kernels import actuator
 from worm3d.physics.worm import Worm
 from worm3d.running.plant import kernels
@@ -79,8 +79,14 @@ def _along(worm: Worm, lengths: FloatArray, times: FloatArray) -> Stretch:
     made, layout = kernels(own=type(friction)), actuator.chambers(FirstOrder, type(friction))
     rows = made["segment_gradient"].allocate(1)[0]
     known = {"link": worm.link_length, "k": worm.k_spring, "k_apex": worm.k_apex, "l0": worm.l0}
-    known |= {"offset": worm.chamber_offset, "tau": worm.kelvin_voigt_time, actuator.PREFIX + actuator.HASTE: 1.0}
-    known |= {actuator.PREFIX + FRICTION + name: value for name, value in friction.parameters().items()}
+    known |= {
+        "offset": worm.chamber_offset,
+        "tau": worm.kelvin_voigt_time,
+        actuator.ACTUATOR_PREFIX + actuator.HASTE: 1.0,
+    }
+    known |= {
+        actuator.ACTUATOR_PREFIX + HYSTERESIS_PREFIX + name: value for name, value in friction.parameters().items()
+    }
     for name, value in {**known, "commanded": worm.l0, "commanded_n": worm.l0}.items():
         layout.of(name, rows)[:, 0] = np.ravel(value)[0]
     layout.of("t_ref", rows)[0], layout.of("d_ref", rows)[1] = 1.0, 1.0

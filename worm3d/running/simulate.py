@@ -14,7 +14,7 @@ from worm3d.results.result import Result
 from worm3d.running.accuracy import begin
 from worm3d.running.actuation import Actuation, Sensor
 from worm3d.running.places import place_kept
-from worm3d.running.plant import ROUNDING
+from worm3d.running.plant import MIN_NEWTON_TOLERANCE
 from worm3d.running.problem import Force, Held, Integrator, Problem
 from worm3d.running.run import Observer, Run
 from worm3d.running.view import View, watched
@@ -43,7 +43,7 @@ def simulate(
     record_every: int = 1,
     *,
     settle_first: bool | None = None,
-    tolerance: float = ROUNDING,
+    tolerance: float = MIN_NEWTON_TOLERANCE,
     accuracy: float | None = None,
     observer: Callable[[float, View], bool | None] | None = None,
     every: int = 10,

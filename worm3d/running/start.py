@@ -12,12 +12,12 @@ import numpy as np
 
 from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State, StateError
 from worm3d.recorded.status import Status
-from worm3d.running.plant import DEEPEST, Plant
+from worm3d.running.plant import SUNK_DEPTH, Plant
 from worm3d.running.problem import Problem
-from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.pose import settle as settle_core
 from worm3d.values.arrays import FloatArray
@@ -58,7 +58,7 @@ another.
 SLIDING = _Method(0.0, STICKING_RATE / 100.0, 200)
 """Method for even worlds."""
 
-STICKING = tuple(_Method(mu, STICKING_RATE, 1000) for mu in (3.0, 1.0, 10.0))
+STICKING_METHODS = tuple(_Method(mu, STICKING_RATE, 1000) for mu in (3.0, 1.0, 10.0))
 """Methods for uneven worlds, tried in turn: with too little friction a worm slides down a steep place, with too much
 friction a worm may jam in a pose that no step reaches."""
 
@@ -82,7 +82,7 @@ HOLDING_STEPS = 2000
 SLIDES = 0.03
 """Largest motion of a held worm in these steps, as a fraction of the body length; a longer slide belongs to the run."""
 
-TOUCHING = 1e-6
+TOUCHING_GAP = 1e-6
 """Largest gap that may be rounding, as a fraction of the body length: a closer contact point touches the world."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
@@ -210,7 +210,7 @@ def settle(problem: Problem, start: State) -> Rested:
     `uneven`, the method takes short steps with contacts that stick, until the worm rests. The state has loads but no
     anchors yet (the anchors are the points of contact). The status is DONE or the reason why the worm does not rest.
     """
-    for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
+    for method in STICKING_METHODS if problem.world is not None and problem.world.uneven else (SLIDING,):
         rested = _settled(problem, start, method)
         if rested.status is Status.DONE:
             break
@@ -289,7 +289,7 @@ def touches(plant: Plant, start: State) -> bool:
     half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
     contracted = np.sqrt(np.maximum(worm.link_length[:, None] ** 2 - half**2, 0.0))
     grown = float(np.max(contracted - height[:, None], initial=0.0))
-    return plant.gap() <= max(grown + TOUCHING * worm.length, float(height.max()) if start.laid else 0.0)
+    return plant.gap() <= max(grown + TOUCHING_GAP * worm.length, float(height.max()) if start.laid else 0.0)
 
 
 def place(problem: Problem, settling: Settling = settle) -> Placed:
@@ -303,7 +303,7 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
         require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
     plant = Plant(worm, world, problem.friction, gravity, problem.held_mask)
     plant.set_pose(start)
-    require_clear(plant, DEEPEST if start.memory else OVERLAP)
+    require_clear(plant, SUNK_DEPTH if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
     elif _needs_settling(plant, start, problem.settle_first):
@@ -325,7 +325,7 @@ def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settli
     rested, status, reason = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)
-        plant.set_normal_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        plant.set_normal_loads(rested.memory["load_n"].reshape(POINTS_PER_SEGMENT, -1)[:, : plant.n])
         if plant.world is not None and plant.world.uneven:
             hold(plant)
     return status, reason

@@ -12,8 +12,8 @@ from worm3d.solver.block import rows as fields
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
-_COMMANDED, _FORCE, _DT, _LENGTH_N = segment.LAYOUT.firsts("commanded", "force", "dt", "length_n")
-_HINGE, _JOINT_DT = joint.LAYOUT.firsts("hinge", "dt")
+_COMMANDED, _FORCE, _DT, _LENGTH_N = segment.SEGMENT_LAYOUT.firsts("commanded", "force", "dt", "length_n")
+_HINGE, _JOINT_DT = joint.JOINT_LAYOUT.firsts("hinge", "dt")
 _COMMAND, _COMMAND_N, _GIVEN_N, _FORCE_COMMAND, _FORCE_COMMAND_N, _FORCE_N = actuator.CHAMBER_COMMANDS
 _HINGE_COMMAND, _HINGE_COMMAND_N, _HINGE_GIVEN_N = actuator.HINGE_COMMANDS[:3]
 
@@ -30,7 +30,7 @@ def ask(core: Core, command: FloatArray) -> None:
 def actuate(core: Core, command: FloatArray, dt: float) -> None:
     """Start the actuators' step towards a command; the outputs may change again at the end of the step."""
     block, n = core.block, core.n
-    asked, given = vector(block, a.ASKED), vector(block, a.GIVEN)
+    asked, given = vector(block, a.ACTUATOR_COMMANDS), vector(block, a.GIVEN)
     rows, joints = matrix(block, a.ACTUATED), matrix(block, a.HINGED)
     for i in range(n):
         for side in range(2):

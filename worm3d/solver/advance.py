@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner, njit
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.solver import arrays as a
 from worm3d.solver import between
 from worm3d.solver.actuate import actuate
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import Block, combine, copy, integers, matrix, vector
 from worm3d.solver.entry import reset
-from worm3d.solver.guard import COARSE, NO_CONVERGENCE, NOT_FINITE, OK, actuators_start_finite
+from worm3d.solver.guard import NO_CONVERGENCE, NOT_FINITE, OK, TOO_COARSE, actuators_start_finite
 from worm3d.solver.records import BEFORE
 from worm3d.solver.step import step
 from worm3d.values.arrays import FloatArray
@@ -29,7 +30,7 @@ LAST, NEXT, SINCE, SOLVES = range(4)
 """Numbers about the steps of a run: the last step, 0 before the first [s]; the next step to try, infinite if a step is
 a tick [s]; the time since the last whole beat or tick [s]; and the number of solved steps, including repeated steps.
 """
-SHORTEST, LONGEST = 1e-5, 2e-2
+MIN_STEP, MAX_STEP = 1e-5, 2e-2
 """Shortest and longest step [s]: the error of a step this short is not checked, but Newton has to converge; a longer
 step would miss details of a gait."""
 GIVEN_UP = 64.0
@@ -78,7 +79,7 @@ def advance(
         Number `parts`, ticks of a beat, and ticks since the last whole beat.
     """
     parts, beat, begin = beats
-    taken, count, asked = 0, len(commands) // parts, vector(core.block, a.ASKED)
+    taken, count, asked = 0, len(commands) // parts, vector(core.block, a.ACTUATOR_COMMANDS)
     adapts, first, command = pace[NEXT] < np.inf, asked.copy(), asked.copy()
     while taken < count:
         ticks = min(beat - (begin + taken) % beat, count - taken)
@@ -100,7 +101,7 @@ def advance(
             end = _adapted(core, command, h, pace) if adapts else _take(core, command, h, bdf2 and pace[LAST] > 0.0)
             for c in range(a.COUNTERS):
                 counters[done + taken + reached, c] += integers(core.counters, a.COUNTERS)[c]
-            if adapts and (end == COARSE or (end == NO_CONVERGENCE and pace[NEXT] > SHORTEST / GIVEN_UP)):
+            if adapts and (end == TOO_COARSE or (end == NO_CONVERGENCE and pace[NEXT] > MIN_STEP / GIVEN_UP)):
                 continue
             pace[SINCE] = at
             if end != OK:
@@ -137,7 +138,7 @@ def _length(wanted: float, left: float) -> float:
 @inner
 def _take(core: Core, command: FloatArray, h: float, bdf2: bool) -> int:
     """Take a step and return the end of the step; a failed step leaves the actuators unchanged."""
-    asked, given = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
+    asked, given = vector(core.block, a.ACTUATOR_COMMANDS), vector(core.block, a.GIVEN)
     asked_n, given_n = asked.copy(), given.copy()
     actuate(core, command, h)
     end = step(core, h, bdf2) if actuators_start_finite(core) else NOT_FINITE
@@ -152,7 +153,7 @@ def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int
     """Try a step, and choose the length of the next step."""
     numbers, last = vector(core.block, a.NUMBERS_), pace[LAST]
     allowed, ratio = numbers[a.ALLOWED], h / last if last > 0.0 else 0.0
-    if h <= SHORTEST:
+    if h <= MIN_STEP:
         numbers[a.ALLOWED] = 1e300
     numbers[a.RATIO] = ratio
     _stretch(core, ratio, 0.5 * ratio * (1.0 + ratio))
@@ -162,7 +163,7 @@ def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int
         pace[NEXT] = 0.25 * h
     else:
         factor = SAFETY * (allowed / max(numbers[a.ERROR], 1e-300)) ** (1.0 / 3.0)
-        pace[NEXT] = min(LONGEST, max(SHORTEST, h * min(GROWTH, max(SHRINKING, factor))))
+        pace[NEXT] = min(MAX_STEP, max(MIN_STEP, h * min(GROWTH, max(SHRINKING, factor))))
     if end == OK:
         _stretch(core, 1.0, 2.0 * ratio / (1.0 + ratio))
     elif ratio > 0.0:
@@ -188,4 +189,4 @@ def worst_residual(core: Core) -> tuple[float, int]:
             total += gradient[k] ** 2
             if not abs(gradient[k]) <= most:
                 worst, most = k, abs(gradient[k])
-    return np.sqrt(total), worst // BLOCK
+    return np.sqrt(total), worst // BLOCK_SIZE

@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.machine import vectors
-from worm3d.machine.banded import WIDTH, B
+from worm3d.machine.banded import BAND_COLUMNS, B
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.actuators import COMMANDS, Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
 from worm3d.physics.kernels import actuator, joint, load, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.load import Load
 from worm3d.physics.media import Medium
 from worm3d.recorded import series
@@ -31,9 +33,6 @@ from worm3d.recorded.energy import TERMS
 from worm3d.solver.block import Block, Memory, Plan
 from worm3d.values.arrays import FloatArray
 
-POINTS = segment.POINTS
-BLOCK = 5
-"""Coordinates of a joint's block: p (3), roll and bend of the segment ahead of the joint."""
 WORLD_ROWS = 11
 """Outputs of a world: distance, gradient (3), curvature (6), grip."""
 
@@ -95,7 +94,7 @@ POINT_AFTER = _kernel("point_after", point.after, padded=True, of="law")
 POINT_TOUCHES = _kernel("point_touches", point.touches, padded=True)
 POINT_FREE_AFTER = _kernel("point_free_after", point.free_after, padded=True)
 POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
-MEDIUM = _kernel("medium_resistance", medium.resistance, of="medium")
+MEDIUM_RESISTANCE = _kernel("medium_resistance", medium.resistance, of="medium")
 LOAD_GRADIENT = _kernel("load_gradient", load.gradient, of="load")
 LOAD_HESSIAN = _kernel("load_hessian", load.hessian, of="load")
 LOAD_TURN = _kernel("load_turn", load.turn, of="load")
@@ -105,24 +104,24 @@ NODE_AFTER = _kernel("node_after", node.after, padded=True)
 NODE_MOMENTA = _kernel("node_momenta", node.momenta, padded=True)
 EVALUATE = _kernel("evaluate")
 SOLVE = _kernel("solve")
-STEP = _kernel("step")
+STEP_ENTRY = _kernel("step")
 PUT = _kernel("put")
 
-NUMBERS: list[str] = []
+NUMBER_NAMES: list[str] = []
 """Names of the single numbers of a worm and a world."""
 
 
 def _number(name: str) -> int:
     """Declare a number and return its index in the array "numbers"."""
-    NUMBERS.append(name)
-    return len(NUMBERS) - 1
+    NUMBER_NAMES.append(name)
+    return len(NUMBER_NAMES) - 1
 
 
 L0 = _number("l0")  # [m]
-DEEPEST = _number("deepest")  # greatest penetration of a joint [m]; a deeper joint counts as sunk
+MAX_PENETRATION = _number("deepest")  # greatest penetration of a joint [m]; a deeper joint counts as sunk
 STATIC_RATIO = _number("static_ratio")
-LENGTH = _number("length")  # body length, the unit of Newton's tolerances [m]
-TOLERANCE = _number("tolerance")  # largest final step of Newton, as a fraction of the body length
+BODY_LENGTH = _number("length")  # body length, the unit of Newton's tolerances [m]
+NEWTON_TOLERANCE = _number("tolerance")  # largest final step of Newton, as a fraction of the body length
 LEVER = _number("lever")  # metres per radian in Newton's tolerances
 CLAMPED = _number("clamped")  # 1: the ground is the paper's, (P9) and (P10)
 THRESHOLD = _number("threshold")  # eps of (P10) [m/s]
@@ -168,9 +167,9 @@ class Sizes(NamedTuple):
 @cache
 def _derived(sizes: Sizes) -> dict[str, int]:
     """Return the derived sizes by name."""
-    size = BLOCK * (sizes.n + 1)
+    size = BLOCK_SIZE * (sizes.n + 1)
     parts = sizes.chamber, sizes.hysteresis
-    chamber, hinge = 2 * actuator.SIDES * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
+    chamber, hinge = 2 * actuator.ACTUATORS_PER_SEGMENT * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
     return {
         "chamber_rows": actuator.chambers(*parts).rows,
         "hinge_rows": actuator.hinges(sizes.hinge).rows,
@@ -183,16 +182,16 @@ def _derived(sizes: Sizes) -> dict[str, int]:
         "chamber_past": chamber,  # states at t_n and t_{n-1}
         "hinge_past": hinge,
         "chamber_states": chamber // 2,
-        "chamber_out": actuator.LEDGER_ROWS + actuator.SIDES + chamber // 2,
+        "chamber_out": actuator.LEDGER_ROWS + actuator.ACTUATORS_PER_SEGMENT + chamber // 2,
         "hinge_out": actuator.HINGE_ROWS + hinge // 2,
         "coordinates": size,  # with two unused coordinates of the last block
         "band_rows": size + B,
         "commands": 5 * sizes.n,
         "joints": sizes.n + 1,
-        "vectors": sizes.lanes // vectors.WIDTH,
-        "points": POINTS * sizes.lanes,
-        "mass_points": max(POINTS * sizes.lanes, sizes.node_lanes),
-        "moved": BLOCK * (sizes.lanes + 1) + vectors.WIDTH,
+        "vectors": sizes.lanes // vectors.VECTOR_WIDTH,
+        "points": POINTS_PER_SEGMENT * sizes.lanes,
+        "mass_points": max(POINTS_PER_SEGMENT * sizes.lanes, sizes.node_lanes),
+        "moved": BLOCK_SIZE * (sizes.lanes + 1) + vectors.VECTOR_WIDTH,
     }
 
 
@@ -237,7 +236,7 @@ def _array(name: str, rows: Extent, columns: Extent, **more: Any) -> int:
     return len(ARRAYS) - 1
 
 
-NUMBERS_ = _array("numbers", 1, len(NUMBERS))
+NUMBERS_ = _array("numbers", 1, len(NUMBER_NAMES))
 X = _array("x", 1, "coordinates", remembered=True)  # coordinates; rolls count from the start of the step
 X_N = _array("x_n", 1, "coordinates")  # x at the start of the step
 HELD = _array("held", 1, "coordinates")  # 1 where a coordinate is held
@@ -247,10 +246,10 @@ TRIAL = _array("trial", 1, "coordinates")
 BEST = _array("best", 1, "coordinates")
 CURVE = _array("curve", 1, "coordinates", remembered=True)  # change of "last" in the last step
 LAST = _array("last", 1, "coordinates", remembered=True)  # change of x in the last step
-BAND = _array("band", "band_rows", WIDTH)
-FACTOR = _array("factor", "band_rows", WIDTH)  # factors of the linear solver
+BANDED_JACOBIAN = _array("band", "band_rows", BAND_COLUMNS)
+FACTOR = _array("factor", "band_rows", BAND_COLUMNS)  # factors of the linear solver
 # inputs of the segment's kernels
-SEGMENT_IN = _array("segment_in", segment.LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
+SEGMENT_IN = _array("segment_in", segment.SEGMENT_LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
 # f (3), potential, load, f foreseen (3), K (9)
 POINT_OUT = _array("point_out", 17, "points", inside=("segment_in", "f"))
 POINT_ANEW = _array("point_anew", 17, "points")  # the same for changed contacts, with the change of K
@@ -259,46 +258,58 @@ SEGMENT_OUT = _array("segment_out", 1 + segment.COORDINATES + segment.COORDINATE
 SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES + segment.COORDINATES**2)
 CHANGED = _array("changed", 1, "points")  # 1 if a contact has changed since the Jacobian was made
 # derivatives of the points with respect to the coordinates
-POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS * segment.COORDINATES, "lanes")
-JACOBIANS = _array("jacobians", "lanes", 3 * POINTS * segment.COORDINATES)  # the same, segments one after the other
+POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS_PER_SEGMENT * segment.COORDINATES, "lanes")
+# the same, segments one after the other
+JACOBIANS = _array("jacobians", "lanes", 3 * POINTS_PER_SEGMENT * segment.COORDINATES)
 # 1 if the derivatives of a slot (last row: of all slots, in "points_jacobian") of a vector of segments are newer than
 # the Jacobian
-KNOWN = _array("known", POINTS + 1, "vectors")
-REST = _array("rest", 8 + 3 * POINTS, "lanes")  # chamber lengths (2), tangent (3), director (3), points (24)
+DERIVATIVES_KNOWN = _array("known", POINTS_PER_SEGMENT + 1, "vectors")
+# chamber lengths (2), tangent (3), director (3), points (24)
+SEGMENT_SHAPE_OUT = _array("rest", 8 + 3 * POINTS_PER_SEGMENT, "lanes")
 # inputs of the point's kernels
 POINT_IN = _array(
-    "point_in", point.LAYOUT, "points", inside=("rest", 8), remembered=("anchor", "load_n", "load_m", "pull", "pull_m")
+    "point_in",
+    point.POINT_LAYOUT,
+    "points",
+    inside=("rest", 8),
+    remembered=("anchor", "load_n", "load_m", "pull", "pull_m"),
 )
 # the same memory with the lanes of segments, row 8 r + slot
-POINT_ROWS = _array("point_rows", point.LAYOUT.rows * POINTS, "lanes", inside=("point_in", 0))
+POINT_ROWS = _array("point_rows", point.POINT_LAYOUT.rows * POINTS_PER_SEGMENT, "lanes", inside=("point_in", 0))
 WORLD_IN = _array("world_in", "world_rows", "points")
 WORLD_OUT = _array("world_out", WORLD_ROWS, "points", inside=("point_in", "distance"))
 # from tangent to deep
 STARTED = _array(
-    "started", point.LAYOUT.first("anchor") - point.LAYOUT.first("tangent"), "points", inside=("point_in", "tangent")
+    "started",
+    point.POINT_LAYOUT.first("anchor") - point.POINT_LAYOUT.first("tangent"),
+    "points",
+    inside=("point_in", "tangent"),
 )
-FIRST = _array("first", 3 * POINTS, "lanes", inside=("point_in", "first"))  # with the lanes of segments
+FIRST = _array("first", 3 * POINTS_PER_SEGMENT, "lanes", inside=("point_in", "first"))  # with the lanes of segments
 # terms, hinge angles and "first"
-SEGMENT_LEDGER_ = _array("segment_ledger", segment.LEDGER_ROWS + 3 * POINTS, "lanes", inside=("point_in", "of_segment"))
+SEGMENT_LEDGER_ = _array(
+    "segment_ledger", segment.LEDGER_ROWS + 3 * POINTS_PER_SEGMENT, "lanes", inside=("point_in", "of_segment")
+)
 # rows as in `worm3d.physics.kernels.regime.yielding`
 YIELDING_OUT = _array("yielding_out", 12, "points")
 # terms of the ledger, and the new state of the point, as in `point.AFTER`
 AFTER_OUT = _array("after_out", point.AFTER, "points")
-JOINT_IN = _array("joint_in", joint.LAYOUT, "joint_lanes", remembered=("hinge_n",))
+JOINT_IN = _array("joint_in", joint.JOINT_LAYOUT, "joint_lanes", remembered=("hinge_n",))
 JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "strain_hat"))  # the last rows
 JOINT_OUT = _array("joint_out", 1 + (1 + joint.COORDINATES) * joint.ROW, "joint_lanes")
 JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)  # the same for joints
 KINKS = _array("kinks", 1, "points")
 Y_START = _array("y_start", 3, "points")  # working memory of the line search, and of `worm3d.solver.fronts`
-MOVED = _array("moved", 1, "moved")  # change of x in the step, followed by zeros
-SUMS = _array("sums", 1, vectors.WIDTH)  # of 8 rows
+STEP_CHANGE = _array("moved", 1, "moved")  # change of x in the step, followed by zeros
+SUMS = _array("sums", 1, vectors.VECTOR_WIDTH)  # of 8 rows
 MOMENTA_OUT = _array("momenta_out", 9, "mass_points")
-NODE_IN = _array("node_in", node.LAYOUT, "node_lanes")  # inputs of the kernels of the joints as mass points
+NODE_IN = _array("node_in", node.NODE_LAYOUT, "node_lanes")  # inputs of the kernels of the joints as mass points
 NODE_OUT = _array("node_out", len(node.LEDGER_TERMS) + 3, "node_lanes")
 NODE_PRESETS = _array("node_presets", 8, "node_lanes", inside=("node_in", "drag_hat"))  # the last rows
-TURNED = _array("turned", "lanes", 3 * POINTS)  # rows of the records, segments one after the other
-POINT_MASS = _array("point_mass", POINTS, "lanes", inside=("point_in", "mass"))  # [kg]
-LONGEST = _array("longest", 1, "n")  # length of a chamber that counts as flattened [m]
+# rows of the records, segments one after the other
+TRANSPOSED_RECORDS = _array("turned", "lanes", 3 * POINTS_PER_SEGMENT)
+POINT_MASS = _array("point_mass", POINTS_PER_SEGMENT, "lanes", inside=("point_in", "mass"))  # [kg]
+FLATTENED_LENGTH = _array("longest", 1, "n")  # length of a chamber that counts as flattened [m]
 # [kg]
 JOINT_MASS = _array("joint_mass", 1, "node_lanes", inside=("node_in", "mass"))
 DRAG = _array("drag", 1, "node_lanes", inside=("node_in", "drag"))  # [N s/m]
@@ -317,11 +328,11 @@ STUCK_N = _array("stuck_n", 1, "points")
 PULL_N = _array("pull_n", 2, "points")  # f of (C5) at the start of the step
 FRONTS = _array("fronts", 6, "points", remembered=True)  # rows of `worm3d.solver.fronts`
 # energy of the anchors at the end of the last step [J]
-STORED = _array("stored", 1, "points", inside=("point_in", "stored_n"), remembered=True)
+ANCHOR_ENERGY = _array("stored", 1, "points", inside=("point_in", "stored_n"), remembered=True)
 # force of the world on each point at the end of the last step [N]
 CONTACT_FORCE = _array("contact_force", 3, "points", inside=("after_out", "force"), remembered=True)
 # commands of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
-ASKED = _array("asked", 1, "commands", remembered=True)
+ACTUATOR_COMMANDS = _array("asked", 1, "commands", remembered=True)
 GIVEN = _array("given", 1, "commands", remembered=True)  # outputs of the actuators, after lag and limits
 # rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; the following arrays have the same rows
 JOINTS = _array("joints", 6, "node_lanes", inside=("node_in", "past"), history=True)
@@ -331,10 +342,10 @@ POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velo
 MEDIUM_IN = _array("medium_in", "medium_rows", "lanes")  # as in `worm3d.physics.kernels.medium`
 RESISTANCE = _array("resistance", 1, "lanes")  # resistance of the medium to a segment [N s/m]
 LOADED = _array("loaded", 1, "loads")  # joints that loads act on
-LOADS = _array("loads", 1, "load_kept", remembered=True)  # regime of each load, then states of the loads
-LOAD_IN = _array("load_in", "load_rows", vectors.WIDTH)  # as in `worm3d.physics.kernels.load`, in the first lane
-LOAD_OUT = _array("load_out", "load_out", vectors.WIDTH)  # potential, gradient, Hessian
-LOAD_ENDS = _array("load_ends", "load_after", vectors.WIDTH)  # terms of the ledger, memory of the loads
+LOAD_STATES = _array("loads", 1, "load_kept", remembered=True)  # regime of each load, then states of the loads
+LOAD_IN = _array("load_in", "load_rows", vectors.VECTOR_WIDTH)  # as in `worm3d.physics.kernels.load`, in the first lane
+LOAD_OUT = _array("load_out", "load_out", vectors.VECTOR_WIDTH)  # potential, gradient, Hessian
+LOAD_ENDS = _array("load_ends", "load_after", vectors.VECTOR_WIDTH)  # terms of the ledger, memory of the loads
 LENGTHS = _array("lengths", 4, "lanes", history=True)  # lengths of the chambers [m]
 # inputs of the segments' kernels, followed by the inputs of the actuators
 ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))
@@ -342,21 +353,25 @@ ACTUATOR_PAST = _array(
     "actuator",
     "chamber_past",
     "lanes",
-    inside=("segment_in", segment.LAYOUT.rows + actuator.SIDES * len(COMMANDS)),
+    inside=("segment_in", segment.SEGMENT_LAYOUT.rows + actuator.ACTUATORS_PER_SEGMENT * len(COMMANDS)),
     history=True,
 )
 STARTED_ACTUATORS = _array("actuator_start", actuator.START_ROWS, "lanes")  # known outputs at the start of the step
 ACTUATOR_OUT = _array("actuator_out", "chamber_out", "lanes")  # terms of the ledger, outputs, states
 HINGED = _array("hinged", "hinge_rows", "joint_lanes", inside=("joint_in", 0))  # inputs of joints and hinge actuators
 HINGE_PAST = _array(
-    "hinge_states", "hinge_past", "joint_lanes", inside=("joint_in", joint.LAYOUT.rows + len(COMMANDS)), history=True
+    "hinge_states",
+    "hinge_past",
+    "joint_lanes",
+    inside=("joint_in", joint.JOINT_LAYOUT.rows + len(COMMANDS)),
+    history=True,
 )
 HINGE_OUT = _array("hinge_out", "hinge_out", "joint_lanes")  # command, output, states
 HINGES = _array("hinges", 4, "lanes", history=True)  # angles of the apex hinges [rad]
 # c.d, c.u, twist, sum of the bends
 JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), history=True)
 TERMS_ = _array("terms", 1, len(TERMS))  # energy ledger since the last record [J]
-SLID = _array("slid", POINTS, "lanes")  # slip since the last record [m]
+SLID = _array("slid", POINTS_PER_SEGMENT, "lanes")  # slip since the last record [m]
 
 HANDLE = 5
 """Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""

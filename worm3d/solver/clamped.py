@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import fill, matrix, vector
-from worm3d.solver.evaluate import NONE, evaluate
+from worm3d.solver.evaluate import NO_HESSIAN, evaluate
 from worm3d.solver.newton import solve
 
-_T_REF = segment.LAYOUT.first("t_ref")
+_T_REF = segment.SEGMENT_LAYOUT.first("t_ref")
 
 
 @inner
@@ -23,12 +24,12 @@ def solve_clamped(core: Core, dt: float) -> bool:
     fill(vector(core.block, a.JOINT_FRICTION), 0.0)
     if not solve(core, False):
         return False
-    evaluate(core, a.X, True, NONE)  # leaves the forces of held coordinates in the gradient
+    evaluate(core, a.X, True, NO_HESSIAN)  # leaves the forces of held coordinates in the gradient
     gradient = vector(core.block, a.GRADIENT)
     for j in range(core.n + 1):
-        load[j] = abs(gradient[BLOCK * j + 2])
+        load[j] = abs(gradient[BLOCK_SIZE * j + 2])
     for j in range(core.n + 1):
-        vx, vy = (x[BLOCK * j] - past[0, j]) / dt, (x[BLOCK * j + 1] - past[1, j]) / dt
+        vx, vy = (x[BLOCK_SIZE * j] - past[0, j]) / dt, (x[BLOCK_SIZE * j + 1] - past[1, j]) / dt
         tx, ty = _heading(core, j)
         along, across = _p10(core, j, vx * tx + vy * ty, vy * tx - vx * ty, load[j])
         friction[0, j], friction[1, j] = along * tx - across * ty, along * ty + across * tx

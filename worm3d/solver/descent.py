@@ -11,12 +11,14 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.banded import B, cholesky_solve
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import point
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, dot, matrix, rows, total, vector
-from worm3d.solver.evaluate import EXACT, NONE, evaluate, hold
+from worm3d.solver.evaluate import EXACT_HESSIAN, NO_HESSIAN, evaluate, hold
 from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
@@ -26,23 +28,23 @@ MAX_SEARCH = 40
 """Largest number of trial points of a line search."""
 SUFFICIENT = 1e-4
 """Least decrease at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
-ROUNDING = 1e-14
+POTENTIAL_ROUNDING = 1e-14
 """Relative rise of the potential that counts as rounding."""
 SLOPE_LEFT = 0.9
 """Largest slope at the end of a line search, as a fraction of the initial slope."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends a descent, as a fraction of the body length."""
 
-_LOAD, _MU = point.LAYOUT.firsts("load", "mu")
+_LOAD, _MU = point.POINT_LAYOUT.firsts("load", "mu")
 
 
 @inner
 def descend(core: Core) -> bool:
     """Move x to the minimum of the potential for the given normal loads; return whether a minimum was found."""
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
+    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
     for _ in range(MAX_DESCENT):
-        phi = evaluate(core, a.X, False, EXACT)
+        phi = evaluate(core, a.X, False, EXACT_HESSIAN)
         if not np.isfinite(phi):
             return False
         hold(core, True)
@@ -60,17 +62,17 @@ def descend(core: Core) -> bool:
 def _descent_direction(core: Core) -> bool:
     """Solve with the Hessian, shifted until positive definite."""
     direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
-    band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
+    band, factor = matrix(core.block, a.BANDED_JACOBIAN), matrix(core.block, a.FACTOR)
     square = vector(core.block, a.NUMBERS_)[a.LEVER] ** 2
     scale, shift = 0.0, 0.0
     for k in range(len(direction)):
-        if k % BLOCK < 3:
+        if k % BLOCK_SIZE < 3:
             scale = max(scale, abs(band[k, B]))
     while shift < 1e6 * scale:
-        vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BAND, 0), factor.size)
+        vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BANDED_JACOBIAN, 0), factor.size)
         if shift > 0.0:
             for k in range(len(direction)):
-                factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)
+                factor[k, B] += shift * (square if k % BLOCK_SIZE > 2 else 1.0)
         combine(direction, -1.0, gradient, 0.0, gradient)
         if cholesky_solve(factor, direction) and np.isfinite(total(direction)):
             return True
@@ -91,9 +93,9 @@ def _search(core: Core, phi: float) -> bool:
     low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
     for _ in range(MAX_SEARCH):
         combine(trial, 1.0, x, step, direction)
-        value = evaluate(core, a.TRIAL, False, NONE)
+        value = evaluate(core, a.TRIAL, False, NO_HESSIAN)
         rise = dot(gradient, direction) if np.isfinite(value) else np.inf
-        lower = value <= phi + SUFFICIENT * step * slope + ROUNDING * abs(phi)
+        lower = value <= phi + SUFFICIENT * step * slope + POTENTIAL_ROUNDING * abs(phi)
         if lower:
             copy(vector(core.block, a.BEST), trial)
             found = True
@@ -147,8 +149,8 @@ def _resting_points(core: Core) -> int:
     combine(trial, 1.0, x, 1.0, vector(core.block, a.DIRECTION))
     if not _slides(core, a.TRIAL):
         return 0
-    lanes, found = point_in.shape[1] // POINTS, 0
-    for s in range(POINTS):
+    lanes, found = point_in.shape[1] // POINTS_PER_SEGMENT, 0
+    for s in range(POINTS_PER_SEGMENT):
         for k in range(s * lanes, s * lanes + core.n):
             if not (point_in[_LOAD, k] > 0.0 and start[2, k] > 0.0):  # start: y and the excess
                 continue
@@ -167,7 +169,7 @@ def _resting_points(core: Core) -> int:
 @inner
 def _slides(core: Core, which: int) -> bool:
     """Run the kernel that determines the sliding contacts at x."""
-    if not evaluate(core, which, False, NONE) < np.inf:
+    if not evaluate(core, which, False, NO_HESSIAN) < np.inf:
         return False
     regimes.evaluate_yielding(core)
     return True

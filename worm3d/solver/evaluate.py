@@ -15,28 +15,29 @@ from worm3d.machine import vectors
 from worm3d.machine.banded import B
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
-from worm3d.machine.vectors import add_congruent
+from worm3d.machine.vectors import BLOCK_SIZE, add_congruent
 from worm3d.physics.kernels import joint, point, segment
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import loads
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.values.arrays import FloatArray
 
-_Q, _LINK, _T_REF = segment.LAYOUT.firsts("q", "link", "t_ref")
-_JOINT_Q = joint.LAYOUT.first("q")
-_COUPLED, _REGIME = point.LAYOUT.firsts("coupled", "regime")
+_Q, _LINK, _T_REF = segment.SEGMENT_LAYOUT.firsts("q", "link", "t_ref")
+_JOINT_Q = joint.JOINT_LAYOUT.first("q")
+_COUPLED, _REGIME = point.POINT_LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
 _ROOTS = (1 + joint.STRAINS) * joint.ROW
-SHORTEST = 1e-4
+MIN_CHAMBER_LENGTH = 1e-4
 """Shortest possible length of a chamber, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
-NONE, WHOLE, EXACT, LOCAL, FORCES, CHOICES = range(6)
+NO_HESSIAN, WHOLE_HESSIAN, EXACT_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY, CHOICES = range(6)
 """Choices for the outputs of `evaluate`, and the number of choices."""
-PHI, LOAD = 3, 4
+PHI, LOAD_ROW = 3, 4
 """Rows of "point_out"."""
 STIFFNESS, _ROWS = 8, 17
 """First row of K in "point_out" (K has the last rows), and the number of all rows."""
@@ -47,24 +48,24 @@ _FORCES = 5
 @inner
 def to_segments(core: Core, row: int, x: int) -> None:
     """Write the coordinates at an address, or the motion of the coordinates, into rows of the segments' inputs."""
-    for i in range(0, core.n, vectors.WIDTH):
+    for i in range(0, core.n, vectors.VECTOR_WIDTH):
         to = address(core.block, a.SEGMENT_IN, row) + 8 * i
-        vectors.transpose(to, matrix(core.block, a.SEGMENT_IN).shape[1], x + 8 * BLOCK * i, BLOCK)
+        vectors.transpose(to, matrix(core.block, a.SEGMENT_IN).shape[1], x + 8 * BLOCK_SIZE * i, BLOCK_SIZE)
 
 
 @inner
 def to_joints(core: Core, row: int, x: int) -> None:
     """Write the coordinates, or their motion, into rows of the joints' inputs."""
-    for i in range(0, core.n - 1, vectors.WIDTH):
-        for r in (0, _BOTH - vectors.WIDTH):  # the two overlap
+    for i in range(0, core.n - 1, vectors.VECTOR_WIDTH):
+        for r in (0, _BOTH - vectors.VECTOR_WIDTH):  # the two overlap
             to = address(core.block, a.JOINT_IN, row + r) + 8 * i
-            vectors.transpose(to, matrix(core.block, a.JOINT_IN).shape[1], x + 8 * (BLOCK * i + r), BLOCK)
+            vectors.transpose(to, matrix(core.block, a.JOINT_IN).shape[1], x + 8 * (BLOCK_SIZE * i + r), BLOCK_SIZE)
 
 
 @inner
 def place(core: Core, x: FloatArray) -> bool:
     """Compute points and distances at x; return whether the linkages can have this shape."""
-    segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.REST)
+    segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_SHAPE_OUT)
     to_segments(core, _Q, x.ctypes.data)
     evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
     for i in range(core.n):
@@ -73,7 +74,7 @@ def place(core: Core, x: FloatArray) -> bool:
             turned += rest[TANGENT + d, i] * segment_in[_T_REF + d, i]
         for c in range(2):
             length = rest[LENGTHS + c, i]
-            if not (SHORTEST * link < length < 2.0 * link * (1.0 - 1e-12)):
+            if not (MIN_CHAMBER_LENGTH * link < length < 2.0 * link * (1.0 - 1e-12)):
                 return False
         if not turned > -0.9:
             return False
@@ -96,9 +97,10 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
     which : int
         Array with the coordinates, X or TRIAL.
     hessian : int
-        Whether to fill the band: NONE; WHOLE, with the Gauss-Newton part of the joints; EXACT, with the full Hessian of
-        the joints, which bodies near the limit point need; or LOCAL, only the contributions of the contacts marked in
-        "changed". With FORCES not even the gradient is filled: only points and forces on points are computed.
+        Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN, with the Gauss-Newton part of the joints; EXACT_HESSIAN,
+        with the full Hessian of the joints, which bodies near the limit point need; or LOCAL_HESSIAN, only the
+        contributions of the contacts marked in "changed". With FORCES_ONLY not even the gradient is filled: only points
+        and forces on points are computed.
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
@@ -113,18 +115,18 @@ def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
 @inner
 def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     n = core.n
-    count(core, 1 if hessian in (NONE, FORCES) else 0)
+    count(core, 1 if hessian in (NO_HESSIAN, FORCES_ONLY) else 0)
     if not place(core, x):
         return np.inf
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     _points(core, coupled, hessian)
-    if hessian == FORCES:
+    if hessian == FORCES_ONLY:
         return 0.0
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     to_joints(core, _JOINT_Q, x.ctypes.data)
-    if hessian == WHOLE:
+    if hessian == WHOLE_HESSIAN:
         evaluate_kernel(kernel(core, a.JOINT_ROOTS), joint_in, joint_out[: 1 + _ROOTS], n - 1)
-    elif hessian == EXACT:
+    elif hessian == EXACT_HESSIAN:
         evaluate_kernel(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
     else:
         evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + joint.ROW], n - 1)
@@ -132,7 +134,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     phi = _joints(core, x)
     _add_gradients(core)
     if loads.loaded(core):
-        phi += loads.add(core, x, hessian in (WHOLE, EXACT))
+        phi += loads.add(core, x, hessian in (WHOLE_HESSIAN, EXACT_HESSIAN))
     return 0.0 if coupled else phi + _potentials(core)
 
 
@@ -142,7 +144,7 @@ def _potentials(core: Core) -> float:
     n, lanes = core.n, matrix(core.block, a.SEGMENT_OUT).shape[1]
     phi = vectors.total(address(core.block, a.SEGMENT_OUT, 0), n)
     phi += vectors.total(address(core.block, a.JOINT_OUT, 0), n - 1)
-    for slot in range(POINTS):
+    for slot in range(POINTS_PER_SEGMENT):
         phi += vectors.total(address(core.block, a.POINT_OUT, PHI) + 8 * lanes * slot, n)
     return float(phi)
 
@@ -157,18 +159,18 @@ def open_at(core: Core, first: int) -> bool:
 def _points(core: Core, coupled: bool, hessian: int) -> None:
     """Run the kernel of the points; if all points of a vector are open, no contact is computed."""
     point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
-    changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS
-    for first in range(0, point_in.shape[1], vectors.WIDTH):
+    changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS_PER_SEGMENT
+    for first in range(0, point_in.shape[1], vectors.VECTOR_WIDTH):
         free = coupled and open_at(core, first)
-        if hessian in (NONE, LOCAL, FORCES):
+        if hessian in (NO_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
-            evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.WIDTH, first)
+            evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.VECTOR_WIDTH, first)
             continue
         which = a.POINT_FREE_STIFFNESS if free else a.POINT_AHEAD
-        evaluate_kernel(kernel(core, which), point_in, out, vectors.WIDTH, first)
+        evaluate_kernel(kernel(core, which), point_in, out, vectors.VECTOR_WIDTH, first)
         if not free:
             beyond = first + core.n - first % lanes
-            for k in range(first, first + vectors.WIDTH):
+            for k in range(first, first + vectors.VECTOR_WIDTH):
                 loaded = not coupled or point_in[_REGIME, k] != point.OPEN
                 changed[k] = 1.0 if loaded and k < beyond else 0.0
 
@@ -177,12 +179,12 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
 def _segments(core: Core, hessian: int) -> None:
     """Run the segments' kernel, and fill the requested part of the band."""
     segment_in, segment_out = matrix(core.block, a.ACTUATED), matrix(core.block, a.SEGMENT_OUT)
-    if hessian in (NONE, LOCAL):
+    if hessian in (NO_HESSIAN, LOCAL_HESSIAN):
         evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
     else:
         evaluate_kernel(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
-        _fill_band(core, hessian == EXACT)
-    if hessian != NONE:
+        _fill_band(core, hessian == EXACT_HESSIAN)
+    if hessian != NO_HESSIAN:
         _exchange(core)
         fill(vector(core.block, a.CHANGED), 0.0)
 
@@ -197,10 +199,10 @@ def _joints(core: Core, x: FloatArray) -> float:
     friction = matrix(core.block, a.JOINT_FRICTION)
     phi = 0.0
     for j in range(core.n + 1):
-        for d in range(BLOCK):
-            gradient[BLOCK * j + d] = 0.0
+        for d in range(BLOCK_SIZE):
+            gradient[BLOCK_SIZE * j + d] = 0.0
         for d in range(3):
-            k = BLOCK * j + d
+            k = BLOCK_SIZE * j + d
             away, moved = x[k] - hat[d, j], x[k] - drag_hat[d, j]
             push = mass[j] * numbers[a.GRAVITY + d] + external[d, j] + friction[d, j]
             phi += 0.5 * inertia[j] * away * away + 0.5 * drag[j] * moved * moved - push * x[k]
@@ -215,21 +217,21 @@ def _add_gradients(core: Core) -> None:
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
     for r in range(_OWN):
         for i in range(core.n):
-            gradient[BLOCK * i + r] += segment_out[1 + r, i]
+            gradient[BLOCK_SIZE * i + r] += segment_out[1 + r, i]
     for r in range(_BOTH):
         for i in range(core.n - 1):
-            gradient[BLOCK * i + r] += joint_out[1 + r, i]
+            gradient[BLOCK_SIZE * i + r] += joint_out[1 + r, i]
 
 
 @inner
 def hold(core: Core, in_band: bool) -> None:
     """Set the gradient of held coordinates to zero, and the rows and columns in the band to the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
-    band, size = matrix(core.block, a.BAND), vector(core.block, a.HELD).size
-    for first in range(0, size, vectors.WIDTH):
+    band, size = matrix(core.block, a.BANDED_JACOBIAN), vector(core.block, a.HELD).size
+    for first in range(0, size, vectors.VECTOR_WIDTH):
         if vectors.all_equal(address(core.block, a.HELD, 0) + 8 * first, 0.0) != 0:
             continue
-        for k in range(first, min(first + vectors.WIDTH, size)):
+        for k in range(first, min(first + vectors.VECTOR_WIDTH, size)):
             if held[k] == 0.0:
                 continue
             gradient[k] = 0.0
@@ -244,19 +246,19 @@ def hold(core: Core, in_band: bool) -> None:
 @inner
 def _fill_band(core: Core, exact: bool) -> None:
     """Assemble the band from the contributions of joints, masses of joints and segments."""
-    band = matrix(core.block, a.BAND)
+    band = matrix(core.block, a.BANDED_JACOBIAN)
     inertia, drag, pitch = (
         vector(core.block, a.JOINT_INERTIA),
         vector(core.block, a.JOINT_DRAG),
         band.shape[1] - 1,
     )
-    vectors.clear(address(core.block, a.BAND, 0), band.size)
+    vectors.clear(address(core.block, a.BANDED_JACOBIAN, 0), band.size)
     for j in range(core.n + 1):
         for d in range(3):
-            band[BLOCK * j + d, B] = inertia[j] + drag[j]
-    for first in range(0, core.n, vectors.WIDTH):
+            band[BLOCK_SIZE * j + d, B] = inertia[j] + drag[j]
+    for first in range(0, core.n, vectors.VECTOR_WIDTH):
         _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, 0, _OWN * (1 + _OWN))
-    for first in range(0, core.n - 1, vectors.WIDTH):
+    for first in range(0, core.n - 1, vectors.VECTOR_WIDTH):
         _transpose(
             core,
             a.JOINT_OUT,
@@ -268,31 +270,31 @@ def _fill_band(core: Core, exact: bool) -> None:
     for begin in range(2):  # overlapping blocks would wait for each other
         for i in range(begin, core.n, 2):
             own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
-            vectors.add_rows(_row(core, a.BAND, i, 0), pitch, own, _OWN, _OWN)
+            vectors.add_rows(_row(core, a.BANDED_JACOBIAN, i, 0), pitch, own, _OWN, _OWN)
     for i in range(core.n - 1):
-        own, to = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW, _row(core, a.BAND, i, 0)
+        own, to = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW, _row(core, a.BANDED_JACOBIAN, i, 0)
         if exact:
-            for half in range(0, joint.ROW, vectors.WIDTH):
+            for half in range(0, joint.ROW, vectors.VECTOR_WIDTH):
                 vectors.add_rows(to + 8 * half, pitch, own + 8 * half, joint.ROW, _BOTH)
         else:
             vectors.add_squares(to, 8 * pitch, own)
-    fill(vector(core.block, a.KNOWN), 0.0)
+    fill(vector(core.block, a.DERIVATIVES_KNOWN), 0.0)
 
 
 @inner
 def _exchange(core: Core) -> None:
     """Exchange the contributions to the band of the contacts marked in "changed"."""
-    changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.KNOWN)
-    point_in, lanes = matrix(core.block, a.POINT_IN), len(changed) // POINTS
-    for first in range(0, len(changed), vectors.WIDTH):
+    changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.DERIVATIVES_KNOWN)
+    point_in, lanes = matrix(core.block, a.POINT_IN), len(changed) // POINTS_PER_SEGMENT
+    for first in range(0, len(changed), vectors.VECTOR_WIDTH):
         if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * first, 0.0) != 0:
             continue
         evaluate_kernel(
-            kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.WIDTH, first
+            kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.VECTOR_WIDTH, first
         )
-        if known[first // lanes, first % lanes // vectors.WIDTH] == 0.0:
+        if known[first // lanes, first % lanes // vectors.VECTOR_WIDTH] == 0.0:
             _differentiate(core, first // lanes, first % lanes)
-        for k in range(first, first + vectors.WIDTH):
+        for k in range(first, first + vectors.VECTOR_WIDTH):
             if changed[k] != 0.0:
                 _exchange_one(core, k)
 
@@ -300,33 +302,33 @@ def _exchange(core: Core) -> None:
 @inner
 def _differentiate(core: Core, slot: int, first: int) -> None:
     """Compute the derivatives of one point of each segment in a vector of segments."""
-    known, v = matrix(core.block, a.KNOWN), first // vectors.WIDTH
-    if known[POINTS, v] == 0.0:
-        segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
+    known, v = matrix(core.block, a.DERIVATIVES_KNOWN), first // vectors.VECTOR_WIDTH
+    if known[POINTS_PER_SEGMENT, v] == 0.0:
+        segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.VECTOR_WIDTH, core.n - first)
         out = matrix(core.block, a.POINTS_JACOBIAN)
         evaluate_kernel(kernel(core, a.SEGMENT_JACOBIAN), segment_in, out, count, first)
     _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * _OWN * slot, 3 * _OWN * (slot + 1))
-    known[POINTS, v], known[slot, v] = 1.0, 1.0
+    known[POINTS_PER_SEGMENT, v], known[slot, v] = 1.0, 1.0
 
 
 @inner
 def _exchange_one(core: Core, k: int) -> None:
     """Exchange the contribution of a contact: "point_out" gets the new K, and "point_anew" gets dK."""
     old, new = matrix(core.block, a.POINT_OUT), matrix(core.block, a.POINT_ANEW)
-    lanes = old.shape[1] // POINTS
+    lanes = old.shape[1] // POINTS_PER_SEGMENT
     slot, i = k // lanes, k % lanes
     for r in range(STIFFNESS, _ROWS):
         new[r, k], old[r, k] = new[r, k] - old[r, k], new[r, k]
     jacobian = address(core.block, a.JACOBIANS, i) + 8 * 3 * _OWN * slot
     more = address(core.block, a.POINT_ANEW, STIFFNESS) + 8 * k
-    pitch = 8 * (matrix(core.block, a.BAND).shape[1] - 1)
-    add_congruent(_row(core, a.BAND, i, 0), pitch, jacobian, more, 8 * old.shape[1])
+    pitch = 8 * (matrix(core.block, a.BANDED_JACOBIAN).shape[1] - 1)
+    add_congruent(_row(core, a.BANDED_JACOBIAN, i, 0), pitch, jacobian, more, 8 * old.shape[1])
 
 
 @inner
 def _row(core: Core, k: int, i: int, r: int) -> int:
     """Return the address where row r of the Hessian of segment or joint i begins in a band."""
-    return int(address(core.block, k, BLOCK * i + r) + 8 * (B - r))
+    return int(address(core.block, k, BLOCK_SIZE * i + r) + 8 * (B - r))
 
 
 @inner
@@ -334,6 +336,6 @@ def _transpose(core: Core, source: int, to: int, first: int, begin: int, end: in
     """Transpose derivatives of a vector of lanes, after any potentials, into entries `begin` to `end` of rows."""
     lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
     before = matrix(core.block, source).shape[0] - pitch
-    for r in range(begin, end, vectors.WIDTH):
+    for r in range(begin, end, vectors.VECTOR_WIDTH):
         here = address(core.block, source, before + r) + 8 * first
         vectors.transpose(address(core.block, to, first) + 8 * r, pitch, here, lanes)

@@ -14,8 +14,8 @@ from worm3d.solver.entry import kernel
 FACES = 6
 """Number of the tail face among the points of a segment; the head face follows."""
 
-_RADIUS, _NORMAL, _RIM = segment.LAYOUT.firsts("radius", "normal", "rim")
-_POINT_NORMAL, _ANCHOR = point.LAYOUT.firsts("normal", "anchor")
+_RADIUS, _NORMAL, _RIM = segment.SEGMENT_LAYOUT.firsts("radius", "normal", "rim")
+_POINT_NORMAL, _ANCHOR = point.POINT_LAYOUT.firsts("normal", "anchor")
 
 
 @njit
@@ -27,8 +27,8 @@ def turn_faces(core: Core) -> None:
     step.
     """
     radii = matrix(core.block, a.SEGMENT_IN)[_RADIUS : _RADIUS + 2]
-    for first in range(0, core.n, vectors.WIDTH):
-        for i in range(first, min(first + vectors.WIDTH, core.n)):
+    for first in range(0, core.n, vectors.VECTOR_WIDTH):
+        for i in range(first, min(first + vectors.VECTOR_WIDTH, core.n)):
             if radii[0, i] > 0.0 or radii[1, i] > 0.0:
                 _turn(core, first)
                 break
@@ -37,7 +37,7 @@ def turn_faces(core: Core) -> None:
 @inner
 def _turn(core: Core, first: int) -> None:
     """Turn the faces of a vector of segments."""
-    block, count = core.block, min(vectors.WIDTH, core.n - first)
+    block, count = core.block, min(vectors.VECTOR_WIDTH, core.n - first)
     segments, p, before = matrix(block, a.SEGMENT_IN), matrix(block, a.POINT_IN), matrix(block, a.FIRST)
     past, lanes = matrix(block, a.POINTS_PAST), segments.shape[1]
     for face in range(2):
@@ -50,7 +50,7 @@ def _turn(core: Core, first: int) -> None:
     for r in range(4):
         here = address(block, a.SEGMENT_OUT, r) + 8 * first
         vectors.move(address(block, a.SEGMENT_IN, _RIM + r) + 8 * first, here, count)
-    evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segments, matrix(block, a.REST), count, first)
+    evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segments, matrix(block, a.SEGMENT_SHAPE_OUT), count, first)
     for face in range(2):
         for i in range(first, first + count):
             if segments[_RADIUS + face, i] > 0.0:

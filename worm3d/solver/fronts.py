@@ -12,16 +12,17 @@ from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
-from worm3d.solver.arrays import POINTS, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
-STATE, PREVIOUS, AGE, LEAD, LEAD_CONFIRMED, STEPS_LEFT = range(6)
+CONTACT_STATE, PREVIOUS, AGE, LEAD, LEAD_CONFIRMED, STEPS_LEFT = range(6)
 """Rows of "fronts".
 
-STATE: state of a contact: a regime, negative if the contact slides towards the tail.
+CONTACT_STATE: state of a contact: a regime, negative if the contact slides towards the tail.
 PREVIOUS: the state before. AGE: steps since the state changed.
 LEAD: steps by which a neighbour changed earlier, negative for the neighbour behind.
 LEAD_CONFIRMED: 1 if the neighbour's own lead was equal.
@@ -32,9 +33,9 @@ MAX_LEAD = 20.0
 SMOOTH = 0.02
 """Largest change of motion that is extrapolated: squared norm of the change over squared norm of the motion."""
 
-_LOAD_N, _LOAD_M, _REGIME = point.LAYOUT.firsts("load_n", "load_m", "regime")
-_PULL, _PULL_M = point.LAYOUT.firsts("pull", "pull_m")
-_FORESEEN, _ERROR, _FIRST, _DT = point.LAYOUT.firsts("foreseen", "error", "first", "dt")
+_LOAD_N, _LOAD_M, _REGIME = point.POINT_LAYOUT.firsts("load_n", "load_m", "regime")
+_PULL, _PULL_M = point.POINT_LAYOUT.firsts("pull", "pull_m")
+_FORESEEN, _ERROR, _FIRST, _DT = point.POINT_LAYOUT.firsts("foreseen", "error", "first", "dt")
 
 
 @inner
@@ -59,10 +60,10 @@ def expect(core: Core) -> None:
     regimes.look(core, a.POINT_NEAR)
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), regimes.PRESSED * vector(core.block, a.NUMBERS_)[a.L0])
     eta = matrix(core.block, a.FRONTS)[STEPS_LEFT]
-    for start in range(0, p.shape[1], vectors.WIDTH):
+    for start in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if regimes.seen(core, start):
-            evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], vectors.WIDTH, start)
-            for k in range(start, start + vectors.WIDTH):
+            evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], vectors.VECTOR_WIDTH, start)
+            for k in range(start, start + vectors.VECTOR_WIDTH):
                 for row in range(4):
                     if not eta[k] > 0.0:  # an expected front is trusted
                         p[_PULL + row, k] = out[row, k]
@@ -78,12 +79,12 @@ def _arrive(core: Core, k: int) -> None:
     for side in (1, -1):
         j, state = k + side, 0.0
         if _passed(core, k, side):
-            state = fronts[STATE, j]
+            state = fronts[CONTACT_STATE, j]
         if state == point.OPEN:
             p[_REGIME, k] = point.OPEN
         elif state != 0.0:
             p[_PULL, k], p[_PULL + 1, k] = pull[0, j], pull[1, j]
-            p[_REGIME, k] = regimes.sticking(pull[0, j]) if state == point.STICKING else point.SLIDING
+            p[_REGIME, k] = regimes.sticking(pull[0, j]) if state == point.STICKING_FORWARD else point.SLIDING
             if p[_FORESEEN, k] <= 0.0:
                 p[_FORESEEN, k] = p[_LOAD_N, j]
 
@@ -92,9 +93,9 @@ def _arrive(core: Core, k: int) -> None:
 def _passed(core: Core, k: int, side: int) -> bool:
     """Return whether a front has passed the neighbour on a side of a contact, towards the contact."""
     fronts, j = matrix(core.block, a.FRONTS), k + side
-    if not 0 <= k % (fronts.shape[1] // POINTS) + side < core.n:
+    if not 0 <= k % (fronts.shape[1] // POINTS_PER_SEGMENT) + side < core.n:
         return False
-    changed = fronts[STATE, j] != fronts[STATE, k] and fronts[PREVIOUS, j] == fronts[STATE, k]
+    changed = fronts[CONTACT_STATE, j] != fronts[CONTACT_STATE, k] and fronts[PREVIOUS, j] == fronts[CONTACT_STATE, k]
     return bool(changed and side * fronts[LEAD, j] > 0.0)
 
 
@@ -109,20 +110,25 @@ def keep(core: Core) -> None:
 def note(core: Core) -> None:
     """Record, at the end of a step, the contacts that have changed state and the expected fronts."""
     fronts, found = matrix(core.block, a.FRONTS), matrix(core.block, a.Y_START)
-    age, eta, lanes, changed = fronts[AGE], fronts[STEPS_LEFT], fronts.shape[1] // POINTS, 0
+    age, eta, lanes, changed = fronts[AGE], fronts[STEPS_LEFT], fronts.shape[1] // POINTS_PER_SEGMENT, 0
     for k in range(len(age)):
         age[k] += 1.0
         eta[k] = max(0.0, eta[k] - 1.0)
-    for s in range(POINTS):
+    for s in range(POINTS_PER_SEGMENT):
         for k in range(s * lanes, s * lanes + core.n):
-            if _state(core, k) != fronts[STATE, k]:
+            if _state(core, k) != fronts[CONTACT_STATE, k]:
                 found[0, changed] = k
                 changed += 1
     for m in range(changed):
         found[1, m], found[2, m] = _lead(core, int(found[0, m]))
     for m in range(changed):
         k = int(found[0, m])
-        fronts[PREVIOUS, k], fronts[STATE, k], age[k], eta[k] = fronts[STATE, k], _state(core, k), 0.0, 0.0
+        fronts[PREVIOUS, k], fronts[CONTACT_STATE, k], age[k], eta[k] = (
+            fronts[CONTACT_STATE, k],
+            _state(core, k),
+            0.0,
+            0.0,
+        )
         fronts[LEAD, k], fronts[LEAD_CONFIRMED, k] = found[1, m], found[2, m]
     for m in range(changed):
         for k in range(max(0, int(found[0, m]) - 1), min(len(eta), int(found[0, m]) + 2)):
@@ -136,7 +142,7 @@ def _state(core: Core, k: int) -> float:
     if p[_LOAD_N, k] <= 0.0:
         return point.OPEN
     if vector(core.block, a.STUCK)[k] > 0.0:
-        return point.STICKING
+        return point.STICKING_FORWARD
     return point.SLIDING if p[_PULL, k] >= 0.0 else -point.SLIDING
 
 
@@ -144,10 +150,14 @@ def _state(core: Core, k: int) -> float:
 def _lead(core: Core, k: int) -> tuple[float, float]:
     """Return the rows LEAD and LEAD_CONFIRMED of a contact that changes in this step."""
     fronts, state, found = matrix(core.block, a.FRONTS), _state(core, k), (0.0, 0.0)
-    i = k % (fronts.shape[1] // POINTS)
+    i = k % (fronts.shape[1] // POINTS_PER_SEGMENT)
     for side in (1, -1):
         j = k + side
-        if 0 <= i + side < core.n and fronts[STATE, j] == state and fronts[PREVIOUS, j] == fronts[STATE, k]:
+        if (
+            0 <= i + side < core.n
+            and fronts[CONTACT_STATE, j] == state
+            and fronts[PREVIOUS, j] == fronts[CONTACT_STATE, k]
+        ):
             steps = fronts[AGE, j]
             if steps <= MAX_LEAD:
                 found = side * steps, 1.0 if abs(fronts[LEAD, j]) == steps else 0.0

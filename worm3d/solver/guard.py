@@ -6,10 +6,12 @@ import numpy as np
 
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import joint, point, segment
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.recorded.status import Status
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import matrix, rows, total, vector
 from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import LENGTHS, TANGENT
@@ -19,20 +21,20 @@ Arrays = dict[str, FloatArray]
 
 BEND = 4
 """Row of the chamber bend among the coordinates of a segment."""
-SIDES = ("left", "right")
+CHAMBER_SIDES = ("left", "right")
 
-OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, COARSE = range(7)
-"""Ends of a step. COARSE: the step was solved, but its estimated error exceeds the allowed error."""
+OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, TOO_COARSE = range(7)
+"""Ends of a step. TOO_COARSE: the step was solved, but its estimated error exceeds the allowed error."""
 
-_HINGE = joint.LAYOUT.first("hinge")
-_REST = segment.LAYOUT.first("commanded")
-_DISTANCE = point.LAYOUT.first("distance")
+_HINGE = joint.JOINT_LAYOUT.first("hinge")
+_REST = segment.SEGMENT_LAYOUT.first("commanded")
+_DISTANCE = point.POINT_LAYOUT.first("distance")
 
 
 @inner
 def guard(core: Core) -> int:
     """Return OK for a shape within the model, else the reason of the refusal."""
-    rest, longest = matrix(core.block, a.REST), vector(core.block, a.LONGEST)
+    rest, longest = matrix(core.block, a.SEGMENT_SHAPE_OUT), vector(core.block, a.FLATTENED_LENGTH)
     if not (np.isfinite(total(vector(core.block, a.X))) and _actuators_end_finite(core)):
         return NOT_FINITE
     for i in range(core.n):
@@ -47,7 +49,11 @@ def guard(core: Core) -> int:
 def actuators_start_finite(core: Core) -> bool:
     """Return whether all known outputs of the actuators at the start of a step are finite."""
     block = core.block
-    value = total(vector(block, a.ASKED)) + total(vector(block, a.GIVEN)) + total(rows(block, a.SEGMENT_IN, _REST, 2))
+    value = (
+        total(vector(block, a.ACTUATOR_COMMANDS))
+        + total(vector(block, a.GIVEN))
+        + total(rows(block, a.SEGMENT_IN, _REST, 2))
+    )
     return bool(np.isfinite(value + _sum(matrix(block, a.HINGE_OUT), core.n - 1)))
 
 
@@ -73,13 +79,16 @@ def _sum(values: FloatArray, count: int) -> float:
 @inner
 def _folded(core: Core) -> bool:
     """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge command such an angle."""
-    rest, joints = matrix(core.block, a.REST), matrix(core.block, a.JOINT_IN)
+    rest, joints = matrix(core.block, a.SEGMENT_SHAPE_OUT), matrix(core.block, a.JOINT_IN)
     x = vector(core.block, a.X)
     for i in range(core.n - 1):
         cosine = 0.0
         for d in range(3):
             cosine += rest[TANGENT + d, i] * rest[TANGENT + d, i + 1]
-        if cosine <= 0.0 or abs(0.5 * (x[BLOCK * i + 4] + x[BLOCK * i + 9]) + joints[_HINGE, i]) >= 0.5 * np.pi:
+        if (
+            cosine <= 0.0
+            or abs(0.5 * (x[BLOCK_SIZE * i + 4] + x[BLOCK_SIZE * i + 9]) + joints[_HINGE, i]) >= 0.5 * np.pi
+        ):
             return True
     return False
 
@@ -88,11 +97,11 @@ def _folded(core: Core) -> bool:
 def _sunk(core: Core) -> bool:
     """Return whether a joint is too deep in the world."""
     numbers, distance = vector(core.block, a.NUMBERS_), matrix(core.block, a.POINT_IN)[_DISTANCE]
-    lanes = len(distance) // POINTS
+    lanes = len(distance) // POINTS_PER_SEGMENT
     for i in range(core.n):
-        if distance[6 * lanes + i] <= -numbers[a.DEEPEST]:
+        if distance[6 * lanes + i] <= -numbers[a.MAX_PENETRATION]:
             return True
-    return bool(distance[7 * lanes + core.n - 1] <= -numbers[a.DEEPEST])
+    return bool(distance[7 * lanes + core.n - 1] <= -numbers[a.MAX_PENETRATION])
 
 
 def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
@@ -115,8 +124,8 @@ def joint_angles(arrays: Arrays, segments: int) -> tuple[FloatArray, FloatArray]
     """Return the angles between neighbouring segments, and the angles that bends and hinges command, (N-1,) [rad]."""
     tangent = arrays["rest"][TANGENT : TANGENT + 3, :segments]
     cosine = np.sum(tangent[:, :-1] * tangent[:, 1:], axis=0)
-    bend = arrays["segment_in"][segment.LAYOUT.first("q") + BEND, :segments]
-    hinge = arrays["joint_in"][joint.LAYOUT.first("hinge"), : segments - 1]
+    bend = arrays["segment_in"][segment.SEGMENT_LAYOUT.first("q") + BEND, :segments]
+    hinge = arrays["joint_in"][joint.JOINT_LAYOUT.first("hinge"), : segments - 1]
     return np.arccos(np.clip(cosine, -1.0, 1.0)), np.abs(0.5 * (bend[:-1] + bend[1:]) + hinge)
 
 
@@ -136,13 +145,13 @@ def _where_flattened(arrays: Arrays, segments: int) -> tuple[int, str]:
     side, i = np.unravel_index(int(np.argmax(share)), share.shape)
     length = float(share[side, i] * arrays["longest"][0, i])
     return int(i), (
-        f"segment {i}, whose {SIDES[side]} chamber is {length:.4g} m long, as long as its links can be; "
+        f"segment {i}, whose {CHAMBER_SIDES[side]} chamber is {length:.4g} m long, as long as its links can be; "
         "lengthen it less (negative contraction, bias, pull), or make the worm lighter, k_spring or half_height larger"
     )
 
 
 def _where_sunk(arrays: Arrays, segments: int) -> tuple[int, str]:
-    distance = arrays["point_in"][point.LAYOUT.first("distance")].reshape(POINTS, -1)[6:, :segments]
+    distance = arrays["point_in"][point.POINT_LAYOUT.first("distance")].reshape(POINTS_PER_SEGMENT, -1)[6:, :segments]
     faces = np.append(distance[0], distance[1, -1])
     j = int(np.argmin(faces))
     return min(j, segments - 1), (

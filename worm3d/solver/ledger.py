@@ -36,14 +36,15 @@ from numpy.typing import NDArray
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.recorded.energy import TERMS
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
-from worm3d.solver.evaluate import LOAD, to_joints, to_segments
+from worm3d.solver.evaluate import LOAD_ROW, to_joints, to_segments
 from worm3d.values.arrays import FloatArray
 
 WORK_CONTRACT, WORK_POSITIVE = TERMS.index("work_contract"), TERMS.index("work_contract_positive")
@@ -54,10 +55,10 @@ _OF_JOINT = np.array([TERMS.index(name) for name in joint.LEDGER_TERMS])
 _OF_NODE = np.array([TERMS.index(name) for name in node.LEDGER_TERMS])
 _OF_POINT = np.array([TERMS.index(name) for name in point.LEDGER_TERMS])
 
-_DQ, _JOINT_DQ = segment.LAYOUT.first("dq"), joint.LAYOUT.first("dq")
-_LOAD_N, _F, _NORMAL, _VELOCITY = point.LAYOUT.firsts("load_n", "f", "normal", "velocity")
-_DT, _LANDS = point.LAYOUT.firsts("dt", "lands")
-_NODE_LANDS = node.LAYOUT.first("lands")
+_DQ, _JOINT_DQ = segment.SEGMENT_LAYOUT.first("dq"), joint.JOINT_LAYOUT.first("dq")
+_LOAD_N, _F, _NORMAL, _VELOCITY = point.POINT_LAYOUT.firsts("load_n", "f", "normal", "velocity")
+_DT, _LANDS = point.POINT_LAYOUT.firsts("dt", "lands")
+_NODE_LANDS = node.NODE_LAYOUT.first("lands")
 
 STRIKE = 2.0
 """Least speed of approach of a strike, divided by the speed that gravity causes in a time step.
@@ -76,7 +77,7 @@ def gravity(core: Core) -> float:
 @inner
 def _lands(core: Core) -> bool:
     """Return whether a point has struck the world in the step."""
-    p, load = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)[LOAD]
+    p, load = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)[LOAD_ROW]
     limit = STRIKE * gravity(core) * p[_DT, 0]
     for k in range(p.shape[1]):
         if load[k] > 0.0:
@@ -96,21 +97,21 @@ def prepare(core: Core) -> None:
     fill(rows(core.block, a.NODE_IN, _NODE_LANDS, 1), lands)
     block, n = core.block, core.n
     x = vector(block, a.X)
-    combine(vector(block, a.MOVED)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
-    to_segments(core, _DQ, address(block, a.MOVED, 0))
-    to_joints(core, _JOINT_DQ, address(block, a.MOVED, 0))
+    combine(vector(block, a.STEP_CHANGE)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
+    to_segments(core, _DQ, address(block, a.STEP_CHANGE, 0))
+    to_joints(core, _JOINT_DQ, address(block, a.STEP_CHANGE, 0))
     evaluate_kernel(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
     point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
-    for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD, 1)):
+    for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD_ROW, 1)):
         here = address(block, a.POINT_OUT, source)
         vectors.move(address(block, a.POINT_IN, row), here, count * point_in.shape[1])
     regimes.look(core, a.POINT_TOUCHES)
-    for first in range(0, point_in.shape[1], vectors.WIDTH):
+    for first in range(0, point_in.shape[1], vectors.VECTOR_WIDTH):
         which = a.POINT_AFTER if regimes.seen(core, first) else a.POINT_FREE_AFTER
-        evaluate_kernel(kernel(core, which), point_in, matrix(block, a.AFTER_OUT), vectors.WIDTH, first)
+        evaluate_kernel(kernel(core, which), point_in, matrix(block, a.AFTER_OUT), vectors.VECTOR_WIDTH, first)
     for j in range(n + 1):
         for d in range(3):
-            nodes[d, j] = x[BLOCK * j + d]
+            nodes[d, j] = x[BLOCK_SIZE * j + d]
     evaluate_kernel(kernel(core, a.NODE_AFTER), nodes, matrix(block, a.NODE_OUT), n + 1)
 
 
@@ -132,8 +133,8 @@ def add(core: Core, terms: FloatArray) -> None:
     _collect(core, a.JOINT_OUT, n - 1, _OF_JOINT, terms)
     _collect(core, a.NODE_OUT, n + 1, _OF_NODE, terms)
     lanes = matrix(core.block, a.AFTER_OUT).shape[1]
-    _collect(core, a.AFTER_OUT, lanes, _OF_POINT[: vectors.WIDTH], terms)
-    for k in range(vectors.WIDTH, len(_OF_POINT)):
+    _collect(core, a.AFTER_OUT, lanes, _OF_POINT[: vectors.VECTOR_WIDTH], terms)
+    for k in range(vectors.VECTOR_WIDTH, len(_OF_POINT)):
         terms[_OF_POINT[k]] += vectors.total(address(core.block, a.AFTER_OUT, k), lanes)
     terms[VISCOUS] += terms[DRAG] - dragged
     terms[WORK_POSITIVE] += max(0.0, terms[WORK_CONTRACT] - worked)

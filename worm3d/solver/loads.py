@@ -7,24 +7,26 @@ import numpy as np
 from worm3d.machine.banded import B
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import load, node, point, segment
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.load import LOAD_FREE
 from worm3d.recorded.energy import TERMS
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
-_DT, _SPAN, _RATIO, _LANDS = (list(load.SHARED).index(name) for name in ("dt", "span", "ratio", "lands"))
-_OWN = sum(load.SHARED.values())
+_DT, _SPAN, _RATIO, _LANDS = (list(load.SHARED_INPUTS).index(name) for name in ("dt", "span", "ratio", "lands"))
+_OWN = sum(load.SHARED_INPUTS.values())
 _X, _PAST, _VELOCITY, _TANGENT, _NORMAL, _REGIME, _KEPT = (
-    sum(list(load.OWN.values())[:k]) for k in range(len(load.OWN))
+    sum(list(load.INPUTS_PER_LOAD.values())[:k]) for k in range(len(load.INPUTS_PER_LOAD))
 )
 """Rows of each load, from `_OWN` on, times the number of loads."""
 _OF_LOAD = np.array([TERMS.index(name) for name in load.LEDGER_TERMS])
-_T_REF, _NODE_LANDS = segment.LAYOUT.first("t_ref"), node.LAYOUT.first("lands")
-_WORLD = point.LAYOUT.first("normal")
+_T_REF, _NODE_LANDS = segment.SEGMENT_LAYOUT.first("t_ref"), node.NODE_LAYOUT.first("lands")
+_WORLD = point.POINT_LAYOUT.first("normal")
 _COUNT = len(load.LEDGER_TERMS)
 
 
@@ -38,7 +40,7 @@ def loaded(core: Core) -> bool:
 def begin(core: Core, dt: float, span: float, ratio: float) -> None:
     """Fill the known values of the loads' joints at the start of a step."""
     block, at = core.block, vector(core.block, a.LOADED)
-    given, count, kept = matrix(block, a.LOAD_IN), len(at), vector(block, a.LOADS)
+    given, count, kept = matrix(block, a.LOAD_IN), len(at), vector(block, a.LOAD_STATES)
     joints, velocity, segments = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY), matrix(block, a.SEGMENT_IN)
     points = matrix(block, a.POINT_IN)
     given[_DT, 0], given[_SPAN, 0], given[_RATIO, 0] = dt, span, ratio
@@ -47,10 +49,12 @@ def begin(core: Core, dt: float, span: float, ratio: float) -> None:
         for r in range(6):
             given[_OWN + _PAST * count + 6 * k + r, 0] = joints[r, j]
             given[_OWN + _VELOCITY * count + 6 * k + r, 0] = velocity[r, j]
-        i, slot = min(j, core.n - 1), POINTS - 2 if j < core.n else POINTS - 1
+        i, slot = min(j, core.n - 1), POINTS_PER_SEGMENT - 2 if j < core.n else POINTS_PER_SEGMENT - 1
         for d in range(3):
             given[_OWN + _TANGENT * count + 3 * k + d, 0] = segments[_T_REF + d, i]
-            given[_OWN + _NORMAL * count + 3 * k + d, 0] = points[_WORLD + d, points.shape[1] // POINTS * slot + i]
+            given[_OWN + _NORMAL * count + 3 * k + d, 0] = points[
+                _WORLD + d, points.shape[1] // POINTS_PER_SEGMENT * slot + i
+            ]
         given[_OWN + _REGIME * count + k, 0] = kept[k]
     for k in range(len(kept)):
         given[_OWN + _KEPT * count + k, 0] = kept[k]
@@ -70,14 +74,18 @@ def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
     at, given = vector(core.block, a.LOADED), matrix(core.block, a.LOAD_IN)
     for k in range(len(at)):
         for d in range(3):
-            r = BLOCK * int(at[k]) + d
+            r = BLOCK_SIZE * int(at[k]) + d
             given[_OWN + _X * len(at) + 3 * k + d, 0] = x[r] - share * step[r]
 
 
 @inner
 def add(core: Core, x: FloatArray, in_band: bool) -> float:
     """Add the loads to the gradient, and perhaps the band; return the potential of the loads."""
-    at, gradient, band = vector(core.block, a.LOADED), vector(core.block, a.GRADIENT), matrix(core.block, a.BAND)
+    at, gradient, band = (
+        vector(core.block, a.LOADED),
+        vector(core.block, a.GRADIENT),
+        matrix(core.block, a.BANDED_JACOBIAN),
+    )
     given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(at)
     _place(core, x, 0.0, x)
     if in_band:
@@ -86,7 +94,7 @@ def add(core: Core, x: FloatArray, in_band: bool) -> float:
         evaluate_kernel(kernel(core, a.LOAD_GRADIENT), given, out[: 1 + 3 * count], 1)
     for k in range(count):
         for d in range(3):
-            r = BLOCK * int(at[k]) + d
+            r = BLOCK_SIZE * int(at[k]) + d
             gradient[r] += out[1 + 3 * k + d, 0]
             if in_band:
                 for e in range(3):
@@ -111,7 +119,7 @@ def turn(core: Core, step: FloatArray) -> bool:
 @inner
 def finish(core: Core, terms: FloatArray) -> None:
     """Add the loads' terms of the ledger, and store the loads' states; the kernels' inputs belong to the solution."""
-    given, out, kept = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_ENDS), vector(core.block, a.LOADS)
+    given, out, kept = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_ENDS), vector(core.block, a.LOAD_STATES)
     x, nodes = vector(core.block, a.X), matrix(core.block, a.NODE_IN)
     given[_LANDS, 0] = nodes[_NODE_LANDS, 0]
     _place(core, x, 0.0, x)

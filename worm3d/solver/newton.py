@@ -13,14 +13,25 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import point
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, loads, regimes
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
-from worm3d.solver.evaluate import EXACT, FORCES, LOAD, LOCAL, NONE, WHOLE, evaluate, hold
+from worm3d.solver.evaluate import (
+    EXACT_HESSIAN,
+    FORCES_ONLY,
+    LOAD_ROW,
+    LOCAL_HESSIAN,
+    NO_HESSIAN,
+    WHOLE_HESSIAN,
+    evaluate,
+    hold,
+)
 from worm3d.values.arrays import FloatArray
 
 MAX_ITERATIONS = 40
@@ -48,23 +59,23 @@ early breakaway: contacts beyond the limit then break away before Newton's metho
 as after convergence."""
 SLIDE_AT_ONCE = 25.0
 """Square of y over the yield limit beyond which a stuck contact slides at once, if no guess can be trusted."""
-KEPT = 3e-4
+KEPT_JACOBIAN_MOTION = 3e-4
 """Largest motion of x, as a fraction of the segment length, for which the Jacobian is kept except for changed
 contacts."""
-SLOWEST = 0.1
+MIN_STEP_RATIO = 0.1
 """Lower bound for the ratio of the next Newton step to the last with a kept Jacobian. If the next step, predicted with
 this bound, is within the tolerance, it is not computed."""
-QUIET = 1e-9
+QUIET_STEP = 1e-9
 """Newton step, as a fraction of the body length; in smaller steps unchanged contacts are not examined before the last
 step."""
 STAGNATION = 1e-12
 """Newton step, as a fraction of the body length; smaller steps that no longer shrink count as rounding."""
 
-NOTHING, TURNED, FREED, CHANGED = range(4)
+NO_EVENT, CONTACT_TURNED, CONTACT_FREED, CONTACT_CHANGED = range(4)
 """Event among the contacts in an iteration: none, a sliding or stuck contact turns, a contact breaks away, a contact
 changes regime."""
 
-_LOAD, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "regime", "breaks")
+_LOAD, _REGIME, _BREAKS = point.POINT_LAYOUT.firsts("load", "regime", "breaks")
 
 
 @inner
@@ -99,32 +110,32 @@ def _solve(core: Core, again: bool) -> bool:
         fronts.expect(core)
     breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
     fill(breaks, np.inf if guessed or again else SLIDE_AT_ONCE)
-    found = _follow(core, WHOLE)
+    found = _follow(core, WHOLE_HESSIAN)
     if not found and loads.loaded(core):
         loads.release(core)
     if not found and guessed and not again:  # at the guess other contacts may stick than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.set_regimes_from_last_step(core)
         fill(breaks, SLIDE_AT_ONCE)
-        found = _follow(core, WHOLE)
+        found = _follow(core, WHOLE_HESSIAN)
     fill(regime, point.FREE)
     if found:
         return True
     count(core, 3)
     x, best = vector(core.block, a.X), vector(core.block, a.BEST)
-    load, own = rows(core.block, a.POINT_IN, _LOAD, 1), rows(core.block, a.POINT_OUT, LOAD, 1)
+    load, own = rows(core.block, a.POINT_IN, _LOAD, 1), rows(core.block, a.POINT_OUT, LOAD_ROW, 1)
     copy(x, vector(core.block, a.X_N))
     for relaxation in RELAXATIONS:
         if descend(core):
             copy(best, x)
-            evaluate(core, a.X, True, NONE)
+            evaluate(core, a.X, True, NO_HESSIAN)
             regimes.set_regimes_from_law(core)
-            found = _follow(core, EXACT)
+            found = _follow(core, EXACT_HESSIAN)
             fill(regime, point.FREE)
             if found:
                 return True
             copy(x, best)
-        if not evaluate(core, a.X, False, NONE) < np.inf:
+        if not evaluate(core, a.X, False, NO_HESSIAN) < np.inf:
             return False
         combine(load, 1.0 - relaxation, load, relaxation, own)
     return False
@@ -142,13 +153,16 @@ def _follow(core: Core, whole: int) -> bool:
     Every contact keeps the regime until the step, to first order, makes the regime inconsistent with the friction law
     by more than the error of the step: contacts stick within nanometres, and with the law alone the iterates would jump
     to and fro across this distance. There is no potential to descend: the iteration gives up if regimes continue to
-    change or the iterates come no closer to the solution. The first Jacobian is EXACT: with a less exact Jacobian a
-    body near the limit point reaches another solution of the step. `whole` is the kind of later new Jacobians, WHOLE or
-    EXACT.
+    change or the iterates come no closer to the solution. The first Jacobian is EXACT_HESSIAN: with a less exact
+    Jacobian a body near the limit point reaches another solution of the step. `whole` is the kind of later new
+    Jacobians, WHOLE_HESSIAN or EXACT_HESSIAN.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
-    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, EXACT, 0, 0, 1.0, NOTHING
+    length, tolerance = (
+        vector(core.block, a.NUMBERS_)[a.BODY_LENGTH],
+        vector(core.block, a.NUMBERS_)[a.NEWTON_TOLERANCE],
+    )
+    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, EXACT_HESSIAN, 0, 0, 1.0, NO_EVENT
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
@@ -157,34 +171,34 @@ def _follow(core: Core, whole: int) -> bool:
         strays += size > far
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
-        fresh = fresh + 1 if hessian in (EXACT, WHOLE) else 0
+        fresh = fresh + 1 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else 0
         done = _converged(size / length, previous / length, fresh, hessian, tolerance)
-        quiet = before == NOTHING and hessian == NONE and not done and size < QUIET * length
-        news, lands = (NOTHING, False) if quiet else _news(core, size, doubt)
+        quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < QUIET_STEP * length
+        news, lands = (NO_EVENT, False) if quiet else _news(core, size, doubt)
         turned = loads.loaded(core) and not lands and loads.turn(core, step)
-        if news == CHANGED:
+        if news == CONTACT_CHANGED:
             changes += 1
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif news == NOTHING and done and not turned:
+        elif news == NO_EVENT and done and not turned:
             if not regimes.break_away(core, 0.0):
                 return _ended(core, size < tolerance * length)
-            news = FREED
-        if news == FREED:  # another problem from here on
+            news = CONTACT_FREED
+        if news == CONTACT_FREED:  # another problem from here on
             count(core, 2)
             changes, doubt, strays, left = 0, 1.0, 0, MAX_ITERATIONS
         moved = 0.0 if lands else size
         if not lands:
             copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-        since = moved + (0.0 if hessian in (EXACT, WHOLE) else since)
+        since = moved + (0.0 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else since)
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
-        if slow or turned or since > KEPT * vector(core.block, a.NUMBERS_)[a.L0]:
+        if slow or turned or since > KEPT_JACOBIAN_MOTION * vector(core.block, a.NUMBERS_)[a.L0]:
             hessian = whole
         else:
-            hessian = NONE if news == NOTHING else LOCAL
+            hessian = NO_HESSIAN if news == NO_EVENT else LOCAL_HESSIAN
     return False
 
 
@@ -197,10 +211,10 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     lands = regimes.lands(core)
     changed, turned = regimes.change_regimes(core, step_rejected=lands)
     if changed:
-        return CHANGED, lands
+        return CONTACT_CHANGED, lands
     if not turned and not lands and regimes.break_away(core, EARLY_RELEASE_MARGIN):
-        return FREED, lands
-    return TURNED if turned else NOTHING, lands
+        return CONTACT_FREED, lands
+    return CONTACT_TURNED if turned else NO_EVENT, lands
 
 
 @inner
@@ -208,7 +222,7 @@ def _converged(size: float, previous: float, fresh: int, hessian: int, tolerance
     """Return whether this or the next step, as a fraction of the body length, is small enough, or is rounding."""
     if size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous):
         return True
-    return hessian == NONE and size * max(size, SLOWEST * previous) < tolerance * previous
+    return hessian == NO_HESSIAN and size * max(size, MIN_STEP_RATIO * previous) < tolerance * previous
 
 
 @inner
@@ -216,7 +230,7 @@ def _ended(core: Core, reached: bool) -> bool:
     """Take the last step, which leads to the solution, unless x is already there; return True."""
     if not reached:
         combine(vector(core.block, a.X), 1.0, vector(core.block, a.X), -1.0, vector(core.block, a.DIRECTION))
-        evaluate(core, a.X, True, FORCES)
+        evaluate(core, a.X, True, FORCES_ONLY)
     return True
 
 
@@ -227,7 +241,7 @@ def _excused(core: Core, hessian: int, before: int) -> bool:
     The step may have any size if a contact changed regime, and always in a body of several vectors of segments: a whole
     new Jacobian for one contact costs more than it saves.
     """
-    return hessian == LOCAL and (before == CHANGED or core.n > vectors.WIDTH)
+    return hessian == LOCAL_HESSIAN and (before == CONTACT_CHANGED or core.n > vectors.VECTOR_WIDTH)
 
 
 @inner
@@ -236,16 +250,16 @@ def _newton_step(core: Core, hessian: int, follows: bool) -> float:
 
     If the step follows another step ("trial") with the same Jacobian, Broyden's correction is applied.
     """
-    begin = _first_changed(core) if hessian == LOCAL else 0
+    begin = _first_changed(core) if hessian == LOCAL_HESSIAN else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
-    hold(core, hessian != NONE)
+    hold(core, hessian != NO_HESSIAN)
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     copy(step, vector(core.block, a.GRADIENT))
-    if hessian != NONE:
-        lu_factor(matrix(core.block, a.BAND), factor, begin)
+    if hessian != NO_HESSIAN:
+        lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, begin)
     lu_solve(factor, step)
-    if hessian == NONE and follows:
+    if hessian == NO_HESSIAN and follows:
         _correct(step, vector(core.block, a.TRIAL))
     return float(largest(core, step))
 
@@ -262,9 +276,9 @@ def _correct(step: FloatArray, before: FloatArray) -> None:
 def _first_changed(core: Core) -> int:
     """Return the first row of the band affected by the changed contacts."""
     changed, first = vector(core.block, a.CHANGED), core.n
-    for k in range(0, len(changed), vectors.WIDTH):
+    for k in range(0, len(changed), vectors.VECTOR_WIDTH):
         if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * k, 0.0) == 0:
-            for m in range(k, k + vectors.WIDTH):
+            for m in range(k, k + vectors.VECTOR_WIDTH):
                 if changed[m] != 0.0:
-                    first = min(first, m % (len(changed) // POINTS))
-    return BLOCK * first if first < core.n else 0
+                    first = min(first, m % (len(changed) // POINTS_PER_SEGMENT))
+    return BLOCK_SIZE * first if first < core.n else 0

@@ -6,10 +6,11 @@ import numpy as np
 
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.actuate import actuate
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, kernel, opened
 from worm3d.solver.evaluate import place
@@ -18,10 +19,10 @@ from worm3d.solver.guard import NOT_FINITE, OK, actuators_start_finite
 from worm3d.solver.step import step
 from worm3d.values.arrays import FloatArray
 
-_T_REF, _D_REF, _RIM, _DQ = segment.LAYOUT.firsts("t_ref", "d_ref", "rim", "dq")
-_COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("commanded", "commanded_n")
-_J_Q, _J_T, _J_D, _HINGE = joint.LAYOUT.firsts("q", "t_ref", "d_ref", "hinge")
-_X, _ANCHOR, _LOAD_N, _PULL, _FIRST = point.LAYOUT.firsts("x", "anchor", "load_n", "pull", "first")
+_T_REF, _D_REF, _RIM, _DQ = segment.SEGMENT_LAYOUT.firsts("t_ref", "d_ref", "rim", "dq")
+_COMMANDED, _COMMANDED_N = segment.SEGMENT_LAYOUT.firsts("commanded", "commanded_n")
+_J_Q, _J_T, _J_D, _HINGE = joint.JOINT_LAYOUT.firsts("q", "t_ref", "d_ref", "hinge")
+_X, _ANCHOR, _LOAD_N, _PULL, _FIRST = point.POINT_LAYOUT.firsts("x", "anchor", "load_n", "pull", "first")
 _COMMAND = actuator.CHAMBER_COMMANDS[0]
 _TERMS = len(segment.LEDGER_TERMS)
 _HISTORIES = np.array([list(a.ARRAYS).index(name) for name, row in a.ARRAYS.items() if row.history])
@@ -63,7 +64,7 @@ def _put(core: Core, rate: FloatArray) -> None:
     evaluate_kernel(kernel(core, a.JOINT_ANGLES), matrix(block, a.JOINT_IN), joint_out[:4], n - 1)
     copy(rows(block, a.POINTS_PAST, 0, 3), rows(block, a.POINT_IN, _X, 3))
     copy(rows(block, a.POINT_VELOCITY, 0, 3), rows(block, a.POINT_IN, _FIRST, 3))
-    copy(rows(block, a.LENGTHS, 0, 2), rows(block, a.REST, 0, 2))
+    copy(rows(block, a.LENGTHS, 0, 2), rows(block, a.SEGMENT_SHAPE_OUT, 0, 2))
     copy(rows(block, a.HINGES, 0, 2), rows(block, a.SEGMENT_LEDGER_, _TERMS, 2))
     copy(rows(block, a.JOINT_ANGLES_PAST, 0, 4), rows(block, a.JOINT_OUT, 0, 4))
     _rest_actuators(core)
@@ -74,7 +75,7 @@ def _put(core: Core, rate: FloatArray) -> None:
     fill(rows(block, a.POINT_IN, _LOAD_N, 1), 0.0)
     fill(rows(block, a.POINT_IN, _PULL, 2), 0.0)
     fill(vector(block, a.STUCK), 1.0)
-    for k in (a.STORED, a.JOINT_LOAD, a.LAST, a.CURVE):
+    for k in (a.ANCHOR_ENERGY, a.JOINT_LOAD, a.LAST, a.CURVE):
         fill(vector(block, k), 0.0)
 
 
@@ -82,10 +83,10 @@ def _put(core: Core, rate: FloatArray) -> None:
 def _orient(core: Core, i: int) -> None:
     """Set the tangent of a segment, and make the director a unit vector across the segment, the origin of roll."""
     x, segments = vector(core.block, a.X), matrix(core.block, a.SEGMENT_IN)
-    x[BLOCK * i + 3] = 0.0
+    x[BLOCK_SIZE * i + 3] = 0.0
     square, along, size = 0.0, 0.0, 0.0
     for d in range(3):
-        segments[_T_REF + d, i] = x[BLOCK * (i + 1) + d] - x[BLOCK * i + d]
+        segments[_T_REF + d, i] = x[BLOCK_SIZE * (i + 1) + d] - x[BLOCK_SIZE * i + d]
         square += segments[_T_REF + d, i] ** 2
     for d in range(3):
         segments[_T_REF + d, i] /= np.sqrt(square)
@@ -104,14 +105,14 @@ def _set_rates(core: Core, rate: FloatArray) -> None:
     joints, velocity = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY)
     segments = matrix(block, a.SEGMENT_IN)
     for j in range(core.n + 1):
-        for d in range(BLOCK):
-            if held[BLOCK * j + d] != 0.0:
-                rate[BLOCK * j + d] = 0.0
+        for d in range(BLOCK_SIZE):
+            if held[BLOCK_SIZE * j + d] != 0.0:
+                rate[BLOCK_SIZE * j + d] = 0.0
         for d in range(3):
-            joints[d, j], velocity[d, j] = x[BLOCK * j + d], rate[BLOCK * j + d]
+            joints[d, j], velocity[d, j] = x[BLOCK_SIZE * j + d], rate[BLOCK_SIZE * j + d]
     for r in range(segment.COORDINATES):
         for i in range(core.n):
-            segments[_DQ + r, i] = rate[BLOCK * i + r]
+            segments[_DQ + r, i] = rate[BLOCK_SIZE * i + r]
 
 
 @inner
@@ -121,7 +122,7 @@ def _place(core: Core) -> None:
     segments, joints, world_in = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN), matrix(block, a.WORLD_IN)
     for i in range(core.n - 1):
         for r in range(joint.COORDINATES):
-            joints[_J_Q + r, i] = x[BLOCK * i + r]
+            joints[_J_Q + r, i] = x[BLOCK_SIZE * i + r]
         for d in range(3):
             joints[_J_T + d, i], joints[_J_T + 3 + d, i] = segments[_T_REF + d, i], segments[_T_REF + d, i + 1]
             joints[_J_D + d, i], joints[_J_D + 3 + d, i] = segments[_D_REF + d, i], segments[_D_REF + d, i + 1]
@@ -134,7 +135,7 @@ def _place(core: Core) -> None:
 def _rest_actuators(core: Core) -> None:
     """Put actuators at rest at the commanded contraction, without forces and hinge commands."""
     block, n = core.block, core.n
-    asked, segments = vector(block, a.ASKED), matrix(block, a.SEGMENT_IN)
+    asked, segments = vector(block, a.ACTUATOR_COMMANDS), matrix(block, a.SEGMENT_IN)
     given, actuated, out = asked[: 2 * n], matrix(block, a.ACTUATED), matrix(block, a.ACTUATOR_OUT)
     fill(asked[2 * n :], 0.0)
     copy(vector(block, a.GIVEN), asked)
@@ -159,10 +160,10 @@ def _rest_actuators(core: Core) -> None:
 @inner
 def _stop(core: Core) -> None:
     block, x, joints = core.block, vector(core.block, a.X), matrix(core.block, a.JOINTS)
-    asked, given = vector(block, a.ASKED), vector(block, a.GIVEN)
+    asked, given = vector(block, a.ACTUATOR_COMMANDS), vector(block, a.GIVEN)
     for j in range(core.n + 1):
         for d in range(3):
-            x[BLOCK * j + d] = joints[d, j]
+            x[BLOCK_SIZE * j + d] = joints[d, j]
     for k in range(2 * core.n):
         asked[k] = min(given[k], GREATEST_CONTRACTION)
     fill(vector(block, a.TRIAL), 0.0)

@@ -22,6 +22,7 @@ from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.worm import Worm
 from worm3d.recorded.energy import TERMS
 from worm3d.recorded.series import (
@@ -36,12 +37,12 @@ from worm3d.recorded.series import (
     states_of_parts,
 )
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import POINTS, Core, CoreMemory
+from worm3d.solver.arrays import Core, CoreMemory
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
-STATE = "actuator_"
+STATE_PREFIX = "actuator_"
 """Prefix of the names of the actuators' states."""
 
 PLAN, MOMENTA, REGIONS, BEFORE, NOW = range(5)
@@ -86,7 +87,7 @@ class _Form(NamedTuple):
 @lru_cache
 def _form(sizes: a.Sizes, parts: tuple[Any, ...], clamped: bool, rows: int, between: bool) -> _Form:
     declared = {name: series for name, series in series_of(Recorded).items() if series.source is not None}
-    declared |= {STATE + name: series for name, series in states_of_parts(*parts).items()}
+    declared |= {STATE_PREFIX + name: series for name, series in states_of_parts(*parts).items()}
     shapes = {name: series.shape(sizes.n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
     core = a.plan(sizes).places()
     pieces = {name: _pieces(series, clamped, sizes.n, core) for name, series in declared.items()}
@@ -141,8 +142,8 @@ class Records:
         """Return rows of each series as fields of `Recorded`, and of the energy ledger."""
         found, states = {}, {}
         for name, array in self.arrays(rows).items():
-            if name.startswith(STATE):
-                states[name.removeprefix(STATE)] = array
+            if name.startswith(STATE_PREFIX):
+                states[name.removeprefix(STATE_PREFIX)] = array
             else:
                 found[name] = array
         return {**found, "actuator_states": states}
@@ -158,10 +159,11 @@ def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]
     if not isinstance(source, Points):
         return [_Piece(source.array, _row(source) * columns, (shape[0], 1, prod(shape[1:])), (1, 0, columns))]
     lanes = core["rest"][2]
-    first, steps = _row(source) * POINTS * lanes, (1, lanes, POINTS * lanes)
+    first, steps = _row(source) * POINTS_PER_SEGMENT * lanes, (1, lanes, POINTS_PER_SEGMENT * lanes)
     if series.dims[1] == "segment":
         return [_Piece(source.array, first, (n, shape[1], prod(shape[2:])), steps)]
-    tail, head = POINTS - 2, POINTS - 1  # a joint is the tail face of its segment, the last joint the head face
+    # a joint is the tail face of its segment, the last joint the head face
+    tail, head = POINTS_PER_SEGMENT - 2, POINTS_PER_SEGMENT - 1
     return [
         _Piece(source.array, first + tail * lanes, (n, 1, 1), steps),
         _Piece(source.array, first + head * lanes + n - 1, (1, 1, 1), steps, to=n),
@@ -172,7 +174,7 @@ def _regions(
     declared: Mapping[str, Series], clamped: bool, n: int, core: Mapping[str, list[int]]
 ) -> list[tuple[int, int]]:
     """Return begin and size of each part of the core that fills rows: positions first, sums last."""
-    first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS), ("terms", 0, 1)]
+    first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS_PER_SEGMENT), ("terms", 0, 1)]
     found = dict.fromkeys([*first, ("joint_velocity", 0, 3), ("point_velocity", 0, 3)])
     for series in declared.values():
         source = _source(series, clamped)
@@ -211,7 +213,7 @@ def gather(core: Core, records: Block, row: int) -> None:
     for entry in range(matrix(records, PLAN).shape[0]):
         source, to, width, i, j, k, step_i, step_j, step_k = integers(address(records, PLAN, entry), ENTRY)
         to += 8 * width * row
-        if j == POINTS and k == 3:
+        if j == POINTS_PER_SEGMENT and k == 3:
             _places(core, source, to)
         elif step_i == 1 and j * k == 1:
             vectors.move(to, source, i)
@@ -235,10 +237,10 @@ def _gather(
 @inner
 def _places(core: Core, rows: int, to: int) -> None:
     """Write three rows of the points, x, y and z, at an address as (N, 8, 3)."""
-    lanes, turned = matrix(core.block, a.REST).shape[1], address(core.block, a.TURNED, 0)
-    for i in range(0, core.n, vectors.WIDTH):
-        vectors.transpose_places(turned + 8 * 3 * POINTS * i, 3 * POINTS, rows + 8 * i, lanes)
-    vectors.move(to, turned, 3 * POINTS * core.n)
+    lanes, turned = matrix(core.block, a.SEGMENT_SHAPE_OUT).shape[1], address(core.block, a.TRANSPOSED_RECORDS, 0)
+    for i in range(0, core.n, vectors.VECTOR_WIDTH):
+        vectors.transpose_places(turned + 8 * 3 * POINTS_PER_SEGMENT * i, 3 * POINTS_PER_SEGMENT, rows + 8 * i, lanes)
+    vectors.move(to, turned, 3 * POINTS_PER_SEGMENT * core.n)
 
 
 def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
@@ -272,4 +274,4 @@ def _add_sums(core: Core, count: int, momentum: FloatArray, com: FloatArray) -> 
         momentum[k] += sums[k]
     com[0] += sums[6]
     com[1] += sums[7]
-    com[2] += vectors.total(address(core.block, a.MOMENTA_OUT, vectors.WIDTH), count)
+    com[2] += vectors.total(address(core.block, a.MOMENTA_OUT, vectors.VECTOR_WIDTH), count)

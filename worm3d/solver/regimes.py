@@ -16,10 +16,10 @@ from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import open_at, to_segments
 from worm3d.values.arrays import FloatArray
 
-_LOAD_N, _REGIME, _STIFFNESS, _LIMIT_RATIO = point.LAYOUT.firsts("load_n", "regime", "stiffness", "limit_ratio")
-_DQ, _FIRST, _FRICTION = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
-_FORESEEN, _ERROR = point.LAYOUT.firsts("foreseen", "error")
-Y, EXCESS, TOUCHING, PREDICTED_FRICTION, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = 0, 2, 3, 4, 7, 8, 9, 10, 11
+_LOAD_N, _REGIME, _STIFFNESS, _LIMIT_RATIO = point.POINT_LAYOUT.firsts("load_n", "regime", "stiffness", "limit_ratio")
+_DQ, _FIRST, _FRICTION = segment.SEGMENT_LAYOUT.first("dq"), *point.POINT_LAYOUT.firsts("first", "pull")
+_FORESEEN, _ERROR = point.POINT_LAYOUT.firsts("foreseen", "error")
+Y, EXCESS, TOUCHING_DEPTH, PREDICTED_FRICTION, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = 0, 2, 3, 4, 7, 8, 9, 10, 11
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5
@@ -67,20 +67,26 @@ def evaluate_yielding(core: Core) -> None:
 @inner
 def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
     """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of this prediction [m]."""
-    p, segments, moved = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN), vector(core.block, a.MOVED)
+    p, segments, moved = (
+        matrix(core.block, a.POINT_IN),
+        matrix(core.block, a.SEGMENT_IN),
+        vector(core.block, a.STEP_CHANGE),
+    )
     combine(moved[: len(step)], -1.0, step, 0.0, step)
-    to_segments(core, _DQ, address(core.block, a.MOVED, 0))
+    to_segments(core, _DQ, address(core.block, a.STEP_CHANGE, 0))
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
     evaluate_kernel(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
     look(core, a.POINT_NEAR)
-    for first in range(0, p.shape[1], vectors.WIDTH):
+    for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if seen(core, first):
-            evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), vectors.WIDTH, first)
+            evaluate_kernel(
+                kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), vectors.VECTOR_WIDTH, first
+            )
         else:
             for row in range(3):
                 here = address(core.block, a.POINT_IN, _FRICTION + row) + 8 * first
                 to = address(core.block, a.YIELDING_OUT, PREDICTED_FRICTION + row) + 8 * first
-                vectors.move(to, here, vectors.WIDTH)
+                vectors.move(to, here, vectors.VECTOR_WIDTH)
 
 
 @inner
@@ -101,10 +107,10 @@ def lands(core: Core) -> bool:
     """Return whether the step, which ignores open contacts, would drive an open contact deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
-    for first in range(0, p.shape[1], vectors.WIDTH):
+    for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if seen(core, first):
-            for k in range(first, first + vectors.WIDTH):
-                if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep:
+            for k in range(first, first + vectors.VECTOR_WIDTH):
+                if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING_DEPTH, k] > deep:
                     return True
     return False
 
@@ -129,18 +135,18 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
     concerned = vector(core.block, a.CHANGED)
     if not step_rejected:
         _take_predicted_friction(core)
-    for first in range(0, p.shape[1], vectors.WIDTH):
+    for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if not seen(core, first):
             continue
-        for k in range(first, first + vectors.WIDTH):
+        for k in range(first, first + vectors.VECTOR_WIDTH):
             old, new = p[_REGIME, k], out[NEXT, k]
-            if out[STALE, k] == 0.0 or (step_rejected and old >= point.STICKING and new != point.OPEN):
+            if out[STALE, k] == 0.0 or (step_rejected and old >= point.STICKING_FORWARD and new != point.OPEN):
                 continue
             if old == point.OPEN:
                 p[_FRICTION, k], p[_FRICTION + 1, k] = out[PREDICTED_FRICTION, k], out[PREDICTED_FRICTION + 1, k]
                 p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
             p[_REGIME, k], concerned[k] = new, 1.0
-            if old == new or (old >= point.STICKING and new >= point.STICKING):
+            if old == new or (old >= point.STICKING_FORWARD and new >= point.STICKING_FORWARD):
                 turned = True
             else:
                 changed = True
@@ -150,7 +156,7 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
 @inner
 def sticking(y: float) -> float:
     """Return the regime of a stuck contact with displacement `y`, or an opposing force `y`, along the segment."""
-    return point.STICKING if y >= 0.0 else point.STICKING_BACK
+    return point.STICKING_FORWARD if y >= 0.0 else point.STICKING_BACK
 
 
 @inner
@@ -166,10 +172,10 @@ def break_away(core: Core, margin: float) -> bool:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
     excess, recent, breaks = out[STATIC_EXCESS], out[RECENT], False
-    for first in range(0, p.shape[1], vectors.WIDTH):
+    for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if open_at(core, first):
             continue
-        for k in range(first, first + vectors.WIDTH):
+        for k in range(first, first + vectors.VECTOR_WIDTH):
             if p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
                 if margin > 0.0 and abs(excess[k]) <= margin * recent[k]:
                     return False

@@ -16,15 +16,15 @@ KERNELS = ("segment_gradient", "segment_ledger", "actuator_end")
 _HEAD = 5
 """Coordinate along x of the joint ahead."""
 
-_OF_SEGMENT = segment.LAYOUT.rows
-_Q, _DQ, _LINK, _SPAN, _DT = segment.LAYOUT.firsts("q", "dq", "link", "span", "dt")
-_LENGTH_N, _ANGLE_N = segment.LAYOUT.firsts("length_n", "angle_n")
-_LENGTH_HAT, _ANGLE_HAT = segment.LAYOUT.firsts("length_hat", "angle_hat")
+_OF_SEGMENT = segment.SEGMENT_LAYOUT.rows
+_Q, _DQ, _LINK, _SPAN, _DT = segment.SEGMENT_LAYOUT.firsts("q", "dq", "link", "span", "dt")
+_LENGTH_N, _ANGLE_N = segment.SEGMENT_LAYOUT.firsts("length_n", "angle_n")
+_LENGTH_HAT, _ANGLE_HAT = segment.SEGMENT_LAYOUT.firsts("length_hat", "angle_hat")
 _ELASTIC, _VISCOUS = (segment.LEDGER_TERMS.index(name) for name in ("elastic", "viscous_loss"))
 _GIVES, _RUBS = (actuator.LEDGER_TERMS.index(name) for name in ("elastic", "hysteresis_loss"))
-_STATES = actuator.CHAMBER_COMMANDS[-1] + actuator.SIDES
+_STATES = actuator.CHAMBER_COMMANDS[-1] + actuator.ACTUATORS_PER_SEGMENT
 """First row of the states at the start of a step; a first-order actuator has no states."""
-_STATES_OUT = actuator.LEDGER_ROWS + actuator.SIDES
+_STATES_OUT = actuator.LEDGER_ROWS + actuator.ACTUATORS_PER_SEGMENT
 
 
 @njit
@@ -58,7 +58,7 @@ def follow(
     for k, length in enumerate(lengths):
         length_n = lengths[max(k - 1, 0)]
         angle_n = 2.0 * np.arcsin(length_n / (2.0 * rows[_LINK, 0]))
-        for side in range(actuator.SIDES):
+        for side in range(actuator.ACTUATORS_PER_SEGMENT):
             rows[_LENGTH_N + side, 0] = rows[_LENGTH_HAT + side, 0] = length_n
             rows[_ANGLE_N + side, 0] = rows[_ANGLE_HAT + side, 0] = angle_n
         rows[_SPAN, 0] = rows[_DT, 0] = steps[k]
@@ -70,5 +70,5 @@ def follow(
             evaluate(addresses[2], rows, end, 1)
             found[1, k] += end[_GIVES, 0]
             found[3, k] = end[_RUBS, 0]
-            for state in range(actuator.SIDES * states):
+            for state in range(actuator.ACTUATORS_PER_SEGMENT * states):
                 rows[_STATES + state, 0] = end[_STATES_OUT + state, 0]

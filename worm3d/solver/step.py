@@ -7,31 +7,34 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.friction import RESTING_PENETRATION
 from worm3d.physics.kernels import actuator, inertia, joint, medium, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, loads
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
 from worm3d.solver.entry import call, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, TANGENT, place
 from worm3d.solver.faces import turn_faces
-from worm3d.solver.guard import COARSE, NO_CONVERGENCE, OK, guard
+from worm3d.solver.guard import NO_CONVERGENCE, OK, TOO_COARSE, guard
 from worm3d.solver.ledger import gravity
 from worm3d.solver.newton import solve
 
-_T_REF, _D_REF = segment.LAYOUT.firsts("t_ref", "d_ref")
-_SPAN, _DT, _S_WEIGHTS, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts(
+_T_REF, _D_REF = segment.SEGMENT_LAYOUT.firsts("t_ref", "d_ref")
+_SPAN, _DT, _S_WEIGHTS, _COMMANDED, _COMMANDED_N = segment.SEGMENT_LAYOUT.firsts(
     "span", "dt", "weights", "commanded", "commanded_n"
 )
-_L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
-_JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
-_HINGE, _HINGE_N, _WEIGHTS = joint.LAYOUT.firsts("hinge", "hinge_n", "weights")
-_P_SPAN, _P_DT, _P_RATIO, _DEEP, _OF_SEGMENT = point.LAYOUT.firsts("span", "dt", "ratio", "deep", "segment_tangent")
-_ANCHOR, _LIMIT_RATIO, _FRICTION = point.LAYOUT.firsts("anchor", "limit_ratio", "pull")
+_L_HAT, _A_HAT, _L_N, _A_N = segment.SEGMENT_LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
+_JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.JOINT_LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
+_HINGE, _HINGE_N, _WEIGHTS = joint.JOINT_LAYOUT.firsts("hinge", "hinge_n", "weights")
+_P_SPAN, _P_DT, _P_RATIO, _DEEP, _OF_SEGMENT = point.POINT_LAYOUT.firsts(
+    "span", "dt", "ratio", "deep", "segment_tangent"
+)
+_ANCHOR, _LIMIT_RATIO, _FRICTION = point.POINT_LAYOUT.firsts("anchor", "limit_ratio", "pull")
 _SLIPPED, _NEW_VELOCITY, _NEW_ANCHOR, _NEW_STORED = point.AFTER.firsts("slipped", "velocity", "anchor", "stored")
-_N_SPAN, _N_DT, _N_RATIO = node.LAYOUT.firsts("span", "dt", "ratio")
+_N_SPAN, _N_DT, _N_RATIO = node.NODE_LAYOUT.firsts("span", "dt", "ratio")
 _OF_LEDGER, _OF_JOINTS_LEDGER, _OF_NODES_LEDGER = (len(each.LEDGER_TERMS) for each in (segment, joint, node))
 _GIVEN, _HINGE_STATES = actuator.LEDGER_ROWS, actuator.HINGE_ROWS
 
@@ -50,7 +53,7 @@ def step(core: Core, dt: float, bdf2: bool) -> int:
     bdf2 : bool
         Whether to use BDF2: the past holds two instants, separated by dt divided by the number "ratio".
     """
-    return int(call(kernel(core, a.STEP), core.handle, dt, bdf2, 0))
+    return int(call(kernel(core, a.STEP_ENTRY), core.handle, dt, bdf2, 0))
 
 
 def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
@@ -69,7 +72,7 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
         copy(rows(core.block, a.POINT_IN, _FRICTION, 2), vector(core.block, a.PULL_N))
-        return COARSE
+        return TOO_COARSE
     if end != OK:
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
@@ -103,7 +106,7 @@ def _fine(core: Core) -> bool:
         return True
     x, x_n = vector(core.block, a.X), vector(core.block, a.X_N)
     last, curve, most = vector(core.block, a.LAST), vector(core.block, a.CURVE), 0.0
-    for j in range(0, len(x), BLOCK):
+    for j in range(0, len(x), BLOCK_SIZE):
         for k in range(j, j + 3):
             most = max(most, abs(x[k] - x_n[k] - last[k] - curve[k]))
     numbers[a.ERROR] = 0.5 * most
@@ -115,7 +118,7 @@ def place_start(core: Core) -> None:
     """Make the present state the start of a step, and place the points."""
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
-        x[BLOCK * j + 3] = 0.0
+        x[BLOCK_SIZE * j + 3] = 0.0
     copy(vector(core.block, a.X_N), x)
     copy(vector(core.block, a.STUCK_N), vector(core.block, a.STUCK))
     place(core, x)
@@ -148,7 +151,7 @@ def begin(core: Core, dt: float, bdf2: bool) -> float:
     if bdf2 and _strikes(core, dt):
         span = dt
         _begin_points(core, dt, span, 0.0)
-    if kernel(core, a.MEDIUM) != 0:
+    if kernel(core, a.MEDIUM_RESISTANCE) != 0:
         _begin_medium(core, dt, ratio)
     _begin_joints(core, dt, span, ratio if span != dt else 0.0)
     _begin_strains(core, dt, span, ratio if span != dt else 0.0)
@@ -176,7 +179,7 @@ def _begin_medium(core: Core, dt: float, ratio: float) -> None:
         bent = ratio * (rate - ratio * (now - before) / dt)  # half of l'' dt
         given[medium.STRAIN, i] = (now + (rate + bent) * dt) / l0 - 1.0
         given[medium.RATE, i] = (rate + 2.0 * bent) / l0
-    evaluate_kernel(kernel(core, a.MEDIUM), given, matrix(block, a.RESISTANCE), core.n)
+    evaluate_kernel(kernel(core, a.MEDIUM_RESISTANCE), given, matrix(block, a.RESISTANCE), core.n)
     resistance, drag = vector(block, a.RESISTANCE), vector(block, a.DRAG)
     fill(drag, 0.0)
     for i in range(core.n):
@@ -214,13 +217,16 @@ def _begin_strains(core: Core, dt: float, span: float, ratio: float) -> None:
 @inner
 def _begin_points(core: Core, dt: float, span: float, ratio: float) -> None:
     """Freeze the tangents and the other memory of contacts at the start of the step, and preset the inertia."""
-    p, lanes = matrix(core.block, a.POINT_IN), matrix(core.block, a.REST).shape[1]
+    p, lanes = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_SHAPE_OUT).shape[1]
     fill(p[_P_DT], dt)
     fill(p[_P_SPAN], span)
     fill(p[_P_RATIO], ratio)
     for row in range(6):  # tangent and director follow each other in both arrays
-        here, to = address(core.block, a.REST, TANGENT + row), address(core.block, a.POINT_IN, _OF_SEGMENT + row)
-        for i in range(0, lanes, vectors.WIDTH):
+        here, to = (
+            address(core.block, a.SEGMENT_SHAPE_OUT, TANGENT + row),
+            address(core.block, a.POINT_IN, _OF_SEGMENT + row),
+        )
+        for i in range(0, lanes, vectors.VECTOR_WIDTH):
             vectors.repeat_8(to + 8 * i, lanes, here + 8 * i)
     evaluate_kernel(kernel(core, a.POINT_START), p, matrix(core.block, a.STARTED), p.shape[1])
 
@@ -243,7 +249,7 @@ def _commit(core: Core) -> None:
     _remember(core, a.JOINT_VELOCITY, address(block, a.NODE_OUT, _OF_NODES_LEDGER))
     _remember(core, a.POINTS_PAST, address(block, a.POINT_IN, 0))
     _remember(core, a.POINT_VELOCITY, address(block, a.AFTER_OUT, _NEW_VELOCITY))
-    _remember(core, a.LENGTHS, address(block, a.REST, LENGTHS))
+    _remember(core, a.LENGTHS, address(block, a.SEGMENT_SHAPE_OUT, LENGTHS))
     _remember(core, a.HINGES, address(block, a.SEGMENT_LEDGER_, _OF_LEDGER))
     _remember(core, a.JOINT_ANGLES_PAST, address(block, a.JOINT_OUT, _OF_JOINTS_LEDGER))
     _move_anchors(core)
@@ -286,14 +292,14 @@ def _move_anchors(core: Core) -> None:
     block, slid = core.block, vector(core.block, a.SLID)
     anchors, lanes = address(block, a.POINT_IN, _ANCHOR), slid.size
     vectors.move(anchors, address(block, a.AFTER_OUT, _NEW_ANCHOR), 3 * lanes)
-    vectors.move(address(block, a.STORED, 0), address(block, a.AFTER_OUT, _NEW_STORED), lanes)
+    vectors.move(address(block, a.ANCHOR_ENERGY, 0), address(block, a.AFTER_OUT, _NEW_STORED), lanes)
     combine(slid, 1.0, slid, 1.0, rows(block, a.AFTER_OUT, _SLIPPED, 1))
 
 
 @inner
 def _carry_directors(core: Core) -> None:
     """Make tangents and directors at the end of the step the reference of the next step, orthonormal again."""
-    rest, segments = matrix(core.block, a.REST), matrix(core.block, a.SEGMENT_IN)
+    rest, segments = matrix(core.block, a.SEGMENT_SHAPE_OUT), matrix(core.block, a.SEGMENT_IN)
     for i in range(core.n):
         along, square = 0.0, 0.0
         for d in range(3):

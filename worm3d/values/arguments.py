@@ -15,7 +15,7 @@ from worm3d.values.arrays import FloatArray
 
 T = TypeVar("T")
 
-LARGEST = 1e12
+MAX_MAGNITUDE = 1e12
 """Largest size of a number in SI units; a number that must be above 0 is at least the inverse, so that cubes stay
 finite."""
 
@@ -47,7 +47,7 @@ def number(
     unit: str = "",
     *,
     infinite: bool = False,
-    largest: float = LARGEST,
+    largest: float = MAX_MAGNITUDE,
     allowed: str = "",
     **bounds: Unpack[Bounds],
 ) -> float:
@@ -124,11 +124,11 @@ def array(
     if found.shape != shape and not _fits(found.shape, shape, least):
         or_a_number = " (or a number)" if fill else ""
         raise ValueError(f"{name}: got shape {found.shape}, must be {_shape(shape, least)}{or_a_number}")
-    if bounds or not (np.abs(found) <= LARGEST).all():  # the usual case is quick
+    if bounds or not (np.abs(found) <= MAX_MAGNITUDE).all():  # the usual case is quick
         with np.errstate(invalid="ignore"):
             right = np.isfinite(found) & _within(found, bounds)
         likely = _of_a_likely_size(found, bounds)
-        for good, allowed in ((right, range_text(**bounds)), (likely, f"of a size {_likely(LARGEST)}")):
+        for good, allowed in ((right, range_text(**bounds)), (likely, f"of a size {_likely(MAX_MAGNITUDE)}")):
             if not good.all():
                 raise ValueError(f"{name}: got {float(found[~good][0])!r}, every value must be {allowed}")
     found.setflags(write=False)
@@ -213,7 +213,7 @@ def _within(value: Any, bounds: Bounds) -> Any:
     return inside
 
 
-def _of_a_likely_size(value: Any, bounds: Bounds, largest: float = LARGEST) -> Any:
+def _of_a_likely_size(value: Any, bounds: Bounds, largest: float = MAX_MAGNITUDE) -> Any:
     size = np.abs(value)
     return (size <= largest) & (size >= (1.0 / largest if bounds.get("gt") == 0.0 else 0.0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import ceil, floor, inf, log10
 
-UNITS = {
+METRIC_UNITS = {
     **{f"_{unit}": unit for unit in ("m", "s", "ms", "deg", "J", "N", "kg")},
     "_m_s": "m/s",
     "_J_per_m": "J/m",
@@ -16,7 +16,7 @@ UNITS = {
 """Unit of a metric by the ending of the name (the longest matching ending counts); BL is a body length."""
 
 
-ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
+METRIC_ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
 """Magnitude, by unit: a smaller metric is rounding error and is written as 0."""
 
 
@@ -28,7 +28,7 @@ MOST_DECIMALS = 9
 
 def written(value: float, unit: str, digits: int = 6) -> str:
     """Return a metric as text, without the unit."""
-    return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.{digits}g}"
+    return f"{0.0 if abs(value) < METRIC_ROUNDING.get(unit, 0.0) else value:.{digits}g}"
 
 
 def rounded_up(error: float) -> float:
@@ -50,7 +50,7 @@ def with_error(value: float, error: float, unit: str) -> str:
 
     An error that is 0, or not known (NaN), is left out.
     """
-    if not error > 0.0 or abs(value) < ROUNDING.get(unit, 0.0):
+    if not error > 0.0 or abs(value) < METRIC_ROUNDING.get(unit, 0.0):
         return written(value, unit, 3)
     off = rounded_up(error)
     last = _last(off)
@@ -61,8 +61,8 @@ def with_error(value: float, error: float, unit: str) -> str:
 
 def named(metric: str) -> tuple[str, str]:
     """Return the name in words and the unit of a metric: `mean_speed_m_s` is ("mean speed", "m/s")."""
-    ending = max((ending for ending in UNITS if metric.endswith(ending)), key=len, default="")
-    return metric.removesuffix(ending).replace("_", " "), UNITS.get(ending, "")
+    ending = max((ending for ending in METRIC_UNITS if metric.endswith(ending)), key=len, default="")
+    return metric.removesuffix(ending).replace("_", " "), METRIC_UNITS.get(ending, "")
 
 
 class Summary(dict[str, float | str | None]):

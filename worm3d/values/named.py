@@ -25,12 +25,12 @@ from worm3d.values.parameters import Parameter, parameters_of
 
 T = TypeVar("T", bound=Callable[..., Any])
 
-LONGEST = 200
+MAX_TEXT_LENGTH = 200
 """Number of characters of an exception's text that are kept."""
 EXCEPTIONS = (Exception, SystemExit)
 """Exceptions of a user's own code that become an error message; SystemExit would end this program silently."""
 FUNCTIONS = (FunctionType, BuiltinFunctionType)
-MARK = "__worm3d_parts__"
+PARTS_ATTRIBUTE = "__worm3d_parts__"
 """Attribute of a class or function that holds the marked kinds of parts."""
 _bases, _names, _title = (type.__dict__[name].__get__ for name in ("__mro__", "__dict__", "__name__"))
 """Functions for the bases (with the class itself), attributes and name of a class; they run no code of a metaclass."""
@@ -79,7 +79,7 @@ def marked(kind: str, part: T) -> T:
     """Mark a class or function as a part of a kind; TypeError for anything else."""
     if not (_is_class(part) or type(part) is FunctionType):
         raise TypeError(f"part: got {_described(part)}, must be a class or a function")
-    setattr(part, MARK, frozenset({*_marks(part), kind}))
+    setattr(part, PARTS_ATTRIBUTE, frozenset({*_marks(part), kind}))
     return part
 
 
@@ -166,7 +166,7 @@ def declared(part: Any) -> Mapping[str, Parameter]:
 def told(error: BaseException) -> str:
     """Return an exception of a user's own part as one line of text."""
     text = str(error) if isinstance(error, ValueError) and str(error) else f"{type(error).__name__}: {error}"
-    return " ".join(text.split())[:LONGEST]
+    return " ".join(text.split())[:MAX_TEXT_LENGTH]
 
 
 def names_in(data: Any) -> list[str]:
@@ -205,7 +205,7 @@ def _marks(part: Any) -> frozenset[str]:
     """Return the kinds marked by hand on a function, or on a class or a base class."""
     is_function = type(part) is FunctionType
     spaces = [part.__dict__] if is_function else [_names(base) for base in _bases(_class_of(part))]
-    return frozenset().union(*(space.get(MARK, ()) for space in spaces))
+    return frozenset().union(*(space.get(PARTS_ATTRIBUTE, ()) for space in spaces))
 
 
 def _described(part: Any) -> str:

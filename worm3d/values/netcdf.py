@@ -39,7 +39,7 @@ from worm3d.values.arguments import MOST_MEMORY
 from worm3d.values.netcdf_image import image
 from worm3d.values.variable import Variable
 
-FORMAT = "worm3d result 2"
+RESULT_FORMAT = "worm3d result 2"
 """Value of the attribute `format`, which identifies the files of worm3d."""
 
 SAID = ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary", "run")
@@ -55,9 +55,9 @@ SEAL, SEAL_END = b"\nworm3d sha256 ", b"\n"
 """Bytes before and after the digest at the end of a file."""
 SEAL_LENGTH = len(SEAL) + 64 + len(SEAL_END)
 
-PATIENCE = 60
+MAX_READ_SECONDS = 60
 """Longest time to read a file that another program wrote [s]."""
-MEMORY = 3 * int(MOST_MEMORY)
+MAX_READ_MEMORY = 3 * int(MOST_MEMORY)
 """Memory of the process that reads such a file: a run's arrays, a copy of the arrays, and programs [byte]."""
 REFUSED = 2
 """Exit code of that process after it has written the reason."""
@@ -93,8 +93,8 @@ class Content:
 
     def require_digest(self, name: str) -> None:
         """Raise FileError if the attribute `format` or `digest` does not match the content of the file `name`."""
-        if self.attributes.get("format") != FORMAT:
-            raise FileError(f"{name}: not a result of worm3d (its attribute 'format' is not '{FORMAT}')")
+        if self.attributes.get("format") != RESULT_FORMAT:
+            raise FileError(f"{name}: not a result of worm3d (its attribute 'format' is not '{RESULT_FORMAT}')")
         try:
             holds = self.digest == self.attributes.get("digest")
         except (KeyError, ValueError, TypeError):
@@ -126,7 +126,7 @@ def _add(digest: hashlib._Hash, variable: Variable) -> None:
 
 def signed(content: Content) -> Content:
     """Return content with the attributes `format` and `digest`."""
-    return Content({"format": FORMAT, **content.attributes, "digest": content.digest}, content.groups)
+    return Content({"format": RESULT_FORMAT, **content.attributes, "digest": content.digest}, content.groups)
 
 
 def packed(content: Content) -> bytes:
@@ -219,9 +219,11 @@ def handed_on(path: Path) -> bytes:
     """
     command = [sys.executable, "-P", "-m", "worm3d.values.netcdf", str(path.resolve()), str(path)]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL)
+        done = subprocess.run(
+            command, capture_output=True, timeout=MAX_READ_SECONDS, check=False, stdin=subprocess.DEVNULL
+        )
     except subprocess.TimeoutExpired as error:
-        raise FileError(f"{path}: not a result of worm3d, or damaged: not read after {PATIENCE} s") from error
+        raise FileError(f"{path}: not a result of worm3d, or damaged: not read after {MAX_READ_SECONDS} s") from error
     if done.returncode == 0:
         return done.stdout
     said = done.stderr.decode("utf-8", "replace").strip()
@@ -254,7 +256,11 @@ def main() -> None:
     with suppress(ImportError, ValueError, OSError):
         import resource
 
-        for limit, value in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, PATIENCE), (resource.RLIMIT_CORE, 0)):
+        for limit, value in (
+            (resource.RLIMIT_AS, MAX_READ_MEMORY),
+            (resource.RLIMIT_CPU, MAX_READ_SECONDS),
+            (resource.RLIMIT_CORE, 0),
+        ):
             resource.setrlimit(limit, (value, value))
     try:
         content = unpacked(Path(sys.argv[1]), sys.argv[2])

@@ -22,7 +22,7 @@ NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{:10d}"
 OTHER_THAN_DIMENSION = "_nc4_non_coord_{}"
 """HDF5 name of a variable that has the name of a dimension but is not the coordinate of that dimension."""
 
-TEXT = h5py.string_dtype()
+TEXT_TYPE = h5py.string_dtype()
 """Type of texts of any length, in UTF-8."""
 
 SCALAR = h5s.create(h5s.SCALAR)
@@ -87,7 +87,7 @@ def _array(group: Any, name: str, values: NDArray[Any]) -> Any:
     if 0 in values.shape:
         greatest = tuple(size or h5s.UNLIMITED for size in values.shape)
         creation.set_chunk(tuple(size or 1 for size in values.shape))
-    stored = np.ascontiguousarray(values, dtype=TEXT if values.dtype.kind == "U" else None)
+    stored = np.ascontiguousarray(values, dtype=TEXT_TYPE if values.dtype.kind == "U" else None)
     kind = h5t.py_create(stored.dtype, logical=True)
     array = h5d.create(group, name.encode(), kind, h5s.create_simple(values.shape, greatest), creation)
     if values.size:
@@ -97,5 +97,5 @@ def _array(group: Any, name: str, values: NDArray[Any]) -> Any:
 
 def _set(holder: Any, name: str, value: str | np.int32 | int) -> None:
     """Write an attribute."""
-    stored = np.array(value, dtype=TEXT if isinstance(value, str) else None)
+    stored = np.array(value, dtype=TEXT_TYPE if isinstance(value, str) else None)
     h5a.create(holder, name.encode(), h5t.py_create(stored.dtype, logical=True), SCALAR).write(stored)

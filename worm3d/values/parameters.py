@@ -50,7 +50,7 @@ EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
 )
 """Keys: the objects that an array has numbers for. Values: largest number of dimensions, type, and form in words."""
 
-WIDTH = 110
+DOCUMENTATION_WIDTH = 110
 """Columns of a documented parameter."""
 
 
@@ -96,7 +96,7 @@ class Parameter:
         """Whether the parameter is a pair of numbers, which the class of the parameter checks."""
         return get_origin(self.hint) is tuple
 
-    def checked(self, value: Any, size: int | None = None, largest: float = arguments.LARGEST) -> Any:
+    def checked(self, value: Any, size: int | None = None, largest: float = arguments.MAX_MAGNITUDE) -> Any:
         """Return a value in the type that the rest of the program uses: a number of at most `largest`, or an array.
 
         The array has `size` numbers; None if the class does not know the number.
@@ -162,7 +162,7 @@ parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
 """Parameters of a dataclass (the class) by name; fields not declared with `parameter` are left out."""
 
 
-def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) -> None:
+def check(instance: Any, *, largest: float = arguments.MAX_MAGNITUDE, **sizes: int) -> None:
     """Check the parameters of a (frozen) instance and store them in the types that the rest of the program uses.
 
     Numbers are at most `largest`; `segment=6, joint=5` are the sizes of arrays with one number per segment or joint.
@@ -185,7 +185,7 @@ def _described(known: Parameter) -> str:
     if known.bounds and not span:
         span = arguments.range_text(infinite=True, **known.bounds)
     text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{f'; {span}' if span else ''}."
-    body = fill(text, WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
+    body = fill(text, DOCUMENTATION_WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
     return f"    {known.name} : {_type_text(known)}{unit}{default}\n{body}\n"
 
 

@@ -19,7 +19,7 @@ T = TypeVar("T")
 LISTED = 3
 """Largest number of values of an array that is printed whole."""
 
-COLUMNS, LINES = 110, 5
+PRINTED_COLUMNS, PRINTED_LINES = 110, 5
 """Largest width and number of lines of a printed object."""
 
 
@@ -98,10 +98,17 @@ def _brief_array(array: np.ndarray[Any, Any]) -> str:
 def paragraph(text: str) -> str:
     """Return a text wrapped to a few lines; the rest of the text is left out."""
     return "\n".join(
-        wrap(text, COLUMNS, subsequent_indent="  ", max_lines=LINES, placeholder=" ...)", break_on_hyphens=False)
+        wrap(
+            text,
+            PRINTED_COLUMNS,
+            subsequent_indent="  ",
+            max_lines=PRINTED_LINES,
+            placeholder=" ...)",
+            break_on_hyphens=False,
+        )
     )
 
 
 def listed(lines: Iterable[str]) -> str:
     """Return lines below one another; a line that is too wide is cut."""
-    return "\n".join(line if len(line) <= COLUMNS else f"{line[: COLUMNS - 4]} ..." for line in lines)
+    return "\n".join(line if len(line) <= PRINTED_COLUMNS else f"{line[: PRINTED_COLUMNS - 4]} ..." for line in lines)

@@ -9,7 +9,7 @@ from html import escape
 
 from worm3d.viewer.html import filled, resource
 
-MOST = 6
+MAX_PAGES = 6
 """Largest number of pages: browsers draw only about ten scenes at a time."""
 
 
@@ -36,10 +36,10 @@ def side_by_side(pages: Sequence[Page], title: str = "worm3d") -> str:
     Raises
     ------
     ValueError
-        Fewer than 2 pages, or more than `MOST`.
+        Fewer than 2 pages, or more than `MAX_PAGES`.
     """
-    if not 2 <= len(pages) <= MOST:
-        raise ValueError(f"pages: got {len(pages)}, must be 2 to {MOST}")
+    if not 2 <= len(pages) <= MAX_PAGES:
+        raise ValueError(f"pages: got {len(pages)}, must be 2 to {MAX_PAGES}")
     columns = len(pages) if len(pages) <= 3 else (len(pages) + 1) // 2
     runs = [{"begin": page.begin, "end": page.end} for page in pages]
     return filled(

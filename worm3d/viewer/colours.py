@@ -7,17 +7,17 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 from worm3d.viewer.world import Colour
 
-SHORTER: Colour = (0.78, 0.12, 0.16)
-REST: Colour = (0.96, 0.80, 0.69)
-LONGER: Colour = (0.14, 0.36, 0.78)
+SHORT_CHAMBER: Colour = (0.78, 0.12, 0.16)
+RESTING_CHAMBER: Colour = (0.96, 0.80, 0.69)
+LONG_CHAMBER: Colour = (0.14, 0.36, 0.78)
 
 LINK: Colour = (0.27, 0.29, 0.34)
 FACE: Colour = (0.36, 0.30, 0.34)
 SKIN: Colour = (0.89, 0.58, 0.53)
-FORCE: Colour = (0.95, 0.55, 0.05)
+FORCE_ARROW: Colour = (0.95, 0.55, 0.05)
 ANCHOR: Colour = (0.05, 0.62, 0.30)
 TRAIL: Colour = (0.50, 0.22, 0.66)
-PATH: Colour = (0.10, 0.12, 0.15)
+REFERENCE_PATH: Colour = (0.10, 0.12, 0.15)
 HORIZON: Colour = (0.85, 0.10, 0.62)
 
 
@@ -29,8 +29,8 @@ def strain_limit(strain: FloatArray) -> float:
 def strain_colour(strain: FloatArray, limit: float) -> FloatArray:
     """Return red, green, blue, shape (..., 3): red is shorter, blue is longer, skin-coloured is at rest."""
     share = np.clip(np.asarray(strain) / limit, -1.0, 1.0)[..., None]
-    end = np.where(share < 0.0, np.array(SHORTER), np.array(LONGER))
-    return np.asarray(np.array(REST) + np.abs(share) * (end - np.array(REST)))
+    end = np.where(share < 0.0, np.array(SHORT_CHAMBER), np.array(LONG_CHAMBER))
+    return np.asarray(np.array(RESTING_CHAMBER) + np.abs(share) * (end - np.array(RESTING_CHAMBER)))
 
 
 def as_hex(colour: Colour) -> str:

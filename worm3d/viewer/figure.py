@@ -142,7 +142,9 @@ class Stage:
         tall, left = min(_BAR, height - _BELOW - _ABOVE), _LEFT + scale * long + 22
         bar = figure.add_axes((left / width, 1.0 - (_ABOVE + tall) / height, 12 / width, tall / height))
         limit = self.scales.strain
-        ramp = LinearSegmentedColormap.from_list("strain", [colours.SHORTER, colours.REST, colours.LONGER])
+        ramp = LinearSegmentedColormap.from_list(
+            "strain", [colours.SHORT_CHAMBER, colours.RESTING_CHAMBER, colours.LONG_CHAMBER]
+        )
         mapped = ScalarMappable(Normalize(-100.0 * limit, 100.0 * limit), ramp)
         figure.colorbar(mapped, cax=bar).set_label("chamber strain [%]", fontsize=9)
         return figure, (side, top)
@@ -228,10 +230,12 @@ class _View:
             axes.set_facecolor((*GROUND, 0.35))
         self._world = LineCollection([], colors="0.45", lw=1.5)
         if frames.path is not None:
-            axes.plot(*view.points(frames.path).T, color=colours.PATH, lw=1.2, ls="--", scalex=False, scaley=False)
+            axes.plot(
+                *view.points(frames.path).T, color=colours.REFERENCE_PATH, lw=1.2, ls="--", scalex=False, scaley=False
+            )
         self._trail = axes.plot([], [], color=colours.TRAIL, lw=1.2)[0]
         self._worm: Any = PolyCollection([], lw=0.4, edgecolors="face")  # takes arrays, although the type hints do not
-        self._forces = PolyCollection([], facecolors=[colours.FORCE], lw=0.0)
+        self._forces = PolyCollection([], facecolors=[colours.FORCE_ARROW], lw=0.0)
         for collection in (self._ground, self._world, self._worm, self._forces):
             axes.add_collection(collection, autolim=False)
         self._anchors = axes.plot([], [], "o", color=colours.ANCHOR, ms=4.0)[0]

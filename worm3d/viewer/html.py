@@ -20,7 +20,7 @@ from worm3d.viewer import camera, colours, pieces, policy
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
-from worm3d.viewer.skin import ALONG, AROUND, LEFT, Skin
+from worm3d.viewer.skin import CORNER_WEIGHTS, LEFT_COLOUR_SHARE, RING_WEIGHTS, Skin
 
 
 def write_html(
@@ -186,9 +186,9 @@ def _skin(skin: Skin) -> dict[str, Any]:
     return {
         "sections": _floats(skin.sections),
         "tint": _floats(skin.tint),
-        "along": ALONG.tolist(),
-        "around": AROUND.tolist(),
-        "left": LEFT.tolist(),
+        "along": RING_WEIGHTS.tolist(),
+        "around": CORNER_WEIGHTS.tolist(),
+        "left": LEFT_COLOUR_SHARE.tolist(),
     }
 
 
@@ -217,7 +217,9 @@ def _trail(frames: Frames, parts: list[Piece]) -> dict[str, Any] | None:
 def _legend(frames: Frames, scales: Scales) -> dict[str, Any]:
     return {
         "strain": scales.strain,
-        "colours": [colours.as_hex(colour) for colour in (colours.SHORTER, colours.REST, colours.LONGER)],
+        "colours": [
+            colours.as_hex(colour) for colour in (colours.SHORT_CHAMBER, colours.RESTING_CHAMBER, colours.LONG_CHAMBER)
+        ],
         "force": None if frames.contact_force is None else scales.force,
         "arrow": pieces.arrow_length(frames.body_length),
     }

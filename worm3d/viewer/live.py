@@ -29,7 +29,7 @@ REFRESH = 500
 UNANSWERED = 200
 """Largest number of unanswered commands at a time; the server drops answers beyond a thousand."""
 
-DROPPED = "dropped="
+DROPPED_BROWSER_PREFIX = "dropped="
 """Beginning of the server's line about a dropped browser and the reason."""
 
 _LOG = logging.getLogger(__name__)
@@ -241,8 +241,8 @@ class Server:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines = [*self._lines[-20:], line.strip()]
-            if line.startswith(DROPPED):
-                _LOG.warning("live view: %s", line.removeprefix(DROPPED).strip())
+            if line.startswith(DROPPED_BROWSER_PREFIX):
+                _LOG.warning("live view: %s", line.removeprefix(DROPPED_BROWSER_PREFIX).strip())
             if line.startswith("web_url="):
                 self._ready.set()
         self._ready.set()

@@ -17,12 +17,12 @@ from worm3d.viewer.world import Colour, WorldMesh
 LAYERS: dict[str, tuple[str, Colour | None]] = {
     "skin": ("skin", colours.SKIN),
     "faces": ("end faces", colours.FACE),
-    "chambers": ("chambers", colours.REST),
+    "chambers": ("chambers", colours.RESTING_CHAMBER),
     "links": ("links", colours.LINK),
-    "forces": ("contact forces", colours.FORCE),
+    "forces": ("contact forces", colours.FORCE_ARROW),
     "anchors": ("anchored", colours.ANCHOR),
     "trail": ("trail (centre of mass)", colours.TRAIL),
-    "path": ("path to keep to", colours.PATH),
+    "path": ("path to keep to", colours.REFERENCE_PATH),
     "horizon": ("horizon", colours.HORIZON),
     "world": ("world", None),
 }
@@ -104,7 +104,7 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
         Piece(
             path=f"chambers/{i:02d}-{'LR'[c]}",
             mesh=mesh,
-            colour=colours.REST,
+            colour=colours.RESTING_CHAMBER,
             position=body.centre[:, i, c],
             quaternion=turn[:, i],
             scale=half[:, i, c],
@@ -158,7 +158,7 @@ def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, bod
         Piece(
             path=f"forces/{k:03d}",
             mesh=mesh,
-            colour=colours.FORCE,
+            colour=colours.FORCE_ARROW,
             on_top=True,
             position=places[:, k],
             quaternion=turn[:, k],
@@ -196,7 +196,7 @@ def way(frames: Frames) -> list[Piece]:
             mesh = tube(points, 0.004 * size, sides=TRAIL_SIDES, capped=False)
             pieces.append(Piece(path="trail/com", mesh=mesh, colour=colours.TRAIL))
     if frames.path is not None:
-        pieces.append(Piece(path="path/reference", mesh=tube(frames.path, 0.005 * size), colour=colours.PATH))
+        pieces.append(Piece(path="path/reference", mesh=tube(frames.path, 0.005 * size), colour=colours.REFERENCE_PATH))
     if frames.horizon is not None:
         ball = shapes.ball(rings=5, sides=8)
         mesh = Mesh(0.009 * size * ball.vertices, ball.faces)

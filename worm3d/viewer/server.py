@@ -32,7 +32,7 @@ The server sends each command to each browser: half as many would be enough for 
 pictures down.
 """
 
-PATIENCE = 10.0
+PING_TIMEOUT = 10.0
 """Time in which a browser must answer a ping [s]; a browser that reads nothing never answers.
 
 Half would drop slow browsers that still load a large world; double would let silent browsers keep their places longer.
@@ -44,10 +44,10 @@ MOST_UNREAD = 32_000_000
 Half would be enough; double would waste memory.
 """
 
-DROPPED = "dropped="
+DROPPED_BROWSER_PREFIX = "dropped="
 """Beginning of the line about a dropped browser."""
 
-NAMES = ("127.0.0.1", "localhost", "[::1]")
+LOCAL_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")
 """Names that a browser may use for this machine."""
 
 
@@ -102,11 +102,11 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
         self._reads = False
         with suppress(WebSocketClosedError):
             self.ping()
-            self.bridge.ioloop.call_later(PATIENCE, self._look)
+            self.bridge.ioloop.call_later(PING_TIMEOUT, self._look)
 
     def _look(self) -> None:
         if self in self.bridge.websocket_pool:
-            self._ask() if self._reads else self._drop(f"it read nothing for {PATIENCE:g} s")
+            self._ask() if self._reads else self._drop(f"it read nothing for {PING_TIMEOUT:g} s")
 
     def on_pong(self, data: bytes) -> None:
         """Record that the browser reads."""
@@ -140,7 +140,7 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
     def _drop(self, why: str) -> None:
         """End the connection, and print the reason; a closing frame would wait behind unread data."""
         self.on_close()
-        _say(f"{DROPPED}a browser was dropped: {why}")
+        _say(f"{DROPPED_BROWSER_PREFIX}a browser was dropped: {why}")
         self.ws_connection.stream.close()
 
 
@@ -170,7 +170,7 @@ def main() -> None:
 
 def hosts(port: int) -> list[str]:
     """Return the hosts that a browser on this machine may request."""
-    return [f"{name}:{port}" for name in NAMES]
+    return [f"{name}:{port}" for name in LOCAL_HOST_NAMES]
 
 
 @functools.cache

@@ -7,8 +7,8 @@ and D = outward - P each half of the outline is
     P + cos(a) D + sin(a) U,   -pi/2 <= a <= pi/2
 
 and straight lines join the halves. Along the worm each point of the outline moves on a uniform Catmull-Rom spline
-through the sections. So a vertex is a weighted sum of the points of four sections, with constant weights `ALONG` and
-`AROUND`: a page receives the sections and the weights, and needs no formula.
+through the sections. So a vertex is a weighted sum of the points of four sections, with constant weights
+`RING_WEIGHTS` and `CORNER_WEIGHTS`: a page receives the sections and the weights, and needs no formula.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from worm3d.viewer.shapes import Mesh, cap_faces, wall_faces
 
 RINGS = 6
 """Rings between neighbouring sections."""
-SIDES = 28
+RING_CORNERS = 28
 """Corners of a ring: the halves have 14 each."""
 WAIST = 0.68
 """Size of a section at a joint relative to the neighbouring segments; only the joint itself touches there."""
@@ -34,7 +34,7 @@ WAIST_OFFSET = 0.9
 """Distance between the chambers at a joint relative to the neighbouring segments."""
 
 PANEL_RINGS = 3
-PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + SIDES // 2 for corner in _HALF)]
+PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + RING_CORNERS // 2 for corner in _HALF)]
 """Step between the rings of a coarser skin, and corners of a ring, which include the corners at apexes."""
 JOINT_SHADE = 0.85
 """Brightness at the joints, so that the segments can be distinguished."""
@@ -48,8 +48,8 @@ def _along() -> FloatArray:
 
 
 def _around() -> FloatArray:
-    """Return weights of a section's six points for the corners of the outline and for the middle, (SIDES + 1, 6)."""
-    angle = np.pi * (np.arange(SIDES // 2) / (SIDES // 2 - 1) - 0.5)
+    """Return weights of a section's six points for corners of the outline and the middle, (RING_CORNERS + 1, 6)."""
+    angle = np.pi * (np.arange(RING_CORNERS // 2) / (RING_CORNERS // 2 - 1) - 0.5)
     cos, sin = np.cos(angle), np.sin(angle)
     half = np.stack([0.5 - 0.5 * sin - 0.5 * cos, 0.5 + 0.5 * sin - 0.5 * cos, cos], axis=1)
     none = np.zeros_like(half)
@@ -57,8 +57,8 @@ def _around() -> FloatArray:
     return np.concatenate([np.hstack([half, none]), np.hstack([none, half[::-1]]), middle])
 
 
-ALONG, AROUND = _along(), _around()
-LEFT = np.append(np.repeat([1.0, 0.0], SIDES // 2), 0.5)
+RING_WEIGHTS, CORNER_WEIGHTS = _along(), _around()
+LEFT_COLOUR_SHARE = np.append(np.repeat([1.0, 0.0], RING_CORNERS // 2), 0.5)
 """Share of the left chamber's colour at each corner of an outline, and in the middle."""
 
 
@@ -90,22 +90,22 @@ class Skin:
     def faces(self) -> NDArray[np.int64]:
         """Triangles, shape (F, 3), for the vertices of all instants."""
         rings = RINGS * (self.sections.shape[1] - 3) + 1
-        return np.vstack([wall_faces(rings, SIDES), cap_faces(rings, SIDES)])
+        return np.vstack([wall_faces(rings, RING_CORNERS), cap_faces(rings, RING_CORNERS)])
 
     def vertices(self, frame: int) -> FloatArray:
         """Return the vertices at an instant: rings from the tail to the head and the middles of both ends, (V, 3)."""
-        return _spline(np.einsum("ca,sax->scx", AROUND, self.sections[frame]))
+        return _spline(np.einsum("ca,sax->scx", CORNER_WEIGHTS, self.sections[frame]))
 
     def paint(self, frame: int) -> FloatArray:
         """Return the colours of the vertices at an instant, shape (V, 3)."""
         left, right = self.tint[frame, :, 0], self.tint[frame, :, 1]
-        outlines = LEFT[:, None] * left[:, None] + (1.0 - LEFT)[:, None] * right[:, None]
+        outlines = LEFT_COLOUR_SHARE[:, None] * left[:, None] + (1.0 - LEFT_COLOUR_SHARE)[:, None] * right[:, None]
         return np.asarray(np.clip(_spline(outlines), 0.0, 1.0))
 
     def panels(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Return a coarser skin for a drawing: corners, from outside anticlockwise, (P, 4, 3), and colours, (P, 3)."""
         places, colour = (
-            values[:-2].reshape(-1, SIDES, 3)[::PANEL_RINGS, PANEL_SIDES]
+            values[:-2].reshape(-1, RING_CORNERS, 3)[::PANEL_RINGS, PANEL_SIDES]
             for values in (self.vertices(frame), self.paint(frame))
         )
         ends = np.concatenate([_fan(places[0, ::-1]), _fan(places[-1])])
@@ -167,8 +167,8 @@ def _quads(rings: FloatArray) -> FloatArray:
 
 
 def _spline(outlines: FloatArray) -> FloatArray:
-    """Return the spline through outlines (S+2, SIDES + 1, 3): corners of rings and middles of the ends, (V, 3)."""
+    """Return the spline through outlines (S+2, RING_CORNERS + 1, 3): corners of rings, middles of the ends, (V, 3)."""
     count = len(outlines) - 3
     windows = np.stack([outlines[k : k + count] for k in range(4)])
-    inside = np.einsum("rk,kscx->srcx", ALONG, windows[:, :, :SIDES]).reshape(-1, 3)
-    return np.concatenate([inside, outlines[-2, :SIDES], outlines[[1, -2], SIDES]])
+    inside = np.einsum("rk,kscx->srcx", RING_WEIGHTS, windows[:, :, :RING_CORNERS]).reshape(-1, 3)
+    return np.concatenate([inside, outlines[-2, :RING_CORNERS], outlines[[1, -2], RING_CORNERS]])

@@ -22,7 +22,7 @@ Colour = tuple[float, float, float]
 GROUND: Colour = (0.80, 0.82, 0.78)
 TILE: Colour = (0.70, 0.73, 0.68)
 PIPE: Colour = (0.62, 0.72, 0.80)
-BAND: Colour = (0.36, 0.48, 0.60)
+PIPE_BAND: Colour = (0.36, 0.48, 0.60)
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))
 _EDGES = [(a, b) for a in range(8) for b in range(a, 8) if np.abs(_CORNERS[b] - _CORNERS[a]).sum() == 1]
@@ -142,7 +142,7 @@ def banded_pipe(
     edges = np.linalg.norm(np.diff(line, axis=0), axis=1)
     middle = np.cumsum(edges) - 0.5 * edges
     dark = np.repeat(np.floor(middle / band) % 2 == 1, 2 * sides)
-    return _split(whole, dark, BAND)
+    return _split(whole, dark, PIPE_BAND)
 
 
 def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[WorldMesh, WorldMesh]:

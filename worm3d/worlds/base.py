@@ -199,14 +199,14 @@ def chord(joints: FloatArray) -> FloatArray:
 PIT = 1e3
 """Depth of places beside a worm that have no ground, in body lengths."""
 
-REACH = 1.6
+BODY_REACH = 1.6
 """Sideways reach of the body from the axis, in clearances: the reach of the default worm's outward apexes."""
 
 SOLE = 0.8
 """Sideways offset within which the body is as deep as the clearance, in clearances; from there the bottom rises to the
-axis at `REACH`."""
+axis at `BODY_REACH`."""
 
-ACROSS, ALONG = 17, 129
+SAMPLES_ACROSS, SAMPLES_ALONG = 17, 129
 """Numbers of samples of the ground under the body, across and along the body."""
 
 
@@ -228,11 +228,11 @@ def laid(
     """
     forward = np.array([np.cos(azimuth), np.sin(azimuth)])
     left = np.array([-forward[1], forward[0]])
-    s = np.linspace(along[0] - clearance, along[-1] + clearance, ALONG)
-    w = clearance * REACH * np.linspace(-1.0, 1.0, ACROSS)
-    deep = clearance * np.clip((REACH - np.abs(w) / clearance) / (REACH - SOLE), 0.0, 1.0)
+    s = np.linspace(along[0] - clearance, along[-1] + clearance, SAMPLES_ALONG)
+    w = clearance * BODY_REACH * np.linspace(-1.0, 1.0, SAMPLES_ACROSS)
+    deep = clearance * np.clip((BODY_REACH - np.abs(w) / clearance) / (BODY_REACH - SOLE), 0.0, 1.0)
     ground = height((position + s[:, None, None] * forward + w[:, None] * left).reshape(-1, 2))
-    needed = _widened((ground.reshape(ALONG, ACROSS) + deep).max(axis=1), s, clearance / 2.0)
+    needed = _widened((ground.reshape(SAMPLES_ALONG, SAMPLES_ACROSS) + deep).max(axis=1), s, clearance / 2.0)
     begin, rise = _lowest_line_above(s, needed, float(along[[0, -1]].mean()))
     tangent = np.append(forward, rise) / np.hypot(1.0, rise)
     # The clearance is needed along the line's normal, not only upwards.

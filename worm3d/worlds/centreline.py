@@ -47,7 +47,7 @@ MOST_PIECES = 100_000
 MOST_SAMPLES = 100_000
 """Largest number of samples that test a reach; a line that would need more samples has no known reach."""
 
-STRAIGHT = 1e-9
+MIN_ARC_ANGLE = 1e-9
 """Angle of an arc below which the arc counts as a straight piece [rad]."""
 
 KINK = 1e-9
@@ -350,7 +350,7 @@ def _arc(p: FloatArray, t: FloatArray, q: FloatArray) -> tuple[FloatArray, Float
     aside = v - ahead * t
     side = float(np.linalg.norm(aside))
     half = float(np.arctan2(side, ahead))  # half the angle of the turn
-    if half < STRAIGHT:
+    if half < MIN_ARC_ANGLE:
         return p, t, _any_normal(t), 0.0, ahead
     chord = float(np.linalg.norm(v))
     return p, t, aside / side, 2.0 * np.sin(half) / chord, chord * half / np.sin(half)

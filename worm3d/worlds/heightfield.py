@@ -18,13 +18,13 @@ from worm3d.worlds import heightfield_kernel, kernels, terrain
 from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
-EDGE = 14
+EDGE_NODES = 14
 """Number of nodes added on each side, at the height of the edge: the spline is level there to single precision."""
 
 BYTES_PER_HEIGHT = 64.0
 """Memory for the tables of each height, and for computing the tables [byte]."""
 
-BAND = 4.0
+MAX_FOOT_HEIGHT = 4.0
 """Height above the surface up to which `Heightfield.distance` is the distance to the foot point, in cells."""
 
 
@@ -68,7 +68,7 @@ class Heightfield(World, ReadOnly):
         object.__setattr__(self, "origin", tuple(arguments.array("origin", self.origin, (2,)).tolist()))
         self._keep("grip", self.grip)
         shape, grips = np.shape(self.grip), np.atleast_1d(self.grip)
-        if shape not in ((), self.heights.shape) or not 0.0 <= grips.min() <= grips.max() <= arguments.LARGEST:
+        if shape not in ((), self.heights.shape) or not 0.0 <= grips.min() <= grips.max() <= arguments.MAX_MAGNITUDE:
             least = f" and least value {grips.min()}" if grips.size else ""
             raise ValueError(
                 f"grip: got shape {shape}{least}, must be at least 0, a number or as the heights, {self.heights.shape}"
@@ -152,12 +152,13 @@ class Heightfield(World, ReadOnly):
 
     @cached_property
     def _tables(self) -> tuple[FloatArray, FloatArray]:
-        """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
+        """Coefficients of the spline, in spacings, and grips, each with `EDGE_NODES` more nodes all around."""
         import scipy  # slow to import, and rarely needed
 
         grips = np.broadcast_to(self.grip, self.heights.shape)
-        padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
-        return np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
+        padded = np.pad(self.heights / self.spacing, EDGE_NODES, mode="edge")
+        coefficients = np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3))
+        return coefficients, np.pad(grips, EDGE_NODES, mode="edge")
 
     @cached_property
     def _tops(self) -> FloatArray:
@@ -169,7 +170,7 @@ class Heightfield(World, ReadOnly):
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, with foot points for points less than `band` cells above a cell's upper bound."""
-        first = np.asarray(self.origin) - EDGE * self.spacing
+        first = np.asarray(self.origin) - EDGE_NODES * self.spacing
         (coefficients, grips), tops = self._tables, self._tops
         parameters = [
             *kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data),
@@ -183,14 +184,14 @@ class Heightfield(World, ReadOnly):
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        distance: FloatArray = looked_up(self.kernel(BAND), points)[0]
+        distance: FloatArray = looked_up(self.kernel(MAX_FOOT_HEIGHT), points)[0]
         return distance
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
         import scipy  # slow to import, and rarely needed
 
-        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE
+        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE_NODES
         found: FloatArray = scipy.ndimage.map_coordinates(
             self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest"
         )

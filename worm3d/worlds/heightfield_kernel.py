@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.codegen.emit import SHAPES_FIT, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import kernels
@@ -32,7 +32,7 @@ CONTACT = 0.05
 """Height above all coefficients about a cell, and so above the cell's surface, up to which a worm's contacts get the
 foot point, in cells; the value of the parameter in a simulation."""
 
-ITERATIONS = 20
+MAX_FOOT_ITERATIONS = 20
 """Largest number of Newton iterations for a foot point."""
 
 CLOSE = 1e-5
@@ -75,7 +75,7 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) 
     """Return whether Newton's method found a foot (WH1), the foot's place and the surface there, all in cells."""
     u, v, at = x, y, begin
     gap = (z - at[0]) ** 2
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_FOOT_ITERATIONS):
         up = z - at[0]
         r_u, r_v = x - u + up * at[1], y - v + up * at[2]
         uu, uv, vv = 1.0 + at[1] * at[1] - up * at[3], at[1] * at[2] - up * at[4], 1.0 + at[2] * at[2] - up * at[5]
@@ -181,7 +181,7 @@ def heightfield(
         return WRONG_SHAPE
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     if count == 0:
-        return FINE
+        return SHAPES_FIT
     nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0])
     coefficients = kernels.doubles(kernels.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
     tops = kernels.doubles(kernels.address(p[_TOPS, 0], p[_TOPS + 1, 0]), nodes[0], nodes[1])
@@ -195,4 +195,4 @@ def heightfield(
         x, y = (p[0, k] - first_x) * share, (p[1, k] - first_y) * share
         grip = grip_at(grips, x, y)
         kernels.write(out, k, look(coefficients, tops, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
-    return FINE
+    return SHAPES_FIT

@@ -15,14 +15,14 @@ from worm3d.machine import cache as disk
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.worlds import mesh_distance, mesh_file
-from worm3d.worlds.mesh_distance import MARGIN
+from worm3d.worlds.mesh_distance import GRID_MARGIN_CELLS
 from worm3d.worlds.mesh_file import MeshError, Units
 from worm3d.worlds.sampled import MOST_NODES, NODES, Grid, GridWorld, coarsened
 
 VERSION = b"worm3d grid 3"
 """Version of the grids that `mesh_distance.filled` computes; stored grids of another version are not read."""
 
-KEPT = 20
+MAX_STORED_GRIDS = 20
 """Largest number of grids on disk; the oldest are removed."""
 
 _HEAD = struct.Struct("<3q4d")
@@ -95,7 +95,7 @@ class Mesh(GridWorld):
             return _unpacked(kept)
         vertices, faces = self._triangles(path, data, scale)
         grid = mesh_distance.filled(vertices, faces, self._cell(path.name, vertices))
-        disk.store(folder, key, _packed(grid), most=KEPT)
+        disk.store(folder, key, _packed(grid), most=MAX_STORED_GRIDS)
         return grid
 
     def _triangles(self, path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArray]:
@@ -108,10 +108,10 @@ class Mesh(GridWorld):
         """Return the size of a cell for which the grid fits into memory."""
         sides = np.ptp(vertices, axis=0)
         if self.cell is None:
-            return coarsened(sides, float(sides.max()) / NODES, NODES, MARGIN)
-        count = float(np.prod(sides / self.cell + 2.0 * MARGIN + 1.0))
+            return coarsened(sides, float(sides.max()) / NODES, NODES, GRID_MARGIN_CELLS)
+        count = float(np.prod(sides / self.cell + 2.0 * GRID_MARGIN_CELLS + 1.0))
         if count > MOST_NODES:
-            least = coarsened(sides, self.cell, MOST_NODES, MARGIN)
+            least = coarsened(sides, self.cell, MOST_NODES, GRID_MARGIN_CELLS)
             raise MeshError(
                 f"mesh {name!r}: cells of {self.cell:g} m make {count:.3g} nodes ({4e-6 * count:.3g} MB), at most "
                 f"{MOST_NODES:.0e} are allowed; take cell={least:.3g} m or more"

@@ -20,10 +20,10 @@ from worm3d.worlds.sampled import FITTED, Grid, fit, node_counts
 
 Vector = tuple[float, float, float]
 
-NEAR = 3.0
+EXACT_DISTANCE_RANGE = 3.0
 """Distance from a triangle within which nodes get the exact distance to the triangle, in cells."""
 
-MARGIN = 6
+GRID_MARGIN_CELLS = 6
 """Number of cells between the mesh and the edge of its grid."""
 
 PIECE = 8.0
@@ -33,7 +33,7 @@ grid."""
 PIECES = 256
 """Largest number of parts of a triangle that wait to be processed."""
 
-FAR = 1e30
+UNKNOWN_SQUARED_DISTANCE = 1e30
 """Value of a squared distance that is not known yet."""
 
 
@@ -41,7 +41,7 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
     """Return the grid of a closed mesh whose faces look outwards."""
     import scipy  # slow to import, and rarely needed
 
-    size = node_counts(np.ptp(vertices, axis=0), cell, MARGIN)
+    size = node_counts(np.ptp(vertices, axis=0), cell, GRID_MARGIN_CELLS)
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     first = middle - cell * (np.array(size) - 1.0) / 2.0
     corners = np.ascontiguousarray((vertices[faces] - first) / cell)
@@ -54,8 +54,8 @@ def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
     """Return the signed distance of all nodes."""
     import scipy  # slow to import, and rarely needed
 
-    distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
-    _near(corners, NEAR, distance, nearest)
+    distance, nearest = np.full(size, UNKNOWN_SQUARED_DISTANCE), np.full(size, -1, dtype=np.int32)
+    _near(corners, EXACT_DISTANCE_RANGE, distance, nearest)
     unknown = nearest < 0
     owner = scipy.ndimage.distance_transform_edt(unknown, return_distances=False, return_indices=True)
     places = np.flatnonzero(unknown)
@@ -66,7 +66,7 @@ def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
 
 def _close(corners: FloatArray, size: tuple[int, int, int]) -> tuple[IntArray, FloatArray]:
     """Return the nodes where the spline is fitted, shape (M, 3), and their signed distances, shape (M,)."""
-    distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
+    distance, nearest = np.full(size, UNKNOWN_SQUARED_DISTANCE), np.full(size, -1, dtype=np.int32)
     _near(corners, FITTED, distance, nearest)
     nodes = np.argwhere(nearest >= 0)
     at = tuple(nodes.T)

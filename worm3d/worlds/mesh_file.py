@@ -24,13 +24,13 @@ METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 
-LARGEST, SMALLEST = 1000.0, 0.01
+MAX_MESH_SIDE, MIN_MESH_SIDE = 1000.0, 0.01
 """Range of the longest side of a mesh [m]."""
 
 LARGEST_FILE = 500_000_000
 """Largest mesh file [byte]: ten million triangles."""
 
-FLAT = 1e-9
+MIN_ENCLOSED_VOLUME = 1e-9
 """Volume below which nothing is enclosed, as a fraction of the cube of the longest side."""
 
 STL_HEADER, STL_TRIANGLE = 84, 50
@@ -165,10 +165,10 @@ def _require_finite(name: str, mesh: Any) -> None:
 
 def _require_size(name: str, vertices: FloatArray, faces: IntArray) -> None:
     side = float(np.ptp(vertices[faces.ravel()], axis=0).max())
-    if not SMALLEST <= side <= LARGEST:
+    if not MIN_MESH_SIDE <= side <= MAX_MESH_SIDE:
         raise MeshError(
-            f"mesh {name!r}: got {side:.4g} m across, must be {SMALLEST:g} to {LARGEST:g} m; check `units` (a file in "
-            "millimetres needs units='mm')"
+            f"mesh {name!r}: got {side:.4g} m across, must be {MIN_MESH_SIDE:g} to {MAX_MESH_SIDE:g} m; check `units` "
+            "(a file in millimetres needs units='mm')"
         )
 
 
@@ -185,7 +185,7 @@ def _require_solid(name: str, mesh: Any, vertices: FloatArray) -> None:
         )
     if not consistent:
         raise MeshError(f"mesh {name!r}: some faces look in, some out; recalculate its normals and export it again")
-    if abs(volume) < FLAT * float(np.ptp(np.asarray(mesh.vertices), axis=0).max()) ** 3:
+    if abs(volume) < MIN_ENCLOSED_VOLUME * float(np.ptp(np.asarray(mesh.vertices), axis=0).max()) ** 3:
         raise MeshError(f"mesh {name!r}: encloses no volume; close it around something")
     if volume < 0.0:
         raise MeshError(

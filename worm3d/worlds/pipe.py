@@ -190,7 +190,7 @@ class Pipe(World, ReadOnly):
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
         pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
         places = (pieces.ctypes.data, planes.ctypes.data, one.address)
-        own = [pipe_table.NONE, *kernels.halves(*places), len(line), reach]
+        own = [pipe_table.NO_PIECE, *kernels.halves(*places), len(line), reach]
         numbers = np.concatenate([pieces[0], parameters, [reach], own])
         table = kernels.by_hand(pipe_table.pipe)
         return WorldKernel(table.address, numbers, (table, one, pieces, planes))

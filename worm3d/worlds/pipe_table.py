@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.machine.codegen import evaluate
-from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.codegen.emit import SHAPES_FIT, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import integers_at
@@ -20,13 +20,13 @@ from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.worlds import kernels
 from worm3d.worlds.pipe_formula import BETWEEN, PIECE
 
-KEPT = PIECE + BETWEEN
+PIECE_ROWS = PIECE + BETWEEN
 """Number of input rows after the point that describe a piece; this kernel writes these rows."""
 
-NONE = -1.0
+NO_PIECE = -1.0
 """Piece number of a point without a last piece."""
 
-OWN = 9
+TABLE_ROWS = 9
 """Input rows after the rows of the formula: number of the point's last piece; addresses of the pieces, of the planes
 where the pieces begin (normal and distance from the origin, a row each) and of the formula's kernel (2 each); number of
 pieces; reach [m]."""
@@ -114,7 +114,7 @@ def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: Flo
 @inner
 def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> None:
     """Write the piece of a point, and the number of the piece into the row `last`."""
-    for r in range(KEPT):
+    for r in range(PIECE_ROWS):
         p[3 + r, lane] = pieces[k, r]
     p[last, lane] = k
 
@@ -123,7 +123,7 @@ def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> No
 def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> bool:
     """Search the pieces of the uncertain points among some lanes; return whether a piece differs from the last one."""
     count = int(p[own + _COUNT, 0])
-    pieces = kernels.doubles(kernels.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), count, KEPT)
+    pieces = kernels.doubles(kernels.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), count, PIECE_ROWS)
     planes = kernels.doubles(kernels.address(p[own + _PLANES, 0], p[own + _PLANES + 1, 0]), len(pieces), 4)
     reach, last, changed = p[own + _REACH, 0], own + _LAST, False
     for lane in range(first, end):
@@ -143,21 +143,21 @@ def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> b
 
 def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
     """Evaluate `count` points; the kernel of a `Pipe` of many pieces."""
-    own = rows_in - OWN
-    if own < 3 + KEPT or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
+    own = rows_in - TABLE_ROWS
+    if own < 3 + PIECE_ROWS or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
     if count == 0:
-        return FINE
+        return SHAPES_FIT
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     given = kernels.doubles(inputs, own, lanes_in)
     formula, signs = kernels.address(p[own + _KERNEL, 0], p[own + _KERNEL + 1, 0]), _signs(outputs, lanes_out)
     evaluate(formula, given, out, count)
     if not _any_negative(signs, count):
-        return FINE
+        return SHAPES_FIT
     for first in range(0, count, kernels.LANES):
         end = min(first + kernels.LANES, count)
         if _choose(p, signs, own, first, end):
             evaluate(formula, given, out, end - first, first)
         for lane in range(first, end):
             out[_GRIP, lane] = abs(out[_GRIP, lane])
-    return FINE
+    return SHAPES_FIT

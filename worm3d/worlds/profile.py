@@ -15,14 +15,14 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
-STRAIGHT = 1e-9
+MIN_ROUNDED_ANGLE = 1e-9
 """Angle of a corner below which the corner is not rounded [rad]."""
 
 MOST_PLACES = 200
 """Largest number of places: the formula takes two seconds to compile, and the time grows with the square of the
 number."""
 
-STEEPEST = np.deg2rad(80.0)
+MAX_RAMP_SLOPE = np.deg2rad(80.0)
 """Slope of the steepest ramp [rad]: a step of the radius is a short ramp."""
 
 
@@ -67,7 +67,7 @@ class Profile(ReadOnly):
                 "the radius changes evenly"
             )
         slopes = np.abs(np.arctan2(np.diff(self.radius), np.diff(self.along)))
-        if len(slopes) and slopes.max() > STEEPEST:
+        if len(slopes) and slopes.max() > MAX_RAMP_SLOPE:
             at = self.along[int(np.argmax(slopes))]
             raise ValueError(
                 f"radius: rises or falls by {np.rad2deg(slopes.max()):.3g} degrees at {at:g} m, must be at most 80 "
@@ -124,7 +124,7 @@ class Profile(ReadOnly):
         for k in range(len(s)):
             before, after = float(direction[k]), float(direction[k + 1])
             turn = abs(after - before)
-            if turn < STRAIGHT:
+            if turn < MIN_ROUNDED_ANGLE:
                 continue
             room = min(sides[k], sides[k + 1]) / 2.0 / np.tan(turn / 2.0)
             wanted = 10.0 * float(r.max()) if self.rounding is None else self.rounding

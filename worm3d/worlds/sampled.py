@@ -29,7 +29,7 @@ from worm3d.worlds import kernels, sampled_kernel
 from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
-TOLERANCE = 0.1
+FIT_TOLERANCE = 0.1
 """e of (WM3), in cells; the errors between the samples and the error of (WM1) add up to as much."""
 
 SWEEPS = 10
@@ -55,7 +55,7 @@ COARSER = 1.05
 FEWEST_CELLS = 4
 """Smallest number of cells of a sampled distance along each axis."""
 
-EDGE = 14
+SPLINE_PADDING = 14
 """Number of nodes added on each side while the spline of a sampled distance is computed, so that the ends of the spline
 have no effect."""
 
@@ -65,7 +65,7 @@ AT_ONCE = 200_000
 STEEPNESS = (0.8, 1.25)
 """Range of the gradient's length next to the surface; a tenth of the places may lie below, and a tenth above."""
 
-STEEPEST = 1.75
+MAX_GRADIENT_LENGTH = 1.75
 """Greatest length of the gradient anywhere next to the surface; differences of a true distance stay below 3^(1/2)."""
 
 Shift = tuple[float, ...]
@@ -179,8 +179,10 @@ class SampledWorld(GridWorld):
         distance = _asked(f, points.reshape(-1, 3)).reshape(size) / cell
         _require_a_distance(distance, cell)
         # Reflection continues the distances without a kink; one node beyond the bounds is kept, so that they count.
-        spline = scipy.ndimage.spline_filter(np.pad(distance, EDGE, mode="reflect", reflect_type="odd"), order=3)
-        beyond = EDGE - 1
+        spline = scipy.ndimage.spline_filter(
+            np.pad(distance, SPLINE_PADDING, mode="reflect", reflect_type="odd"), order=3
+        )
+        beyond = SPLINE_PADDING - 1
         coefficients = np.ascontiguousarray(spline[beyond:-beyond, beyond:-beyond, beyond:-beyond])
         fit(coefficients, [_samples(f, distance, low, cell, shift) for shift in product((0.0, 0.5), repeat=3)])
         return cls(Grid(coefficients.astype(np.float32), low - cell, cell), float(grip))
@@ -268,7 +270,7 @@ def _require_a_distance(distance: FloatArray, cell: float) -> None:
         )
     steepness = np.sqrt(np.sum(np.square(np.gradient(distance)), axis=0))[_next_to_surface(solid)]
     low, high = np.quantile(steepness, (0.1, 0.9))
-    if low < STEEPNESS[0] or high > STEEPNESS[1] or steepness.max() > STEEPEST:
+    if low < STEEPNESS[0] or high > STEEPNESS[1] or steepness.max() > MAX_GRADIENT_LENGTH:
         raise ValueError(
             f"f: is no distance: next to its surface it changes by {steepness.min():.3g} to {steepness.max():.3g} m "
             f"per metre ({low:.3g} to {high:.3g} but for a tenth of the places each), must be 1; divide it by the "
@@ -320,9 +322,9 @@ def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -
             for b in range(4):
                 for d in range(4):
                     r += w[a, b, d] * c[i + a, j + b, k + d]
-        if abs(r) > TOLERANCE:
+        if abs(r) > FIT_TOLERANCE:
             missed += 1
-            share = (r - np.sign(r) * TOLERANCE) / square
+            share = (r - np.sign(r) * FIT_TOLERANCE) / square
             for a in range(4):
                 for b in range(4):
                     for d in range(4):

@@ -26,7 +26,7 @@ import casadi as ca
 import numpy as np
 
 from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
-from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.codegen.emit import SHAPES_FIT, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.values.arrays import FloatArray, SingleArray
 from worm3d.worlds import kernels
@@ -160,7 +160,7 @@ def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: in
         return WRONG_SHAPE
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     if count == 0:
-        return FINE
+        return SHAPES_FIT
     nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0]), int(p[_NODES + 2, 0])
     place = kernels.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0])
     c = kernels.singles(place, nodes[0] * nodes[1] * nodes[2])
@@ -182,7 +182,7 @@ def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: in
     for k in range(count):
         if kernels.repeats(p, k):
             kernels.repeat(out, k)
-    return FINE
+    return SHAPES_FIT
 
 
 def _cubic(t: ca.SX) -> list[ca.SX]:

@@ -21,7 +21,7 @@ from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import ClampedGround, Patch, Plane
 from worm3d.worlds.union import Union
 
-MARGIN = 1.0
+DRAWN_MARGIN = 1.0
 """Distance beyond the worm up to which the world is drawn, in body lengths."""
 
 TILE = 0.1
@@ -36,22 +36,22 @@ FINEST, MOST_CELLS = 0.02, 200_000
 MOST_FACES = 40_000
 """Largest number of faces of a mesh that is drawn directly; a larger mesh is drawn from the signed distance."""
 
-SLIPPERY: Colour = (0.62, 0.78, 0.92)
+SLIPPERY_PATCH: Colour = (0.62, 0.78, 0.92)
 """Colour of patches with less friction than the rest."""
 
-ROUGH: Colour = (0.72, 0.60, 0.45)
+ROUGH_PATCH: Colour = (0.72, 0.60, 0.45)
 """Colour of patches with more friction than the rest."""
 
-ASKED = 300
+PIPE_STRETCH_SAMPLES = 300
 """Number of the worm's places that determine the drawn stretch of a pipe."""
 
-RINGS, SIDES = 5, 40
+RINGS_PER_BAND, PIPE_SIDES = 5, 40
 """Rings of corners in a band of a pipe, and corners of a ring."""
 
 OPACITY = 0.3
 """Opacity of a pipe's wall."""
 
-FINE = 0.008
+MAX_EDGE_TRIANGLE = 0.008
 """Longest side of triangles next to an edge where worlds meet, in body lengths, so that the edge looks clean."""
 
 UNION_OPACITY = 0.5
@@ -61,10 +61,10 @@ MOST_STEPS = 80
 """Largest number of steps to the ground; on a plane of 60 degrees each step covers half of the remaining distance, at
 80 degrees a sixth."""
 
-EXACT = 1e-6
+GROUND_TOLERANCE = 1e-6
 """Distance below which a place counts as on the ground, in body lengths."""
 
-DEEPEST = 1.0
+MAX_GROUND_DISTANCE = 1.0
 """Greatest distance of a place from the ground below or above it, in body lengths."""
 
 
@@ -94,7 +94,7 @@ def scenery(world: World | None, window: Window) -> Scenery:
     if world is None:
         return Scenery()
     low, high = window.points.min(axis=0), window.points.max(axis=0)
-    margin = 0.3 * MARGIN * window.body_length
+    margin = 0.3 * DRAWN_MARGIN * window.body_length
     low, high = low - margin, high + margin
     tile = tile_size(window.body_length, (high - low)[:2])
     finest = max(FINEST * window.body_length, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
@@ -150,7 +150,7 @@ def _floor(world: Plane, window: Window, opacity: float) -> tuple[WorldMesh, ...
 def _extent(world: Plane, window: Window) -> tuple[FloatArray, FloatArray]:
     """Return the limits of the drawn part of a plane, along the ascent and to the left, each of shape (2,) [m]."""
     places = window.points @ world.axes[:2].T
-    margin = MARGIN * window.body_length
+    margin = DRAWN_MARGIN * window.body_length
     return places.min(axis=0) - margin, places.max(axis=0) + margin
 
 
@@ -172,7 +172,11 @@ def _patch(
     corners = np.array([[x, y, above] for x, y in zip(*_around(begin, end), strict=True)])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     return WorldMesh(
-        f"friction x {patch.grip:g}", corners @ world.axes, faces, SLIPPERY if patch.grip < 1.0 else ROUGH, 0.7
+        f"friction x {patch.grip:g}",
+        corners @ world.axes,
+        faces,
+        SLIPPERY_PATCH if patch.grip < 1.0 else ROUGH_PATCH,
+        0.7,
     )
 
 
@@ -182,7 +186,7 @@ def _around(begin: FloatArray, end: FloatArray) -> tuple[list[float], list[float
 
 @scenery.register
 def _heightfield(world: Heightfield, window: Window) -> Scenery:
-    margin = MARGIN * window.body_length
+    margin = DRAWN_MARGIN * window.body_length
     low, high = window.points.min(axis=0)[:2] - margin, window.points.max(axis=0)[:2] + margin
     tile = tile_size(window.body_length, high - low)
     low, high = tile * np.floor(low / tile), tile * np.ceil(high / tile)
@@ -195,7 +199,7 @@ def _heightfield(world: Heightfield, window: Window) -> Scenery:
 @scenery.register
 def _mesh(world: Mesh, window: Window) -> Scenery:
     vertices, faces = world.triangles()
-    margin = MARGIN * window.body_length
+    margin = DRAWN_MARGIN * window.body_length
     low, high = window.points.min(axis=0) - margin, window.points.max(axis=0) + margin
     corners = vertices[faces]
     near = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
@@ -211,30 +215,30 @@ def _mesh(world: Mesh, window: Window) -> Scenery:
 
 @scenery.register
 def _pipe(world: Pipe, window: Window) -> Scenery:
-    some = window.points[:: max(len(window.points) // ASKED, 1)]
+    some = window.points[:: max(len(window.points) // PIPE_STRETCH_SAMPLES, 1)]
     along = world.along(some)
-    margin = MARGIN * window.body_length
+    margin = DRAWN_MARGIN * window.body_length
     begin, end = float(along.min()) - margin, float(along.max()) + margin
     begin = max(begin, 0.0) if world.start_wall else begin
     end = min(end, world.centreline.total) if world.end_wall else end
     band = rounded_up(TILE * window.body_length)
-    count = RINGS * max(int(np.ceil((end - begin) / band)), 1) + 1
+    count = RINGS_PER_BAND * max(int(np.ceil((end - begin) / band)), 1) + 1
     # The positions of the bands do not depend on the worm.
     s = np.linspace(band * np.floor(begin / band) if not world.start_wall else begin, end, count)
     points, radius = world.centreline.at(s)[0], world.radius_at(s)
     walls = [(k, s[k]) for k, closed in ((0, world.start_wall), (-1, world.end_wall)) if closed]
     caps = tuple(_cap(world, points[k], place, float(radius[k])) for k, place in walls)
-    return Scenery((*banded_pipe(points, radius, band=band, sides=SIDES, opacity=OPACITY), *caps), points)
+    return Scenery((*banded_pipe(points, radius, band=band, sides=PIPE_SIDES, opacity=OPACITY), *caps), points)
 
 
 def _cap(world: Pipe, middle: FloatArray, place: float, radius: float) -> WorldMesh:
     """Return the flat wall that closes the pipe at a place along the centre line."""
     _, tangent = world.centreline.at(place)
     across = np.linalg.svd(tangent[None])[2][1:]
-    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    angle = 2.0 * np.pi * np.arange(PIPE_SIDES) / PIPE_SIDES
     rim = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across
-    corner = np.arange(SIDES)
-    faces = np.stack([np.full(SIDES, SIDES), corner, (corner + 1) % SIDES], axis=1)
+    corner = np.arange(PIPE_SIDES)
+    faces = np.stack([np.full(PIPE_SIDES, PIPE_SIDES), corner, (corner + 1) % PIPE_SIDES], axis=1)
     return WorldMesh("end of the pipe", np.vstack([rim, middle]), faces, PIPE, OPACITY)
 
 
@@ -244,7 +248,7 @@ def _union(world: Union, window: Window) -> Scenery:
     meshes = []
     for k, part in enumerate(parts):
         others = [other for j, other in enumerate(world.worlds) if j != k]
-        cut = (_cut(mesh, others, FINE * window.body_length) for mesh in part.meshes)
+        cut = (_cut(mesh, others, MAX_EDGE_TRIANGLE * window.body_length) for mesh in part.meshes)
         meshes += [mesh for mesh in cut if len(mesh.faces)]
     lines = [part.centreline for part in parts if part.centreline is not None]
     return Scenery(tuple(meshes), lines[0] if lines else None)
@@ -292,9 +296,9 @@ def on_ground(world: World | None, places: FloatArray, body_length: float, above
     searched = np.arange(len(moving))
     for _ in range(MOST_STEPS):
         distance = world.distance(moving[searched])
-        far = np.abs(distance) > EXACT * body_length
+        far = np.abs(distance) > GROUND_TOLERANCE * body_length
         moving[searched[far], 2] -= distance[far]
-        gone = np.abs(moving[searched, 2] - result.reshape(-1, 3)[searched, 2]) > DEEPEST * body_length
+        gone = np.abs(moving[searched, 2] - result.reshape(-1, 3)[searched, 2]) > MAX_GROUND_DISTANCE * body_length
         found = searched[~far & ~gone]
         result.reshape(-1, 3)[found] = moving[found] + [0.0, 0.0, above]
         searched = searched[far & ~gone]

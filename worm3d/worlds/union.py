@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from worm3d.machine.codegen import evaluate
-from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.codegen.emit import SHAPES_FIT, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -186,7 +186,7 @@ def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int,
     if rows_in != ROWS_IN or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
     if count == 0:
-        return FINE
+        return SHAPES_FIT
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     members = kernels.doubles(kernels.address(p[_MEMBERS, 0], p[_MEMBERS + 1, 0]), int(p[_COUNT, 0]), MEMBER)
     for first in range(0, count, TOGETHER):
@@ -194,7 +194,7 @@ def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int,
         _keep(_ask(members[0], p, first, some), out, first, some)
         for m in range(1, len(members)):
             _keep_greater(_ask(members[m], p, first, some), out, first, some)
-    return FINE
+    return SHAPES_FIT
 
 
 @spelled

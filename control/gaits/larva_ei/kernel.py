@@ -54,9 +54,9 @@ class Parameters(NamedTuple):
     """Gain of muscles, feeling and lifting."""
 
 
-START, START_DRIVE = 10.0, 0.61
+START_DURATION, START_DRIVE = 10.0, 0.61
 """Duration and size of the input to the last segment that begins the first wave."""
-SWEEPS, TOLERANCE = 2000, 1e-12
+MAX_SWEEPS, SWEEP_TOLERANCE = 2000, 1e-12
 """Greatest number of Gauss-Seidel sweeps of the velocities, and change of a velocity that ends the sweeps."""
 
 
@@ -116,17 +116,17 @@ def crawl(p: Parameters, dt: float, every: int, networks: FloatArray, nodes: Flo
         for i in range(n):
             drive[i] = contraction[i] - contraction[i - 1] + f[i - 1] - f[i]
             friction[i] = p.F_max * switch(p.f_half - f[i - 1], p.g) * (2.0 if i == 0 else 1.0)
-        for _ in range(SWEEPS):
+        for _ in range(MAX_SWEEPS):
             change = 0.0
             for i in range(n):
                 pull = drive[i] + p.c * (v[i - 1] + v[(i + 1) % n])
                 before, v[i] = v[i], np.sign(pull) * max(abs(pull) - friction[i], 0.0) / (2.0 * p.c)
                 change = max(change, abs(v[i] - before))
-            if change < TOLERANCE:
+            if change < SWEEP_TOLERANCE:
                 break
         u[:n] += dt * v
         u[n] += dt * v[0]
         contraction[:] = 1.0 - (u[:n] - u[1:])
-        fire(network, contraction, START_DRIVE if step * dt < START else 0.0, p, dt)
+        fire(network, contraction, START_DRIVE if step * dt < START_DURATION else 0.0, p, dt)
         if (step + 1) % every == 0:
             networks[step // every], nodes[step // every] = network, u

@@ -6,7 +6,7 @@ body. Drive at the tail makes direct waves, as in a larva that crawls forward, d
 nothing else differs. All populations of one side get `asymmetry` times TURNING more input, the populations of the other
 side as much less.
 
-One input sets the pace as well. A faster pace shortens the time constants: tau_I is adjusted until the waves have the
+The pace is an input as well. A faster pace shortens the time constants: tau_I is adjusted until the waves have the
 period T, and tau_E changes less, with the exponent p:
 
     tau_E = tau_2 (T/2 s)^p  for T >= FASTEST,  in proportion to T below                                      (EI4)
@@ -32,9 +32,10 @@ from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
-ITSELF, ACROSS, WIDTH = 1.5, 1.0, 0.2
-"""Weights of E on itself and on the other side, and width of the sigmoid, in thresholds. With ITSELF above 1 a burst
-outlasts its trigger; with ACROSS about as large as the threshold, one side triggers the other side after a failure."""
+SELF_WEIGHT, CROSS_WEIGHT, SIGMOID_WIDTH = 1.5, 1.0, 0.2
+"""Weights of E on itself and on the other side, and width of the sigmoid, in thresholds. With SELF_WEIGHT above 1 a
+burst outlasts its trigger; with CROSS_WEIGHT about as large as the threshold, one side triggers the other side after a
+failure."""
 FELT = 0.5
 """Share of the commanded contraction that counts as a full contraction: friction may prevent the rest."""
 TURNING = 0.4
@@ -50,7 +51,7 @@ REFERENCE = 2.0
 """Period for which tau_E equals tau_e [s]."""
 MOST_RATIO = 1000.0
 """Largest ratio of the period to the shortest time constant."""
-ROUNDS, TOLERANCE = 20, 1e-5
+MAX_PERIOD_ITERATIONS, PERIOD_TOLERANCE = 20, 1e-5
 """Greatest number of iterations of the search for tau_I, and error of the period that ends the search."""
 
 
@@ -166,12 +167,12 @@ def pace(
     drives = np.zeros((len(tau_e), 2))
     drives[source] = drive
     tau_i = 0.35 * period
-    for _ in range(ROUNDS):
+    for _ in range(MAX_PERIOD_ITERATIONS):
         made = chain(np.array(tau_e), tau_i, coupling, inhibition)
         found = period_of(made, drives, source)
         if not np.isfinite(found):
             break
-        if abs(found / period - 1.0) < TOLERANCE:
+        if abs(found / period - 1.0) < PERIOD_TOLERANCE:
             return made
         tau_i *= period / found
     raise ValueError(
@@ -188,13 +189,13 @@ def chain(tau_e: FloatArray, tau_i: float, coupling: float, inhibition: float) -
     return Network(
         tau_e=tau_e[:, None] * ones,
         tau_i=tau_i * ones,
-        itself=ITSELF * ones,
-        across=ACROSS * ones,
+        itself=SELF_WEIGHT * ones,
+        across=CROSS_WEIGHT * ones,
         headward=headward,
         tailward=tailward,
         inhibition=inhibition * ones,
         threshold=ones,
-        width=WIDTH * ones,
+        width=SIGMOID_WIDTH * ones,
     )
 
 

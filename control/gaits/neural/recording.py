@@ -4,8 +4,8 @@ A trough is a minimum below -DEPTH robust standard deviations (1.4826 times the 
 measured values; values of exactly 0 were not measured), or below two thirds of the band's deepest value, if that is
 less, and LEAST_GAP from deeper troughs. If nearly all values of a band have one sign, as for a length, the values are
 taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A wave is a
-trough of the middle band and, from band to band outwards, the deepest trough within REACH in the direction of the wave,
-or a little in the other direction.
+trough of the middle band and, from band to band outwards, the deepest trough within MAX_DELAY in the direction of the
+wave, or a little in the other direction.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ ONE_SIDED = 0.05
 """Share of values of the rarer sign below which a band is taken relative to its median."""
 LEAST_GAP = 1.0
 """Least time between the waves [s]."""
-REACH, BACK = 0.4, 0.1
+MAX_DELAY, MAX_REVERSE_DELAY = 0.4, 0.1
 """Longest delay of neighbouring bands with the wave, and against it [s]."""
-QUIET, PAUSE = 1.0, 1.5
-"""A pause is a time of at least PAUSE [s] in which all bands stay within QUIET robust deviations: flashes stop a larva
-for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
+QUIET_DEVIATIONS, MIN_PAUSE = 1.0, 1.5
+"""A pause is a time of at least MIN_PAUSE [s] in which all bands stay within QUIET_DEVIATIONS robust deviations:
+flashes stop a larva for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
 RESAMPLED, CONFIDENCE = 2000, 0.9
 """Number of bootstrap samples and level of the intervals."""
 
@@ -102,16 +102,16 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
         wave = np.full(len(bands), np.nan)
         wave[middle] = _refined(scaled[:, middle], k)
         for side in (-1, 1):
-            _follow(scaled, wave, k, middle, side, (round(REACH / dt), round(BACK / dt)))
+            _follow(scaled, wave, k, middle, side, (round(MAX_DELAY / dt), round(MAX_REVERSE_DELAY / dt)))
         times.append(time[0] + dt * wave)
     starts = np.array([wave[middle] for wave in times])
-    calm = np.abs(scaled).max(axis=1) < QUIET
-    periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < PAUSE]
+    calm = np.abs(scaled).max(axis=1) < QUIET_DEVIATIONS
+    periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < MIN_PAUSE]
     if len(times) < 4 or len(periods) < 3:
         raise ValueError(
             f"recording: found {len(times)} waves in it, must be 4 or more, three of them without a pause before; a "
-            f"wave is a trough of each band in turn, {LEAST_GAP:g} s or more after the last one, and within {REACH:g} "
-            "s from band to band"
+            f"wave is a trough of each band in turn, {LEAST_GAP:g} s or more after the last one, and within "
+            f"{MAX_DELAY:g} s from band to band"
         )
     waves = Waves(bands, np.array(times), np.array(periods))
     median = waves.median()

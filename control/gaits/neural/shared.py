@@ -5,9 +5,10 @@ The delay of band b behind the middle band, at the period T, is modelled as
     T^p (s x_b + h_b),   x_b = places from the middle band                                                        (SP1)
 
 with a size s, an exponent of pace p and a profile h, all shared by the recordings. p minimises the sum of the squares
-of the misses, over `FRAME` squared, and of (p - 1)/PACE_SPREAD. strength: a strength of 0 trusts + strength: a strength
-of 0 trusts the recordings, an infinite strength gives the uniform wave. Leave-one-out validation over the recordings
-chooses the strength, and waves drawn with replacement give the sampling error of this choice.
+of the misses, over `FRAME` squared, and of (p - 1)/PACE_SPREAD. The profile is the mean miss of uniform delays, divided
+by 1 + strength: a strength of 0 trusts the recordings, an infinite strength gives the uniform wave. Leave-one-out
+validation over the recordings chooses the strength, and waves drawn with replacement give the sampling error of this
+choice.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ ALONE = 1.0
 """Strength for a single recording, which cannot be left out: half of the profile is trusted."""
 EXPONENTS = np.linspace(0.0, 2.0, 201)
 """Exponents of pace that are tried."""
-RESAMPLED, SEED = 200, 20261123
+RESAMPLE_COUNT, RESAMPLING_SEED = 200, 20261123
 """Number of draws of waves with replacement, and the seed: they give the 90 % interval to a tenth of its width."""
 
 
@@ -107,9 +108,9 @@ def left_out(waves: Sequence[Waves]) -> LeftOut:
     """Return the errors of the prediction of each of at least two recordings from the others."""
     targets = [Target(each.period, each.median()) for each in waves]
     strength = min(STRENGTHS, key=lambda each: _rms(misses(targets, each)))
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(RESAMPLING_SEED)
     gains, exponents = [], []
-    for _ in range(RESAMPLED):
+    for _ in range(RESAMPLE_COUNT):
         drawn = [_drawn(each, random) for each in waves]
         gains.append(_rms(misses(drawn, np.inf)) - _rms(misses(drawn, strength)))
         exponents.append(shared(drawn, strength).exponent)

@@ -6,13 +6,13 @@ sum of the squares of
 
     g((delay - measured)/FRAME)             each band, each recording                                             (ET1)
     (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET2)
-    (second difference of ln tau_e)/ROUGH   along the body                                                        (ET3)
+    (second difference of ln tau_e)/USUAL_ROUGHNESS   along the body                                              (ET3)
 
-and of CARRIED times the share of DRAWS noisy networks that do not carry direct and retrograde waves (ET4). g(e) is e^2,
-with the sign of e, since a small part of a frame is not visible, and linear beyond COARSE frames. (ET1) to (ET3) are
-smooth: least squares over tau_e, inhibition and pace exponent solve them for each of `COUPLINGS`, and the coupling with
-the least sum is taken. The period of a recording is no result: the pace is set to this period. Delays at two or more
-paces determine the exponent of pace; with a single pace the exponent keeps its initial value, since
+and of CARRIED times the share of FIT_DRAWS noisy networks that do not carry direct and retrograde waves (ET4). g(e)
+is e^2, with the sign of e, since a small part of a frame is not visible, and linear beyond LINEAR_ERROR frames. (ET1)
+to (ET3) are smooth: least squares over tau_e, inhibition and pace exponent solve them for each of `COUPLINGS`, and the
+coupling with the least sum is taken. The period of a recording is no result: the pace is set to this period. Delays at
+two or more paces determine the exponent of pace; with a single pace the exponent keeps its initial value, since
 `control.gaits.neural.shared` already accounts for the expected exponent.
 """
 
@@ -30,19 +30,19 @@ from worm3d.values.arrays import FloatArray
 
 FRAME = 0.05
 """Unit of the errors of delays: a frame of 20 pictures a second [s]."""
-COARSE = 3.0
+LINEAR_ERROR = 3.0
 """Error beyond which g is linear, in frames."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
 """Active share of a segment's period, and its spread: 0.32 to 0.48 in the larvae of `L1`."""
-ROUGH = 1.0
+USUAL_ROUGHNESS = 1.0
 """Usual second difference of ln tau_e between neighbours: the term keeps tau_e smooth where the delays leave
 freedom."""
 COUPLINGS = (1.8, 2.0, 2.2)
 """Weights of the neighbours that are tried, in thresholds. Below 1.6 noise stops waves, above 3 noise makes segments
 burst without input."""
-STEPS = (3e-2, 5e-3)
+DIFFERENCE_STEPS = (3e-2, 5e-3)
 """Relative steps of the differences in the two rounds of a search: the second begins where the first ends."""
-NOISE, DRAWS, SEED = 0.15, 60, 1
+FIT_NOISE, FIT_DRAWS, FIT_SEED = 0.15, 60, 1
 """Relative noise of the fit, 1.5 times the noise that a network should tolerate, so that failures show early; number of
 drawn networks, and seed."""
 CARRIED = 4.0
@@ -130,11 +130,11 @@ def fit(
     best = Training(EiChain(), np.inf, 0.0, 0)
     for coupling in COUPLINGS:
         base, at, squares = replace(like or EiChain(), coupling=coupling, period=pace), point, np.inf
-        for difference in STEPS:
+        for difference in DIFFERENCE_STEPS:
             found = least_squares(terms, at, bounds=bounds, diff_step=difference, args=(base,), max_nfev=40)
             at, squares = found.x, 2.0 * float(found.cost)
         gait = gait_at(at, base)
-        share = carrying(gait, segments, NOISE, DRAWS, SEED)
+        share = carrying(gait, segments, FIT_NOISE, FIT_DRAWS, FIT_SEED)
         cost = squares + (CARRIED * (1.0 - share)) ** 2
         if cost < best.cost:
             best = Training(replace(gait, period=targets[0].period), cost, share, 0)
@@ -148,7 +148,7 @@ def gait_at(point: FloatArray, like: EiChain) -> EiChain:
 
 def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
     """Return the terms (ET1) to (ET3) of a chain; all terms are `LARGE` for a chain that makes no waves."""
-    terms = [*(np.diff(np.log(gait.tau_e), 2) / ROUGH)]
+    terms = [*(np.diff(np.log(gait.tau_e), 2) / USUAL_ROUGHNESS)]
     for target in targets:
         segments = len(target.delays)
         try:
@@ -164,5 +164,7 @@ def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
 def weighed(errors: FloatArray) -> FloatArray:
     """Return the function g of (ET1) of errors in frames."""
     size = np.abs(errors)
-    weighed: FloatArray = np.sign(errors) * np.where(size < COARSE, size**2, (2.0 * size - COARSE) * COARSE)
+    weighed: FloatArray = np.sign(errors) * np.where(
+        size < LINEAR_ERROR, size**2, (2.0 * size - LINEAR_ERROR) * LINEAR_ERROR
+    )
     return weighed

@@ -1,5 +1,4 @@
-"""Waves of a chain of neurons that feels nothing: the timing of the waves, and the share of noisy networks that carry
-waves."""
+"""Waves of a chain of neurons that feels nothing: timing, and the share of noisy networks that carry waves."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from worm3d.values.arrays import FloatArray
 
 WATCHED = 6.0
 """Duration of the observation of a network, in periods of the gait; noisy networks have their own periods."""
-FEWEST = 3
+MIN_SOURCE_BURSTS = 3
 """Fewest bursts of the source in that time."""
 
 
@@ -89,7 +88,7 @@ def _watched(gait: EiChain, network: Network, drives: FloatArray) -> tuple[Float
 def _runs(times: FloatArray) -> bool:
     """Return whether all bursts, except perhaps an unfinished last burst, run from segment to segment on both sides."""
     counts = np.isfinite(times).sum(axis=-1)
-    if counts[0].min() < FEWEST or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
+    if counts[0].min() < MIN_SOURCE_BURSTS or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
         return False
     behind, ahead = times[1:], times[:-1]
     return bool(((behind > ahead) | np.isnan(behind)).all())

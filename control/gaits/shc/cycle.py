@@ -49,13 +49,13 @@ DELTA = 0.1
 """Share of beta at which a passage ends and a transition begins; the transition ends at 1 - DELTA."""
 EARLY = 1e-6
 """Share c of beta at which the path to the next saddle begins in (SH5); the error of (SH5) is proportional to c."""
-FEWEST = 3
+MIN_CYCLE_NODES = 3
 """Fewest nodes of a cycle: each but the next suppresses the active one's follower."""
 LEAST_EXCURSION = 20.0
 """Least 2 e^gamma_E lam_u (DELTA beta/eps)^2 for which (SH3) holds within 0.5 % of 1/lam_u."""
-STEP = 0.1
+SCALED_TIME_STEP = 0.1
 """Time step times the largest alpha: 44 steps a transition; twice this changes the mean period by less than 0.1 %."""
-BLOCK = 4096
+BLOCK_STEPS = 4096
 """Number of steps, and of random numbers, in a block."""
 
 
@@ -81,7 +81,7 @@ class Cycle:
     def __init__(
         self, nodes: int, *, alpha: ArrayLike = 2.0, beta: ArrayLike = 1.0, nu: ArrayLike = 1.5, noise: float = 1e-8
     ) -> None:
-        n = arguments.whole("nodes", nodes, ge=FEWEST)
+        n = arguments.whole("nodes", nodes, ge=MIN_CYCLE_NODES)
         given = {"alpha": (alpha, 0.0), "beta": (beta, 0.0), "nu": (nu, 1.0)}
         for name, (value, least) in given.items():
             object.__setattr__(self, name, arguments.array(name, value, (n,), fill=True, gt=least))
@@ -209,11 +209,11 @@ class Walk:
     seed : int
         Seed of the noise.
     dt : float, optional
-        Time step [s]; by default `STEP` over the largest alpha.
+        Time step [s]; by default `SCALED_TIME_STEP` over the largest alpha.
     """
 
     def __init__(self, cycle: Cycle, seed: int = 0, dt: float | None = None) -> None:
-        self.cycle, self.dt = cycle, STEP / float(cycle.alpha.max()) if dt is None else dt
+        self.cycle, self.dt = cycle, SCALED_TIME_STEP / float(cycle.alpha.max()) if dt is None else dt
         self._random = np.random.default_rng([seed, crc32(b"shc")])
         waiting = cycle.noise / np.sqrt(2.0 * cycle.alpha)
         self.states = waiting * np.abs(self._random.standard_normal(cycle.nodes))
@@ -224,8 +224,8 @@ class Walk:
     def advance(self, steps: int) -> FloatArray:
         """Take steps and return the states after each, shape (steps, n)."""
         path = np.empty((steps, self.cycle.nodes))
-        for first in range(0, steps, BLOCK):
-            part = path[first : first + BLOCK]
+        for first in range(0, steps, BLOCK_STEPS):
+            part = path[first : first + BLOCK_STEPS]
             draws = self._random.standard_normal(part.shape)
             advance(self.states, self.cycle.alpha, self.cycle.rho, self.cycle.noise, self.push, self.dt, draws, part)
         return path
@@ -240,8 +240,8 @@ def sojourns(walk: Walk, count: int) -> FloatArray:
     switches: list[float] = []
     taken = 0
     while len(switches) <= count:
-        path = np.argmax(walk.advance(BLOCK) / walk.cycle.beta, axis=1)
+        path = np.argmax(walk.advance(BLOCK_STEPS) / walk.cycle.beta, axis=1)
         changes = np.flatnonzero(np.diff(path, prepend=active[-1]))
         switches.extend((taken + changes) * walk.dt)
-        active, taken = [int(path[-1])], taken + BLOCK
+        active, taken = [int(path[-1])], taken + BLOCK_STEPS
     return np.diff(np.array(switches[: count + 1]))

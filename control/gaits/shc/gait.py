@@ -30,9 +30,6 @@ from worm3d.values.parameters import documented, parameter
 if TYPE_CHECKING:
     from control.gaits.shc.cycle import Cycle
 
-FEWEST = 3
-"""Fewest nodes of a cycle."""
-
 
 @documented
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,12 +81,13 @@ class SHC(FeedbackGait, name="shc"):
         ValueError
             Fewer than three nodes or more than segments, arrays that do not fit, or too much noise.
         """
-        from control.gaits.shc.cycle import Cycle
+        from control.gaits.shc.cycle import MIN_CYCLE_NODES, Cycle
 
         nodes = self.nodes or segments
-        if not FEWEST <= nodes <= segments:
+        if not MIN_CYCLE_NODES <= nodes <= segments:
             raise ValueError(
-                f"nodes: got {nodes}, must be {FEWEST} or more, and not more than the worm's {segments} segments"
+                f"nodes: got {nodes}, must be {MIN_CYCLE_NODES} or more, and not more than the worm's {segments} "
+                "segments"
             )
         if self.breadth >= nodes:
             raise ValueError(f"breadth: got {self.breadth}, must be below the {nodes} nodes of the cycle")

@@ -13,7 +13,7 @@ import worm3d
 from control.baselines import Gains
 from control.controllers import controller, estimator, made, model
 from control.faults.injected import Injected
-from control.gaits.steering import WAVES, Wave
+from control.gaits.steering import WAVE_SCHEDULES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.identification.strain_model import StrainModel
@@ -93,28 +93,30 @@ def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
     SceneError if the worm is neither identified nor near the default worm.
     """
     wave, asked = wave or wave_of(scene), scene.controller
-    found = loaded(scene, wave) or nearby(worm_of(scene), friction_of(scene), asked.mechanism, WAVES[wave])
+    found = loaded(scene, wave) or nearby(worm_of(scene), friction_of(scene), asked.mechanism, WAVE_SCHEDULES[wave])
     segments = scene.worm.segments
     if found.strain is not None and found.strain.segments == segments:
         return found
     if asked.map == "default":
         return replace(found, strain=_usual_strains(segments, wave))
-    subject = Subject(worm_of(scene), friction_of(scene), WAVES[wave])
+    subject = Subject(worm_of(scene), friction_of(scene), WAVE_SCHEDULES[wave])
     return replace(found, strain=strain_model(subject, found.maps[asked.mechanism]))
 
 
 @cache
 def _usual_strains(segments: int, wave: Wave) -> StrainModel | None:
     """Return the strains of the default worm with another number of segments; None if this worm cannot stand."""
-    found = kept.load(worm3d.Worm(), schedule=WAVES[wave])
+    found = kept.load(worm3d.Worm(), schedule=WAVE_SCHEDULES[wave])
     assert found is not None  # the map is shipped
-    return strain_model(Subject(worm3d.Worm(segments=segments), worm3d.Friction(), WAVES[wave]), found.maps["both"])
+    return strain_model(
+        Subject(worm3d.Worm(segments=segments), worm3d.Friction(), WAVE_SCHEDULES[wave]), found.maps["both"]
+    )
 
 
 def waves_of(scene: ControlScene) -> tuple[Wave, ...]:
     """Return the waves that the controller may use."""
     asked = scene.controller.wave
-    return tuple(WAVES) if asked == AUTO else (asked,)
+    return tuple(WAVE_SCHEDULES) if asked == AUTO else (asked,)
 
 
 def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = None) -> Wave:
@@ -129,7 +131,7 @@ def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = No
 
 def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
     """Return the identified map that the controller would use for a wave; None if the default map is corrected."""
-    worm, ground, schedule = worm_of(scene), friction_of(scene), WAVES[wave]
+    worm, ground, schedule = worm_of(scene), friction_of(scene), WAVE_SCHEDULES[wave]
     chosen: dict[str, Callable[[], Identified | None]] = {
         "own": lambda: kept.load(worm, ground, schedule),
         "nearby": lambda: None,

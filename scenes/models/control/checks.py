@@ -163,7 +163,7 @@ OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
 
 FAULTY = ("fault", "controller", "sensor", "worm", *PARTS)
 """Sections that decide which faults are possible."""
-STEPS = ("reference.speed_steps", "reference.heading_steps")
+STEP_KEYS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,
     Check(("controller", "cost", "constraints"), _there_are_such_parts),
@@ -171,7 +171,7 @@ CONTROL_CHECKS = (
     *switched_checks(INJECTED, "fault", Faults, "fault"),
     building(_faults, *FAULTY),
     Check(("fault", "run.duration_s"), lambda faults, duration_s: _faults_begin_in_the_run(dict(faults), duration_s)),
-    *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
+    *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEP_KEYS),
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),

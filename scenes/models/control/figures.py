@@ -22,12 +22,12 @@ from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
-COLOURS = {name: f"C{k}" for k, name in enumerate(SOURCES)}
+SOURCE_COLOURS = {name: f"C{k}" for k, name in enumerate(SOURCES)}
 
 BOUND = 2.0
 """Half width of the drawn bounds [standard deviations]."""
 
-UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s", "", "1", "deg")
+STATE_UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s", "", "1", "deg")
 """Units of the estimated state in the figures."""
 
 
@@ -142,7 +142,7 @@ def commands(record: Record) -> tuple[Figure, Axes]:
         for code in np.unique(source):
             of = source == code
             name = SOURCES[code]
-            axes.plot(time[of], values[of], ".", ms=3, color=COLOURS[name], label=f"{name} ({int(of.sum())})")
+            axes.plot(time[of], values[of], ".", ms=3, color=SOURCE_COLOURS[name], label=f"{name} ({int(of.sum())})")
         axes.set_ylabel(label)
     rows[0].legend(fontsize=7)
     rows[3].step(time, record["decision_iterations"], where="post", color="0.3", lw=0.8)
@@ -161,7 +161,7 @@ def estimates(record: Record) -> tuple[Figure, Axes]:
         return figure, grid[0, 0]
     time, state, bound = record["decision_time"], record["estimate"], BOUND * record["estimate_deviation"]
     seen = _tracked(record)
-    for k, (axes, name, unit) in enumerate(zip(grid.flat, ReducedState._fields, UNITS, strict=False)):
+    for k, (axes, name, unit) in enumerate(zip(grid.flat, ReducedState._fields, STATE_UNITS, strict=False)):
         scale = np.rad2deg(1.0) if unit.startswith("deg") else 1.0
         values = state[:, k]
         if k < 3:

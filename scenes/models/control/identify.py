@@ -15,7 +15,7 @@ from control.gaits.held import WAVE, HeldSchedule, HeldSteering, purely_turning
 from control.gaits.steering import (
     BLEND,
     MECHANISMS,
-    UNITS,
+    UNIT_STEERING,
     Correction,
     GaitParameters,
     Mechanism,
@@ -49,7 +49,7 @@ SHRINK = 0.7
 """Factor by which the largest steering is reduced while the worm tips."""
 TRIES = 4
 """Number of values tried for the largest steering."""
-CHECKS = 12
+CHECK_RUNS = 12
 """Number of runs with random parameters that check a map."""
 
 BEFORE, AFTER = 8, 8
@@ -67,7 +67,7 @@ CHANGES = 1.0
 UNEQUAL, SHIFTED, STEERED = (0.8, 1.15), 0.2, 0.5
 """Smallest and largest factor of the chamber commands in this run, largest shift of their phases [rad], and largest
 steering as a factor of the map's largest steering: a worm with unequal chambers tips sooner."""
-ENOUGH = 2.0 / 3.0
+SUFFICIENT_SHARE = 2.0 / 3.0
 """Share of the turn of an intact worm that a worm with one segment held still has to reach with the same hinge angles.
 With segments 0, 2, 4 and 5 of the default worm held, the share is 0.87 or more. Separate hinge angles for these
 segments reduce the turn and change the offset from a line by -0.0002 to 0.003 body lengths (seed 10)."""
@@ -191,14 +191,14 @@ def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteerin
 
     count = worm.segments - 1
     whole, usual = moved(schedule), moved(held(schedule.bend(np.array([[0.0], [np.pi / 2.0]]), worm.segments)))
-    if whole is None or (usual is not None and usual.turn > ENOUGH * whole.turn):
+    if whole is None or (usual is not None and usual.turn > SUFFICIENT_SHARE * whole.turn):
         return None
     single = [moved(held(np.eye(2 * count)[k].reshape(2, count))) for k in range(2 * count)]
     known = [(each.turn, each.drift) for each in single if each is not None]
     if len(known) < len(single):
         return None
     pattern = purely_turning(*np.array(known).T.reshape(2, 2, count))
-    by_pattern, greatest = moved(held(pattern)), moved(held(pattern), UNITS["both"][0])
+    by_pattern, greatest = moved(held(pattern)), moved(held(pattern), UNIT_STEERING["both"][0])
     if by_pattern is None or greatest is None or not 0.0 < by_pattern.turn < greatest.turn:
         return None
     a, b = pattern.tolist()
@@ -208,9 +208,9 @@ def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteerin
 def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameters]:
     """Return random parameters within the ranges, with whole steps in a period; they are the same in each call."""
     random = np.random.default_rng([7, len(mechanism)])
-    amplitudes = random.uniform(*ranges.amplitude, CHECKS)
-    periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, CHECKS) / DT)
-    steerings = random.uniform(-ranges.steering, ranges.steering, CHECKS)
+    amplitudes = random.uniform(*ranges.amplitude, CHECK_RUNS)
+    periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, CHECK_RUNS) / DT)
+    steerings = random.uniform(-ranges.steering, ranges.steering, CHECK_RUNS)
     return [
         GaitParameters(float(a), float(1.0 / t)).steered(mechanism, float(s))
         for a, t, s in zip(amplitudes, periods, steerings, strict=True)
@@ -331,7 +331,7 @@ def strain_model(subject: Subject, found: SteeringMap) -> StrainModel | None:
         return None
     stands = np.append(_roll(run) <= TIPPED, False)
     rows = slice(0, min(int(np.argmin(stands)), len(told)))
-    if rows.stop < ENOUGH * len(told):
+    if rows.stop < SUFFICIENT_SHARE * len(told):
         return None
     contraction, hinge = (np.array([getattr(each, name) for each in told[rows]]) for name in ("contraction", "hinge"))
     return StrainModel.fit(run.time[rows], contraction, hinge, run.chamber_strain[rows])

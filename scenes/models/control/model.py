@@ -29,14 +29,14 @@ from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
 
-FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
+FIGURE_NAMES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 """Names of the pictures of a controlled run, which are functions in `scenes.models.control.figures`."""
 
 OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
 """Pictures of the worm that a controlled run also has."""
 
 NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
-START, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
+START_WAVES, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
 """Duration of the start [waves], during which a heading is sought; `nis_mean` does not include the start."""
 
 
@@ -120,7 +120,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return (KF7) of a controller's estimator after the start, or the reasons for missing values."""
-    start = START * controller.period
+    start = START_WAVES * controller.period
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])
     nis = [value for t, value in seen if t >= start]
     if not nis:
@@ -135,16 +135,16 @@ def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
     return Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
 
 
-MODEL = Model(
+CONTROL_MODEL = Model(
     name="worm_control",
     title="the 3D worm with a controller, sensors and a reference",
     schema=ControlScene,
     checks=CONTROL_CHECKS,
     run=run,
     figures={
-        **pictures("scenes.models.control.figures", **{stem: stem for stem in FIGURES}),
+        **pictures("scenes.models.control.figures", **{stem: stem for stem in FIGURE_NAMES}),
         "side_and_top": worm_view.side_and_top,
-        **pictures(worm.FIGURES, **{stem: stem for stem in OF_THE_WORM}),
+        **pictures(worm.FIGURES_MODULE, **{stem: stem for stem in OF_THE_WORM}),
     },
     overview=worm_overview.draw,
     animate=worm_view.RunMovie,

@@ -24,7 +24,8 @@ rms errors, in % of the rms of the quantity itself, over 132 waves with hinges:
     friction 0.7, 1.3, 1.3      7      2    25         1.2    1.3   11           0.9   0.9  10
 
 (friction: factors forward, backward, sideways). The lags are those of the default worm. A worm is near if the map's
-error at `runs.CHECKS` new runs is at most `MOST`; a worm farther away is refused, because it has to be identified.
+error at `runs.CHECK_RUNS` new runs is at most `MAX_MAP_ERRORS`; a worm farther away is refused, because it has to be
+identified.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ from scenes.models.control import identify as runs
 
 DESIGN = Design(runs=48)
 """The most informative runs, out of all combinations of a design."""
-MOST = MappingProxyType({"distance": 8.0, "turn": 20.0})
+MAX_MAP_ERRORS = MappingProxyType({"distance": 8.0, "turn": 20.0})
 """Largest rms error at new runs [% of the rms of the quantity]. The worms above with closed-loop runs have errors of up
 to 2.7 for the distance and 12 for the turn; the limits leave room, and are not a measured boundary."""
-FAR = "identify it once by 'worm3d study identify SCENE' with the same options -o (a minute or two), or take the \
-default worm's map by -o controller.map=default"
+IDENTIFY_ADVICE = (
+    "identify it once by 'worm3d study identify SCENE' with the same options -o (a minute or two), or take the "
+    "default worm's map by -o controller.map=default"
+)
 
 
 def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wave: Schedule) -> Identified:
@@ -64,12 +67,12 @@ def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wav
         found = runs.map_of(runs.Subject(worm, ground, wave), DESIGN, mechanism, usual.maps[mechanism])
     except SceneError as error:
         raise SceneError(f"worm: {error}") from error
-    for name, most in MOST.items():
+    for name, most in MAX_MAP_ERRORS.items():
         missed = found.checks[name].rms_percent
         if not missed <= most:
             raise SceneError(
                 f"worm: it crawls so differently from the default worm that the map corrected on the spot misses the "
-                f"{name} a wave by {missed:.0f} %, must be at most {most:g} %: {FAR}"
+                f"{name} a wave by {missed:.0f} %, must be at most {most:g} %: {IDENTIFY_ADVICE}"
             )
     maps = {**(known.maps if known else {}), mechanism: found}
     lags = MappingProxyType({each: usual.lags[each] for each in maps})

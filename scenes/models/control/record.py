@@ -23,13 +23,13 @@ PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading", "joints")
 OUTWARD = 2, 5
 """Apexes at the widest points of a segment, left and right."""
-PATH = "path"
+PATH_VARIABLE = "path"
 """Variable with the points of a user's own path."""
 WAY = "way"
 """Variable with the points of the path around obstacles."""
 SPACING = 0.02
 """Spacing of the points of a path in pictures and records [m]."""
-STATE = ", ".join(ReducedState._fields)
+STATE_NAMES = ", ".join(ReducedState._fields)
 
 
 def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Variable, ...]:
@@ -67,8 +67,8 @@ def _estimates(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
     nis = [np.nan if e is None or e.nis is None else e.nis for e in known]
     dims = ("decision", "state")
     return (
-        Variable("estimate", dims, states, "SI", f"estimated {STATE}"),
-        Variable("estimate_deviation", dims, bounds, "SI", f"standard deviations of {STATE}"),
+        Variable("estimate", dims, states, "SI", f"estimated {STATE_NAMES}"),
+        Variable("estimate_deviation", dims, bounds, "SI", f"standard deviations of {STATE_NAMES}"),
         Variable("estimate_nis", ("decision",), nis, "1", "normalised innovation squared; NaN before the first sample"),
     )
 
@@ -132,14 +132,16 @@ def way_variables(path: Path | None) -> tuple[Variable, ...]:
 
 def path_variable(path: Path, com: FloatArray) -> Variable:
     """Return the user's own path as points, so that the run can be shown without the code of the path."""
-    return Variable(PATH, ("place", "plane"), path_points(path, com), "m", "points of the path, a module's own")
+    return Variable(
+        PATH_VARIABLE, ("place", "plane"), path_points(path, com), "m", "points of the path, a module's own"
+    )
 
 
 def stored_path(record: Record) -> Path | None:
     """Return the path through the points in a record, closed if the last point is the first; None without points."""
-    if PATH not in record:
+    if PATH_VARIABLE not in record:
         return None
-    points = record[PATH]
+    points = record[PATH_VARIABLE]
     closed = len(points) > 3 and bool(np.linalg.norm(points[-1] - points[0]) < 1e-9)
     return SplinePath(points[:-1] if closed else points, closed)
 

@@ -13,19 +13,19 @@ from typing import Any, Literal
 import numpy as np
 
 import worm3d
-from control.parts import OBSTACLE, PATH
+from control.parts import OBSTACLE, PATH_KIND
 from control.tracking.obstacles import OBSTACLES
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Sine, Steps
 from control.tracking.references import Reference as Task
 from scenes.language.parts import PartSection, chosen, keys_of, part_named
-from scenes.language.schema import OWN, Pair, Section, Tables, part_key, setting
+from scenes.language.schema import OWN_KINDS, Pair, Section, Tables, part_key, setting
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import start_of, worm_of
 from worm3d.values import named
 from worm3d.values.arrays import FloatArray
 
-HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
+HEADING_KIND, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
 BEGUN = (LINE, CIRCLE, S_CURVE)
 """Kinds of paths with a start and an initial direction; points define the other paths."""
 
@@ -55,27 +55,27 @@ class Point(Section):
     y_m: float = setting(unit="m", meaning="y")
 
 
-ENDING = (LINE, S_CURVE, SPLINE, WAY_POINTS, "pipe", OWN)
+ENDING = (LINE, S_CURVE, SPLINE, WAY_POINTS, "pipe", OWN_KINDS)
 """Kinds of paths that may have an end."""
 PATHS = (*ENDING, CIRCLE)
-KINDS = (*(kind for kind in PATHS if kind != OWN), HEADING, "none")
+REFERENCE_KINDS = (*(kind for kind in PATHS if kind != OWN_KINDS), HEADING_KIND, "none")
 KIND = part_key(
-    KINDS,
+    REFERENCE_KINDS,
     meaning="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
     aka=("path", "type"),
 )
 
 
-class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
+class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH_KIND}):
     """Task of the worm: the desired speed, and the path or heading."""
 
     speed_m_s: float = setting(0.08, unit="m/s", meaning="speed forward, at first; below 0 backwards")
     speed_steps: Tables[SpeedStep] = setting((), meaning="steps of the speed, each a table of at_s and speed_m_s")
     speed_sine_m_s: float = setting(0.0, unit="m/s", ge=0, meaning="amplitude of a sine that is added to the speed")
     speed_sine_period_s: float = setting(20.0, unit="s", gt=0, meaning="its period")
-    heading_deg: float = setting(0.0, unit="deg", only=HEADING, meaning="at first")
+    heading_deg: float = setting(0.0, unit="deg", only=HEADING_KIND, meaning="at first")
     heading_steps: Tables[HeadingStep] = setting(
-        (), only=HEADING, meaning="steps of the heading, each a table of at_s and heading_deg"
+        (), only=HEADING_KIND, meaning="steps of the heading, each a table of at_s and heading_deg"
     )
     start_m: Pair | None = setting(
         unit="m",
@@ -151,7 +151,7 @@ def path_of(scene: Any) -> Path | None:
     """Return the path, or None without a path; ValueError if the path is not possible."""
     kind = scene.reference.kind
     if named.is_own(kind):
-        path: Path = part_named(PATH, kind, scene.reference)
+        path: Path = part_named(PATH_KIND, kind, scene.reference)
         return path
     make = MAKERS.get(kind)
     return None if make is None else make(scene)

@@ -9,11 +9,11 @@ from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
 from control.faults.injected import INJECTED
 from control.gaits.steering import Mechanism, Wave
-from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, TERM
+from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL_KIND, TERM
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
 from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, meanings
-from scenes.language.schema import OWN, Key, part_key, parts_key, setting
+from scenes.language.schema import OWN_KINDS, Key, part_key, parts_key, setting
 from scenes.models.control.reference import Reference
 from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
@@ -45,9 +45,9 @@ class Controller(
         "kind": _listed(CONTROLLERS),
         "estimator": _listed(ESTIMATORS, "what finds the state from measurements: "),
         "model": _listed(MODELS, "what planner and estimator take the worm for: "),
-        **keys_of(Gains, prefix="gain_", only=("pi_los", OWN)),
+        **keys_of(Gains, prefix="gain_", only=("pi_los", OWN_KINDS)),
     },
-    holds={"kind": CONTROLLER, "estimator": ESTIMATOR, "model": MODEL},
+    holds={"kind": CONTROLLER, "estimator": ESTIMATOR, "model": MODEL_KIND},
 ):
     """Controller that drives the worm."""
 
@@ -55,7 +55,7 @@ class Controller(
         "hinge",
         meaning="what steers: hinges, unequal chambers, or both at once",
         left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
-        defaults_by_kind={"mpc": "both", OWN: "hinge"},
+        defaults_by_kind={"mpc": "both", OWN_KINDS: "hinge"},
     )
     wave: Literal[Wave, "auto"] = setting(
         "sine",
@@ -63,7 +63,7 @@ class Controller(
         "faster and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: the steep one in a "
         "run in which a speed is asked for that the sine hardly reaches, otherwise the sine",
         left_out="that of its kind: 'auto' for mpc, 'sine' for all others",
-        defaults_by_kind={"mpc": AUTO, OWN: "sine"},
+        defaults_by_kind={"mpc": AUTO, OWN_KINDS: "sine"},
     )
     period_s: float = setting(0.2, unit="s", gt=0, meaning="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(

@@ -16,7 +16,7 @@ import numpy as np
 from control.parts import HYSTERESIS
 from scenes.language.checks import Check, Found
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED
+from scenes.language.loader import SHIPPED_FOLDER
 from scenes.language.parts import keys_by_parameter, part_named, part_of
 from scenes.models.base import Model, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, in_keys
@@ -30,7 +30,7 @@ from worm3d.running import segment_law
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
-KEYS = keys_by_parameter(PlantWorm, Worm)
+SEGMENT_KEYS = keys_by_parameter(PlantWorm, Worm)
 """Key of each parameter of the segment in the section [worm]."""
 
 NONE_MOVES = "a load frame moves no worm"
@@ -48,7 +48,7 @@ OF_A_WORM = (
 )
 """Entries of every summary that do not exist for a single segment."""
 
-LENGTH = KEYS["length"]
+LENGTH_KEY = SEGMENT_KEYS["length"]
 
 MOST_STEPS = 1_000_000
 """Largest number of time steps."""
@@ -69,7 +69,7 @@ def file_of(frame: Frame) -> Path | None:
     """Return the file of the section [frame], or the shipped file of that name; None without a file."""
     if frame.file == NO_FILE:
         return None
-    path, shipped = Path(frame.file), SHIPPED / frame.file
+    path, shipped = Path(frame.file), SHIPPED_FOLDER / frame.file
     return shipped if not path.exists() and shipped.is_file() else path
 
 
@@ -110,7 +110,7 @@ def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[Floa
         least, most = 2.0 * per_diameter * (h0 - link), 2.0 * per_diameter * h0
         raise ValueError(
             f"the cable is taken in by {cable.min():.4g} to {cable.max():.4g} m, must be above {least:.4g} and below "
-            f"{most:.4g} m with this half_height and {LENGTH}"
+            f"{most:.4g} m with this half_height and {LENGTH_KEY}"
         )
     return height, 2.0 * np.sqrt(link**2 - height**2)
 
@@ -124,7 +124,7 @@ def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
         height, length = shape(worm, cable, scene.frame.cable_per_diameter)
         pulled = segment_law.stretch_segment(worm, length, time)
     except ValueError as error:
-        raise SceneError(in_keys(str(error), KEYS)) from error
+        raise SceneError(in_keys(str(error), SEGMENT_KEYS)) from error
     force = pulled.force * 2.0 * height / (scene.frame.cable_per_diameter * length)
     work: FloatArray = np.diff(cable) * (force[1:] + force[:-1]) / 2.0
     observer(scene.run.steps)
@@ -180,11 +180,11 @@ def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, 
     try:
         segment = worm_of(scene)
     except ValueError as error:
-        return {"worm": in_keys(str(error), KEYS)}
+        return {"worm": in_keys(str(error), SEGMENT_KEYS)}
     try:
         shape(segment, cable, scene.frame.cable_per_diameter)
     except ValueError as error:
-        return dict.fromkeys(("frame", "worm"), in_keys(str(error), KEYS))
+        return dict.fromkeys(("frame", "worm"), in_keys(str(error), SEGMENT_KEYS))
     return None
 
 
@@ -195,17 +195,17 @@ def _not_too_many(dt_s: float, duration_s: float) -> Found:
     return f"got {dt_s} s: makes {steps:.3g} steps of run.duration_s ({duration_s} s), at most {MOST_STEPS} are allowed"
 
 
-CHECKS = (
+LOAD_FRAME_CHECKS = (
     *RUN_CHECKS,
     Check(("run.dt_s", "run.duration_s"), _not_too_many),
     Check(("frame.file", "worm", "hysteresis", "frame", "run"), _can_be_pulled),
 )
 
-MODEL = Model(
+LOAD_FRAME_MODEL = Model(
     name="load_frame",
     title="one segment of the 3D worm in a load frame",
     schema=LoadFrameScene,
-    checks=CHECKS,
+    checks=LOAD_FRAME_CHECKS,
     run=run,
     figures=pictures("scenes.models.load_frame.figures", force_over_cable="force_over_cable", energy="energy"),
     overview=overview.draw,

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 from PIL.Image import Image
 
-from scenes.records.overview import ABOVE, BELOW, COLOURS, HEADER, LEFT, RIGHT, WIDTH, Panel, headed, limits
+from scenes.records.overview import (
+    BOTTOM_MARGIN,
+    HEADER_HEIGHT,
+    LEFT_MARGIN,
+    LINE_COLOURS,
+    PICTURE_WIDTH,
+    RIGHT_MARGIN,
+    TOP_MARGIN,
+    Panel,
+    headed,
+    limits,
+)
 from scenes.records.record import Record
 
 HIGH = 320
@@ -16,11 +27,11 @@ def draw(record: Record) -> Image:
     """Draw the overview of a record."""
     share = record.summary["work_lost_share"]
     lost = f": {share:.1%} of the work is lost" if isinstance(share, float) else ""
-    canvas = headed(record, record.sentence + lost, ABOVE + HIGH + BELOW)
+    canvas = headed(record, record.sentence + lost, TOP_MARGIN + HIGH + BOTTOM_MARGIN)
     cable, force = 1e3 * record["cable"], record["force"]
     x, y = limits(cable, 1e-6), limits(force, 1e-9)
-    box = (LEFT, HEADER + ABOVE, WIDTH - RIGHT, HEADER + ABOVE + HIGH)
+    box = (LEFT_MARGIN, HEADER_HEIGHT + TOP_MARGIN, PICTURE_WIDTH - RIGHT_MARGIN, HEADER_HEIGHT + TOP_MARGIN + HIGH)
     panel = Panel(canvas, box, np.array([x[0], y[0]]), np.array([x[1], y[1]]))
     panel.frame("force in the cable [N]", "cable taken in [mm]")
-    panel.line(np.column_stack([cable, force]), COLOURS[0])
+    panel.line(np.column_stack([cable, force]), LINE_COLOURS[0])
     return canvas.image

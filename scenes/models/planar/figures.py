@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planar import figures
-from scenes.models.planar.linkage import INCOMING, LOST, STORED
+from scenes.models.planar.linkage import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
@@ -35,7 +35,9 @@ def energy_ledger(record: Record) -> tuple[Figure, Axes]:
         return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
 
     title = f"{record.title}: energy, summed over the steps"
-    return figures.energy_ledger(record["step_time"], summed(INCOMING), summed(STORED), summed(LOST), title=title)
+    return figures.energy_ledger(
+        record["step_time"], summed(SUPPLIED_ENERGY), summed(STORED_ENERGY), summed(LOST_ENERGY), title=title
+    )
 
 
 def loads_and_slip(record: Record) -> tuple[Figure, Axes]:

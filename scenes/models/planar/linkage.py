@@ -10,7 +10,7 @@ import numpy as np
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
 from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures, status_word
-from scenes.models.planar.linkage_scene import CHECKS, LinkageScene, simulate
+from scenes.models.planar.linkage_scene import LINKAGE_CHECKS, LinkageScene, simulate
 from scenes.models.planar.merit import NO_STEP, Travel, common, movie, no_cost_because
 from scenes.records import overview
 from scenes.records.record import Record
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 SHORTEST_STEP = 1e-6
 """Steps that move the centre of mass by less are left out of the cumulative cost of transport [m]."""
 
-ADVICE = (
+LINKAGE_ADVICE = (
     "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
     "worm.torsion_J or worm.kelvin_voigt_time_s"
 )
 
-INCOMING = {
+SUPPLIED_ENERGY = {
     "work_contract": "work of the actuators",
     "work_external": "work of external forces",
     "load_change": "anchor energy changed by the normal loads",
 }
-STORED = {
+STORED_ENERGY = {
     "kinetic": "change of kinetic energy",
     "elastic": "change of elastic energy",
     "potential": "change of potential energy of the weight",
     "penetration": "change of energy of the normal contact",
     "anchor": "change of energy of the friction's anchors",
 }
-LOST = {
+LOST_ENERGY = {
     "friction_loss": "loss to friction",
     "viscous_loss": "loss to Kelvin-Voigt damping, medium and friction's dampers",
     "impact": "loss to impacts on the ground",
@@ -153,7 +153,13 @@ def _clamped(result: linkage.Run) -> tuple[Variable, ...]:
 
 def _energies(result: linkage.Run) -> tuple[Variable, ...]:
     ledger, com_x = result.ledger, result.com[:, 0]
-    terms = {**INCOMING, **STORED, **LOST, **PAPERS, "residual": "what comes in less what is stored or lost"}
+    terms = {
+        **SUPPLIED_ENERGY,
+        **STORED_ENERGY,
+        **LOST_ENERGY,
+        **PAPERS,
+        "residual": "what comes in less what is stored or lost",
+    }
     costs = {
         "cumulative_cot_contract": ("work_contract_p11", "cumulative |cost of transport| of contraction, (P12)"),
         "cumulative_cot_friction": ("work_friction_p13", "cumulative |cost of transport| of friction, (P14)"),
@@ -167,26 +173,26 @@ def _energies(result: linkage.Run) -> tuple[Variable, ...]:
     )
 
 
-POINTS = ("joint", "top_apex", "bottom_apex")
+POINT_VARIABLES = ("joint", "top_apex", "bottom_apex")
 """Variables of joints and apexes for overview and movie."""
 
 
 def _overview(record: Record) -> Image:
-    return overview.of_planar(record, POINTS, record["contraction"][-1])
+    return overview.of_planar(record, POINT_VARIABLES, record["contraction"][-1])
 
 
 def animate(record: Record) -> Movie:
     """Return the movie of a record that contains the states of a worm."""
     contraction = record["contraction"]
     most = np.abs(contraction[record["time"] <= MOVIE_S]).max() or 1.0
-    return movie(record, POINTS, contraction / most)
+    return movie(record, POINT_VARIABLES, contraction / most)
 
 
-MODEL = Model(
+LINKAGE_MODEL = Model(
     name="planar_linkage",
     title="the paper's planar worm with the physics right",
     schema=LinkageScene,
-    checks=CHECKS,
+    checks=LINKAGE_CHECKS,
     run=run,
     figures=pictures(
         "scenes.models.planar.figures",
@@ -198,7 +204,7 @@ MODEL = Model(
     ),
     overview=_overview,
     animate=animate,
-    advice=ADVICE,
+    advice=LINKAGE_ADVICE,
     headlines=(
         ("speed_BL_per_period", "speed", "BL/period"),
         ("work_contract_positive_J", "positive work", "J"),

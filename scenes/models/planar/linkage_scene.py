@@ -61,7 +61,7 @@ class LinkageScene(Settings):
     ground: Ground = Ground()
 
 
-KEYS = keys_by_parameter(linkage.Linkage, Worm)
+LINKAGE_KEYS = keys_by_parameter(linkage.Linkage, Worm)
 """Key of each parameter of `Linkage` in the section [worm]."""
 
 
@@ -107,7 +107,7 @@ def _can_start(mass_kg: float | None, worm: Worm, friction: Friction, ground: Gr
             if _is_flattened(scene):
                 simulate(scene, lambda done: False)  # the error gives the distance beyond the limit point
     except (ValueError, ArithmeticError) as error:
-        return in_keys(str(error), KEYS)
+        return in_keys(str(error), LINKAGE_KEYS)
     return None
 
 
@@ -128,7 +128,7 @@ RULES = (
 )
 """Checks that do not start the worm."""
 
-CHECKS = (
+LINKAGE_CHECKS = (
     *RULES,
     memory_check(bytes_per_step),
     Check(("worm.mass_kg", "worm", "friction", "ground", "gait"), _can_start),

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SPRINGS = ("length", "k_spring", "k_link", "mass", "connector_mass")
 FRICTION = ("mu_forward", "mu_backward", "gravity", "velocity_threshold")
-FORCE = {"contraction_force": {"ge": 0}}
+FORCE_BOUNDS = {"contraction_force": {"ge": 0}}
 SOLVER = {"tolerance": {"gt": 0}, "max_iterations": {"ge": 1, "le": 10_000}}
 
 
@@ -46,7 +46,8 @@ class PublishedGait(
     PartSection,
     holds={"kind": GAIT},
     keys=partial(planar_gait_keys, without=("amplitude", "force", "wavelength"), direction="direct"),
-    more=keys_of(Parameters, these=("wavelength",), only=(WAVE,)) | keys_of(Parameters, these=FORCE, bounds=FORCE),
+    more=keys_of(Parameters, these=("wavelength",), only=(WAVE,))
+    | keys_of(Parameters, these=FORCE_BOUNDS, bounds=FORCE_BOUNDS),
 ):
     """The contraction, as a force on the connectors."""
 
@@ -74,7 +75,7 @@ class PublishedScene(Settings):
     solver: Solver = Solver()
 
 
-CHECKS = (
+PUBLISHED_CHECKS = (
     *RUN_CHECKS,
     *gait_checks(PublishedGait, Worm, unlimited=("force_N",), can_sense=False),
     memory_check(bytes_per_step),
@@ -184,11 +185,11 @@ def _animate(record: Record) -> Movie:
     return movie(record, NODES, np.vstack([activation[:1], activation[steps]]))
 
 
-MODEL = Model(
+PUBLISHED_MODEL = Model(
     name="planar_published",
     title="the paper's planar worm, number for number as its author's program computes it",
     schema=PublishedScene,
-    checks=CHECKS,
+    checks=PUBLISHED_CHECKS,
     run=run,
     figures=pictures(
         "scenes.models.planar.figures",

@@ -10,11 +10,9 @@ from typing import Any
 
 import worm3d
 from control.parts import WORLD
+from scenes.language.loader import SHIPPED_FOLDER
 from scenes.language.parts import part_named
-from scenes.models.worlds.schema import NONE, Patch, Piece, World
-
-SHIPPED = Path(__file__).parents[2]
-"""Folder of the shipped files."""
+from scenes.models.worlds.schema import NO_WORLD, Patch, Piece, World
 
 
 def _plane(world: World) -> worm3d.Plane:
@@ -85,7 +83,7 @@ def _mesh(world: World) -> worm3d.Mesh:
 def _file_of(world: World) -> Path:
     """Return the file of a section: the given path, or the shipped file of that name."""
     path = Path(world.file)
-    shipped = SHIPPED / path.name
+    shipped = SHIPPED_FOLDER / path.name
     return shipped if not os.path.exists(path) and path.name == world.file and os.path.isfile(shipped) else path
 
 
@@ -95,7 +93,7 @@ WORLDS: dict[str, Callable[[World], Any]] = {
     "slope_into_pipe": _slope_into_pipe,
     "heightfield": _heightfield,
     "mesh": _mesh,
-    NONE: lambda world: None,
+    NO_WORLD: lambda world: None,
 }
 """Function that makes the world, for each `kind` whose keys are written in the schema."""
 

@@ -15,7 +15,7 @@ from scenes.language.parts import PartSection, keys_of, meanings
 from scenes.language.schema import Key, Pair, Points, Section, Tables, keys_in, setting
 from worm3d.worlds import WORLDS
 
-PLANE, HEIGHTFIELD, MESH, NONE = "plane", "heightfield", "mesh", "none"
+PLANE, HEIGHTFIELD, MESH, NO_WORLD = "plane", "heightfield", "mesh", "none"
 PIPE, SLOPE_INTO_PIPE = "pipe", "slope_into_pipe"
 PIPES, FILES = (PIPE, SLOPE_INTO_PIPE), (HEIGHTFIELD, MESH)
 
@@ -29,7 +29,7 @@ NO_FILE = "none"
 def _kinds() -> dict[str, type]:
     """Return the class of each kind of world; without parameters for kinds whose keys are written in this module."""
     bare = make_dataclass("Bare", ())
-    return {**dict.fromkeys(WRITTEN, bare), **dict(sorted(WORLDS.items())), NONE: bare}
+    return {**dict.fromkeys(WRITTEN, bare), **dict(sorted(WORLDS.items())), NO_WORLD: bare}
 
 
 NAMED = keys_of(

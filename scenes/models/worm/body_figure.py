@@ -32,7 +32,7 @@ BAR = 2.5
 WALLED = ("pipe", "slope_into_pipe", "mesh")
 """Worlds whose walls appear in a horizontal section."""
 
-FINE = 250
+SAMPLES_PER_SIDE = 250
 """Number of positions along each side at which a section is evaluated."""
 
 DEEP = -1e3
@@ -164,8 +164,8 @@ def _section(axes: Axes, record: Record, world: World | None, com: FloatArray, a
     """Draw vertical sections of solids through the centre of mass, and horizontal sections if there are walls."""
     if world is None or (across == 1 and scene_of(record).world.kind not in WALLED):
         return
-    sides = [np.linspace(*limits, FINE) for limits in (axes.get_xlim(), axes.get_ylim())]
-    places = np.tile(com, (FINE, FINE, 1))
+    sides = [np.linspace(*limits, SAMPLES_PER_SIDE) for limits in (axes.get_xlim(), axes.get_ylim())]
+    places = np.tile(com, (SAMPLES_PER_SIDE, SAMPLES_PER_SIDE, 1))
     places[..., 0], places[..., across] = np.meshgrid(*sides)
     distance = world.distance(in_its_frame(record, places, back=True))
     axes.contourf(*sides, distance, levels=[DEEP, 0.0], colors=["0.85"], zorder=0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import worm3d
 from control.gaits import Gait
 from control.gaits.reflexive import Reflexive
-from control.parts import ACTUATOR, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
+from control.parts import ACTUATOR, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.errors import SceneError
@@ -42,16 +42,22 @@ from worm3d.running.problem import Problem
 from worm3d.values import named
 from worm3d.values.named import Kind, declared
 
-KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
+WORM_KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
 
-PARTS = {"actuator": ACTUATOR, "hinge_actuator": ACTUATOR, "hysteresis": HYSTERESIS, "medium": MEDIUM, "load": LOAD}
+PARTS = {
+    "actuator": ACTUATOR,
+    "hinge_actuator": ACTUATOR,
+    "hysteresis": HYSTERESIS,
+    "medium": MEDIUM_KIND,
+    "load": LOAD_KIND,
+}
 """Kind of the parts in each section of the 3D worm, by the name of section and parameter."""
 
 STEPS_BETWEEN_LOOKS = 50
 """Approximate number of steps between two checks whether the user wants to stop a run without a controller."""
 
-EDGE = 1e-6
+PUSH_DELAY_STEPS = 1e-6
 """Fraction of a time step by which a push is delayed, so that rounding does not decide in which step it starts."""
 
 Force = Callable[[float], NDArray[np.float64]]
@@ -90,7 +96,7 @@ def simulate(
 
         return begin(problem, observed=observers, checked=[looks])()
     except (worm3d.StateError, worm3d.LimitPointError) as error:
-        raise SceneError(in_keys(str(error), KEYS)) from error
+        raise SceneError(in_keys(str(error), WORM_KEYS)) from error
 
 
 def problem_of(
@@ -138,7 +144,7 @@ def _part(name: str, kind: Kind, section: Any) -> Any:
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     """Return the coefficients of friction and their law."""
-    return part_of(worm3d.Friction, scene.friction, law=part_named(LAW, scene.friction.law, scene.friction))
+    return part_of(worm3d.Friction, scene.friction, law=part_named(LAW_KIND, scene.friction.law, scene.friction))
 
 
 def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
@@ -190,6 +196,6 @@ def force_of(push: Push, segments: int, dt: float) -> Force | None:
         return None
     force = np.zeros((segments + 1, 3))
     force[push.joint] = push.force_N
-    begin = push.begin_s + EDGE * dt
+    begin = push.begin_s + PUSH_DELAY_STEPS * dt
     end = math.inf if push.duration_s is None else begin + push.duration_s
     return lambda t: force if begin < t <= end else np.zeros_like(force)

@@ -18,7 +18,7 @@ from scenes.models.checks import RUN_CHECKS, building, gait_checks, in_keys, too
 from scenes.models.switched import switched_checks
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
-from scenes.models.worm.build import KEYS, PARTS, friction_of, gravity_of, start_of, worm_of
+from scenes.models.worm.build import PARTS, WORM_KEYS, friction_of, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
     PlanarGait,
     PlanarWorm,
@@ -33,7 +33,7 @@ from scenes.models.worm.schema import (
 )
 from worm3d.recorded.state import StateError
 from worm3d.running import start
-from worm3d.values.arguments import LARGEST, bytes_of_run
+from worm3d.values.arguments import MAX_MAGNITUDE, bytes_of_run
 from worm3d.values.named import is_own
 
 IMPOSSIBLE = (ValueError, ArithmeticError)
@@ -77,15 +77,15 @@ def _refusal(scene: Any) -> Found:
             if world is not None and start.settles(world, gravity):
                 start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
     except StateError as error:
-        return dict.fromkeys(("start", "world"), in_keys(str(error), KEYS))
+        return dict.fromkeys(("start", "world"), in_keys(str(error), WORM_KEYS))
     except IMPOSSIBLE as error:
-        return in_keys(str(error), KEYS)
+        return in_keys(str(error), WORM_KEYS)
     return None
 
 
 def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
-    if np.max(np.abs(gravity_m_s2), initial=0.0) > LARGEST:
-        return f"got {shown(gravity_m_s2)} m/s^2: must be at most {LARGEST:g}"
+    if np.max(np.abs(gravity_m_s2), initial=0.0) > MAX_MAGNITUDE:
+        return f"got {shown(gravity_m_s2)} m/s^2: must be at most {MAX_MAGNITUDE:g}"
     if isinstance(gravity_m_s2, list | tuple):
         if len(gravity_m_s2) == 3:
             return None

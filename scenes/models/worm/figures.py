@@ -15,7 +15,7 @@ from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
-from worm3d.recorded.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ ARROWS = 8
 ALWAYS = ("work_contract", "kinetic")
 """Terms of the energy ledger that are drawn even if they are always zero."""
 
-FAR = 1e3
+INFINITY_M = 1e3
 """Distance that represents infinity in a picture [m]."""
 
 
@@ -111,7 +111,7 @@ def energy_ledger(record: Record) -> tuple[Figure, Axes]:
         return {n.replace("_", " "): np.cumsum(each) for n, each in given.items() if n in ALWAYS or np.any(each)}
 
     title = f"{record.title}: energy, summed over the run"
-    terms = (summed(INCOMING), summed(STORED), summed(LOST))
+    terms = (summed(SUPPLIED_ENERGY), summed(STORED_ENERGY), summed(LOST_ENERGY))
     figure, axes = planar_figures.energy_ledger(record["time"], *terms, title=title)
     figure.set_size_inches(8.4, 4.0)
     axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -151,7 +151,7 @@ def _patches(axes: Axes, scene: AnyWormScene) -> None:
     ascent = math.cos(slope) * np.array([math.cos(heading), math.sin(heading)])
     left = np.array([-math.sin(heading), math.cos(heading)])
     for k, patch in enumerate(world.patches):
-        along, across = patch.along_m or (-FAR, FAR), patch.across_m or (-FAR, FAR)
+        along, across = patch.along_m or (-INFINITY_M, INFINITY_M), patch.across_m or (-INFINITY_M, INFINITY_M)
         corners = [u * ascent + v * left for u, v in zip((*along, *along[::-1]), np.repeat(across, 2), strict=True)]
         area = Polygon(corners, facecolor=f"C{k + 1}", alpha=0.15, zorder=0, label=f"friction x {patch.grip:g}")
         axes.add_patch(area)

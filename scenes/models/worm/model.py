@@ -19,15 +19,15 @@ from worm3d.values.named import is_own
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
-ADVICE = (
+WORM_ADVICE = (
     "try a smaller run.dt_s or gait.amplitude (or gait.hinge_deg), a longer gait.period_s, a lighter worm or larger "
     "worm.spring_N, worm.torsion_J or worm.kelvin_voigt_time_s"
 )
 
-FIGURES = "scenes.models.worm.figures"
+FIGURES_MODULE = "scenes.models.worm.figures"
 
 STEMS = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
-"""Names of the picture files; the function of the same name in `FIGURES` draws each."""
+"""Names of the picture files; the function of the same name in `FIGURES_MODULE` draws each."""
 
 OF_THE_CLOCK = ("status", "real_time_factor")
 """Entries of the plant's summary that a record keeps elsewhere."""
@@ -64,10 +64,10 @@ def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
         advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
         found.append(fault_row(since, "on its side", "the worm lies on its side", advice))
     if error is not None and not error.met:
-        from worm3d.measures.spread import ROUGH, rough  # imports the statistics
+        from worm3d.measures.spread import UNEVEN_GROUND_ADVICE, rough  # imports the statistics
 
         small_causes = "small causes decide here: ask for less, or take the mean of several starts"
-        advice = ROUGH if rough(result) else small_causes
+        advice = UNEVEN_GROUND_ADVICE if rough(result) else small_causes
         found.append(fault_row(float(result.time[-1]), "not accurate", error.sentence, advice))
     return found
 
@@ -126,14 +126,14 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
         checks=checks,
         run=run,
         resume=resume,
-        figures={"side_and_top": worm_view.side_and_top, **pictures(FIGURES, **{stem: stem for stem in STEMS})},
+        figures={"side_and_top": worm_view.side_and_top, **pictures(FIGURES_MODULE, **{stem: stem for stem in STEMS})},
         overview=worm_overview.draw,
         animate=worm_view.RunMovie,
         view=worm_view.view,
         mesh=worm_view.mesh,
         watch=watch,
         beside=lambda scene, record, rows: {"period": _period(scene, record)},
-        advice=ADVICE,
+        advice=WORM_ADVICE,
         headlines=(
             ("speed_BL_per_period", "speed", "BL/period"),
             ("heading_change_deg", "turned", "deg"),
@@ -142,5 +142,5 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
     )
 
 
-MODEL = model_of("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)
+WORM_MODEL = model_of("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)
 PLANAR = model_of("worm_planar", "the planar worm as a special case of the 3D one", PlanarWormScene, PLANAR_CHECKS)

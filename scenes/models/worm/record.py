@@ -12,19 +12,25 @@ import numpy as np
 import worm3d
 from scenes.records.record import Record
 from worm3d.recorded.series import Recorded, Steps, series_of, states_of
-from worm3d.results.files import FIELD, STATE, restored
+from worm3d.results.files import FIELD_PREFIX, STATE_FIELDS, restored
 from worm3d.values.arrays import FloatArray
 
-STORED = {name: series for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived}
+STORED_SERIES = {
+    name: series for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived
+}
 """Stored series: all that are not computed from other series."""
 
-ENERGIES = tuple(each.name for each in fields(worm3d.Energy))
+ENERGY_TERMS = tuple(each.name for each in fields(worm3d.Energy))
 
 
 def missing(earlier: Record) -> list[str]:
     """Return the variables that are needed to continue a record but missing, as in records of other versions."""
     known = {variable.name for variable in (*earlier.variables, *earlier.checkpoint)}
-    return [name for name in (*STORED, *ENERGIES, *(FIELD + name for name in STATE)) if name not in known]
+    return [
+        name
+        for name in (*STORED_SERIES, *ENERGY_TERMS, *(FIELD_PREFIX + name for name in STATE_FIELDS))
+        if name not in known
+    ]
 
 
 def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
@@ -33,16 +39,20 @@ def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
     def whole(name: str, later: FloatArray) -> FloatArray:
         """Return a series of the whole run; the first row of the result repeats the last row of the record."""
         begun = earlier[name]
-        return np.concatenate([begun, later[0 if name in STORED and STORED[name].dims[0] == "step" else 1 :]])
+        return np.concatenate(
+            [begun, later[0 if name in STORED_SERIES and STORED_SERIES[name].dims[0] == "step" else 1 :]]
+        )
 
-    both: dict[str, Any] = {name: whole(name, getattr(rest, name)) for name, series in STORED.items() if series.dims}
+    both: dict[str, Any] = {
+        name: whole(name, getattr(rest, name)) for name, series in STORED_SERIES.items() if series.dims
+    }
     states = {name: whole(f"actuator_{name}", rest.actuator_states[name]) for name in states_of(rest.worm)}
     settling = float(earlier["settling"])
     return replace(
         rest,
         **both,
         actuator_states=states,
-        energy=worm3d.Energy(**{name: whole(name, getattr(rest.energy, name)) for name in ENERGIES}),
+        energy=worm3d.Energy(**{name: whole(name, getattr(rest.energy, name)) for name in ENERGY_TERMS}),
         halved_steps=int(earlier["halved_steps"]) + rest.halved_steps,
         settling=None if np.isnan(settling) else settling,
         error_estimate=_error(earlier, rest),

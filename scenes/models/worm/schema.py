@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Literal
 
 from control.gaits.reflexes import REFLEXES
-from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
+from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX
 from planar.linkage import Linkage
 from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, parts_key, setting
@@ -48,13 +48,13 @@ class Hysteresis(
 
 class Medium(
     PartSection,
-    holds={"kind": MEDIUM},
+    holds={"kind": MEDIUM_KIND},
     keys=partial(chosen, meaning="viscous medium: how worm.drag_N_s_m follows the shape"),
 ):
     """Viscous medium around the worm."""
 
 
-class Load(PartSection, holds={"kind": LOAD}, keys=partial(chosen, meaning="what the worm carries or drags")):
+class Load(PartSection, holds={"kind": LOAD_KIND}, keys=partial(chosen, meaning="what the worm carries or drags")):
     """External load on a joint of the worm."""
 
 
@@ -71,11 +71,13 @@ class PlanarWorm(PartSection, keys=keys_of(Linkage, bounds=BODY_BOUNDS)):
     """The chain of rhombic linkages, with the parameters of the planar model."""
 
 
-class Friction(PartSection, more=keys_of(PlantFriction), holds={"law": LAW}, keys=_laws):
+class Friction(PartSection, more=keys_of(PlantFriction), holds={"law": LAW_KIND}, keys=_laws):
     """Directional friction with sticking."""
 
 
-class PlanarFriction(PartSection, more=keys_of(PlantFriction, without=("lateral",)), holds={"law": LAW}, keys=_laws):
+class PlanarFriction(
+    PartSection, more=keys_of(PlantFriction, without=("lateral",)), holds={"law": LAW_KIND}, keys=_laws
+):
     """Directional friction with sticking, along the plane."""
 
 

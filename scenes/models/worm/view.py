@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SEEN = ("model", "worm", "world")
 """Sections that are needed to draw a worm; of the other sections, only the period of the gait is used."""
 
-SHOWN = ("world", "gait", "reference")
+SHOWN_SECTIONS = ("world", "gait", "reference")
 """Sections in which pictures show a user's own part from the data in the record."""
 
 
@@ -48,7 +48,7 @@ def scene_of(record: Record) -> AnyWormScene:
         A section that is drawn has an unknown part.
     """
     schema = models.get(record.model).schema
-    written = own.without(schema, tomllib.loads(record.scene), but=SHOWN)
+    written = own.without(schema, tomllib.loads(record.scene), but=SHOWN_SECTIONS)
     if mistakes := schema_mistakes(schema, written):
         unknown = {mistake.path[0] for mistake in mistakes}
         if unknown & {*SEEN}:

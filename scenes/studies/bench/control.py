@@ -31,7 +31,7 @@ from scenes.records.text import json_bytes
 from scenes.running.packages import sources, versions
 from scenes.running.runner import simulate
 from scenes.running.terminal import timing
-from scenes.studies.bench.control_error import COARSEST, SHORTEST, error_of
+from scenes.studies.bench.control_error import COARSEST, MIN_RUN_DURATION_S, error_of
 from scenes.studies.bench.control_trials import Trial
 from worm3d.values.named import is_own
 
@@ -55,9 +55,9 @@ class Case:
         """Return the scene of the case; SceneError if the error of the case cannot be measured."""
         scene = load_scene(self.trial.scene, (*self.trial.overrides, f"controller.kind={self.controller}"))
         run = scene.settings.run
-        if run.duration_s <= SHORTEST:
+        if run.duration_s <= MIN_RUN_DURATION_S:
             raise SceneError(
-                f"run.duration_s: got {run.duration_s:g} s, must be above {SHORTEST:g} s, when errors count"
+                f"run.duration_s: got {run.duration_s:g} s, must be above {MIN_RUN_DURATION_S:g} s, when errors count"
             )
         if run.record_every * run.dt_s > COARSEST:
             raise SceneError(

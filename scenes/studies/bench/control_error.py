@@ -33,9 +33,9 @@ from worm3d.values.arrays import FloatArray
 WINDOW = 2.5
 """Length of the window [s]: two waves at 0.8 Hz, the frequency that the default map prefers. At 2 s the rocking by such
 a wave alone would give a worm with perfect speed an error of 5 %; at 5 s a step response would be averaged away."""
-START = 2.5
+STARTUP_TIME_S = 2.5
 """Time that a worm at rest needs to reach its speed, two waves; no window includes this time [s]."""
-SHORTEST = START + 2.0 * WINDOW
+MIN_RUN_DURATION_S = STARTUP_TIME_S + 2.0 * WINDOW
 """Time from which errors count [s]; a run has to be longer."""
 COARSEST = WINDOW / 25.0
 """Longest time between two states of a record [s]: the length of a window is then off by at most half of this time."""
@@ -47,7 +47,7 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
     Parameters
     ----------
     record
-        A run that is longer than `SHORTEST`.
+        A run that is longer than `MIN_RUN_DURATION_S`.
     reference
         Task of the worm.
     length
@@ -55,7 +55,7 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
     """
     time, com = record["time"], record["com"][:, :2]
     rows = round(WINDOW / float(time[1] - time[0]))
-    counted = time[2 * rows :] > SHORTEST - 1e-9
+    counted = time[2 * rows :] > MIN_RUN_DURATION_S - 1e-9
 
     def mean(values: FloatArray) -> FloatArray:
         total = np.cumsum(values, axis=0)

@@ -21,11 +21,11 @@ from scenes.running.packages import machine
 from scenes.running.terminal import counted, progress
 from scenes.studies.bench import control
 from scenes.studies.bench.control import CONTROLLERS, DONE, Case, Found, Study
-from scenes.studies.bench.control_score import HEADER, cells, names
+from scenes.studies.bench.control_score import SCORE_COLUMNS, cells, names
 from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
-PICTURE = "control.png"
-FAILED = 5
+CONTROL_FIGURE_FILE = "control.png"
+LOST_TRIAL_EXIT_CODE = 5
 """Exit code if a trial is lost, see `control.Found.status`."""
 SAYS = (
     "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the trial is lost. "
@@ -35,7 +35,7 @@ SAYS = (
 )
 METRICS = ("way", "offset_bl", "heading_deg", "real_time_factor", "step_share_p50", "step_share_p99")
 """Columns of `control.csv` after the error."""
-COLOURS = ("#1f5a94", "#d9793a", "#a0a0a0", "#4f9d5d", "#8a5fa8", "#b8433f", "#4fa6a6")
+CONTROLLER_COLOURS = ("#1f5a94", "#d9793a", "#a0a0a0", "#4f9d5d", "#8a5fa8", "#b8433f", "#4fa6a6")
 """Colours of the controllers, in turn."""
 
 
@@ -98,13 +98,13 @@ def run(out: Path | None, options: Options, *, quiet: bool) -> int:
             study = control.study(cases, folder, options.workers, show)
         write_bytes(folder / "control.csv", as_csv(study.found))
         write_bytes(folder / "control.md", markdown(study.found, machine(), options.says).encode())
-        save_figure(draw(study.found), folder / PICTURE)
+        save_figure(draw(study.found), folder / CONTROL_FIGURE_FILE)
         if not quiet:
             for line in terminal_lines(study.found, options.says):
                 typer.echo(line)
             typer.echo(_of_the_folder(study))
-            typer.echo(f"Written to {folder}: control.md, control.csv, {PICTURE}, cases/")
-    return FAILED if any(each.status != DONE for each in study.found) else 0
+            typer.echo(f"Written to {folder}: control.md, control.csv, {CONTROL_FIGURE_FILE}, cases/")
+    return LOST_TRIAL_EXIT_CODE if any(each.status != DONE for each in study.found) else 0
 
 
 def _require_controllers(names: Sequence[str]) -> None:
@@ -132,10 +132,18 @@ def as_csv(found: Sequence[Found]) -> bytes:
 
 
 def markdown(found: Sequence[Found], machine: dict[str, Any], says: str) -> str:
-    """Return the report, which shows the picture `PICTURE`; `says` describes the trials."""
-    tables = (*markdown_table(HEADER, cells(found)), "", *markdown_table(*by_class(found)))
+    """Return the report, which shows the picture `CONTROL_FIGURE_FILE`; `says` describes the trials."""
+    tables = (*markdown_table(SCORE_COLUMNS, cells(found)), "", *markdown_table(*by_class(found)))
     lines = (
-        *("# How well worms keep to their tasks", "", f"{says}. {SAYS}", "", *tables, "", f"![errors]({PICTURE})"),
+        *(
+            "# How well worms keep to their tasks",
+            "",
+            f"{says}. {SAYS}",
+            "",
+            *tables,
+            "",
+            f"![errors]({CONTROL_FIGURE_FILE})",
+        ),
         *("", *(f"* {line}" for line in lost(found)), "", f"{machine['cpu']}, {machine['system']}, {machine['date']}."),
     )
     return "\n".join(lines) + "\n"
@@ -148,7 +156,7 @@ def terminal_lines(found: Sequence[Found], says: str) -> Iterator[str]:
         "",
         *aligned(*by_class(found)),
         "",
-        *aligned(HEADER, cells(found)),
+        *aligned(SCORE_COLUMNS, cells(found)),
         *wrap(SAYS, 100),
         *lost(found),
     )
@@ -187,7 +195,7 @@ def draw(found: Sequence[Found]) -> Figure:
             list(errors.values()),
             [trials.index(each) for each in errors],
             "o",
-            color=COLOURS[k % len(COLOURS)],
+            color=CONTROLLER_COLOURS[k % len(CONTROLLER_COLOURS)],
             label=name,
         )
     axes.set(xscale="log", xlabel="error (1: as if it stood)", ylim=(len(trials) - 0.5, -0.5))

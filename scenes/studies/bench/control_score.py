@@ -77,7 +77,7 @@ def _ratio(mine: float, theirs: float) -> float:
     return math.log(max(mine, FLOOR) / max(theirs, FLOOR))
 
 
-HEADER = ("controller", "score", "median", "worst", "lost", "real time", "step p50 [%]", "step p99 [%]")
+SCORE_COLUMNS = ("controller", "score", "median", "worst", "lost", "real time", "step p50 [%]", "step p99 [%]")
 
 
 def cells(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:

@@ -18,7 +18,7 @@ from scenes.language.errors import SceneError
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import did_you_mean
 
-START = (0.5, 0.0)
+START_POSITION_M = (0.5, 0.0)
 """Place of the middle of the worm at the start, along +x [m]; paths begin there."""
 SCENES = {"pipe": "velocity_pipe"}
 """Scene of a class of trials, if different from `path_line`."""
@@ -134,7 +134,7 @@ def drawn(seed: int, number: int) -> Trial:
 def _line(random: Generator, speed: float) -> Iterator[str]:
     """Yield a line that begins beside the worm and points to one side."""
     yield from _at(speed, "line")
-    yield f"reference.start_m=[{START[0]}, {random.uniform(-0.1, 0.1):.3f}]"
+    yield f"reference.start_m=[{START_POSITION_M[0]}, {random.uniform(-0.1, 0.1):.3f}]"
     yield f"reference.azimuth_deg={random.uniform(-20.0, 20.0):.1f}"
 
 
@@ -253,7 +253,7 @@ def _at(speed: float, kind: str) -> Iterator[str]:
 
 def _points(random: Generator, points: FloatArray) -> str:
     """Return points relative to the start, or their mirror image."""
-    x, y = (points * [1.0, random.choice([-1.0, 1.0])] + START).T
+    x, y = (points * [1.0, random.choice([-1.0, 1.0])] + START_POSITION_M).T
     return f"reference.points=[{', '.join(f'{{x_m={a:.3f}, y_m={b:.3f}}}' for a, b in zip(x, y, strict=True))}]"
 
 

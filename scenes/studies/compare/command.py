@@ -28,7 +28,7 @@ from scenes.studies.compare.differences import (
 from scenes.studies.compare.sources import Source, records, sources
 from worm3d.values.metrics import written
 
-TABLE, PAGE = "compare.csv", "compare.html"
+COMPARISON_TABLE_FILE, COMPARISON_PAGE_FILE = "compare.csv", "compare.html"
 
 MOST_ROWS, WIDEST = 20, 30
 """Largest number of printed settings, and largest number of characters of their values."""
@@ -59,13 +59,15 @@ def run(
     as_they_are = named_by_settings(sources(paths))
     given = _aligned(as_they_are) if align else as_they_are
     with prepared(out, "compare", force=force) as folder, busy("comparing", quiet=quiet):
-        for stem in (*(f"{stem}.png" for stem in OVERLAYS), TABLE, PAGE):
+        for stem in (*(f"{stem}.png" for stem in OVERLAYS), COMPARISON_TABLE_FILE, COMPARISON_PAGE_FILE):
             (folder / stem).unlink(missing_ok=True)
         found = [*figures(given), *series(given)]
-        write_bytes(folder / TABLE, _csv(given, found))
+        write_bytes(folder / COMPARISON_TABLE_FILE, _csv(given, found))
         for stem, figure in drawn(records(given)):
             save_figure(figure, folder / f"{stem}.png")
-        missing = page.write(records(as_they_are), folder / PAGE, " and ".join(source.label for source in given))
+        missing = page.write(
+            records(as_they_are), folder / COMPARISON_PAGE_FILE, " and ".join(source.label for source in given)
+        )
     if not quiet:
         for line in _told(given, found, missing, folder):
             typer.echo(line)
@@ -108,7 +110,7 @@ def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, fo
         yield f"not compared: {sentence}"
     if missing:
         yield missing
-    yield f"files in {folder}: {TABLE} has all differences"
+    yield f"files in {folder}: {COMPARISON_TABLE_FILE} has all differences"
 
 
 def _settings(given: Sequence[Source]) -> Iterator[str]:
@@ -120,7 +122,7 @@ def _settings(given: Sequence[Source]) -> Iterator[str]:
         rows = [(each.key, *(_short(value) for value in each.values)) for each in shared[:MOST_ROWS]]
         yield from _indented(aligned(("", *(source.label for source in given)), rows))
     if more := len(differing) - len(shared[:MOST_ROWS]):
-        yield f"{counted(more, 'setting')} more that differ, or that not all have: {TABLE} has them"
+        yield f"{counted(more, 'setting')} more that differ, or that not all have: {COMPARISON_TABLE_FILE} has them"
 
 
 def _short(text: str) -> str:

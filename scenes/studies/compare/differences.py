@@ -14,15 +14,15 @@ from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
 from scenes.studies.compare.sources import Source, flat
-from scenes.sweep.key import LENGTH
+from scenes.sweep.key import KEY_LENGTH
 from worm3d.values.arrays import FloatArray
-from worm3d.values.metrics import ROUNDING, named
+from worm3d.values.metrics import METRIC_ROUNDING, named
 
 NOT_SHOWN = ("title", "says")
 """Keys of a scene that do not affect the run."""
 ROUNDED = 1e-9
 """Range of a series, as a fraction of its largest number, below which the series counts as constant."""
-CASE = re.compile(rf"[0-9a-f]{{{LENGTH}}}$")
+CASE = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}$")
 """End of the label of a sweep case that has its key as name."""
 MOST_SETTINGS, SHORT_KEY = 3, 8
 """Largest number of settings that name a case, and number of key digits where settings do not distinguish the case."""
@@ -127,7 +127,7 @@ def _difference(
     kind: str, name: str, unit: str, source: str, reference: float | None, value: float | None
 ) -> Difference:
     difference = None if value is None or reference is None else value - reference
-    known = reference is not None and abs(reference) >= ROUNDING.get(unit, 0.0)
+    known = reference is not None and abs(reference) >= METRIC_ROUNDING.get(unit, 0.0)
     return Difference(
         kind, name, unit, source, reference, value, difference, _over(difference, reference) if known else None
     )
@@ -147,7 +147,7 @@ def _of_series(label: str, reference: Record, other: Record) -> Iterator[Differe
         rms, most = float(np.sqrt(np.mean(off**2))), float(off.max())
         wide = max(_range(ours), _range(theirs))
         largest = float(max(np.abs(ours[known]).max(), np.abs(theirs[known]).max()))
-        varies = wide > max(ROUNDED * largest, ROUNDING.get(unit, 0.0))
+        varies = wide > max(ROUNDED * largest, METRIC_ROUNDING.get(unit, 0.0))
         yield Difference("series", name, unit, label, wide, most, rms, _over(rms, wide) if varies else None)
 
 

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from scenes.records.folder import VIEWER, write_bytes
 from scenes.records.record import Record
 from scenes.running.drawing import is_drawable, pictures_of
-from worm3d.viewer.beside import MOST, Page, side_by_side
+from worm3d.viewer.beside import MAX_PAGES, Page, side_by_side
 
 
 def write(records: Mapping[str, Record], path: Path, title: str) -> str:
@@ -23,8 +23,8 @@ def write(records: Mapping[str, Record], path: Path, title: str) -> str:
     shown = {label: record for label, record in records.items() if _has_page(record)}
     if len(shown) < 2:
         return f"no page side by side: {len(shown)} of the results can be seen in 3D, must be two or more"
-    if len(shown) > MOST:
-        return f"no page side by side: {len(shown)} of the results can be seen in 3D, must be {MOST} at most"
+    if len(shown) > MAX_PAGES:
+        return f"no page side by side: {len(shown)} of the results can be seen in 3D, must be {MAX_PAGES} at most"
     write_bytes(path, side_by_side([_page(*each) for each in shown.items()], title).encode())
     return ""
 

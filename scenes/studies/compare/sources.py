@@ -16,7 +16,7 @@ from scenes.records.record import Metric, Record
 from scenes.records.store import load
 from scenes.sweep import case_file
 
-MOST = 8
+MAX_SOURCES = 8
 """Largest number of sources: more colours are hard to distinguish."""
 
 
@@ -38,7 +38,7 @@ class Source:
     @property
     def is_measured(self) -> bool:
         """Whether the source is a measurement, not a simulation."""
-        return self.record is not None and self.record.model == measured.MODEL
+        return self.record is not None and self.record.model == measured.MEASURED_MODEL
 
 
 def sources(paths: Sequence[Path]) -> list[Source]:
@@ -49,8 +49,10 @@ def sources(paths: Sequence[Path]) -> list[Source]:
     SceneError
         Too few or too many paths, or a path that is not a result.
     """
-    if not 2 <= len(paths) <= MOST:
-        raise SceneError(f"compare: got {len(paths)} results, must be 2 to {MOST}; the first one is the reference")
+    if not 2 <= len(paths) <= MAX_SOURCES:
+        raise SceneError(
+            f"compare: got {len(paths)} results, must be 2 to {MAX_SOURCES}; the first one is the reference"
+        )
     return [_source(path, label) for path, label in zip(paths, _labels(paths), strict=True)]
 
 
@@ -64,7 +66,7 @@ def _source(path: Path, label: str) -> Source:
         case = case_file.read(path)
         if case is None:
             raise SceneError(f"{path}: not the file of a case of a sweep, or damaged")
-        if case.status == case_file.FAILED:
+        if case.status == case_file.FAILED_STATUS:
             raise SceneError(f"{path}: a case that failed, without figures: {case.sentence}")
         return Source(label, case.scene, case.summary, case.reasons, None)
     record = load(path)

@@ -19,7 +19,7 @@ from scenes.studies.fit import report
 from scenes.studies.fit.fitting import Fit, fit
 from scenes.studies.fit.trials import StoppedError
 
-CONTENT, SCENE, PICTURE = "fit.json", "fit.toml", "fit.png"
+FIT_DATA_FILE, FIT_SCENE_FILE, FIT_FIGURE_FILE = "fit.json", "fit.toml", "fit.png"
 
 
 def run(
@@ -68,9 +68,9 @@ def run(
 def _write(found: Fit, folder: Path) -> None:
     from scenes.studies.fit import figure  # imports matplotlib
 
-    write_bytes(folder / CONTENT, json_bytes(report.content(found)))
-    write_bytes(folder / SCENE, report.scene(found).encode())
-    save_figure(figure.draw(found)[0], folder / PICTURE)
+    write_bytes(folder / FIT_DATA_FILE, json_bytes(report.content(found)))
+    write_bytes(folder / FIT_SCENE_FILE, report.scene(found).encode())
+    save_figure(figure.draw(found)[0], folder / FIT_FIGURE_FILE)
 
 
 def _tell(found: Fit, folder: Path, *, quiet: bool) -> None:
@@ -79,4 +79,4 @@ def _tell(found: Fit, folder: Path, *, quiet: bool) -> None:
     if not quiet:
         for line in report.lines(found):
             typer.echo(line)
-        typer.echo(f"  written to {folder}: {CONTENT}, {SCENE}, {PICTURE}")
+        typer.echo(f"  written to {folder}: {FIT_DATA_FILE}, {FIT_SCENE_FILE}, {FIT_FIGURE_FILE}")

@@ -10,7 +10,7 @@ from scenes.studies.fit.fitting import Fit
 from scenes.studies.fit.noise import autocorrelation
 from worm3d.values.arrays import FloatArray
 
-MOST = 6
+MAX_DRAWN_CHANNELS = 6
 """Largest number of drawn channels: the channels whose data vary most relative to their residuals."""
 LAGS = 0.25
 """Longest drawn lag of the autocorrelation, as a fraction of the series."""
@@ -50,7 +50,7 @@ def _chosen(fit: Fit) -> list[int]:
     spread = np.nanstd(fit.data.values, axis=1)
     rms = np.array([channel.rms for channel in fit.channels])
     signal = np.divide(spread, rms, out=np.full_like(spread, np.inf), where=rms > 0.0)
-    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:MOST].tolist())
+    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:MAX_DRAWN_CHANNELS].tolist())
 
 
 def _draw_alike(axes: Axes, time: FloatArray, left: FloatArray) -> None:

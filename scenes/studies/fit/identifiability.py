@@ -16,9 +16,9 @@ import numpy as np
 from scenes.studies.fit.varied import Varied
 from worm3d.values.arrays import BoolArray, FloatArray
 
-LOST = 1e-3
+MIN_SINGULAR_VALUE = 1e-3
 """Singular value of columns of length 1 below which keys cancel each other; the error of slopes is a tenth of this."""
-NOTHING = 1e-6
+NEGLIGIBLE_EFFECT = 1e-6
 """Largest negligible effect of a change by a key's scale: root mean square, relative to the rms of the residuals."""
 INVOLVED = 0.1
 """Least component of a key in a direction of length 1 for the key to be named."""
@@ -71,7 +71,7 @@ def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     of 1.
     """
     norms = np.linalg.norm(slopes, axis=0)
-    counts = norms > NOTHING * np.sqrt(len(slopes))
+    counts = norms > NEGLIGIBLE_EFFECT * np.sqrt(len(slopes))
     lengths = np.where(counts, norms, 1.0)
     _, singular, directions = np.linalg.svd(np.where(counts, slopes / lengths, 0.0), full_matrices=False)
     return lengths, singular, directions
@@ -80,8 +80,8 @@ def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArray, probe: Probe) -> Determined:
     """Return the keys and directions that slopes determine, by their singular values.
 
-    A direction is lost if its singular value is below `LOST`. A direction is also lost if its singular value is below
-    the error of the slopes and a tiny step along the direction has no effect either.
+    A direction is lost if its singular value is below `MIN_SINGULAR_VALUE`. A direction is also lost if its singular
+    value is below the error of the slopes and a tiny step along the direction has no effect either.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArr
     """
     lengths, singular, directions = axes_of(slopes)
     errors = np.linalg.norm(directions * (np.linalg.norm(roughness, axis=0) / lengths), axis=1)
-    lost = singular < LOST
+    lost = singular < MIN_SINGULAR_VALUE
     for k in np.flatnonzero(~lost & (singular < errors)):
-        lost[k] = float(np.linalg.norm(probe(directions[k] / lengths))) < LOST
+        lost[k] = float(np.linalg.norm(probe(directions[k] / lengths))) < MIN_SINGULAR_VALUE
     kept = directions[~lost] / singular[~lost, None] / lengths
     involved = np.abs(directions) > INVOLVED
     relations = tuple(

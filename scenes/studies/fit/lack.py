@@ -24,16 +24,16 @@ from functools import lru_cache
 import numpy as np
 from scipy import fft, signal, special
 
-from scenes.studies.fit.suspects import NONE, Suspects
+from scenes.studies.fit.suspects import NO_SUSPECTS, Suspects
 from worm3d.values.arrays import FloatArray
 
 LEAST_SAMPLES = 30
 """Least number of samples of a channel in the test."""
-LONGEST = 0.9
+MAX_NOISE_CORRELATION = 0.9
 """Largest correlation of neighbouring samples that is accepted as noise: a memory of ten samples."""
-TRIED = np.array([(a, q) for a in np.linspace(0.0, LONGEST, 19) for q in (0.0, 0.1, 0.3, 0.5, 0.7)])
+TRIED = np.array([(a, q) for a in np.linspace(0.0, MAX_NOISE_CORRELATION, 19) for q in (0.0, 0.1, 0.3, 0.5, 0.7)])
 """Values of a and q that are tried for (FL2)."""
-BAND = 6
+BAND_FREQUENCIES = 6
 """Number of frequencies of a band."""
 SLOW = 8
 """Number of all frequencies divided by the number of frequencies that count as slow."""
@@ -46,9 +46,9 @@ chance alone decides; at 6 the test misses a wrong mass that is sampled 25 times
 CHANCE = 1e-4
 """Largest chance of noise that indicates a lack of fit: the normal tail of drawn logarithms. The true tail is longer:
 at most two or three of 2000 sets of four noisy series have it. A tenth of it would miss a wrong mass more often."""
-DRAWS = 100
+NOISE_DRAWS = 100
 """Number of drawn series of each channel, for mean and scatter of the logarithm of the ratio to 10 %."""
-MEMORY = 100
+BURN_IN_SAMPLES = 100
 """Number of samples after which a drawn series has forgotten its start."""
 
 
@@ -63,7 +63,7 @@ class Lack:
     """The same ratio to the noise (FL2)."""
     chance: float = 1.0
     """Probability that noise has a ratio (FL2) at least as large; 1 below `LIMIT`."""
-    suspects: Suspects = NONE
+    suspects: Suspects = NO_SUSPECTS
     """Fixed keys that would take most of the residuals away."""
 
     @property
@@ -115,7 +115,7 @@ def _by_differences(series: FloatArray) -> float:
     """Return the ratio of a series, shape (T,), by (FL1)."""
     steps = np.diff(series)
     power = float(steps @ steps)
-    a = np.clip(1.0 + 2.0 * (steps[1:] @ steps[:-1]) / power, 0.0, LONGEST)
+    a = np.clip(1.0 + 2.0 * (steps[1:] @ steps[:-1]) / power, 0.0, MAX_NOISE_CORRELATION)
     innovations = 0.5 * (1.0 + a) * power / len(steps)
     return float(_worst(_power(series) * (1.0 - a**2) / (innovations * _shape(a, 0.0, len(series)))))
 
@@ -152,16 +152,16 @@ def _shape(a: FloatArray | float, q: FloatArray | float, length: int) -> FloatAr
 
 def _worst(relative: FloatArray) -> FloatArray:
     """Return the largest mean over a band of low frequencies of relative power, shape (..., T)."""
-    bands = max(1, relative.shape[-1] // (SLOW * BAND))
-    split = relative[..., : bands * BAND].reshape(*relative.shape[:-1], bands, BAND)
+    bands = max(1, relative.shape[-1] // (SLOW * BAND_FREQUENCIES))
+    split = relative[..., : bands * BAND_FREQUENCIES].reshape(*relative.shape[:-1], bands, BAND_FREQUENCIES)
     worst: FloatArray = split.mean(axis=-1).max(axis=-1)
     return worst
 
 
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
-    """Return noise of variance 1, shape (DRAWS, length), for the values of a and q in `noise`, shape (2,)."""
+    """Return noise of variance 1, shape (NOISE_DRAWS, length), for the values of a and q in `noise`, shape (2,)."""
     a, q = map(float, noise)
-    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((DRAWS, length + MEMORY))
-    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, MEMORY:]
+    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + BURN_IN_SAMPLES))
+    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, BURN_IN_SAMPLES:]
     coloured += np.sqrt(q) * random.standard_normal(coloured.shape)
     return coloured

@@ -19,7 +19,7 @@ HIGHEST_ORDER = 12
 """Highest order in the search; half as many lose the shape of smooth residuals, twice as many cost time only."""
 SAMPLES_PER_ORDER = 10
 """Least number of samples for each order, so that a short series does not get a long memory."""
-MEMORY = 1e-6
+FORGOTTEN_FRACTION = 1e-6
 """Fraction of an innovation that may remain when the innovation counts as forgotten."""
 LONGEST_MEMORY = 20_000
 """Largest number of samples after which an innovation counts as forgotten."""
@@ -75,7 +75,11 @@ class Noise:
     def _memory(self) -> int:
         """Return the number of samples after which an innovation is forgotten."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
-        return 0 if radius == 0.0 else min(LONGEST_MEMORY, int(np.log(MEMORY) / np.log(min(radius, 1.0 - 1e-9))) + 1)
+        return (
+            0
+            if radius == 0.0
+            else min(LONGEST_MEMORY, int(np.log(FORGOTTEN_FRACTION) / np.log(min(radius, 1.0 - 1e-9))) + 1)
+        )
 
 
 def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:

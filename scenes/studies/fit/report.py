@@ -11,7 +11,7 @@ from scenes.studies.fit.fitting import Channel, Fit, Fitted
 from scenes.studies.fit.lack import LIMIT, Lack
 from scenes.studies.fit.noise import HIGHEST_ORDER
 
-SHOWN = 8
+MAX_LISTED_CHANNELS = 8
 """Largest number of channels whose residuals are listed on a terminal."""
 
 
@@ -21,12 +21,12 @@ def lines(fit: Fit) -> Iterator[str]:
     header = ("key", "value", "95 % interval", "start", "unit")
     yield from (f"  {line}" for line in aligned(header, map(_row, fit.keys)))
     yield from (f"  {each.varied.key}: no interval, {each.reason}" for each in fit.keys if each.reason)
-    rows = [_channel_row(channel) for channel in fit.channels[:SHOWN]]
+    rows = [_channel_row(channel) for channel in fit.channels[:MAX_LISTED_CHANNELS]]
     yield from (
         f"  {line}" for line in aligned(("residuals of", "rms", "of the peak", "autocorrelation at lag 1"), rows)
     )
-    if len(fit.channels) > SHOWN:
-        yield f"  and {counted(len(fit.channels) - SHOWN, 'channel')} more, in fit.json"
+    if len(fit.channels) > MAX_LISTED_CHANNELS:
+        yield f"  and {counted(len(fit.channels) - MAX_LISTED_CHANNELS, 'channel')} more, in fit.json"
     if fit.left_out:
         yield f"  left out {counted(len(fit.left_out), 'channel')} that no key moves, listed in fit.json"
 
@@ -46,8 +46,8 @@ def warnings(fit: Fit) -> Iterator[str]:
         yield from doubts(fit.lack)
     elif long:
         yield (
-            f"the residuals of {', '.join(long[:SHOWN])} are alike for longer than {HIGHEST_ORDER} samples, so the "
-            "scene lacks something that the data have: intervals are those of a wrong model"
+            f"the residuals of {', '.join(long[:MAX_LISTED_CHANNELS])} are alike for longer than {HIGHEST_ORDER} "
+            "samples, so the scene lacks something that the data have: intervals are those of a wrong model"
         )
 
 

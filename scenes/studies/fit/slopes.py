@@ -13,7 +13,7 @@ from worm3d.values.arrays import FloatArray
 Function = Callable[[FloatArray], FloatArray | None]
 """Values of the keys, shape (P,) -> channels, shape (C, T); None where the run fails."""
 
-HALVINGS = 4
+MAX_DERIVATIVE_HALVINGS = 4
 """Largest number of halvings of a step if the run fails at both ends of the step."""
 
 
@@ -49,7 +49,7 @@ def _slope(
     function: Function, x: FloatArray, here: FloatArray, k: int, step: float, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the slope along one key, and the roughness of the slope, shape (C, T) each."""
-    for halved in range(HALVINGS + 1):
+    for halved in range(MAX_DERIVATIVE_HALVINGS + 1):
         sides = []
         for way in (-step, step):
             there = x.copy()

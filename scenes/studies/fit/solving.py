@@ -16,17 +16,17 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from scenes.studies.fit.dips import dips
-from scenes.studies.fit.identifiability import LOST, Determined, Relation, axes_of, determined, vague
+from scenes.studies.fit.identifiability import MIN_SINGULAR_VALUE, Determined, Relation, axes_of, determined, vague
 from scenes.studies.fit.lack import Lack, lack_of, ratio_of
-from scenes.studies.fit.slopes import HALVINGS, Slopes, slopes_at
+from scenes.studies.fit.slopes import MAX_DERIVATIVE_HALVINGS, Slopes, slopes_at
 from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import SpentError, Trials
-from scenes.studies.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
+from scenes.studies.fit.uncertainty import MOST_CHANNELS, UNCERTAINTY_DRAWS, Uncertainty, uncertainty_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
 FIRST_STEP = 0.02
 """Step of the first derivatives, as a fraction of a key's scale: single contact events hardly affect such a step."""
-STEPS = (1e-4, 0.1)
+DERIVATIVE_STEP_RANGE = (1e-4, 0.1)
 """Least and largest step of the later derivatives, as fractions of a key's scale."""
 TINY_STEP = 1e-6
 """Step, as a fraction of the scale, that contains no contact event and shows whether keys cancel each other exactly."""
@@ -37,11 +37,11 @@ ALIKE = 0.1
 """Change of the values, as a fraction of their standard errors, at which new weights make no difference."""
 PASSES = 4
 """Largest number of minimisations with new weights."""
-EXACT = 1e-6
+MIN_RESIDUAL_FRACTION = 1e-6
 """Least standard deviation of residuals that counts, as a fraction of the data's: the size of integration errors."""
 UNMOVED = 1e-9
 """Effect of keys that counts as rounding, as a fraction of the standard deviation of the data."""
-COARSE, FINE = 1e-3, 1e-6
+COARSE_TOLERANCE, FINE_TOLERANCE = 1e-3, 1e-6
 """Relative changes of the sum of squares that end the first minimisations and the last minimisations."""
 DEEPER = 0.01
 """Least relative difference of the sums of squares for a lower minimum to replace another minimum at the end."""
@@ -98,26 +98,26 @@ def solve(trials: Trials) -> Solution:
     weights, steps = 1.0 / trials.data.spread, np.full(len(u), FIRST_STEP)
     finished, exact = True, False
     try:
-        u = problem.lowest(problem.minimum(u, weights, steps, COARSE), weights, steps)
+        u = problem.lowest(problem.minimum(u, weights, steps, COARSE_TOLERANCE), weights, steps)
         for _ in range(PASSES):
-            before, u = u, problem.minimum(u, weights, steps, FINE)
+            before, u = u, problem.minimum(u, weights, steps, FINE_TOLERANCE)
             weights = problem.weights(u)
             errors = problem.errors(u, weights, steps)
-            steps = np.clip(STEP_PER_ERROR * errors, *STEPS)
+            steps = np.clip(STEP_PER_ERROR * errors, *DERIVATIVE_STEP_RANGE)
             if np.all(np.abs(u - before) <= ALIKE * errors):
                 break
-        tiny = np.full(len(u), STEPS[0])  # chords lead past the bottom of a small valley
-        u = problem.minimum(u, weights, tiny, FINE)
+        tiny = np.full(len(u), DERIVATIVE_STEP_RANGE[0])  # chords lead past the bottom of a small valley
+        u = problem.minimum(u, weights, tiny, FINE_TOLERANCE)
         before, u = u, problem.beside(u, weights, tiny)
         u = problem.elsewhere(u, weights, tiny)
         weights = problem.weights(u)
         if np.any(u != before):
-            steps = np.clip(STEP_PER_ERROR * problem.errors(u, weights, tiny), *STEPS)
+            steps = np.clip(STEP_PER_ERROR * problem.errors(u, weights, tiny), *DERIVATIVE_STEP_RANGE)
     except (SpentError, _MetError) as end:
         exact = isinstance(end, _MetError)
         finished = exact
         u = problem.best
-        trials.allow(3 * (HALVINGS + 1) * len(u) + 1)
+        trials.allow(3 * (MAX_DERIVATIVE_HALVINGS + 1) * len(u) + 1)
         weights = problem.weights(u)
     return problem.solution(u, weights, steps, finished, exact)
 
@@ -155,8 +155,8 @@ class _Problem:
             slopes = self.slopes(u, steps).values[self.known] * self._each(weights)[:, None]
             lengths, _, directions = axes_of(slopes)
             found = dips(partial(self._squares, weights=weights), u, directions / lengths)
-            other = self.minimum(found[0], weights, steps, COARSE) if found else u
-            if self._squares(other, weights) >= (1.0 - COARSE) * self._squares(u, weights):
+            other = self.minimum(found[0], weights, steps, COARSE_TOLERANCE) if found else u
+            if self._squares(other, weights) >= (1.0 - COARSE_TOLERANCE) * self._squares(u, weights):
                 break
             u = other
         return u
@@ -171,14 +171,14 @@ class _Problem:
         for _ in range(VALLEYS):
             slopes = factor[:, None] * self.slopes(u, steps).values[self.known]
             lengths, singular, directions = axes_of(slopes)
-            kept = singular > LOST
+            kept = singular > MIN_SINGULAR_VALUE
             axes = directions[kept] / lengths
             basis = slopes @ (axes / singular[kept, None]).T
             floor = partial(self._floor, factor=factor, basis=basis)
             found = dips(floor, u, axes)
             if not found or floor(found[0]) >= (1.0 - DEEPER) * floor(u):
                 break
-            other = self.minimum(found[0], weights, steps, FINE)
+            other = self.minimum(found[0], weights, steps, FINE_TOLERANCE)
             if self._squares(other, weights) >= (1.0 - DEEPER) * self._squares(u, weights):
                 break
             u = other
@@ -193,11 +193,11 @@ class _Problem:
         for _ in range(STARTS):
             start = np.clip(u + AROUND * random.standard_normal(len(u)), self.low, self.high)
             if np.isfinite(self._squares(start, weights)):
-                other = self.minimum(start, weights, steps, COARSE)
+                other = self.minimum(start, weights, steps, COARSE_TOLERANCE)
                 lowest = min(lowest, other, key=lambda place: self._squares(place, weights))
         if self._squares(lowest, weights) >= (1.0 - DEEPER) * self._squares(u, weights):
             return u
-        return self.minimum(lowest, weights, steps, FINE)
+        return self.minimum(lowest, weights, steps, FINE_TOLERANCE)
 
     def _floor(self, u: FloatArray, factor: FloatArray, basis: FloatArray) -> float:
         """Return the sum (F3) without the part in a space with an orthonormal basis, shape (M, K)."""
@@ -226,7 +226,7 @@ class _Problem:
             off: FloatArray = factor * all_off[self.known]
             if (squares := float(off @ off)) < least:
                 least, self.best = squares, u.copy()
-            if np.all(np.nanmean(all_off**2, axis=1) < (EXACT * self.data.spread) ** 2):
+            if np.all(np.nanmean(all_off**2, axis=1) < (MIN_RESIDUAL_FRACTION * self.data.spread) ** 2):
                 raise _MetError
             return off
 
@@ -242,7 +242,7 @@ class _Problem:
         """Return one over the standard deviation of the residuals of each channel, shape (C,)."""
         squares = np.nanmean(self._residuals(u) ** 2, axis=1)
         used = 1.0 - len(u) / np.count_nonzero(self.known)
-        weights: FloatArray = 1.0 / np.maximum(np.sqrt(squares / used), EXACT * self.data.spread)
+        weights: FloatArray = 1.0 / np.maximum(np.sqrt(squares / used), MIN_RESIDUAL_FRACTION * self.data.spread)
         return weights
 
     def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
@@ -256,7 +256,7 @@ class _Problem:
         """Return the solution at the minimum, with intervals and lack of fit."""
         slopes = self.slopes(u, steps)
         found = self._determined(u, weights, slopes)
-        draws = 0 if exact else DRAWS
+        draws = 0 if exact else UNCERTAINTY_DRAWS
         scaled = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse, draws)
         each = self._each(weights)[:, None]
         weighted, bent = each * slopes.values[self.known], each * (slopes.roughness * steps)[self.known]

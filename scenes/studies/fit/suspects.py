@@ -25,7 +25,7 @@ from scenes.studies.fit.trials import SpentError, Trials
 from scenes.studies.fit.uncertainty import Group, groups_of
 from worm3d.values.arrays import FloatArray
 
-NUMBERS = (
+SCALED_KEYS = (
     *("worm.mass_kg", "worm.density_kg_m3", "worm.half_height_m", "worm.spring_N", "worm.torsion_J"),
     *("worm.apex_hinge_N_m_rad", "worm.kelvin_voigt_time_s", "worm.actuator_lag_s", "friction.forward"),
     *("friction.backward", "friction.static_ratio", "hysteresis.moment_N_m", "hysteresis.load_ratio"),
@@ -43,9 +43,9 @@ EFFECT = 1e-3
 """Least part of an effect, as a length, that the varied keys cannot reproduce."""
 CHANCE = 0.005
 """Largest chance of noise that makes a share significant: one fit of a right scene in 200."""
-DRAWS = 400
+CHANCE_DRAWS = 400
 """Number of drawn series; half as many cannot resolve `CHANCE`, twice as many cost time only."""
-NAMED, NEAR = 3, 0.5
+MAX_NAMED_CHANGES, MIN_RELATIVE_SHARE = 3, 0.5
 """Largest number of changes that are named, and their least share relative to the best share."""
 
 
@@ -85,7 +85,7 @@ class Suspects:
         return self.chance <= CHANCE
 
 
-NONE = Suspects()
+NO_SUSPECTS = Suspects()
 
 
 def suspects_of(
@@ -107,7 +107,7 @@ def suspects_of(
     """
     tried = list(_tried(trials, values))
     if not tried:
-        return NONE
+        return NO_SUSPECTS
     whole = np.concatenate([np.nan_to_num(slopes), np.stack([effect for *_, effect in tried], axis=-1)], axis=-1)
     squared = weights[:, None, None] * whole
     lengths = np.sqrt((squared**2).sum(axis=(0, 1)))
@@ -117,13 +117,13 @@ def suspects_of(
     test = _Test(whole, residuals, weights, slopes.shape[-1])
     shares, scores = test.shares([group.residuals for group in test.groups])
     order = np.argsort(-shares)
-    best = [k for k in order if shares[k] >= NEAR * shares[order[0]] > 0.0]
+    best = [k for k in order if shares[k] >= MIN_RELATIVE_SHARE * shares[order[0]] > 0.0]
     named: dict[str, Suspect] = {}
     for k in best:
         what, value, larger, _ = tried[k]
         shift = -scores[k] * test.mends[:, k] / units
         named.setdefault(what, Suspect(what, value, larger == bool(scores[k] > 0.0), float(shares[k]), shift))
-    return Suspects(tuple(named.values())[:NAMED], test.chance(int(order[0]), float(shares[order[0]])))
+    return Suspects(tuple(named.values())[:MAX_NAMED_CHANGES], test.chance(int(order[0]), float(shares[order[0]])))
 
 
 def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | None, bool, FloatArray]]:
@@ -141,7 +141,7 @@ def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | No
 
 def _changes(trials: Trials) -> Iterator[tuple[str, float | None, bool, str]]:
     """Yield the key or law, the scene's value, whether the change is an increase, and the override."""
-    fixed = {key: value for key in (*NUMBERS, *ZEROS) if (value := trials.number(key)) is not None}
+    fixed = {key: value for key in (*SCALED_KEYS, *ZEROS) if (value := trials.number(key)) is not None}
     for key, value in fixed.items():
         if key in ZEROS and value == 0.0:
             yield key, value, True, f"{key}={ZEROS[key]!r}"
@@ -194,7 +194,7 @@ class _Test:
         models = [noise_of(group.residuals - group.slopes @ change) for group in self.groups]
         drawn = [
             [model.draw(g.residuals.shape[1], random) for g, model in zip(self.groups, models, strict=True)]
-            for _ in range(DRAWS)
+            for _ in range(CHANCE_DRAWS)
         ]
         beyond = sum(float(self.shares(each)[0].max()) >= share for each in drawn)
-        return (1.0 + beyond) / (DRAWS + 1.0)
+        return (1.0 + beyond) / (CHANCE_DRAWS + 1.0)

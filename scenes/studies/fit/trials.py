@@ -22,11 +22,11 @@ from worm3d.values.variable import Variable, column_names
 LEAST_PER_KEY = 5
 """Least number of measured values for each key that is varied."""
 
-KEPT, KEPT_VALUES = 100, 4_000_000
+MAX_KEPT_RUNS, MAX_KEPT_VALUES = 100, 4_000_000
 """Largest number of runs whose channels are kept, since a minimum and slopes often need the same run, and the largest
 number of kept values. At least `FEWEST_KEPT` runs are kept."""
 FEWEST_KEPT = 12
-ROUNDING = 1e-12
+ROUNDING_DEVIATION = 1e-12
 """Standard deviation, in SI units, of series that contain only rounding, such as the heading of a straight crawl."""
 
 
@@ -55,7 +55,7 @@ class Data:
         """Largest standard deviation over time among the channels of a unit, shape (C,); 1 if only rounding."""
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
-        return np.where(np.array(largest) > ROUNDING, largest, 1.0)
+        return np.where(np.array(largest) > ROUNDING_DEVIATION, largest, 1.0)
 
 
 class Trials:
@@ -112,7 +112,7 @@ class Trials:
         if key not in self._known:
             found = self._channels(key)
             self.failed += found is None
-            if len(self._known) >= max(FEWEST_KEPT, min(KEPT, KEPT_VALUES // self.data.values.size)):
+            if len(self._known) >= max(FEWEST_KEPT, min(MAX_KEPT_RUNS, MAX_KEPT_VALUES // self.data.values.size)):
                 del self._known[next(iter(self._known))]
             self._known[key] = found
         return self._known[key]

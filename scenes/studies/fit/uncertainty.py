@@ -21,7 +21,7 @@ from scipy import linalg, special
 from scenes.studies.fit.noise import Noise, noise_of, spectra_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
-DRAWS = 200
+UNCERTAINTY_DRAWS = 200
 """Number of drawn series; half as many make the intervals of two like fits differ by 5 %, twice as many by 2.5 %."""
 MOST_CHANNELS = 24
 """Largest number of channels of a group whose residuals are modelled directly; more channels are combined to this many,
@@ -81,7 +81,7 @@ class Group:
 
 
 def uncertainty_of(
-    residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray, draws: int = DRAWS
+    residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray, draws: int = UNCERTAINTY_DRAWS
 ) -> Uncertainty:
     """Return the uncertainty of the estimates that leave the given residuals.
 

@@ -13,7 +13,7 @@ from scenes.language.schema import Key, Section, key_at, keys_in
 from scenes.language.toml import path_of
 from scenes.models.loading import Scene
 
-EDGE = 1e-6
+BOUND_CLEARANCE = 1e-6
 """Distance to a bound that a value may not reach, as a fraction of the start."""
 
 Wanted = Sequence[str] | Mapping[str, tuple[float, float] | None]
@@ -127,7 +127,7 @@ def _value(settings: Any, path: tuple[str, ...]) -> Any:
 def _bounds(known: Key, value: float | None) -> tuple[float, float]:
     """Return the range of a number; an open end is moved inwards by a small distance."""
     bounds = known.bounds
-    hair = EDGE * (abs(value) if value else 1.0)
+    hair = BOUND_CLEARANCE * (abs(value) if value else 1.0)
     low = bounds.get("ge", bounds["gt"] + hair if "gt" in bounds else -math.inf)
     high = bounds.get("le", bounds["lt"] - hair if "lt" in bounds else math.inf)
     return low, high

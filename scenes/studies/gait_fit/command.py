@@ -27,8 +27,8 @@ from scenes.studies.gait_fit.comparison import Comparison, Row, compared, senten
 from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
-SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"
-APART = 1.5
+GAIT_SCENE_FILE, GAIT_TABLE_FILE, GAIT_DATA_FILE, GAIT_FIGURE_FILE = "gait.toml", "gait.csv", "gait.json", "gait.png"
+MIN_PERIOD_RATIO = 1.5
 """Smallest ratio of the two periods at which a chain has the profile: less does not determine the exponent of pace."""
 DIGITS = 4
 """Significant digits of the constants in the scene."""
@@ -66,9 +66,9 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
 
 
 def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
-    """Return the chain with the profile at the fastest and at the slowest pace, at least a factor `APART` apart."""
+    """Return the chain with the profile at the fastest and slowest pace, a factor `MIN_PERIOD_RATIO` or more apart."""
     fastest, slowest = (choose(target.period for target in targets) for choose in (min, max))
-    paces = (fastest, max(slowest, APART * max(fastest, FASTEST)))
+    paces = (fastest, max(slowest, MIN_PERIOD_RATIO * max(fastest, FASTEST)))
     with Interruption() as interruption, busy("fitting", quiet=quiet):
         wanted = [Target(period, profile.delays(period)) for period in paces]
         return fit(wanted, like, lambda tried: not interruption.requested)
@@ -79,11 +79,11 @@ def _write(
 ) -> None:
     from scenes.studies.gait_fit import figure  # imports matplotlib
 
-    write_bytes(folder / SCENE, scene(training.gait, comparison, fitted, to).encode())
-    write_bytes(folder / TABLE, _table(comparison))
-    write_bytes(folder / CONTENT, json_bytes(_content(training, comparison, fitted, to)))
+    write_bytes(folder / GAIT_SCENE_FILE, scene(training.gait, comparison, fitted, to).encode())
+    write_bytes(folder / GAIT_TABLE_FILE, _table(comparison))
+    write_bytes(folder / GAIT_DATA_FILE, json_bytes(_content(training, comparison, fitted, to)))
     title = f"A chain of neurons fitted to {', '.join(fitted[:4])} of {to.name}"
-    save_figure(figure.draw(comparison, found, title)[0], folder / PICTURE)
+    save_figure(figure.draw(comparison, found, title)[0], folder / GAIT_FIGURE_FILE)
 
 
 def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path) -> str:
@@ -107,13 +107,13 @@ def _short(number: Any) -> Any:
     return [_short(each) for each in given] if isinstance(given, list) else float(f"{given:.{DIGITS}g}")
 
 
-COLUMNS = ("recording", "use", "band", "delay_s", "low_s", "high_s")
-ERRORS = ("network_s", "network_error_s", "uniform_s", "uniform_error_s")
+RECORDING_COLUMNS = ("recording", "use", "band", "delay_s", "low_s", "high_s")
+ERROR_COLUMNS = ("network_s", "network_error_s", "uniform_s", "uniform_error_s")
 """Columns of the table."""
 
 
 def _table(comparison: Comparison) -> bytes:
-    names = (*COLUMNS, *ERRORS)
+    names = (*RECORDING_COLUMNS, *ERROR_COLUMNS)
     return csv_bytes([names, *([_cell(getattr(row, name)) for name in names] for row in comparison.rows)])
 
 
@@ -133,7 +133,10 @@ def _content(training: Training, comparison: Comparison, fitted: Sequence[str], 
         "carried": comparison.carried,
         "leaving_one_out": None if comparison.told is None else _told(comparison.told),
         "paces": [{field.name: getattr(pace, field.name) for field in fields(pace)} for pace in comparison.paces],
-        "rows": [{name: getattr(row, name) for name in (*COLUMNS, *ERRORS, "kept")} for row in comparison.rows],
+        "rows": [
+            {name: getattr(row, name) for name in (*RECORDING_COLUMNS, *ERROR_COLUMNS, "kept")}
+            for row in comparison.rows
+        ],
         "sentences": list(sentences(comparison)),
     }
 
@@ -156,7 +159,7 @@ def _tell(training: Training, comparison: Comparison, to: Path, folder: Path) ->
         typer.echo(f"  {line}")
     for sentence in sentences(comparison):
         typer.echo(f"  {sentence}")
-    typer.echo(f"  written to {folder}: {SCENE}, {TABLE}, {CONTENT}, {PICTURE}")
+    typer.echo(f"  written to {folder}: {GAIT_SCENE_FILE}, {GAIT_TABLE_FILE}, {GAIT_DATA_FILE}, {GAIT_FIGURE_FILE}")
 
 
 def _row(row: Row) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from control.gaits.neural.training import FRAME
 from control.gaits.neural.waves import carrying, timing_of
 from scenes.studies.gait_fit.recordings import Recording
 
-NOISE, DRAWS, SEED = 0.1, 40, 20261122
+COMPARISON_NOISE, COMPARISON_DRAWS, COMPARISON_SEED = 0.1, 40, 20261122
 """Relative noise of all constants, number of networks, and seed of the draws; the fit has other draws."""
 
 
@@ -96,7 +96,7 @@ def compared(
                 rows.append(Row(each.name, use, band, *numbers))
         paces.append(Pace(each.name, use, len(waves.times), waves.period, timing.period))
     middling = replace(gait, period=float(np.exp(np.mean([np.log(pace.period_s) for pace in paces]))))
-    carried = carrying(middling, len(recordings[0].waves.bands), NOISE, DRAWS, SEED)
+    carried = carrying(middling, len(recordings[0].waves.bands), COMPARISON_NOISE, COMPARISON_DRAWS, COMPARISON_SEED)
     return Comparison(tuple(rows), tuple(paces), carried, told)
 
 
@@ -114,8 +114,8 @@ def sentences(found: Comparison) -> Iterator[str]:
     if found.told:
         yield from learnt(found.told)
     yield (
-        f"noise of {NOISE:.0%} in all constants: {round(found.carried * DRAWS)} of {DRAWS} networks, none of them of "
-        "the fit, carry waves forward and backward"
+        f"noise of {COMPARISON_NOISE:.0%} in all constants: {round(found.carried * COMPARISON_DRAWS)} of "
+        f"{COMPARISON_DRAWS} networks, none of them of the fit, carry waves forward and backward"
     )
 
 

@@ -11,15 +11,15 @@ from matplotlib.figure import Figure
 from scenes.studies.gait_fit.comparison import Comparison
 from scenes.studies.gait_fit.recordings import Recording
 
-SHOWN = 25.0
+DRAWN_DURATION_S = 25.0
 """Duration of the drawn part of a recording, around the middle wave [s]."""
-MOST = 8
+MAX_DRAWN_RECORDINGS = 8
 """Largest number of drawn recordings."""
 
 
 def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> tuple[Figure, Axes]:
     """Return the figure: a row for each recording."""
-    shown = recordings[:MOST]
+    shown = recordings[:MAX_DRAWN_RECORDINGS]
     figure = Figure(figsize=(13.0, 1.0 + 2.6 * len(shown)), layout="constrained", dpi=110)
     grid = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.0, 2.2))
     for (left, right), each in zip(grid, shown, strict=True):
@@ -54,12 +54,12 @@ def _draw_delays(axes: Axes, found: Comparison, each: Recording) -> None:
 def _draw_stretch(axes: Axes, each: Recording) -> None:
     waves = each.waves
     centre = float(waves.times[len(waves.times) // 2, waves.middle])
-    near = np.abs(each.time - centre) < SHOWN / 2
+    near = np.abs(each.time - centre) < DRAWN_DURATION_S / 2
     scale = 0.4 / max(float(np.nanmax(np.abs(each.values[near]))), 1e-300)
     for k in range(len(waves.bands)):
         axes.plot(each.time[near], k + 2.0 * scale * each.values[near, k], color="0.4", lw=0.8)
     for wave in waves.times:
-        if abs(wave[waves.middle] - centre) < SHOWN / 2:
+        if abs(wave[waves.middle] - centre) < DRAWN_DURATION_S / 2:
             axes.plot(wave, np.arange(len(wave)), "C3.-", lw=1.0, ms=5)
     axes.set_yticks(range(len(waves.bands)), waves.bands)
-    axes.set_xlim(centre - SHOWN / 2, centre + SHOWN / 2)
+    axes.set_xlim(centre - DRAWN_DURATION_S / 2, centre + DRAWN_DURATION_S / 2)

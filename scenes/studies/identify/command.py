@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 import worm3d
-from control.gaits.steering import MECHANISMS, WAVES, Wave
+from control.gaits.steering import MECHANISMS, WAVE_SCHEDULES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
 from scenes.language.errors import SceneError
@@ -27,7 +27,7 @@ from scenes.running.terminal import progress
 from scenes.studies.identify import figure, report, study
 from scenes.studies.identify.study import Curve, Phases
 
-CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
+STEERING_DATA_FILE, STEERING_TABLES_FILE, STEERING_FIGURE_FILE = "identified.json", "steering.md", "steering.png"
 Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
 
 
@@ -50,7 +50,7 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
 
         @cache
         def measured(wave: Wave) -> tuple[Measured, bool]:
-            made = _measure(Subject(worm, ground, WAVES[wave]), quiet)
+            made = _measure(Subject(worm, ground, WAVE_SCHEDULES[wave]), quiet)
             return made, kept.store(made[0], worm, ground, Design())
 
         wave = wave_of(settings, lambda wave: measured(wave)[0][0]) if isinstance(settings, ControlScene) else "sine"
@@ -60,7 +60,8 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
             for line in report.terminal_lines(*made[:2], worm.length):
                 typer.echo(line)
             typer.echo(
-                f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
+                f"Written to {folder}: {STEERING_TABLES_FILE}, {STEERING_DATA_FILE}, {STEERING_FIGURE_FILE}"
+                + ("; kept for controllers" if cached else "")
             )
     return 0
 
@@ -84,6 +85,6 @@ def _write(folder: Path, made: Measured, worm: worm3d.Worm, ground: worm3d.Frict
         "curves": [asdict(curve) for curve in curves],
         "phases": [asdict(each) for each in phases],
     }
-    write_bytes(folder / CONTENT, json_bytes(content, indent=1))
-    write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
-    save_figure(figure.draw(curves, phases, found), folder / PICTURE)
+    write_bytes(folder / STEERING_DATA_FILE, json_bytes(content, indent=1))
+    write_bytes(folder / STEERING_TABLES_FILE, report.markdown(found, curves, STEERING_FIGURE_FILE).encode())
+    save_figure(figure.draw(curves, phases, found), folder / STEERING_FIGURE_FILE)

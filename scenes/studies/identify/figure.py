@@ -13,7 +13,9 @@ from control.identification.identified import Identified
 from scenes.studies.identify import study
 from scenes.studies.identify.study import Curve, Phases
 
-COLOURS = dict(zip((study.IN_STEP, *study.YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#d9793a"), strict=True))
+CURVE_COLOURS = dict(
+    zip((study.IN_STEP, *study.YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#d9793a"), strict=True)
+)
 PANELS = (
     ("turn_deg", "turn to the left [° a wave]"),
     ("speed_bl_s", "speed [body lengths/s]"),
@@ -25,8 +27,8 @@ LABELS = {"hinge": "hinges [rad]", "bias": "bias"}
 def draw(curves: Sequence[Curve], phases: Sequence[Phases], identified: Identified) -> Figure:
     """Return the figure."""
     figure = Figure(figsize=(15.5, 7.4), layout="constrained", dpi=110)
-    grid = figure.subplots(len(study.STEERINGS), len(PANELS) + 1, squeeze=False)
-    for row, mechanism in zip(grid, study.STEERINGS, strict=True):
+    grid = figure.subplots(len(study.CURVE_STEERINGS), len(PANELS) + 1, squeeze=False)
+    for row, mechanism in zip(grid, study.CURVE_STEERINGS, strict=True):
         for axes, (quantity, label) in zip(row[:-1], PANELS, strict=True):
             for curve in curves:
                 if curve.mechanism == mechanism:
@@ -38,13 +40,13 @@ def draw(curves: Sequence[Curve], phases: Sequence[Phases], identified: Identifi
         _draw_phases(row[-1], [each for each in phases if each.mechanism == mechanism])
     handles, labels = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9)
-    wave = f"amplitude {study.AMPLITUDE:g}, {1.0 / study.PERIOD:g} Hz"
+    wave = f"amplitude {study.WAVE_AMPLITUDE:g}, {1.0 / study.WAVE_PERIOD_S:g} Hz"
     figure.suptitle(f"Steering at {wave}; to the right it is the mirror image", fontsize=12)
     return figure
 
 
 def _draw_curve(axes: Axes, curve: Curve, quantity: str) -> None:
-    colour = COLOURS[curve.name]
+    colour = CURVE_COLOURS[curve.name]
     s = np.array([point.steering for point in curve.points])
     y = np.array([getattr(point, quantity) for point in curve.points])
     lying = np.array([point.tipped for point in curve.points])
@@ -54,7 +56,7 @@ def _draw_curve(axes: Axes, curve: Curve, quantity: str) -> None:
 
 def _draw_phases(axes: Axes, phases: Sequence[Phases]) -> None:
     """Draw the turn and the drift, in % of the body length, against the phase."""
-    for each, colour in zip(phases, (COLOURS["its own yaw joints"], "#9a9a9a"), strict=True):
+    for each, colour in zip(phases, (CURVE_COLOURS["its own yaw joints"], "#9a9a9a"), strict=True):
         name = f"bending wave of {each.steering_wavelength:g} body lengths"
         axes.plot(each.phase_deg, each.turn_deg, "-o", color=colour, ms=3, lw=1.5, label=f"turn [°], {name}")
         drift = 100.0 * np.array(each.drift_bl)
@@ -78,5 +80,5 @@ def _draw_fit(row: Sequence[Axes], identified: Identified, mechanism: str) -> No
     row[0].axhline(study.GOAL_DEG, color="k", lw=0.8, ls=":", label=f"{study.GOAL_DEG:g}° a wave")
     style: dict[str, Any] = {"color": "k", "lw": 1.0, "ls": "--", "label": "identified map"}
     row[0].plot([], [], "x", color="k", ms=5, label="tipped over: lies on its side")
-    row[0].plot(s, np.rad2deg(found.turn(study.AMPLITUDE, 1.0 / study.PERIOD, s)), **style)
-    row[1].plot(s, found.speed(study.AMPLITUDE, 1.0 / study.PERIOD, s), **style)
+    row[0].plot(s, np.rad2deg(found.turn(study.WAVE_AMPLITUDE, 1.0 / study.WAVE_PERIOD_S, s)), **style)
+    row[1].plot(s, found.speed(study.WAVE_AMPLITUDE, 1.0 / study.WAVE_PERIOD_S, s), **style)

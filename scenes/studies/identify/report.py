@@ -54,7 +54,7 @@ def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> s
         "|---|---|---|---|---|---|",
     ]
     for mechanism, found in identified.maps.items():
-        for name, (unit, scale) in UNITS.items():
+        for name, (unit, scale) in QUANTITY_UNITS.items():
             if name not in found.misfits:
                 continue
             fit, check = found.misfits[name], found.checks[name]
@@ -65,7 +65,7 @@ def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> s
     return "\n".join(rows) + "\n"
 
 
-UNITS = {
+QUANTITY_UNITS = {
     "distance": ("body lengths a wave", 1.0),
     "turn": ("° a wave", float(np.rad2deg(1.0))),
     "drift": ("body lengths a wave", 1.0),

@@ -15,11 +15,11 @@ from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredW
 from control.identification.identified import Motion
 from scenes.models.control.identify import Gait, Steady, Subject, steady
 
-AMPLITUDE, PERIOD = 0.3, 1.25
+WAVE_AMPLITUDE, WAVE_PERIOD_S = 0.3, 1.25
 """Amplitude and period [s] of all waves."""
-WAVES, SKIPPED = 9, 5
+RUN_WAVES, TRANSIENT_WAVES = 9, 5
 """Number of waves of a run, and number of its first waves that are not steady yet."""
-STEERINGS: dict[Mechanism, tuple[float, ...]] = {
+CURVE_STEERINGS: dict[Mechanism, tuple[float, ...]] = {
     "hinge": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.2, 0.25, 0.3),
     "bias": (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3),
 }
@@ -27,7 +27,7 @@ STEERINGS: dict[Mechanism, tuple[float, ...]] = {
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
 """Factors of the stiffness of the yaw joints."""
 IN_STEP = "the default wave, bent in step with its contraction"
-CURVES = len(STEERINGS) * (1 + len(YAW_FACTORS))
+CURVES = len(CURVE_STEERINGS) * (1 + len(YAW_FACTORS))
 """Number of curves."""
 GOAL_DEG = 10.0
 """Turn that a schedule should reach [deg a wave]."""
@@ -36,7 +36,7 @@ STEERING: dict[Mechanism, float] = {"hinge": 0.06, "bias": 0.04}
 """Steering of the runs over the phase."""
 PHASES_DEG = tuple(range(0, 180, 15))
 """Phases of half a turn [deg]: the other half is the mirror image."""
-PHASE_STUDIES = 2 * len(STEERINGS)
+PHASE_STUDIES = 2 * len(CURVE_STEERINGS)
 """Number of bending waves in the runs over the phase."""
 
 
@@ -108,19 +108,19 @@ def curves(subject: Subject, watch: Callable[[int], None] = lambda done: None) -
     """Run all curves; `watch` is called with the number of finished curves."""
     found: list[Curve] = []
     for mechanism, name, body, gaits in _plans(subject.worm, subject.schedule):
-        runs = zip(STEERINGS[mechanism], gaits, strict=True)
-        points = tuple(_point(s, steady(body, subject.ground, gait, WAVES, SKIPPED)) for s, gait in runs)
+        runs = zip(CURVE_STEERINGS[mechanism], gaits, strict=True)
+        points = tuple(_point(s, steady(body, subject.ground, gait, RUN_WAVES, TRANSIENT_WAVES)) for s, gait in runs)
         found.append(Curve(mechanism, name, points))
         watch(len(found))
     return tuple(found)
 
 
 def _plans(worm: worm3d.Worm, schedule: Schedule) -> Iterator[tuple[Mechanism, str, worm3d.Worm, list[Gait]]]:
-    for mechanism in STEERINGS:
-        steerings = STEERINGS[mechanism]
-        wave = TravellingWave(amplitude=AMPLITUDE, period=PERIOD)
+    for mechanism in CURVE_STEERINGS:
+        steerings = CURVE_STEERINGS[mechanism]
+        wave = TravellingWave(amplitude=WAVE_AMPLITUDE, period=WAVE_PERIOD_S)
         yield mechanism, IN_STEP, worm, [replace(wave, **{mechanism: s}) for s in steerings]  # type: ignore[arg-type]
-        straight = GaitParameters(AMPLITUDE, 1.0 / PERIOD)
+        straight = GaitParameters(WAVE_AMPLITUDE, 1.0 / WAVE_PERIOD_S)
         steered: list[Gait] = [SteeredWave(straight.steered(mechanism, s), schedule) for s in steerings]
         for name, factor in YAW_FACTORS.items():
             yield mechanism, name, replace(worm, k_yaw=np.asarray(worm.k_yaw) * factor), steered
@@ -132,8 +132,8 @@ def _point(steering: float, found: Steady) -> Point:
     return Point(
         steering,
         turn_deg=float(np.rad2deg(motion.turn)),
-        speed_bl_s=motion.distance / PERIOD,
-        drift_bl_s=motion.drift / PERIOD,
+        speed_bl_s=motion.distance / WAVE_PERIOD_S,
+        drift_bl_s=motion.drift / WAVE_PERIOD_S,
         slip_bl=found.slip,
         roll_deg=float(np.rad2deg(found.roll)),
         tipped=found.tipped,
@@ -144,7 +144,7 @@ def phases(subject: Subject, watch: Callable[[int], None] = lambda done: None) -
     """Run every phase with the schedule's bending wave and with a bending wave as long as the contraction wave."""
     found: list[Phases] = []
     worm, ground, schedule = subject
-    for mechanism in STEERINGS:
+    for mechanism in CURVE_STEERINGS:
         for wavelength in (schedule.steering_wavelength, schedule.wavelength):
             found.append(_phases(worm, ground, replace(schedule, steering_wavelength=wavelength), mechanism))
             watch(len(found))
@@ -152,11 +152,11 @@ def phases(subject: Subject, watch: Callable[[int], None] = lambda done: None) -
 
 
 def _phases(worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism) -> Phases:
-    parameters = GaitParameters(AMPLITUDE, 1.0 / PERIOD).steered(mechanism, STEERING[mechanism])
-    name, ahead = f"{mechanism}_phase", 2.0 * np.pi * schedule.lead / PERIOD
+    parameters = GaitParameters(WAVE_AMPLITUDE, 1.0 / WAVE_PERIOD_S).steered(mechanism, STEERING[mechanism])
+    name, ahead = f"{mechanism}_phase", 2.0 * np.pi * schedule.lead / WAVE_PERIOD_S
     turned: list[dict[str, Any]] = [{name: float(np.deg2rad(phase)) - ahead} for phase in PHASES_DEG]
     waves = [SteeredWave(parameters, replace(schedule, **phase)) for phase in turned]
-    runs = [steady(worm, ground, wave, WAVES, SKIPPED) for wave in waves]
+    runs = [steady(worm, ground, wave, RUN_WAVES, TRANSIENT_WAVES) for wave in waves]
     stood = [None if run.tipped else run.motion for run in runs]
     motions = [(np.nan, np.nan) if each is None else (np.rad2deg(each.turn), each.drift) for each in stood]
     turn, drift = np.array(motions).T

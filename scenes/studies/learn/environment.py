@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.learned.acts import ACTS
-from control.learned.senses import MOST, Senses
+from control.learned.senses import OBSERVATION_LIMIT, Senses
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.toml import shown
 from scenes.models.control.build import identified_of
@@ -76,7 +76,7 @@ class _Worm:
         actions = ACTS[how.acts].size
         size = Senses(worm_of(plain), reference_of(plain), actions, how.channels).size
         self.actions = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
-        self.observations = gymnasium.spaces.Box(-MOST, MOST, (size,), np.float32)
+        self.observations = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (size,), np.float32)
 
     def episode(self, random: np.random.Generator) -> Episode:
         """Return an episode with random noise and random values of the varied keys."""

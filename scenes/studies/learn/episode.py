@@ -22,7 +22,7 @@ from control.estimation.estimator import span_of
 from control.gaits.steering import WaveGenerator
 from control.learned.acts import ACTS
 from control.learned.course import Course
-from control.learned.senses import SLOWEST, Senses, along
+from control.learned.senses import MIN_REFERENCE_SPEED, Senses, along
 from control.sensing.gate import Gate
 from control.sensing.sensors import Sensors
 from control.tracking.curves import Curve
@@ -38,7 +38,7 @@ from worm3d.recorded.status import Status
 from worm3d.running.run import Run
 from worm3d.values.arrays import FloatArray
 
-NEAR, CLOSE = 0.01, 0.05
+OFFSET_SCALE, SPEED_ERROR_SCALE = 0.01, 0.05
 """Offset [body lengths] and relative error of the speed that each reduce the reward by a third of a unit, (LE1)."""
 FALLEN = -5.0
 """Reward of a period with divergence of the run: less than for any offset that worms reach."""
@@ -160,14 +160,14 @@ class Episode:
 
     def _reward(self, facts: dict[str, Any]) -> float:
         """Return (LE1); without the second part in the first waves."""
-        asked = max(float(self._reference.speed(self._time)), SLOWEST * self._length)
+        asked = max(float(self._reference.speed(self._time)), MIN_REFERENCE_SPEED * self._length)
         miss = 0.0 if facts["speed_m_s"] is None else facts["speed_m_s"] / asked - 1.0
         return float(reward_of(facts["offset_m"] / self._length, miss))
 
 
 def reward_of(aside: ArrayLike, miss: ArrayLike) -> FloatArray:
     """Return (LE1) of offsets [body lengths] and relative errors of the speed."""
-    lost = np.log1p((np.asarray(aside) / NEAR) ** 2) + np.log1p((np.asarray(miss) / CLOSE) ** 2)
+    lost = np.log1p((np.asarray(aside) / OFFSET_SCALE) ** 2) + np.log1p((np.asarray(miss) / SPEED_ERROR_SCALE) ** 2)
     return np.asarray(1.0 - 0.5 * lost)
 
 

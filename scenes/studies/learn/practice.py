@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from control.gaits.steering import BLEND
 from control.identification.identified import Identified
 from control.learned.acts import TRIM, TURN
-from control.learned.senses import AHEAD, FADING, MOST, OWN, assembled
+from control.learned.senses import BASE_OBSERVATION_SIZE, CURVATURE_DISTANCES, FADING, OBSERVATION_LIMIT, assembled
 from control.planning.feed_forward import FeedForward
 from scenes.studies.learn.episode import reward_of
 from worm3d.values.arrays import FloatArray
@@ -49,9 +49,9 @@ DRAWN: dict[str, tuple[float, float]] = {
 """Least and greatest random values of an episode, in body lengths, seconds and radians: speeds and curvatures in the
 default worm's range, gains for other worms and slopes (up to a fifth of the speed), starts up to a fifth of a body
 length off."""
-STRAIGHT = 0.3
+STRAIGHT_SHARE = 0.3
 """Share of the paths that are lines."""
-NEAR = 0.4
+ON_PATH_SHARE = 0.4
 """Share of the episodes that begin on the path."""
 DURATION = 30.0
 """Duration of an episode [s]."""
@@ -123,9 +123,9 @@ class Practice:
             self._drawn[name][which] = self._random.uniform(low, high, n)
         drawn, straight, near = self._drawn, self._random.random(n), self._random.random(n)
         for name in ("bend", "swing"):
-            drawn[name][which] *= straight >= STRAIGHT
+            drawn[name][which] *= straight >= STRAIGHT_SHARE
         for name in ("aside", "heading"):
-            drawn[name][which] *= near >= NEAR
+            drawn[name][which] *= near >= ON_PATH_SHARE
         self._state[:, which] = 0.0
         self._state[1, which], self._state[2, which] = drawn["aside"][which], drawn["heading"][which]
         for part in (self._age, self._means, self._action, self._steered):
@@ -176,7 +176,7 @@ class Practice:
     def _fade(self) -> None:
         """Add the present errors to the fading means."""
         left, (_, place) = np.exp(-self._period / FADING), self._motion()[0]
-        errors = np.clip(np.array([10.0 * place[1], self._miss(1)]), -MOST, MOST).T
+        errors = np.clip(np.array([10.0 * place[1], self._miss(1)]), -OBSERVATION_LIMIT, OBSERVATION_LIMIT).T
         self._means = left * self._means + (1.0 - left) * errors
 
     def _miss(self, measured: int) -> FloatArray:
@@ -188,7 +188,7 @@ class Practice:
         (_, place), (_, velocity) = self._motion()
         known, speed = self._looks >= self._samples.shape[-1], self._drawn["speed"]
         course = np.where(known, np.arctan2(velocity[1], velocity[0]), 0.0)
-        ahead = place[0] + velocity[0] * known * 0.5 / self._frequency + AHEAD[:, None]
+        ahead = place[0] + velocity[0] * known * 0.5 / self._frequency + CURVATURE_DISTANCES[:, None]
         seen = assembled(
             known,
             speed,
@@ -200,5 +200,5 @@ class Practice:
             self._steered.mean(axis=1),
             self._action.T,
         )
-        assert len(seen) == OWN + ACTIONS
+        assert len(seen) == BASE_OBSERVATION_SIZE + ACTIONS
         return seen.T.astype(np.float32)

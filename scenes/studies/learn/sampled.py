@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from control.tracking.paths import Path
 from worm3d.values.arrays import FloatArray
 
-STEP = 0.01
+CORNER_SPACING = 0.01
 """Distance of the corners over the body length; on a circle of this radius, chords are off by 1/80000 of the radius."""
-REACH = 0.5
+PATH_SEARCH_DISTANCE = 0.5
 """Largest distance along the path in the search for the nearest point [body lengths]."""
 
 
@@ -22,9 +22,13 @@ class Sampled:
     closed = False
 
     def __init__(self, path: Path, length: float, body: float) -> None:
-        self._s = np.arange(-body, length + body, STEP * body)
+        self._s = np.arange(-body, length + body, CORNER_SPACING * body)
         self._r, self._headings = path.point(self._s), path.heading(self._s)
-        self._curvatures, self._reach, self.length = path.curvature(self._s), round(REACH / STEP), length
+        self._curvatures, self._reach, self.length = (
+            path.curvature(self._s),
+            round(PATH_SEARCH_DISTANCE / CORNER_SPACING),
+            length,
+        )
 
     def point(self, s: ArrayLike) -> FloatArray:
         """Return the points; see `Path`."""

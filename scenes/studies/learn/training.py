@@ -39,11 +39,11 @@ DISCOUNT = 0.97
 """Discount of a control period; rewards are scaled by 1 - DISCOUNT, so that values have the size of a reward."""
 HIDDEN = [32, 32]
 """Widths of the hidden layers, for both policy and value."""
-PERIODS = 32
+PERIODS_PER_UPDATE = 32
 """Number of control periods of each worm between two updates."""
 BATCH = 256
 """Number of samples in a step of the optimiser."""
-NOISE = -1.5
+INITIAL_LOG_NOISE = -1.5
 """Logarithm of the initial noise of the actions."""
 RATES, LATER_RATES = (1e-3, 1e-4), (2e-4, 5e-5)
 """Learning rates at the beginning and at the end; `LATER_RATES` apply after practice."""
@@ -130,10 +130,10 @@ def _ppo(worms: _Worms, rates: tuple[float, float], clock: _Clock, seed: int) ->
         "MlpPolicy",
         worms,
         learning_rate=lambda _: rates[0] + (rates[1] - rates[0]) * clock.share,
-        n_steps=PERIODS,
-        batch_size=min(BATCH, worms.num_envs * PERIODS),
+        n_steps=PERIODS_PER_UPDATE,
+        batch_size=min(BATCH, worms.num_envs * PERIODS_PER_UPDATE),
         gamma=DISCOUNT,
-        policy_kwargs={"net_arch": HIDDEN, "log_std_init": NOISE},
+        policy_kwargs={"net_arch": HIDDEN, "log_std_init": INITIAL_LOG_NOISE},
         seed=seed,
         device="cpu",
     )

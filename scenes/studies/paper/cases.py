@@ -19,18 +19,18 @@ from scenes.models.planar.merit import Travel, cost_of_transport
 
 SEGMENTS = (3, 4, 5, 6, 7)
 """Segment counts of Table II, at a period of 2 s."""
-PERIODS = (1.0, 2.0, 3.0, 4.0, 5.0)
+PAPER_PERIODS_S = (1.0, 2.0, 3.0, 4.0, 5.0)
 """Wave periods of Table III [s], with six segments."""
 Key = tuple[int, float]
 """Number of segments, wave period [s]."""
 
-AMPLITUDE = 0.2
+CORRECTED_AMPLITUDE = 0.2
 """Contraction of the corrected worm at activation 1."""
 
 Ground = Literal["anchored", "threshold", "clamped"]
 """Contact with set-valued friction, contact with the paper's friction (P10), or clamped with (P9) and (P10)."""
 
-NAMES: dict[Ground, str] = {
+GROUND_NAMES: dict[Ground, str] = {
     "anchored": "contact, set-valued friction",
     "threshold": "contact, threshold friction (P10)",
     "clamped": "clamped, (P9) and (P10)",
@@ -55,7 +55,7 @@ class Row:
 
 def published_keys() -> list[Key]:
     """Return the runs of both tables, each once, in the order of the tables."""
-    return list(dict.fromkeys([(n, 2.0) for n in SEGMENTS] + [(6, T) for T in PERIODS]))
+    return list(dict.fromkeys([(n, 2.0) for n in SEGMENTS] + [(6, T) for T in PAPER_PERIODS_S]))
 
 
 def published_run(key: Key) -> published.Run:
@@ -108,7 +108,7 @@ def corrected_keys() -> list[GroundKey]:
     grounds: tuple[Ground, ...] = ("threshold", "clamped")
     return [
         *((n, T, "anchored") for n, T in published_keys()),
-        *((6, T, ground) for ground in grounds for T in PERIODS),
+        *((6, T, ground) for ground in grounds for T in PAPER_PERIODS_S),
     ]
 
 
@@ -125,7 +125,7 @@ def corrected_run(key: GroundKey) -> linkage.Run:
 
 def wave(n: int, T: float, direction: gaits.Direction = "direct") -> Gait:
     """Return the paper's wave as contraction of n segments."""
-    pattern = gaits.TravellingWave(amplitude=AMPLITUDE, period=T, direction=direction)
+    pattern = gaits.TravellingWave(amplitude=CORRECTED_AMPLITUDE, period=T, direction=direction)
     return lambda t: pattern.amplitude * pattern.activation(t, n)
 
 
@@ -174,5 +174,6 @@ def overstatements(distance: Callable[[GroundKey], float]) -> list[Overstatement
         return 100.0 * (distance((6, T, ground)) / true - 1.0) if true > 0.0 else None
 
     return [
-        Overstatement(T, distance((6, T, "anchored")), percent(T, "threshold"), percent(T, "clamped")) for T in PERIODS
+        Overstatement(T, distance((6, T, "anchored")), percent(T, "threshold"), percent(T, "clamped"))
+        for T in PAPER_PERIODS_S
     ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from control.gaits import ContractionEngine_segmentdriven
 from planar import published
 from planar.published import Parameters, Run
-from scenes.studies.paper.cases import PERIODS, SEGMENTS, Key, Row
+from scenes.studies.paper.cases import PAPER_PERIODS_S, SEGMENTS, Key, Row
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Claim:
 def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
     """Return every claim of the paper with its verdict; makes about ten additional runs of the program."""
     table_2 = [next(r for r in rows if (r.n, r.T_wave_s) == (n, 2.0)) for n in SEGMENTS]
-    table_3 = [next(r for r in rows if (r.n, r.T_wave_s) == (6, T)) for T in PERIODS]
+    table_3 = [next(r for r in rows if (r.n, r.T_wave_s) == (6, T)) for T in PAPER_PERIODS_S]
     return [
         *_segment_claims(table_2),
         *_period_claims(table_3),
@@ -63,7 +63,7 @@ def by_period(what: str, values: Sequence[float | None]) -> Claim:
         claim=f"a shorter wave period means {what}",
         source="IV.B, Fig. 12 and 13",
         verdict=verdict(_rises(_numbers(values)[::-1])),
-        evidence="T_wave = " + listed([f"{T:g} s" for T in PERIODS], values),
+        evidence="T_wave = " + listed([f"{T:g} s" for T in PAPER_PERIODS_S], values),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from planar.linkage import Friction, Run, simulate
-from scenes.studies.paper.cases import AMPLITUDE, PERIODS, SEGMENTS, CorrectedRow, GroundKey, wave
+from scenes.studies.paper.cases import CORRECTED_AMPLITUDE, PAPER_PERIODS_S, SEGMENTS, CorrectedRow, GroundKey, wave
 from scenes.studies.paper.claims import Claim, by_period, by_segments, listed, verdict
 
 TORSIONS = (1.0, 1e2, 1e4, 1e6)
@@ -20,7 +20,7 @@ def corrected_claims(runs: Mapping[GroundKey, Run], rows: Sequence[CorrectedRow]
     main = runs[6, 2.0, "anchored"]
     return [
         *segment_claims([contact[n, 2.0] for n in SEGMENTS]),
-        *period_claims([contact[6, T] for T in PERIODS]),
+        *period_claims([contact[6, T] for T in PAPER_PERIODS_S]),
         _friction_claim(main),
         mechanism_claim(main),
         _wave_claim(main),
@@ -61,7 +61,7 @@ def _friction_claim(main: Run) -> Claim:
 
 def mechanism_claim(main: Run) -> Claim:
     """Judge that an active segment widens and shortens."""
-    active, passive = main.contraction > 0.95 * AMPLITUDE, main.contraction == 0.0
+    active, passive = main.contraction > 0.95 * CORRECTED_AMPLITUDE, main.contraction == 0.0
     height = np.linalg.norm(main.apexes[:, :, 1] - main.apexes[:, :, 0], axis=-1)
     shorter = main.length[active].mean() < main.length[passive].mean()
     wider = height[active].mean() > height[passive].mean()

@@ -13,8 +13,8 @@ from control.gaits.patterns import GAUSSIAN_WIDTH
 from planar import figures, linkage, published
 from scenes.models.planar.linkage import cumulative_cost
 from scenes.studies.paper.cases import (
-    NAMES,
-    PERIODS,
+    GROUND_NAMES,
+    PAPER_PERIODS_S,
     SEGMENTS,
     CorrectedRow,
     Ground,
@@ -24,15 +24,15 @@ from scenes.studies.paper.cases import (
 )
 from worm3d.values.arrays import FloatArray
 
-FORCE = published.Parameters().contraction_force
+CONTRACTION_FORCE = published.Parameters().contraction_force
 """Force of a segment at activation 1 [N]."""
 
-SHOWN = 6
+FIGURE_SEGMENTS = 6
 """Number of segments in figures 7 to 9."""
 
 ENGINE = SegmentDriven()
 
-T_CONTRACT = ENGINE.T_wave / SHOWN
+T_CONTRACT = ENGINE.T_wave / FIGURE_SEGMENTS
 """Duration of a contraction in figures 7 and 8: one segment at a time [s]."""
 
 OUR_CHOICE = f"T_contract = {T_CONTRACT:.3g} s (one segment at a time)"
@@ -45,7 +45,7 @@ COMPARED = (2.0, 5.0)
 def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
     """Return the figures by file stem, named after the figures of the paper."""
     by_segments = {f"n = {n}": runs[n, 2.0] for n in SEGMENTS}
-    by_period = {f"T = {T:g} s": runs[6, T] for T in PERIODS}
+    by_period = {f"T = {T:g} s": runs[6, T] for T in PAPER_PERIODS_S}
     return {
         "figure_7_segment_activation": _segment_activation(),
         "figure_8_segment_contraction_force": _segment_force(),
@@ -59,7 +59,7 @@ def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
 
 def _sampled(activation: Callable[[float, int], FloatArray], duration: float) -> tuple[FloatArray, FloatArray]:
     time = np.arange(0.0, duration, 0.01)
-    return time, np.array([activation(t, SHOWN) for t in time])
+    return time, np.array([activation(t, FIGURE_SEGMENTS) for t in time])
 
 
 def _segment_activation() -> Figure:
@@ -76,9 +76,12 @@ def _segment_force() -> Figure:
     pulses: tuple[gaits.Pulse, ...] = ("gaussian", "square", "dirac")
     for axes, pulse in zip(figure.subplots(1, 3, sharey=True), pulses, strict=True):
         time, activation = _sampled(SegmentDriven(contractType=pulse, T_contract=T_CONTRACT).activation, 4.0)
-        figures.activation(time, FORCE * activation, f"Fig. 8: {pulse} pulse", "contraction force", "N", axes)
+        figures.activation(
+            time, CONTRACTION_FORCE * activation, f"Fig. 8: {pulse} pulse", "contraction force", "N", axes
+        )
     figure.suptitle(
-        f"our choice: {OUR_CHOICE}, gaussian's sigma = {GAUSSIAN_WIDTH:g} T_contract, {FORCE:g} N", fontsize=10
+        f"our choice: {OUR_CHOICE}, gaussian's sigma = {GAUSSIAN_WIDTH:g} T_contract, {CONTRACTION_FORCE:g} N",
+        fontsize=10,
     )
     return figure
 
@@ -87,7 +90,7 @@ def _wave_force() -> Figure:
     wave = gaits.TravellingWave(period=2.0, wavelength=1.0, direction="direct")
     time, activation = _sampled(wave.activation, 10.0)
     figure, _ = figures.activation(
-        time, FORCE * activation, "Fig. 9: wave contraction, T_wave = 2 s", "contraction force", "N"
+        time, CONTRACTION_FORCE * activation, "Fig. 9: wave contraction, T_wave = 2 s", "contraction force", "N"
     )
     return figure
 
@@ -118,8 +121,8 @@ def corrected_figures(
     """Return the figures by file stem."""
     contact = {(r.n, r.T_wave_s): r for r in rows if r.law == "anchored"}
     by_segments = {f"n = {n}": runs[n, 2.0, "anchored"] for n in SEGMENTS}
-    by_period = {f"T = {T:g} s": runs[6, T, "anchored"] for T in PERIODS}
-    table_2, table_3 = [contact[n, 2.0] for n in SEGMENTS], [contact[6, T] for T in PERIODS]
+    by_period = {f"T = {T:g} s": runs[6, T, "anchored"] for T in PAPER_PERIODS_S}
+    table_2, table_3 = [contact[n, 2.0] for n in SEGMENTS], [contact[6, T] for T in PAPER_PERIODS_S]
     return {
         "corrected_figure_10_centre_of_mass_by_segments": _corrected_com(by_segments, "Fig. 10 corrected, T = 2 s"),
         "corrected_figure_11_cost_by_segments": _corrected_cost(
@@ -127,7 +130,7 @@ def corrected_figures(
         ),
         "corrected_figure_12_centre_of_mass_by_period": _corrected_com(by_period, "Fig. 12 corrected, n = 6"),
         "corrected_figure_13_cost_by_period": _corrected_cost(
-            by_period, np.array(PERIODS), table_3, "wave period [s]", "Fig. 13 corrected, n = 6"
+            by_period, np.array(PAPER_PERIODS_S), table_3, "wave period [s]", "Fig. 13 corrected, n = 6"
         ),
         "friction_threshold_against_set_valued": _friction(runs, overstatements),
     }
@@ -157,11 +160,11 @@ def _friction(runs: Mapping[GroundKey, linkage.Run], overstatements: Sequence[Ov
     figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
     by_period = {each.T_wave_s: each for each in overstatements}
     for axes, T in zip(figure.subplots(1, 2), COMPARED, strict=True):
-        curves = {_labelled(ground, by_period[T]): runs[6, T, ground].com[:, 0] for ground in NAMES}
+        curves = {_labelled(ground, by_period[T]): runs[6, T, ground].com[:, 0] for ground in GROUND_NAMES}
         figures.centre_of_mass(runs[6, T, "anchored"].time, curves, f"six segments, T = {T:g} s", axes)
     return figure
 
 
 def _labelled(ground: Ground, by: Overstatement) -> str:
     percent = {"anchored": None, "threshold": by.threshold_percent, "clamped": by.clamped_percent}[ground]
-    return NAMES[ground] if percent is None else f"{NAMES[ground]}: {percent:+.0f} %"
+    return GROUND_NAMES[ground] if percent is None else f"{GROUND_NAMES[ground]}: {percent:+.0f} %"

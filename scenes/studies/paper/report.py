@@ -21,7 +21,7 @@ from scenes.running.drawing import save_figure, save_movie
 from scenes.running.packages import versions
 from scenes.running.terminal import busy, each
 from scenes.studies.paper import cases
-from scenes.studies.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
+from scenes.studies.paper.cases import PAPER_PERIODS_S, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
 from scenes.studies.paper.claims import Claim, claims
 from scenes.studies.paper.corrected_claims import corrected_claims
 from scenes.studies.paper.differences import Difference, differences
@@ -206,5 +206,5 @@ def _paragraph(text: str, width: int) -> list[str]:
 
 def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
     yield "Table II: segments", [r for r in rows if r.T_wave_s == 2.0 and r.n in SEGMENTS]
-    by_period = [r for r in rows if r.n == 6 and r.T_wave_s in PERIODS]
+    by_period = [r for r in rows if r.n == 6 and r.T_wave_s in PAPER_PERIODS_S]
     yield "Table III: wave period", sorted(by_period, key=lambda r: r.T_wave_s)

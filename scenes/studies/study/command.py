@@ -8,14 +8,21 @@ from pathlib import Path
 import typer
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED, says
+from scenes.language.loader import SHIPPED_FOLDER, says
 from scenes.models.loading import Scene
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.runner import EXIT_CODES
 from scenes.studies.study.lessons import answers, lessons
-from scenes.studies.study.report import NUMBERS, PICTURE, TEXT, document, numbers, together
+from scenes.studies.study.report import (
+    STUDY_FIGURE_FILE,
+    STUDY_TABLE_FILE,
+    STUDY_TEXT_FILE,
+    document,
+    numbers,
+    together,
+)
 from scenes.studies.study.study import Grid
 from scenes.sweep import command as sweeps
 from scenes.sweep.links import given_keys
@@ -25,13 +32,13 @@ from scenes.sweep.table import Table
 REPORT = "report.md"
 ACCURACY, INTEGRATOR = "run.accuracy", "run.integrator"
 """Keys that decide whether the errors of a case are known."""
-ASKED = 0.01
+CASE_ACCURACY = 0.01
 """Accuracy of the cases of a study: 0.003 takes twice as long for a third of the error, 0.03 half as long."""
 
 
 def shipped_studies() -> dict[str, Path]:
     """Return the files of the studies that come with the program, by name."""
-    return {path.stem: path for path in sorted((SHIPPED / "studies").glob("*.toml"))}
+    return {path.stem: path for path in sorted((SHIPPED_FOLDER / "studies").glob("*.toml"))}
 
 
 def list_studies() -> None:
@@ -54,9 +61,9 @@ def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.
             return
         from scenes.studies.study.figure import draw  # imports matplotlib
 
-        write_bytes(folder / TEXT, document(grid).encode())
-        write_bytes(folder / NUMBERS, numbers(grid))
-        save_figure(draw(grid), folder / PICTURE)
+        write_bytes(folder / STUDY_TEXT_FILE, document(grid).encode())
+        write_bytes(folder / STUDY_TABLE_FILE, numbers(grid))
+        save_figure(draw(grid), folder / STUDY_FIGURE_FILE)
         yield from (*answers(grid), *lessons(grid))
 
     scene = shipped_studies().get(name, name)
@@ -72,9 +79,9 @@ def with_accuracy(scene: str | Path, overrides: Sequence[str]) -> Sequence[str]:
     base = source.base()
     run = getattr(base.settings, "run", None)
     chosen = {ACCURACY, INTEGRATOR} & given_keys(base.sweep)
-    if chosen or getattr(run, "accuracy", ASKED) is not None or getattr(run, "integrator", "") != "bdf2":
+    if chosen or getattr(run, "accuracy", CASE_ACCURACY) is not None or getattr(run, "integrator", "") != "bdf2":
         return overrides
-    return (*overrides, f"{ACCURACY}={ASKED}")
+    return (*overrides, f"{ACCURACY}={CASE_ACCURACY}")
 
 
 def run_all(out: Path | None, options: sweeps.Options) -> int:
@@ -95,7 +102,7 @@ def run_all(out: Path | None, options: sweeps.Options) -> int:
         write_bytes(folder / REPORT, b"The studies have not come to their end: start them again.\n")
         for name in shipped_studies():
             codes.append(_run(name, (), folder / name, options, found))
-            if codes[-1] == sweeps.INTERRUPTED:
+            if codes[-1] == sweeps.INTERRUPTED_CODE:
                 return codes[-1]
         write_bytes(folder / REPORT, together(found).encode())
         typer.echo(f"{folder / REPORT} has what they tell together")

@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from worm3d.values.arrays import FloatArray
 
-FLAT = 0.05
+MAX_FLAT_CHANGE = 0.05
 """Largest relative change, over the largest magnitude, of a curve that hardly depends on x."""
 RIPPLE = 0.05
 """Change against the trend, over the whole change, that is ignored: half as much would report the noise of time steps,
 twice as much would miss the dip at half a wavelength."""
-NEAR = 0.05
+NEGLIGIBLE_LOSS = 0.05
 """Loss relative to the best value that hardly matters."""
-MOST = 0.9
+MAIN_CHANGE_SHARE = 0.9
 """Share that counts as most of a change."""
 EARLY = 2.0 / 3.0
-"""Largest share of the places at which reaching `MOST` of a change counts as early."""
+"""Largest share of the places at which reaching `MAIN_CHANGE_SHARE` of a change counts as early."""
 AT_END, AT_GAP = "the range ends there", "the values end there"
 
 Told = Callable[[int], str]
@@ -56,7 +56,7 @@ class Shape:
         if len(known) < 2:
             return cls(y, off, (), flat=False)
         span = float(np.ptp(y[known]))
-        small = span <= FLAT * float(np.abs(y[known]).max())
+        small = span <= MAX_FLAT_CHANGE * float(np.abs(y[known]).max())
         turns = _turns(y, off, known, RIPPLE * span)
         return cls(y, off, turns, flat=small or not _resolved(y, off))
 
@@ -87,7 +87,7 @@ class Shape:
 
     def near(self, place: int) -> tuple[int, int]:
         """Return the first and the last place of the range around a place with nearly the same value."""
-        alike = np.abs(self.y - self.y[place]) <= NEAR * abs(float(self.y[place]))
+        alike = np.abs(self.y - self.y[place]) <= NEGLIGIBLE_LOSS * abs(float(self.y[place]))
         low = high = place
         while low > 0 and alike[low - 1]:
             low -= 1
@@ -185,11 +185,11 @@ def _early(shape: Shape, x: Told) -> str:
     """Return the place where most of a rise or fall is reached, if this place is early."""
     begin, end = shape.turns
     change = (shape.y[begin : end + 1] - shape.y[begin]) / (shape.y[end] - shape.y[begin])
-    place = begin + int(np.nanargmax(change >= MOST))
+    place = begin + int(np.nanargmax(change >= MAIN_CHANGE_SHARE))
     early = place - begin <= EARLY * (end - begin) and place > begin
     return f", nine tenths of the way at {x(place)}" if early else ""
 
 
 def _near(shape: Shape, place: int, x: Told) -> str:
     low, high = shape.near(place)
-    return f" (within {NEAR:.0%} of it from {x(low)} to {x(high)})" if low < high else ""
+    return f" (within {NEGLIGIBLE_LOSS:.0%} of it from {x(low)} to {x(high)})" if low < high else ""

@@ -16,10 +16,10 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from scenes.studies.study.study import Grid
 from scenes.studies.study.view import Axis, View
-from scenes.sweep.figures import FAILED, colours, edges, is_logarithmic
+from scenes.sweep.figures import FAILED_MARKER, colours, edges, is_logarithmic
 from worm3d.values.arrays import FloatArray
 
-COLUMNS = 3
+FIGURE_COLUMNS = 3
 PANEL = (4.2, 3.4)
 """Size of a panel [inch]."""
 WRAPPED = 50
@@ -38,7 +38,7 @@ MOST_NUMBERS = 9
 def draw(grid: Grid) -> Figure:
     """Return the figure of a study."""
     panels = [view for view in grid.views() if np.isfinite(view.values).any()]
-    columns = min(len(panels), 2 if len(panels) == 4 else COLUMNS)
+    columns = min(len(panels), 2 if len(panels) == 4 else FIGURE_COLUMNS)
     rows = math.ceil(len(panels) / columns)
     figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.8), layout="constrained", dpi=120)
     places = figure.subplots(rows, columns, squeeze=False)
@@ -76,7 +76,9 @@ def _curves(axes: Axes, grid: Grid, view: View) -> None:
     for marked in grid.marked().values():
         rows, columns = np.nonzero(marked)
         axes.plot(x[rows], values[rows, columns], "o", ms=9, mfc="none", color="k")
-    axes.scatter(x[grid.failed.any(axis=1)], np.full(grid.failed.any(axis=1).sum(), 0.03), transform=foot, **FAILED)
+    axes.scatter(
+        x[grid.failed.any(axis=1)], np.full(grid.failed.any(axis=1).sum(), 0.03), transform=foot, **FAILED_MARKER
+    )
     _number_axis(axes, "x", grid.x, x)
     if (values[np.isfinite(values)] <= 0.0).any() and (values[np.isfinite(values)] >= 0.0).any():
         axes.axhline(0.0, color="0.5", lw=0.8)
@@ -119,7 +121,7 @@ def _map(axes: Axes, grid: Grid, view: View) -> None:
     mesh = axes.pcolormesh(*corners, np.ma.masked_invalid(cells), **style)
     axes.set_facecolor("0.92")
     columns, rows = np.nonzero(grid.failed[np.ix_(*orders)])
-    axes.scatter(x[columns], y[rows], **FAILED)
+    axes.scatter(x[columns], y[rows], **FAILED_MARKER)
     for marked, hatch in zip(grid.marked().values(), HATCHES, strict=False):
         shown = np.ma.masked_equal(marked[np.ix_(*orders)].T.astype(float), 0.0)
         axes.pcolor(*corners, shown, hatch=hatch, cmap=ListedColormap([(0.0, 0.0, 0.0, 0.0)]))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.running.terminal import counted
-from scenes.studies.study.curves import NEAR, Shape, apart, sentence
+from scenes.studies.study.curves import NEGLIGIBLE_LOSS, Shape, apart, sentence
 from scenes.studies.study.study import MOST_CURVES, Grid
 from scenes.studies.study.view import Axis, View
 from worm3d.values.arrays import FloatArray
@@ -158,7 +158,7 @@ def _best_place(axis: Axis, shape: Shape, best: int, *, near: bool = False) -> s
     level = [k for k in shape.level(best) if k != best]
     said = [f"level with {_runs(axis, level)}"] if level else []
     low, high = shape.near(best)
-    said += [f"within {NEAR:.0%} of it from {axis.told(low, high)}"] if near and low < high else []
+    said += [f"within {NEGLIGIBLE_LOSS:.0%} of it from {axis.told(low, high)}"] if near and low < high else []
     said += [edge] if (edge := shape.edge(best)) else []
     return axis.told(best) + (f" [{', '.join(said)}]" if said else "")
 

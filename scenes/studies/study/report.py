@@ -13,7 +13,7 @@ from scenes.studies.study.lessons import answers, lessons, verdicts
 from scenes.studies.study.study import Grid
 from scenes.sweep.table import cell
 
-PICTURE, TEXT, NUMBERS = "study.png", "study.md", "study.csv"
+STUDY_FIGURE_FILE, STUDY_TEXT_FILE, STUDY_TABLE_FILE = "study.png", "study.md", "study.csv"
 """Files of a study in its folder."""
 MOST_ROWS = 48
 """Largest number of cases in the table of a study; `study.csv` has all cases."""
@@ -74,14 +74,14 @@ def _study(grid: Grid, level: str, folder: str) -> Iterator[str]:
     if asked.held:
         yield from (f"Held constant: {asked.held}.", "")
     yield from (f"* {line}" for line in lessons(grid))
-    yield from ("", f"![{grid.scene.name}]({folder}{PICTURE})", "")
+    yield from ("", f"![{grid.scene.name}]({folder}{STUDY_FIGURE_FILE})", "")
     yield from _table(grid)
 
 
 def _table(grid: Grid) -> Iterator[str]:
     rows = len(grid.x.varied.values) * len(grid.curves)
     if rows > MOST_ROWS:
-        yield f"All cases are in `{NUMBERS}`, with what each number may be off by (`_off`)."
+        yield f"All cases are in `{STUDY_TABLE_FILE}`, with what each number may be off by (`_off`)."
         return
     views, marks = [grid.view(measure) for measure in grid.measures], grid.marked()
     header = [grid.x.label, *([grid.other.label] if grid.other else []), *(each.measure.label for each in views)]

@@ -21,13 +21,13 @@ from scenes.sweep.links import given_keys, value_at
 from scenes.sweep.table import Table
 from scenes.sweep.waves import ALIASED
 from worm3d.values.arrays import FloatArray
-from worm3d.values.metrics import ROUNDING, named
+from worm3d.values.metrics import METRIC_ROUNDING, named
 from worm3d.values.spelling import did_you_mean
 
 MOST_CURVES = 5
 """Largest number of curves for the values of a second number, and largest number of curves that are described one by
 one; more numbers make a map."""
-NOTHING = 1e-9
+RELATIVE_ROUNDING = 1e-9
 """Magnitude of a figure that counts as rounding, over the largest magnitude in the study."""
 IMAGE = f"the wave is aliased (at most {ALIASED:.1f} segments long)"
 """Mark of cases whose segments cannot carry their wave."""
@@ -162,7 +162,10 @@ class Grid:
     def _least(self, name: str) -> float:
         """Return the least magnitude of a figure that does not count as rounding."""
         known = np.abs(self._column(name))
-        return max(ROUNDING.get(named(name)[1], 0.0), NOTHING * float(known[np.isfinite(known)].max(initial=0.0)))
+        return max(
+            METRIC_ROUNDING.get(named(name)[1], 0.0),
+            RELATIVE_ROUNDING * float(known[np.isfinite(known)].max(initial=0.0)),
+        )
 
     def _at(self, column: NDArray[Any], place: int | None) -> NDArray[Any]:
         """Return a column of the table at a place along `by`, or at the scene's own value, shape (X, C)."""

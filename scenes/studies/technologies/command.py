@@ -17,7 +17,11 @@ from scenes.studies.technologies.limits import Verdict, judged
 from scenes.studies.technologies.runs import Bench
 from worm3d.physics.actuator_names import TECHNOLOGIES
 
-TABLE, TEXT, PICTURE = "technologies.csv", "technologies.md", "technologies.png"
+TECHNOLOGY_TABLE_FILE, TECHNOLOGY_TEXT_FILE, TECHNOLOGY_FIGURE_FILE = (
+    "technologies.csv",
+    "technologies.md",
+    "technologies.png",
+)
 
 
 def run(
@@ -43,11 +47,11 @@ def run(
 def _keep(bench: Bench, verdicts: Sequence[Verdict], folder: Path, *, quiet: bool) -> None:
     from scenes.studies.technologies.figure import draw  # imports matplotlib
 
-    write_bytes(folder / TABLE, report.table(verdicts))
-    write_bytes(folder / TEXT, report.text(bench, verdicts).encode())
+    write_bytes(folder / TECHNOLOGY_TABLE_FILE, report.table(verdicts))
+    write_bytes(folder / TECHNOLOGY_TEXT_FILE, report.text(bench, verdicts).encode())
     with busy("drawing", quiet=quiet):
-        save_figure(draw(bench, verdicts), folder / PICTURE)
+        save_figure(draw(bench, verdicts), folder / TECHNOLOGY_FIGURE_FILE)
     if not quiet:
         for one in verdicts:
             typer.echo(one.sentence)
-        typer.echo(f"  written to {folder}: {TABLE}, {TEXT}, {PICTURE}")
+        typer.echo(f"  written to {folder}: {TECHNOLOGY_TABLE_FILE}, {TECHNOLOGY_TEXT_FILE}, {TECHNOLOGY_FIGURE_FILE}")

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from scenes.studies.technologies.limits import ALL, MOVES, Verdict
 from scenes.studies.technologies.runs import Bench
 
-COLOURS = {"speed": "C0", "force": "C3", "stroke": "C1", "heat": "C5", ALL: "C4", "": "0.6"}
+LIMIT_COLOURS = {"speed": "C0", "force": "C3", "stroke": "C1", "heat": "C5", ALL: "C4", "": "0.6"}
 MEANINGS = {"speed": "too slow", "force": "too weak", "stroke": "too short", "heat": "too warm", ALL: "all together"}
 STYLES = ("-", "--", ":")
 BELOW: Mapping[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.12), "fontsize": 8}
@@ -35,19 +35,24 @@ def draw(bench: Bench, verdicts: Sequence[Verdict]) -> Figure:
 def _speeds(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
     rows = np.arange(len(verdicts))
     own = np.array([each.own.speed for each in verdicts])
-    axes.barh(rows, np.nan_to_num(own), color=[COLOURS[each.limit] for each in verdicts], height=0.7)
+    axes.barh(rows, np.nan_to_num(own), color=[LIMIT_COLOURS[each.limit] for each in verdicts], height=0.7)
     free = [each.without[each.limit].speed if each.limit else np.nan for each in verdicts]
     axes.plot(free, rows, "k|", ms=14, mew=2)
     for k, each in enumerate(verdicts):
         if not each.moves:
             axes.text(
-                np.nanmax([0.0, free[k]]), k, "  does not move it", va="center", fontsize=8, color=COLOURS[each.limit]
+                np.nanmax([0.0, free[k]]),
+                k,
+                "  does not move it",
+                va="center",
+                fontsize=8,
+                color=LIMIT_COLOURS[each.limit],
             )
     axes.set_yticks(rows, [each.kind for each in verdicts])
     axes.set_ylim(len(verdicts) - 0.4, -0.6)
     axes.set_xlabel(f"speed at the scene's period of {bench.period:g} s [BL/s]")
-    shown = [name for name in COLOURS if any(each.limit == name for each in verdicts)]
-    marks = [Patch(color=COLOURS[name], label=MEANINGS.get(name, "no limit of its own")) for name in shown]
+    shown = [name for name in LIMIT_COLOURS if any(each.limit == name for each in verdicts)]
+    marks = [Patch(color=LIMIT_COLOURS[name], label=MEANINGS.get(name, "no limit of its own")) for name in shown]
     axes.legend(handles=marks, title="what limits it (|: without that limit)", title_fontsize=8, ncols=3, **BELOW)
     axes.grid(axis="x", alpha=0.3)
 

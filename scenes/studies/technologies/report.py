@@ -9,9 +9,9 @@ from typing import Any
 from scenes.records.text import csv_bytes, markdown_table
 from scenes.studies.technologies.limits import Verdict
 from scenes.studies.technologies.runs import Bench
-from worm3d.physics.technologies.presets import TABLE
+from worm3d.physics.technologies.presets import TECHNOLOGY_PRESETS
 
-COLUMNS = (
+VERDICT_COLUMNS = (
     ("technology", "technology"),
     ("speed_bl_s", "speed [BL/s]"),
     ("stride_bl", "way a wave [BL]"),
@@ -57,7 +57,7 @@ def row(of: Verdict) -> dict[str, Any]:
 
 def table(verdicts: Sequence[Verdict]) -> bytes:
     """Return the table as a CSV file; a missing number is an empty cell."""
-    return csv_bytes([[name for name, _ in COLUMNS], *(row(each).values() for each in verdicts)])
+    return csv_bytes([[name for name, _ in VERDICT_COLUMNS], *(row(each).values() for each in verdicts)])
 
 
 def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
@@ -69,7 +69,9 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
         f"{bench.asked:.2g}, on each technology. Each has the size that springs and weight ask for, within the room "
         "that a chamber has (`actuator.reserve`, `actuator.room`), unless the scene gives `actuator.area_m2`.",
         "",
-        *markdown_table([title for _, title in COLUMNS], ([*map(_cell, row(each).values())] for each in verdicts)),
+        *markdown_table(
+            [title for _, title in VERDICT_COLUMNS], ([*map(_cell, row(each).values())] for each in verdicts)
+        ),
         "",
         "## What limits each",
         "",
@@ -81,7 +83,7 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
         "",
     ]
     for each in verdicts:
-        lines += [f"**{each.kind}**: {TABLE[each.kind][0]}.", ""]
+        lines += [f"**{each.kind}**: {TECHNOLOGY_PRESETS[each.kind][0]}.", ""]
         sources = each.acting.sources
         lines += [f"* {name} = {_cell(getattr(each.acting, name))}: {source}" for name, source in sources.items()]
         lines.append("")

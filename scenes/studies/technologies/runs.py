@@ -18,7 +18,7 @@ from scenes.running.runner import simulate
 from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
-PERIODS = 6
+MIN_RUN_PERIODS = 6
 """Least number of periods of a run; the last half of the run counts."""
 
 LAGS = 12.0
@@ -132,7 +132,7 @@ class Bench:
         """Run the worm on a technology, with the scene's period or another period."""
         period = self.period if period is None else period
         dt = self._dt * min(period / self.period, LONGEST_STEP)
-        count = max(PERIODS, 2 * math.ceil(LAGS * self.technology(kind).slowest / (2.0 * period)))
+        count = max(MIN_RUN_PERIODS, 2 * math.ceil(LAGS * self.technology(kind).slowest / (2.0 * period)))
         told = (
             f"actuator.kind={kind}",
             f"gait.period_s={period!r}",

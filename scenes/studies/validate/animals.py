@@ -69,7 +69,7 @@ def earthworm(grams: float) -> Changes:
     return tuple(f"{key}={value:.6g}" for key, value in scaled.items())
 
 
-COMPARISONS = (
+ANIMAL_COMPARISONS = (
     Comparison(
         "Earthworm of 1 g: stride",
         Figure("stride_BL", "earthworm"),
@@ -167,5 +167,5 @@ COMPARISONS = (
     ),
 )
 
-rows = chapter(COMPARISONS)
+rows = chapter(ANIMAL_COMPARISONS)
 """Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""

@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,9 +27,8 @@ import numpy as np
 import worm3d
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import simulate
+from scenes.studies.validate.measures import VALIDATION_FOLDER
 from worm3d.values.arrays import BoolArray, FloatArray
-
-FOLDER = Path(__file__).parent
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class Chain:
         SceneError
             The overrides make an invalid scene.
         """
-        return cls(load_scene(FOLDER / f"{scene}.toml", overrides).settings)
+        return cls(load_scene(VALIDATION_FOLDER / f"{scene}.toml", overrides).settings)
 
     @cached_property
     def is_foot(self) -> BoolArray:

@@ -136,7 +136,7 @@ IN_UNISON = 1e-7
 WIDE = {"tall": 0.012, "low": 0.005}
 """Half-heights of chains whose muscles also lengthen, by a tenth [m]."""
 
-BREATHING = [
+BREATHING_CASES = [
     Case("Breathing, N = 7, q = 2/9", "breathing", breathing, of_stroke, 1e-6),
     Case(
         "Breathing, N = 11, q = 10/33", "breathing", breathing, of_stroke, 1e-6, (*body(11), *friction(0.1, 0.23, 11))
@@ -153,7 +153,7 @@ BREATHING = [
     ),
 ]
 
-ELASTIC = [
+ELASTIC_CASES = [
     Case(
         f"Elastic crawler, k = {k} N, friction {forward} / {backward}",
         "elastic_crawler",
@@ -176,7 +176,7 @@ ELASTIC = [
     )
 ]
 
-LOADS = [
+PAYLOAD_CASES = [
     Case(
         f"Two contacts, payload {payload} kg of 0.06 kg",
         "two_contacts",
@@ -189,7 +189,7 @@ LOADS = [
     for payload in (0.01, 0.035)
 ]
 
-SINE = [
+SINE_CASES = [
     Case(
         f"Sine wave, N = 50 for a continuum, {override.removeprefix('gait.direction=')}",
         "sine_wave",
@@ -206,7 +206,7 @@ SINE = [
     Case("Steady wave, deviation from v = c (1 - lam/lam_a)", "sine_wave", constant(0.0), off_the_steady_wave, 0.02),
 ]
 
-STEPS = [
+PHASE_STEP_CASES = [
     Case(
         f"Sines in unison, n = {n}, no back-slip",
         "phase_steps",
@@ -228,7 +228,7 @@ STEPS = [
     for n in (3, 4, 5, 8)
 ]
 
-ISOTROPIC = [
+ISOTROPIC_CASES = [
     Case(
         f"Sines in steps of {step} rad, n = {n}, equal friction",
         "phase_steps",
@@ -240,7 +240,7 @@ ISOTROPIC = [
     for n, step in ((4, 0.7), (6, 1.0), (8, 2.0))
 ]
 
-LAW = [
+VELOCITY_LAW_CASES = [
     Case(
         f"Velocity law, phases without order, q = {forward / (forward + backward):.3g}",
         "phase_steps",
@@ -260,14 +260,14 @@ LAW = [
     for forward, backward in ((0.1, 0.3), (0.1, 0.18))
 ]
 
-PULSES = [
+PULSE_CASES = [
     Case("Pulse of contraction, with it", "pulse", constant(1.0), of_pulse, 1e-5),
     Case("Pulse of contraction from the head", "pulse", constant(-1.0), of_pulse, 1e-5, (RETROGRADE,)),
     Case("Pulse of two muscles", "pulse", constant(2.0), of_pulse, 1e-5, ("gait.contract_time_s=400.0",)),
     Case("Pulse of extension, against it", "pulse", constant(-1.0), of_pulse, 1e-5, ("gait.contract_time_s=1100.0",)),
 ]
 
-MEDIUM = [
+VISCOUS_MEDIUM_CASES = [
     Case("Medium that resists every joint alike", "viscous_medium", constant(0.0), drift_in_medium, 1e-12),
     *(
         Case(
@@ -288,7 +288,17 @@ MEDIUM = [
     ),
 ]
 
-CASES = [*BREATHING, *ELASTIC, *LOADS, *SINE, *STEPS, *LAW, *ISOTROPIC, *PULSES, *MEDIUM]
+CASES = [
+    *BREATHING_CASES,
+    *ELASTIC_CASES,
+    *PAYLOAD_CASES,
+    *SINE_CASES,
+    *PHASE_STEP_CASES,
+    *VELOCITY_LAW_CASES,
+    *ISOTROPIC_CASES,
+    *PULSE_CASES,
+    *VISCOUS_MEDIUM_CASES,
+]
 """All closed forms of the report."""
 
 

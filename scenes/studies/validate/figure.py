@@ -11,19 +11,22 @@ from matplotlib.lines import Line2D
 
 from scenes.studies.validate.rows import AGREES, DEPENDS, MISSES, Row
 
-LEAST, GREATEST = 0.03, 30.0
+MIN_DRAWN_RATIO, MAX_DRAWN_RATIO = 0.03, 30.0
 """Range of the ratios; a ratio outside is drawn at the end of the range."""
 
-SMALLEST, LARGEST = 1e-4, 30.0
+MIN_DRAWN_ERROR, MAX_DRAWN_ERROR = 1e-4, 30.0
 """Range of errors over tolerances; an error outside is drawn at the end of the range."""
 
-COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
+AGREEMENT_COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
 """Colours of rows by their agreement."""
 
 NOT_COUNTED = "0.6"
 """Colour of rows that do not count."""
 
-ERRORS, RATIOS = "error over tolerance", "model over published number (trends: model), bands, and spreads"
+ERROR_AXIS_LABEL, RATIO_AXIS_LABEL = (
+    "error over tolerance",
+    "model over published number (trends: model), bands, and spreads",
+)
 
 
 def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
@@ -31,7 +34,7 @@ def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
     rows = [row for each in chapters.values() for row in each]
     exact = [row for row in rows if not isinstance(row.tolerance, tuple)]
     banded = [row for row in rows if isinstance(row.tolerance, tuple) and _scale(row) is not None]
-    panels = [each for each in ((exact, _error, ERRORS), (banded, _ratio, RATIOS)) if each[0]]
+    panels = [each for each in ((exact, _error, ERROR_AXIS_LABEL), (banded, _ratio, RATIO_AXIS_LABEL)) if each[0]]
     if not panels:
         return Figure()
     heights = [len(each) + 3 for each, _, _ in panels]
@@ -39,7 +42,7 @@ def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
     grid = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, (some, mark, label) in zip(grid, panels, strict=True):
         _panel(axes, some, mark, label)
-    words = {**COLOURS, "fitted or input, not counted": NOT_COUNTED}
+    words = {**AGREEMENT_COLOURS, "fitted or input, not counted": NOT_COUNTED}
     marks = [Line2D([], [], marker="o", ls="", color=colour, label=word) for word, colour in words.items()]
     figure.legend(handles=marks, loc="outside upper right", ncols=len(marks), fontsize=7)
     return figure
@@ -54,18 +57,18 @@ def _panel(axes: Axes, rows: Sequence[Row], mark: Callable[[Axes, int, Row], Non
     axes.set_ylim(-0.7, len(rows) - 0.3)
     axes.set_yticks(range(len(rows)), [row.name for row in reversed(rows)], fontsize=7)
     axes.tick_params(axis="x", labelsize=7)
-    axes.set_xlim((SMALLEST, LARGEST) if mark is _error else (LEAST, GREATEST))
+    axes.set_xlim((MIN_DRAWN_ERROR, MAX_DRAWN_ERROR) if mark is _error else (MIN_DRAWN_RATIO, MAX_DRAWN_RATIO))
 
 
 def _error(axes: Axes, place: int, row: Row) -> None:
     low, high = row.band
     if math.isfinite(row.model):
         error = abs(row.model - 0.5 * (low + high)) / (0.5 * (high - low))
-        _dot(axes, place, error, (SMALLEST, LARGEST), row)
+        _dot(axes, place, error, (MIN_DRAWN_ERROR, MAX_DRAWN_ERROR), row)
 
 
 def _ratio(axes: Axes, place: int, row: Row) -> None:
-    scale, limits = _scale(row), (LEAST, GREATEST)
+    scale, limits = _scale(row), (MIN_DRAWN_RATIO, MAX_DRAWN_RATIO)
     assert scale is not None
     low, high = (_within(end / scale, limits) for end in row.band)
     axes.barh(place, high - low, left=low, height=0.7, color="0.88", zorder=0)
@@ -82,7 +85,7 @@ def _dot(axes: Axes, place: int, value: float, limits: tuple[float, float], row:
 
 
 def _colour(row: Row) -> str:
-    return COLOURS[row.agreement] if row.counts else NOT_COUNTED
+    return AGREEMENT_COLOURS[row.agreement] if row.counts else NOT_COUNTED
 
 
 def _scale(row: Row) -> float | None:

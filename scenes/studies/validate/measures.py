@@ -16,7 +16,7 @@ from scenes.models.loading import load_scene
 from scenes.records.record import Record
 from scenes.running.runner import simulate
 
-HOME = Path(__file__).parent
+VALIDATION_FOLDER = Path(__file__).parent
 """Folder of the scenes of this package."""
 
 Changes = tuple[str, ...]
@@ -46,7 +46,7 @@ class Measure(Protocol):
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a run, by its name in `FIGURES` or in the summary."""
+    """A figure of a run, by its name in `RUN_FIGURES` or in the summary."""
 
     name: str
     scene: str
@@ -100,14 +100,14 @@ class Exponent:
 def figures(scene: str, changes: Changes) -> dict[str, float]:
     """Run a scene of this package, or a shipped scene, and return its figures.
 
-    The figures are the numbers of the summary, and for worms the numbers of `FIGURES`.
+    The figures are the numbers of the summary, and for worms the numbers of `RUN_FIGURES`.
 
     Raises
     ------
     StoppedError
         The scene is refused, or the run did not finish.
     """
-    own = HOME / f"{scene}.toml"
+    own = VALIDATION_FOLDER / f"{scene}.toml"
     try:
         record = simulate(load_scene(own if own.exists() else scene, changes))
     except SceneError as error:
@@ -115,7 +115,7 @@ def figures(scene: str, changes: Changes) -> dict[str, float]:
     if record.status != "done":
         raise StoppedError(record.sentence)
     known = {name: value for name, value in record.summary.metrics.items() if isinstance(value, float)}
-    return known | ({name: figure(record) for name, figure in FIGURES.items()} if "com" in record else {})
+    return known | ({name: figure(record) for name, figure in RUN_FIGURES.items()} if "com" in record else {})
 
 
 def stride(record: Record) -> float:
@@ -138,7 +138,7 @@ def _length(record: Record) -> float:
     return float(_settings(record)["worm"]["length_m"])
 
 
-FIGURES: Mapping[str, Callable[[Record], float]] = {
+RUN_FIGURES: Mapping[str, Callable[[Record], float]] = {
     "stride_m": stride,
     "stride_BL": lambda record: stride(record) / _length(record),
     "speed_m_s": lambda record: stride(record) / _period(record),

@@ -15,7 +15,7 @@ HORCHLER = "Horchler, Daltorio, Chiel, Quinn, Bioinspir. Biomim. 10 (2015) 02600
 KIND = "pattern generator"
 CYCLES = ((3, 2.0, 1.5, 1e-8), (6, 2.0, 1.5, 1e-8), (3, 2.0, 3.0, 1e-8), (4, 1.0, 6.0, 1e-12))
 """Nodes, alpha, nu and noise of some cycles."""
-NOISE = np.geomspace(1e-8, 1e-4, 5)
+NOISE_LEVELS = np.geomspace(1e-8, 1e-4, 5)
 SOJOURNS = 3000
 """Number of sojourns at nodes for the mean."""
 
@@ -60,8 +60,8 @@ def cycles() -> Iterator[Row]:
             scene=f"control.gaits.shc.cycle.Cycle({nodes}, ...)",
             kind=KIND,
         )
-    times = [sample(Cycle(3, noise=each), seed) for seed, each in enumerate(NOISE)]
-    slope = float(np.polyfit(-np.log(NOISE), times, 1)[0])
+    times = [sample(Cycle(3, noise=each), seed) for seed, each in enumerate(NOISE_LEVELS)]
+    slope = float(np.polyfit(-np.log(NOISE_LEVELS), times, 1)[0])
     what = "SHC: sub-period over -ln(noise), alpha = 2, nu = 1.5, noise 1e-8 to 1e-4"
     scene = "control.gaits.shc.cycle.Cycle(3, ...)"
     yield Row(what, slope, 0.75, 0.02, HORCHLER, "nu/alpha", unit="s", scene=scene, kind=KIND)

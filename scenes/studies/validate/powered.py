@@ -17,7 +17,7 @@ FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.02
 """Periods of the search over the scene's period, in turn, until `PAST` in a row are slower than the fastest."""
 PAST = 2
 """Number of slower periods in a row that end the search; with 1, a dip would end the search."""
-PERIODS = 8
+POWERED_RUN_PERIODS = 8
 """Number of periods of a run; the last half counts."""
 STRONG = ("actuator.reserve=10", "actuator.room=0.3")
 """Actuators with five times the default force."""
@@ -50,7 +50,7 @@ class Fastest:
             period = factor * self.period
             told = (
                 f"gait.period_s={period!r}",
-                f"run.duration_s={PERIODS * period!r}",
+                f"run.duration_s={POWERED_RUN_PERIODS * period!r}",
                 f"run.dt_s={period / 400.0!r}",
             )
             try:
@@ -62,7 +62,7 @@ class Fastest:
         return max(found)
 
 
-COMPARISONS = (
+POWERED_COMPARISONS = (
     Comparison(
         "CMMWorm, servos and cables: fastest",
         Fastest("cmmworm_cable", 10.2),
@@ -108,5 +108,5 @@ COMPARISONS = (
     ),
 )
 
-rows = chapter(COMPARISONS)
+rows = chapter(POWERED_COMPARISONS)
 """Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""

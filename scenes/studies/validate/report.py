@@ -16,7 +16,7 @@ from scenes.running.drawing import save_figure
 from scenes.running.packages import versions
 from scenes.studies.validate import animals, closed_forms, pattern_generators, powered, robots
 from scenes.studies.validate.figure import draw
-from scenes.studies.validate.rows import AGREES, DEPENDS, KINDS, STANDINGS, TRUST, Chapter, Row
+from scenes.studies.validate.rows import AGREES, DEPENDS, EVIDENCE_KINDS, STANDINGS, TRUST, Chapter, Row
 
 CHAPTERS: Mapping[str, Chapter] = {
     "Closed forms of crawling": closed_forms.rows,
@@ -34,10 +34,10 @@ PREFACE = (
 )
 """Information that a reader of the tables needs."""
 
-WIDTH = 66
+ROW_NAME_WIDTH = 66
 """Width of the names on a terminal."""
 
-HEADER = ("", "what", "against", "standing", "model", "published", "ratio", "band", "spread", "sign", "source")
+ROW_COLUMNS = ("", "what", "against", "standing", "model", "published", "ratio", "band", "spread", "sign", "source")
 
 
 @dataclass(frozen=True)
@@ -79,13 +79,13 @@ def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
 def content(found: Found) -> dict[str, object]:
     """Return the content of `validate.json`."""
     rows = [{**row.to_dict(), "chapter": title} for title, rows in found.chapters.items() for row in rows]
-    meanings = {"trust": TRUST, "kinds": KINDS, "standings": STANDINGS}
+    meanings = {"trust": TRUST, "kinds": EVIDENCE_KINDS, "standings": STANDINGS}
     return {"rows": rows, "counts": counts(found.rows), "quick": found.quick, **meanings, "versions": versions()}
 
 
 def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
     """Return by kind the number of rows that count, and how many of them agree or depend on unpublished values."""
-    of = {kind: [row for row in rows if row.counts and row.kind == kind] for kind in KINDS}
+    of = {kind: [row for row in rows if row.counts and row.kind == kind] for kind in EVIDENCE_KINDS}
     return {
         kind: {
             "rows": len(some),
@@ -128,13 +128,13 @@ def _lines(found: Found) -> Iterator[str]:
     yield ""
     yield PREFACE
     yield ""
-    for title, meanings in (("Against", KINDS), ("Standing", STANDINGS), ("Sources", TRUST)):
+    for title, meanings in (("Against", EVIDENCE_KINDS), ("Standing", STANDINGS), ("Sources", TRUST)):
         yield f"{title}: " + "; ".join(f"{tag}: {meaning}" for tag, meaning in meanings.items()) + "."
         yield ""
     yield "![Model over published, and bands](validate.png)"
     for title, rows in found.chapters.items():
         yield from ("", f"## {title}", "")
-        yield from markdown_table(HEADER, map(_cells, rows))
+        yield from markdown_table(ROW_COLUMNS, map(_cells, rows))
         yield ""
         yield from (f"* {row.name} (scene `{row.scene}`): {row.note}" for row in rows if row.note)
 
@@ -158,11 +158,11 @@ def _cells(row: Row) -> tuple[str, ...]:
 def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
     """Yield rows, and print each row as soon as the row is known."""
     if not quiet:
-        typer.echo(f"{title:{WIDTH + 10}}{'model':>12}{'published':>12}{'ratio':>10}  band")
+        typer.echo(f"{title:{ROW_NAME_WIDTH + 10}}{'model':>12}{'published':>12}{'ratio':>10}  band")
     for row in rows:
         if not quiet:
             numbers = f"{_number(row.model):>12}{_number(row.published):>12}{_ratio(row):>10}"
-            typer.echo(f"  {_mark(row):8}{row.name:{WIDTH}}{numbers}  {_band(row)}")
+            typer.echo(f"  {_mark(row):8}{row.name:{ROW_NAME_WIDTH}}{numbers}  {_band(row)}")
         yield row
 
 

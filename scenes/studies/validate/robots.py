@@ -68,7 +68,7 @@ def on_more_friction(*changes: str) -> Ratio:
     return Ratio(*(speed("cmmworm_ses", *changes, *friction(mu)) for mu in (0.9, 0.1)))
 
 
-COMPARISONS = (
+ROBOT_COMPARISONS = (
     Comparison(
         "CMMWorm: speed on plywood",
         speed("cmmworm"),
@@ -188,5 +188,5 @@ COMPARISONS = (
     ),
 )
 
-rows = chapter(COMPARISONS)
+rows = chapter(ROBOT_COMPARISONS)
 """Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""

@@ -15,7 +15,7 @@ TRUST = {
 }
 """Trustworthiness of a published number, by tag, best first."""
 
-KINDS = {
+EVIDENCE_KINDS = {
     "robot": "measured on a robot",
     "animal": "measured on animals",
     "other model": "found by another simulation or analysis, not measured",
@@ -65,7 +65,7 @@ class Row:
     scene : str
         Scene or scenes of the run.
     kind : str
-        A key of `KINDS`.
+        A key of `EVIDENCE_KINDS`.
     standing : str
         A key of `STANDINGS`.
     spread : (float, float), optional
@@ -91,7 +91,7 @@ class Row:
 
     def __post_init__(self) -> None:
         assert self.trust in TRUST, self.trust
-        assert self.kind in KINDS, self.kind
+        assert self.kind in EVIDENCE_KINDS, self.kind
         assert self.standing in STANDINGS, self.standing
         assert self.published is not None or isinstance(self.tolerance, tuple), self.name
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenes.language.errors import SceneError
-from scenes.records.folder import PREFIX
+from scenes.records.folder import TEMPORARY_PREFIX
 from scenes.sweep.engine import Progress, Sweep, require_place
 from scenes.sweep.executors import InProcess, Perform, Stopped
 from scenes.sweep.job import Ended, Job
@@ -99,7 +99,7 @@ class Deadly:
 
     def run(self, jobs: Sequence[Job], perform: Perform, stopped: Stopped) -> Iterator[Ended]:
         for job in jobs:
-            (Path(job.path).parent / f"{PREFIX}1-a.part").write_text("half")
+            (Path(job.path).parent / f"{TEMPORARY_PREFIX}1-a.part").write_text("half")
             yield Ended(job.key, "failed", "its worker died")
 
 
@@ -137,7 +137,7 @@ def long_plan() -> Plan:
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     require_place(tmp_path / "new", force=False)
-    (tmp_path / f"{PREFIX}lock").touch()
+    (tmp_path / f"{TEMPORARY_PREFIX}lock").touch()
     require_place(tmp_path, force=False)
     (tmp_path / "result.nc").touch()
     with pytest.raises(SceneError, match="is not empty, and no folder of a sweep: choose another --out"):

@@ -21,7 +21,7 @@ import sweep_jobs
 from sweep_jobs import jobs, perform
 
 from scenes.language.errors import DiscError, SceneError
-from scenes.records.folder import PREFIX
+from scenes.records.folder import TEMPORARY_PREFIX
 from scenes.sweep import cluster, flight
 from scenes.sweep.engine import chosen
 from scenes.sweep.executors import InProcess
@@ -53,7 +53,7 @@ def require_complete(wanted: list[Job]) -> None:
     """Check that each job was finished once, and that nothing else is in the folder that a sweep does not remove."""
     folder = Path(wanted[0].path).parent
     assert [len(runs_of(job)) for job in wanted] == [1] * len(wanted)
-    assert {path.name for path in folder.iterdir() if not path.match(f"{PREFIX}*.part")} == {
+    assert {path.name for path in folder.iterdir() if not path.match(f"{TEMPORARY_PREFIX}*.part")} == {
         name for job in wanted for name in (Path(job.path).name, f"begun-{job.key}")
     }
 
@@ -176,7 +176,7 @@ def test_a_user_who_has_to_start_workers_is_told_once_and_nobody_waits_for_ever(
         waiting._look()
         told[hint] = capsys.readouterr().err
     assert told == {"": "", "run 'dask worker'": "waiting for a worker: run 'dask worker'\n"}
-    monkeypatch.setattr(flight, "PATIENCE", 0.02)
+    monkeypatch.setattr(flight, "WORKER_TIMEOUT_S", 0.02)
     with pytest.raises(SchedulerError, match="no worker for 0 minutes"):
         waiting._look()
     scheduler.workers = 1
@@ -238,9 +238,9 @@ def test_the_worker_of_a_case_that_never_ends_is_replaced(tmp_path: Path) -> Non
     assert told.pop(stuck.key) == Ended(stuck.key, "failed", why)
     assert {each.status for each in told.values()} == {"done"}
     assert len(told) == len(innocent)
-    assert [path.name for path in tmp_path.glob(f"{PREFIX}*")] == [f"{PREFIX}{stuck.key}.late.part"], (
-        "a sweep removes it"
-    )
+    assert [path.name for path in tmp_path.glob(f"{TEMPORARY_PREFIX}*")] == [
+        f"{TEMPORARY_PREFIX}{stuck.key}.late.part"
+    ], "a sweep removes it"
     assert all(len(runs_of(job)) == 1 for job in innocent)
 
 

@@ -14,7 +14,7 @@ from worm3d.viewer.camera import azimuths, floor, inside
 from worm3d.viewer.piece import HIDDEN
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.shapes import tube
-from worm3d.viewer.skin import RINGS, SIDES, Skin
+from worm3d.viewer.skin import RING_CORNERS, RINGS, Skin
 
 LINK = np.sqrt(0.05**2 + (1.0 / 12.0) ** 2)
 
@@ -141,12 +141,12 @@ def test_the_skin_goes_through_the_apexes_and_the_rims_of_the_end_faces(make_cra
     cover = skin(frames)
     for frame in (0, 20, 50):
         vertices = cover.vertices(frame)
-        rings = vertices[:-2].reshape(-1, SIDES, 3)
+        rings = vertices[:-2].reshape(-1, RING_CORNERS, 3)
         assert len(rings) == 12 * RINGS + 1
         outlines = rings[RINGS :: 2 * RINGS]
         apexes = frames.apexes[frame]
-        half = SIDES // 2
-        for corner, apex in ((0, 0), (half - 1, 1), (half, 4), (SIDES - 1, 3)):
+        half = RING_CORNERS // 2
+        for corner, apex in ((0, 0), (half - 1, 1), (half, 4), (RING_CORNERS - 1, 3)):
             assert_allclose(outlines[:, corner], apexes[:, apex], atol=1e-12)
         away = np.linalg.norm(outlines[:, :, None] - apexes[:, None], axis=3).min(axis=1)
         assert away.max() < 0.01, "outward apexes lie between corners"
@@ -162,15 +162,17 @@ def test_a_contracted_segment_is_wider_and_red_and_a_longer_chamber_is_blue(make
     frames = make_crawl(duration=2.0, turn=0.0)
     cover, frame = skin(frames), 10
     most, least = (int(pick(frames.chamber_strain[frame, :, 0])) for pick in (np.argmin, np.argmax))
-    rings = cover.vertices(frame)[:-2].reshape(-1, SIDES, 3)[RINGS :: 2 * RINGS]
-    paint = cover.paint(frame)[:-2].reshape(-1, SIDES, 3)[RINGS :: 2 * RINGS]
+    rings = cover.vertices(frame)[:-2].reshape(-1, RING_CORNERS, 3)[RINGS :: 2 * RINGS]
+    paint = cover.paint(frame)[:-2].reshape(-1, RING_CORNERS, 3)[RINGS :: 2 * RINGS]
     tall, wide = np.ptp(rings[..., 2], axis=1), np.ptp(rings[..., 1], axis=1)
     assert tall[most] > 1.2 * tall[least]
     assert wide[most] > 1.15 * wide[least]
     assert (paint[most, :, 0] - paint[most, :, 2] > 0.5).all()
     strain = np.array(frames.chamber_strain)
     strain[:, 2] = 0.4, -0.4
-    left, right = np.split(skin(replace(frames, chamber_strain=strain)).paint(0)[5 * RINGS * SIDES :][:SIDES], 2)
+    left, right = np.split(
+        skin(replace(frames, chamber_strain=strain)).paint(0)[5 * RINGS * RING_CORNERS :][:RING_CORNERS], 2
+    )
     assert (left[:, 2] > left[:, 0]).all()
     assert (right[:, 0] > right[:, 2]).all()
 

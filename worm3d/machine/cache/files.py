@@ -21,9 +21,9 @@ from pathlib import Path
 
 from worm3d.machine.cache.trust import HAS_OWNERS, UntrustedError, require_own, require_safe_way
 
-KEPT = 400
+MAX_FILES = 400
 """Largest number of files in a folder; the oldest files beyond this number are removed."""
-LARGEST = 2**32
+MAX_FILE_BYTES = 2**32
 """Largest size of a file that is read [byte]."""
 ABANDONED = 3600.0
 """Age at which an unfinished file counts as abandoned by a process that has ended [s]."""
@@ -66,14 +66,14 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
 
 
 def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel", most: int | None = None) -> bool:
-    """Keep the content under `key`, as one of `most` files (`KEPT`); return whether this was possible."""
+    """Keep the content under `key`, as one of `most` files (`MAX_FILES`); return whether this was possible."""
     if folder is None:
         return False
     try:
         make(folder)
         with entered(folder) as place:
             _write_whole(place, key + suffix, signed(key, content))
-        _prune(folder, suffix, KEPT if most is None else most)
+        _prune(folder, suffix, MAX_FILES if most is None else most)
     except UntrustedError as error:
         _tell_untrusted(folder, error)
         return False
@@ -147,7 +147,7 @@ def make(folder: Path) -> None:
 def _content(place: _Place, name: str) -> bytes:
     with os.fdopen(place.open(name, _READ), "rb") as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST:
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_FILE_BYTES:
             raise DamagedError(f"{name} is not a file of the cache")
         require_own(status, place.folder / name)
         return file.read()

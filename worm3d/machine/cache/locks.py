@@ -1,7 +1,7 @@
 """Only one process at a time makes a file of the cache: the other processes wait, and find the file on disk.
 
 The lock belongs to an open file, so that the lock ends with the process, however the process ends. The lock only saves
-work: without locks, or after `LONGEST`, no process waits.
+work: without locks, or after `MAX_LOCK_WAIT`, no process waits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-LONGEST = 300.0
+MAX_LOCK_WAIT = 300.0
 """Longest time that a process waits for another process [s]: longer than any compilation."""
 POLL = 0.05
 """Time between two checks of a lock [s]."""
@@ -30,7 +30,9 @@ _OPEN = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 @contextlib.contextmanager
 def alone(folder: Path | None, key: str) -> Iterator[None]:
     """Exclude other processes and threads with the same folder and key; the caller checks the cache again inside."""
-    handle = None if folder is None or fcntl is None else _locked(folder, f".{key}.part", time.monotonic() + LONGEST)
+    handle = (
+        None if folder is None or fcntl is None else _locked(folder, f".{key}.part", time.monotonic() + MAX_LOCK_WAIT)
+    )
     try:
         yield
     finally:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from worm3d.machine.codegen.casadi_vm import SIGNATURE
-from worm3d.machine.codegen.emit import FINE
+from worm3d.machine.codegen.emit import SHAPES_FIT
 from worm3d.machine.later import later
 from worm3d.machine.writer import INT, Writer, intrinsic
 
@@ -59,7 +59,10 @@ def evaluate(
     rows_in, lanes_in = inputs.shape
     rows_out, lanes_out = outputs.shape
     at, to = inputs.ctypes.data, outputs.ctypes.data
-    if first + count > lanes_in or _run(address, at, rows_in, lanes_in, to, rows_out, lanes_out, count, first) != FINE:
+    if (
+        first + count > lanes_in
+        or _run(address, at, rows_in, lanes_in, to, rows_out, lanes_out, count, first) != SHAPES_FIT
+    ):
         raise ValueError(REFUSED)
 
 

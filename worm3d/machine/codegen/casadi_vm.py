@@ -10,9 +10,9 @@ import casadi
 import numpy as np
 import numpy.typing as npt
 
-from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.codegen.emit import SHAPES_FIT, WRONG_SHAPE
 
-FAILED = 2
+FAILED_STATUS = 2
 """Status of a kernel whose virtual machine has thrown an error."""
 SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
 """C signature of a kernel, native or not (`worm3d.machine.codegen.emit`)."""
@@ -35,9 +35,9 @@ def evaluator(function: casadi.Function) -> tuple[int, object]:
                 argument[:] = inputs[:, k]
                 run()
                 if buffer.ret():
-                    return FAILED
+                    return FAILED_STATUS
                 outputs[:, k] = result
-        return FINE
+        return SHAPES_FIT
 
     callback = SIGNATURE(evaluate)
     return int(ctypes.cast(callback, ctypes.c_void_p).value or 0), (callback, buffer, argument, result)

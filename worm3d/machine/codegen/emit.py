@@ -3,9 +3,9 @@
     int64 SYMBOL(const double *inputs, int64 rows_in, int64 lanes_in,
                  double *outputs, int64 rows_out, int64 lanes_out, int64 count)
 
-The function returns `FINE` or `WRONG_SHAPE`. Row r of lane k is at inputs[r lanes_in + k]. In the last block the lanes
-beyond `count` compute the last instance again, whatever the memory of these lanes holds; thus these lanes cause no
-traps, denormals or slow paths. This costs an instruction for every input; in a "padded" program these lanes use the
+The function returns `SHAPES_FIT` or `WRONG_SHAPE`. Row r of lane k is at inputs[r lanes_in + k]. In the last block the
+lanes beyond `count` compute the last instance again, whatever the memory of these lanes holds; thus these lanes cause
+no traps, denormals or slow paths. This costs an instruction for every input; in a "padded" program these lanes use the
 numbers in their own memory.
 """
 
@@ -23,7 +23,7 @@ from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer
 
 POINTER = ir.PointerType()
 SYMBOL = "worm3d_kernel"
-FINE, WRONG_SHAPE = 0, 1
+SHAPES_FIT, WRONG_SHAPE = 0, 1
 FLAGS = ("contract", "arcp")
 LARGEST_POWER = 16
 """Whole powers up to this are multiplied out."""
@@ -81,7 +81,7 @@ def _whole_power(w: Writer, x: Any, n: int) -> Any:
     return w.mul(square, x) if n % 2 else square
 
 
-NUMBERS: dict[str, Rule] = {
+NUMBER_RULES: dict[str, Rule] = {
     "assign": lambda w, args: args[0].number(),
     "lift": lambda w, args: args[0].number(),
     "add": _numbers(Writer.add),
@@ -115,7 +115,7 @@ MASKS: dict[str, Rule] = {
     "and": lambda w, args: w.once("and_", args[0].mask(), args[1].mask()),
     "or": lambda w, args: w.once("or_", args[0].mask(), args[1].mask()),
 }
-SUPPORTED = {"input", "output", "const", *NUMBERS, *MASKS, *LIBRARY}
+SUPPORTED = {"input", "output", "const", *NUMBER_RULES, *MASKS, *LIBRARY}
 """CasADi's operations that a kernel may contain."""
 
 
@@ -169,8 +169,8 @@ def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int
     if name == "const":
         return Slot(w, number=w.splat(instruction.constant), constant=instruction.constant)
     values = [slots[a] for a in args]
-    if name in NUMBERS:
-        return Slot(w, number=NUMBERS[name](w, values))
+    if name in NUMBER_RULES:
+        return Slot(w, number=NUMBER_RULES[name](w, values))
     if name in MASKS:
         return Slot(w, mask=MASKS[name](w, values))
     if name in LIBRARY:
@@ -227,6 +227,6 @@ def _driver(unit: Any, program: Program, width: int, block: Any) -> None:
     first.add_incoming(zero, entry)
     first.add_incoming(builder.add(first, step), work)
     builder.branch(head)
-    for end, status in ((fine, FINE), (wrong, WRONG_SHAPE)):
+    for end, status in ((fine, SHAPES_FIT), (wrong, WRONG_SHAPE)):
         builder.position_at_end(end)
         builder.ret(ir.Constant(INT, status))

@@ -16,10 +16,10 @@ import numpy as np
 
 from worm3d.machine import cache
 from worm3d.machine.codegen import casadi_vm, native, program
-from worm3d.machine.codegen.emit import FINE
+from worm3d.machine.codegen.emit import SHAPES_FIT
 from worm3d.values.arrays import FloatArray
 
-FOLDER = "kernels"
+KERNEL_FOLDER = "kernels"
 """Folder of kernels in the cache."""
 
 Backend = Literal["llvm", "casadi"]
@@ -27,7 +27,7 @@ ALIGNMENT = 64
 """Size of a cache line, and of the widest vector [byte]."""
 SECONDS_PER_INSTRUCTION = 5e-5
 """Time to compile an instruction, measured with functions of 8,000 to 34,000 instructions [s]."""
-PATIENCE = 1.0
+SILENT_COMPILE_TIME = 1.0
 """Longest expected compile time without an announcement [s]."""
 
 
@@ -92,7 +92,7 @@ class Kernel:
         if not outputs.flags.writeable:
             raise ValueError(f"kernel {self.name!r}: outputs are read-only; pass a writeable array")
         status = self._call(inputs.ctypes.data, *inputs.shape, outputs.ctypes.data, *outputs.shape, int(count))
-        if status != FINE:
+        if status != SHAPES_FIT:
             raise ValueError(f"kernel {self.name!r}: CasADi's virtual machine failed; check the function by calling it")
 
     def _check(self, label: str, array: FloatArray, rows: int, count: int) -> None:
@@ -153,7 +153,7 @@ def compile_kernel(
     if backend == "casadi":
         return _virtual(function)
     try:
-        host, folder = host or native.this_host(), folder or cache.folder(FOLDER)
+        host, folder = host or native.this_host(), folder or cache.folder(KERNEL_FOLDER)
         code, origin, width = _native(function, folder, host, notify, (padded, exact))
     except program.UnsupportedError:
         raise
@@ -201,7 +201,7 @@ def _native(
 def _announce(function: casadi.Function, notify: Callable[[str], None]) -> None:
     count = function.n_instructions()
     seconds = count * SECONDS_PER_INSTRUCTION
-    if seconds > PATIENCE:
+    if seconds > SILENT_COMPILE_TIME:
         notify(f"Compiling {function.name()!r} ({count} instructions): about {seconds:.0f} s, this once.")
 
 

@@ -82,26 +82,26 @@ HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17, -1.49738490485
 LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
 """ln 2 as a sum; the first term has trailing zeros, so that products of this term with exponents are exact."""
 ROOT_HALF_BITS = 0x3FE6A09E667F3BCD
-PREFIX = "lanes_"
+LANES_PREFIX = "lanes_"
 PURE = ("noinline", "nounwind", "willreturn", "memory(none)")
 """Attributes of the functions here; inlined functions would cut the kernel's one long block into many blocks."""
 
 
 def library(w: Writer, name: str, *args: Any) -> Any:
     """Call a function of `LIBRARY` on vectors."""
-    return w.call(f"{PREFIX}{name}", w.vector, *args)
+    return w.call(f"{LANES_PREFIX}{name}", w.vector, *args)
 
 
 def sincos(w: Writer, x: Any) -> tuple[Any, Any]:
     """Return sine and cosine, which derivatives always need together."""
-    both = w.call(f"{PREFIX}sincos", ir.LiteralStructType([w.vector, w.vector]), x)
+    both = w.call(f"{LANES_PREFIX}sincos", ir.LiteralStructType([w.vector, w.vector]), x)
     return w.once("extract_value", both, 0), w.once("extract_value", both, 1)
 
 
 def define_all(unit: Any, width: int, fused: bool) -> None:
     """Write the functions `lanes_<name>` that a module calls; if not `fused`, each lane calls the C library."""
-    for function in [each for each in unit.functions if each.name.startswith(PREFIX)]:
-        name = function.name.removeprefix(PREFIX)
+    for function in [each for each in unit.functions if each.name.startswith(LANES_PREFIX)]:
+        name = function.name.removeprefix(LANES_PREFIX)
         w = _begun(function, width)
         if fused and name in FORMULAS:
             bad, formula = FORMULAS[name]

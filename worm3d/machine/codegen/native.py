@@ -35,7 +35,7 @@ _V3 = (*_V2, "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 FEATURES = {"x86-64-v4": (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"), "x86-64-v3": _V3}
 FEATURES["x86-64-v2"] = _V2
 """Features of each kind of processor, the best kind first."""
-KINDS = {"x86-64-v4": (8, True), "x86-64-v3": (4, True), "x86-64-v2": (2, False)}
+PROCESSOR_VECTORS = {"x86-64-v4": (8, True), "x86-64-v3": (4, True), "x86-64-v2": (2, False)}
 """Vectors of each kind, as in `Host`."""
 SWITCH = "WORM3D_COMPILE_FOR"
 """Environment variable that names the kind of processor to compile for, "host" for this processor; code in the package
@@ -44,7 +44,7 @@ is then not used."""
 
 def kind(name: str) -> Host:
     """Return the target of code for a kind of processor."""
-    return Host(name, "", *KINDS[name])
+    return Host(name, "", *PROCESSOR_VECTORS[name])
 
 
 @functools.cache

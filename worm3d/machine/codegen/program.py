@@ -36,7 +36,7 @@ class Program(NamedTuple):
     instructions: tuple[Instruction, ...]
 
 
-NAMES = {getattr(casadi, key): key[3:].lower() for key in dir(casadi) if key.startswith("OP_")}
+OPERATION_NAMES = {getattr(casadi, key): key[3:].lower() for key in dir(casadi) if key.startswith("OP_")}
 
 
 def require_sx(function: casadi.Function) -> None:
@@ -61,7 +61,7 @@ def read(function: casadi.Function) -> Program:
 
 
 def _instruction(function: casadi.Function, k: int, first_in: list[int], first_out: list[int]) -> Instruction:
-    name = NAMES[function.instruction_id(k)]
+    name = OPERATION_NAMES[function.instruction_id(k)]
     out, args = function.instruction_output(k), function.instruction_input(k)
     if name == "input":
         return Instruction(name, out[0], (first_in[args[0]] + args[1],))

@@ -15,8 +15,7 @@ import casadi as ca
 
 from worm3d.physics.actuators import COMMANDS, Actuator, FirstOrder, Response
 from worm3d.physics.expressions import answer, scalar
-from worm3d.physics.hysteresis import PREFIX as FRICTION
-from worm3d.physics.hysteresis import Hysteresis, chamber_states
+from worm3d.physics.hysteresis import HYSTERESIS_PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import hysteresis, joint, losses, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
@@ -25,49 +24,51 @@ Kind = type[Actuator]
 Own = type[Hysteresis]
 """Class of the friction in the joints of the chambers."""
 
-PREFIX = "actuator_"
+ACTUATOR_PREFIX = "actuator_"
 """Prefix of the inputs' names, which distinguishes them from the inputs of a segment."""
 
 HASTE = "haste"
 """Name of the factor that speeds up time for the actuators; 1 except while a worm comes to rest."""
 
-SIDES, ONE = 2, 1
+ACTUATORS_PER_SEGMENT, ACTUATORS_PER_JOINT = 2, 1
 """Numbers of actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
 
 
 @once
 def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
     """Return the layout of the segments, followed by the inputs of the actuators and joints."""
-    more = [FRICTION + name for name in parameters_of(own)]
-    return segment.LAYOUT.extended(_sizes(chamber_states(kind, own), [*parameters_of(kind), *more], SIDES))
+    more = [HYSTERESIS_PREFIX + name for name in parameters_of(own)]
+    return segment.SEGMENT_LAYOUT.extended(
+        _sizes(chamber_states(kind, own), [*parameters_of(kind), *more], ACTUATORS_PER_SEGMENT)
+    )
 
 
 @once
 def hinges(kind: Kind) -> Layout:
     """Return the layout of the joints, followed by the inputs of the actuators."""
-    return joint.LAYOUT.extended(_sizes(kind.states, parameters_of(kind), ONE))
+    return joint.JOINT_LAYOUT.extended(_sizes(kind.states, parameters_of(kind), ACTUATORS_PER_JOINT))
 
 
-CHAMBER_COMMANDS = tuple(segment.LAYOUT.rows + SIDES * k for k in range(len(COMMANDS)))
+CHAMBER_COMMANDS = tuple(segment.SEGMENT_LAYOUT.rows + ACTUATORS_PER_SEGMENT * k for k in range(len(COMMANDS)))
 """First row of each of `COMMANDS` for the chambers, the same for all actuators."""
-HINGE_COMMANDS = tuple(joint.LAYOUT.rows + k for k in range(len(COMMANDS)))
+HINGE_COMMANDS = tuple(joint.JOINT_LAYOUT.rows + k for k in range(len(COMMANDS)))
 """Row of each of `COMMANDS` for the hinges."""
 
 
 def _sizes(states: Iterable[str], parameters: Iterable[str], count: int) -> dict[str, int]:
     past = {f"{state}_{at}": count for at in "nm" for state in states}
     sizes = {**dict.fromkeys(COMMANDS, count), **past, HASTE: 1, **dict.fromkeys(parameters, 1)}
-    return {PREFIX + name: size for name, size in sizes.items()}
+    return {ACTUATOR_PREFIX + name: size for name, size in sizes.items()}
 
 
 def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
     """Return the inputs of the actuator of a chamber or hinge, by name."""
     s = layout.symbols
-    known = {name: s[PREFIX + name][side] for name in COMMANDS}
-    known |= {name: s[PREFIX + name] for name in parameters_of(kind)}
-    known |= {name: s[name] * s[PREFIX + HASTE] for name in ("dt", "span")}
+    known = {name: s[ACTUATOR_PREFIX + name][side] for name in COMMANDS}
+    known |= {name: s[ACTUATOR_PREFIX + name] for name in parameters_of(kind)}
+    known |= {name: s[name] * s[ACTUATOR_PREFIX + HASTE] for name in ("dt", "span")}
     for state in kind.states:
-        n, m = (s[f"{PREFIX}{state}_{at}"][side] for at in "nm")
+        n, m = (s[f"{ACTUATOR_PREFIX}{state}_{at}"][side] for at in "nm")
         known |= {f"{state}_n": n, f"{state}_hat": s["weights"][0] * n + s["weights"][1] * m}
     return known
 
@@ -87,11 +88,11 @@ def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.S
     """
     s = layout.symbols
     known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k", "k_apex")}}
-    known |= {FRICTION + name: s[PREFIX + FRICTION + name] for name in parameters_of(own)}
+    known |= {HYSTERESIS_PREFIX + name: s[ACTUATOR_PREFIX + HYSTERESIS_PREFIX + name] for name in parameters_of(own)}
     for state in own.states:
-        name = f"{FRICTION}{state}_n"
-        known[name] = s[PREFIX + name][side]
-    acts = s[PREFIX + HASTE] == 1.0
+        name = f"{HYSTERESIS_PREFIX}{state}_n"
+        known[name] = s[ACTUATOR_PREFIX + name][side]
+    acts = s[ACTUATOR_PREFIX + HASTE] == 1.0
     return lambda length: hysteresis.slide(own, {**known, "length": length}, acts)
 
 
@@ -157,7 +158,7 @@ def _has_energy(response: Response) -> bool:
 def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
     """Return the quantities known at the start of a step: command, rest length, force, and output, each (2)."""
     s, outputs = chambers(kind, own).symbols, []
-    for side in range(SIDES):
+    for side in range(ACTUATORS_PER_SEGMENT):
         length = ca.SX.sym("length")
         response = _of_chamber(kind, own, side)(length)
         _require_known("actuator", response, ca.vertcat(length, s["span"]))
@@ -169,7 +170,7 @@ def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
     return chambers(kind, own).function("actuator_start", by_name)
 
 
-START_ROWS = 4 * SIDES
+START_ROWS = 4 * ACTUATORS_PER_SEGMENT
 """Number of outputs of `start`."""
 
 
@@ -192,7 +193,7 @@ def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
     None if the rest lengths follow from the contraction given and there are no states.
     """
     layout, lengths, springs, states = chambers(kind, own), segment.lengths(), [], []
-    for side in range(SIDES):
+    for side in range(ACTUATORS_PER_SEGMENT):
         known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
         known |= {"length": lengths[side], "length_n": lengths[side]}
         # At rest the command has long been constant; the time step is not known yet, and does not matter.
@@ -202,7 +203,7 @@ def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
         springs.append(known["l0"] * (1.0 - (known["command"] if spring is None else spring)))
         states.append(_states(kind, "at_rest", answer(kind, "at_rest", known)))
     outputs = {"commanded": springs} | {name: [of[name] for of in states] for name in kind.states}
-    outputs |= {FRICTION + name: [ca.SX(0.0)] * SIDES for name in own.states}
+    outputs |= {HYSTERESIS_PREFIX + name: [ca.SX(0.0)] * ACTUATORS_PER_SEGMENT for name in own.states}
     return layout.function("actuator_rest", outputs)
 
 
@@ -215,7 +216,9 @@ def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
 @once
 def _potential(kind: Kind, own: Own) -> segment.Energy:
     """Return Psi of both chambers [J], of actuators and of friction, as a function of their lengths."""
-    parts = [(_of_chamber(kind, own, side), _slid(own, chambers(kind, own), side)) for side in range(SIDES)]
+    parts = [
+        (_of_chamber(kind, own, side), _slid(own, chambers(kind, own), side)) for side in range(ACTUATORS_PER_SEGMENT)
+    ]
     return lambda lengths: sum(
         (part(length).potential for length, both in zip(ca.vertsplit(lengths), parts, strict=True) for part in both),
         ca.SX(0.0),
@@ -256,14 +259,14 @@ def _has_end(kind: Kind, own: Own) -> bool:
 def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
     """Return the terms of the energy ledger, the outputs (2) and the states (2 each); None if nothing happens.
 
-    The residual of the step meets actuator and friction as dPsi/dl times the first-order change of the length.
+    In the residual of the step, actuator and friction contribute dPsi/dl times the first-order change of the length.
     """
     if not _has_end(kind, own):
         return None
     layout, terms = chambers(kind, own), ca.SX.zeros(len(LEDGER_TERMS))
     given: list[Any] = []
     states: list[Mapping[str, Any]] = []
-    for side in range(SIDES):
+    for side in range(ACTUATORS_PER_SEGMENT):
         respond, slide = _of_chamber(kind, own, side), _slid(own, layout, side)
         length, first = segment.lengths()[side], segment.stretches()[side]
         response, slid = respond(length), slide(length)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from worm3d.physics.expressions import ADVICE, answer, scalar
-from worm3d.physics.hysteresis import PREFIX, Hysteresis
+from worm3d.physics.expressions import EXPRESSION_ADVICE, answer, scalar
+from worm3d.physics.hysteresis import HYSTERESIS_PREFIX, Hysteresis
 from worm3d.values.parameters import parameters_of
 
 
@@ -35,19 +35,19 @@ def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Sl
     """
     if not kind.elements:
         return Slid(ca.SX(0.0), {}, ca.SX(0.0), ca.SX(0.0))
-    own = {name: known[PREFIX + name] for name in parameters_of(kind)}
+    own = {name: known[HYSTERESIS_PREFIX + name] for name in parameters_of(kind)}
     own |= {name: known[name] for name in kind.known}
     moved = _coordinate(kind, own) - _coordinate(kind, {**own, "length": known["length_n"]})
     potential, stored, lost, states = ca.SX(0.0), ca.SX(0.0), ca.SX(0.0), {}
     for name, (share, give) in zip(kind.states, _sliders(kind, own), strict=True):
-        before = known[f"{PREFIX}{name}_n"]
+        before = known[f"{HYSTERESIS_PREFIX}{name}_n"]
         d = give * before + moved
         e = ca.fmin(ca.fmax(d / give, -1.0), 1.0)
         spring = share * give / 2.0
         potential += acts * (share * e * d - spring * e**2)  # this form has the right slope at |d| = r, too
         stored += acts * spring * (e**2 - before**2)
         lost += acts * share * ca.fmax(ca.fabs(d) - give, 0.0)
-        states[PREFIX + name] = acts * e
+        states[HYSTERESIS_PREFIX + name] = acts * e
     return Slid(potential, states, stored, lost)
 
 
@@ -62,7 +62,7 @@ def _sliders(kind: type[Hysteresis], known: Mapping[str, ca.SX]) -> list[tuple[c
         pairs = [(share, give) for share, give in given]
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"{name}: got {type(given).__name__}, must be pairs of share and give; each {ADVICE}"
+            f"{name}: got {type(given).__name__}, must be pairs of share and give; each {EXPRESSION_ADVICE}"
         ) from error
     if len(pairs) != kind.elements:
         raise ValueError(

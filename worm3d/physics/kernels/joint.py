@@ -29,7 +29,7 @@ ROW = 16
 """Length of a row of derivatives, with zeros at its end: two vectors."""
 _FILLING = ca.SX.zeros(ROW - COORDINATES)
 
-LAYOUT = Layout(
+JOINT_LAYOUT = Layout(
     {
         "q": COORDINATES,
         "dq": COORDINATES,
@@ -58,7 +58,7 @@ _REDUCED = ca.SX.sym("z", 9)
 
 def _reduced() -> ca.SX:
     """Return `_REDUCED` as a linear function of the coordinates."""
-    return _reduced_of(LAYOUT.symbols["q"])
+    return _reduced_of(JOINT_LAYOUT.symbols["q"])
 
 
 def _reduced_of(q: ca.SX) -> ca.SX:
@@ -77,7 +77,7 @@ def _frames_of_reduced() -> list[elements.Frame]:
 
 def _reference(k: int) -> tuple[ca.SX, ca.SX]:
     rows = slice(3 * k, 3 * k + 3)
-    return LAYOUT.symbols["t_ref"][rows], LAYOUT.symbols["d_ref"][rows]
+    return JOINT_LAYOUT.symbols["t_ref"][rows], JOINT_LAYOUT.symbols["d_ref"][rows]
 
 
 @cache
@@ -88,19 +88,19 @@ def _angles() -> ca.SX:
 
 def _strains(angles: ca.SX, hinge: ca.SX) -> list[ca.SX]:
     *turns, bends = ca.vertsplit(angles)
-    return elements.joint_strains(turns, bends, hinge, LAYOUT.symbols["cross0"])
+    return elements.joint_strains(turns, bends, hinge, JOINT_LAYOUT.symbols["cross0"])
 
 
 def start() -> ca.Function:
     """Return the quantities known at the start of a step, the rows from "strain_hat" on (9)."""
-    s = LAYOUT.symbols
+    s = JOINT_LAYOUT.symbols
     n, m, old = (ca.vertcat(*_strains(s[at], s[hinge])) for at, hinge in _KNOWN)
     hat = s["weights"][0] * n + s["weights"][1] * m
-    return LAYOUT.function("joint_start", {"strain_hat": hat, "strain_n": n, "strain_old": old})
+    return JOINT_LAYOUT.function("joint_start", {"strain_hat": hat, "strain_n": n, "strain_old": old})
 
 
 _KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
-"""Angles and hinge at which `start` takes the strains."""
+"""Angles and hinge of the strains in `start`."""
 
 
 @cache
@@ -113,23 +113,23 @@ def _potential() -> tuple[ca.SX, ca.SX]:
 
 def _energy(strains: ca.SX) -> ca.SX:
     """Return the potential of springs and dampers at strains, shape (3,) [J]."""
-    s = LAYOUT.symbols
+    s = JOINT_LAYOUT.symbols
     return ca.dot(s["k"] / 2.0, strains**2 + s["tau"] / s["span"] * (strains - s["strain_hat"]) ** 2)
 
 
 def _strains_of(angles: ca.SX) -> ca.SX:
-    return ca.vertcat(*_strains(angles, LAYOUT.symbols["hinge"]))
+    return ca.vertcat(*_strains(angles, JOINT_LAYOUT.symbols["hinge"]))
 
 
 def _linear() -> ca.SX:
     """Return the derivatives of `_reduced` in the coordinates."""
-    return ca.jacobian(_reduced(), LAYOUT.symbols["q"])
+    return ca.jacobian(_reduced(), JOINT_LAYOUT.symbols["q"])
 
 
 def gradient() -> ca.Function:
     """Return potential and gradient (13), padded with zeros (16)."""
     phi, slope = _potential()
-    return LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
+    return JOINT_LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
 
 
 _FRAMES = [elements.Frame(ca.SX.sym("l"), *(ca.SX.sym(axis, 3) for axis in "tdu")) for _ in range(2)]
@@ -195,19 +195,19 @@ def roots() -> ca.Function:
     """
     phi, slope = _potential()
     rows = ca.vertcat(_derivatives()[0], ca.SX.zeros(ROW - COORDINATES, STRAINS))
-    return LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": rows})
+    return JOINT_LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": rows})
 
 
 def hessian() -> ca.Function:
     """Return the outputs of `gradient`, and the whole Hessian, row by row, each padded with zeros (13 x 16)."""
     phi, slope = _potential()
     rows = ca.vertcat(_derivatives()[1], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
-    return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
+    return JOINT_LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
 
 
 def angles() -> ca.Function:
     """Return c.d, c.u, twist and the sum of the bends (4)."""
-    return LAYOUT.function("joint_angles", {"angles": _angles()})
+    return JOINT_LAYOUT.function("joint_angles", {"angles": _angles()})
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss")
@@ -215,7 +215,7 @@ LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss")
 
 def ledger() -> ca.Function:
     """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its angles (4)."""
-    s = LAYOUT.symbols
+    s = JOINT_LAYOUT.symbols
     terms, firsts = ca.SX.zeros(len(LEDGER_TERMS)), _first_strains()
     now, before = s["strain_n"], s["strain_old"]
     strains, strains_before = (_strains(_angles(), s[name]) for name in ("hinge", "hinge_n"))
@@ -230,12 +230,12 @@ def ledger() -> ca.Function:
         change, numerical = losses.spring(energy, strain, now[i], first)
         lost, off = losses.damper(s["tau"] * s["k"][i], strain - s["strain_hat"][i], s["span"], s["dt"], first)
         terms += ca.vertcat(work, commanding + change, lost, numerical + missed + off)
-    return LAYOUT.function("joint_ledger", {"terms": terms, "angles": _angles()})
+    return JOINT_LAYOUT.function("joint_ledger", {"terms": terms, "angles": _angles()})
 
 
 def _first_strains() -> ca.SX:
     """Return the first-order motion of the strains, shape (3,), by way of the angles, which cost most to derive."""
-    s, angles = LAYOUT.symbols, ca.SX.sym("angles", 4)
+    s, angles = JOINT_LAYOUT.symbols, ca.SX.sym("angles", 4)
     turned = ca.jtimes(_angles_of_reduced(), _REDUCED, _reduced_of(s["dq"]))
     turned = ca.substitute(turned, _REDUCED, _reduced())
     first = ca.jtimes(ca.vertcat(*_strains(angles, s["hinge"])), angles, turned)

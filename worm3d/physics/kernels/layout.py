@@ -14,7 +14,7 @@ from worm3d.values.arrays import FloatArray
 F = TypeVar("F", bound=Callable[..., Any])
 
 once: Callable[[F], F] = cast(Any, cache)
-"""`functools.cache` for functions of a class, which mypy does not take for hashable."""
+"""`functools.cache` for functions of a class, which mypy does not consider hashable."""
 
 
 class Layout:

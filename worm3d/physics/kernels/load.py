@@ -13,12 +13,15 @@ from worm3d.values.parameters import parameters_of
 
 Kind = type[Load]
 
-SHARED = {"dt": 1, "span": 1, "ratio": 1, "lands": 1, "gravity": 3, "stiffness": 1, "damping": 1, "touches": 1}
+SHARED_INPUTS = {"dt": 1, "span": 1, "ratio": 1, "lands": 1, "gravity": 3, "stiffness": 1, "damping": 1, "touches": 1}
 """Rows of the inputs that all loads share."""
-OWN = {"x": 3, "past": 6, "velocity": 6, "tangent": 3, "normal": 3, "regime": 1, "regime_n": 1}
+INPUTS_PER_LOAD = {"x": 3, "past": 6, "velocity": 6, "tangent": 3, "normal": 3, "regime": 1, "regime_n": 1}
 """Rows of the inputs of each load, repeated for all loads; the states and parameters of the loads follow."""
-STORED, LOST = ("kinetic", "elastic", "potential", "anchor"), ("friction_loss", "viscous_loss", "impact")
-LEDGER_TERMS = ("work_external", *STORED, *LOST, "numerical_loss")
+STORED_LOAD_TERMS, LOST_LOAD_TERMS = (
+    ("kinetic", "elastic", "potential", "anchor"),
+    ("friction_loss", "viscous_loss", "impact"),
+)
+LEDGER_TERMS = ("work_external", *STORED_LOAD_TERMS, *LOST_LOAD_TERMS, "numerical_loss")
 
 
 @once
@@ -28,8 +31,8 @@ def layout(*kinds: Kind) -> Layout:
         return Layout({})
     states = [f"{k}_{name}_n" for k, kind in enumerate(kinds) for name in kind.states]
     numbers = [f"{k}_{name}" for k, kind in enumerate(kinds) for name in parameters_of(kind)]
-    own = {name: size * len(kinds) for name, size in OWN.items()}
-    return Layout({**SHARED, **own, **dict.fromkeys([*states, *numbers], 1)})
+    own = {name: size * len(kinds) for name, size in INPUTS_PER_LOAD.items()}
+    return Layout({**SHARED_INPUTS, **own, **dict.fromkeys([*states, *numbers], 1)})
 
 
 def kept(*kinds: Kind) -> int:
@@ -41,8 +44,8 @@ def kept(*kinds: Kind) -> int:
 def _steps(*kinds: Kind) -> list[LoadStep]:
     s, steps = layout(*kinds).symbols, []
     for k, kind in enumerate(kinds):
-        given: dict[str, Any] = {name: s[name] for name in SHARED}
-        given |= {name: s[name][size * k : size * (k + 1)] for name, size in OWN.items()}
+        given: dict[str, Any] = {name: s[name] for name in SHARED_INPUTS}
+        given |= {name: s[name][size * k : size * (k + 1)] for name, size in INPUTS_PER_LOAD.items()}
         given["normal"] *= given.pop("touches")
         given |= {name: s[f"{k}_{name}"] for name in [*(f"{state}_n" for state in kind.states), *parameters_of(kind)]}
         steps.append(answer(kind, "respond", given))

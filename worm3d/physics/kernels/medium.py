@@ -9,7 +9,7 @@ from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
 from worm3d.values.parameters import parameters_of
 
-PREFIX = "medium_"
+MEDIUM_PREFIX = "medium_"
 """Prefix of the parameters among the inputs."""
 
 STRAIN, RATE, SHARE = range(3)
@@ -21,7 +21,7 @@ def layout(kind: type[Medium]) -> Layout:
     """Return the layout of the inputs; without rows for a uniform medium."""
     if kind.factor.__func__ is Medium.factor.__func__:  # type: ignore[attr-defined]
         return Layout({})
-    return Layout({"strain": 1, "rate": 1, "share": 1, **{PREFIX + name: 1 for name in parameters_of(kind)}})
+    return Layout({"strain": 1, "rate": 1, "share": 1, **{MEDIUM_PREFIX + name: 1 for name in parameters_of(kind)}})
 
 
 @once
@@ -37,6 +37,6 @@ def resistance(kind: type[Medium] = Medium) -> ca.Function | None:
     if not rows.rows:
         return None
     s = rows.symbols
-    known = {name: s[PREFIX + name] for name in parameters_of(kind)} | {name: s[name] for name in kind.known}
+    known = {name: s[MEDIUM_PREFIX + name] for name in parameters_of(kind)} | {name: s[name] for name in kind.known}
     factor = scalar(f"{kind.__name__}.factor", answer(kind, "factor", known))
     return rows.function("medium_resistance", {"resistance": s["share"] * ca.fmax(0.0, factor)})

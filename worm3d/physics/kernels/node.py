@@ -7,7 +7,7 @@ import casadi as ca
 from worm3d.physics.kernels import inertia, losses
 from worm3d.physics.kernels.layout import Layout
 
-LAYOUT = Layout(
+NODE_LAYOUT = Layout(
     {
         "x": 3,
         **inertia.SIZES,
@@ -25,9 +25,9 @@ LAYOUT = Layout(
 
 def start() -> ca.Function:
     """Return the presets of a step, the rows from "drag_hat" on (8)."""
-    s = LAYOUT.symbols
+    s = NODE_LAYOUT.symbols
     rows = {"drag_hat": inertia.still(s), "x_hat": inertia.coasting(s), "inertia": inertia.stiffness(s)}
-    return LAYOUT.function("node_start", {**rows, "drag_rate": s["drag"] / s["span"]})
+    return NODE_LAYOUT.function("node_start", {**rows, "drag_rate": s["drag"] / s["span"]})
 
 
 LEDGER_TERMS = (
@@ -44,7 +44,7 @@ LEDGER_TERMS = (
 
 def after() -> ca.Function:
     """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its velocity (3)."""
-    s = LAYOUT.symbols
+    s = NODE_LAYOUT.symbols
     moved = inertia.motion(s)  # a joint's coordinates are its position, so this is also the first-order motion
     own = inertia.ledger(s, moved)
     rubbed = ca.dot(s["friction"], moved)
@@ -58,9 +58,11 @@ def after() -> ca.Function:
         "drag_loss": viscous[0],
         "numerical_loss": own["numerical_loss"] + viscous[1],
     }
-    return LAYOUT.function("node_after", {"terms": [terms[name] for name in LEDGER_TERMS], "v": inertia.velocity(s)})
+    return NODE_LAYOUT.function(
+        "node_after", {"terms": [terms[name] for name in LEDGER_TERMS], "v": inertia.velocity(s)}
+    )
 
 
 def momenta() -> ca.Function:
     """Return momentum (3), angular momentum about the origin (3) and mass times place (3)."""
-    return LAYOUT.function("node_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
+    return NODE_LAYOUT.function("node_momenta", {"momenta": inertia.momenta(NODE_LAYOUT.symbols)})

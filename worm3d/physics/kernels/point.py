@@ -16,7 +16,7 @@ from worm3d.physics.friction_laws import MAX_PARAMETERS, Coulomb, FrictionLaw
 from worm3d.physics.kernels import inertia
 from worm3d.physics.kernels.layout import Layout, once
 
-LAYOUT = Layout(
+POINT_LAYOUT = Layout(
     {
         "x": 3,
         "distance": 1,
@@ -69,12 +69,13 @@ ALONG_NORMAL = 1e-6
 """Sine of the angle between segment and normal below which the first tangent is along the segment's upward director."""
 
 
-FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
+FREE, OPEN, SLIDING, STICKING_FORWARD, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even at a distance.
-STICKING and STICKING_BACK: contact that sticks, even beyond the yield surface.
+STICKING_FORWARD and STICKING_BACK: contact that sticks, even beyond the yield surface.
 
-At any y, STICKING has the coefficient against motion towards the head, and STICKING_BACK the coefficient against motion
-towards the tail. With a regime and coupled, K is the matrix of (C5) at the predicted forces, else the derivative of f.
+At any y, STICKING_FORWARD has the coefficient against motion towards the head, and STICKING_BACK the coefficient
+against motion towards the tail. With a regime and coupled, K is the matrix of (C5) at the predicted forces, else the
+derivative of f.
 """
 
 Law = type[FrictionLaw]
@@ -99,7 +100,7 @@ class Contact(NamedTuple):
 @once
 def contact_of(law: Law) -> Contact:
     """Return the contact of a point under a law of friction."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     touching = contact.pressing(s["distance"], s["carried"])
     pressed = penetration(touching)
     step = contact.Step(s["r"], s["limit_ratio"], s["centre"], s["dt"], law, law.symbols(s["law"]))
@@ -110,7 +111,7 @@ def contact_of(law: Law) -> Contact:
 
 def penetration(touching: ca.SX) -> ca.SX:
     """Return the penetration that carries load [m]; negative if a regime of contact is assumed wrongly."""
-    regime = LAYOUT.symbols["regime"]
+    regime = POINT_LAYOUT.symbols["regime"]
     return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
 
 
@@ -120,11 +121,11 @@ def in_tangents(vector: ca.SX) -> ca.SX:
 
 
 def _tangents() -> tuple[ca.SX, ca.SX]:
-    return LAYOUT.symbols["tangent"][0:3], LAYOUT.symbols["tangent"][3:6]
+    return POINT_LAYOUT.symbols["tangent"][0:3], POINT_LAYOUT.symbols["tangent"][3:6]
 
 
 def _curvature() -> ca.SX:
-    xx, xy, xz, yy, yz, zz = ca.vertsplit(LAYOUT.symbols["curvature"])
+    xx, xy, xz, yy, yz, zz = ca.vertsplit(POINT_LAYOUT.symbols["curvature"])
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 
@@ -134,7 +135,7 @@ def force(law: Law = Coulomb) -> ca.Function:
     With `coupled` f is the true residual; the potential then has no meaning.
     """
     outputs = _force(law)
-    return LAYOUT.function("point_force", {name: outputs[name] for name in ("f", "phi", "load")})
+    return POINT_LAYOUT.function("point_force", {name: outputs[name] for name in ("f", "phi", "load")})
 
 
 def stiffness(law: Law = Coulomb) -> ca.Function:
@@ -143,23 +144,23 @@ def stiffness(law: Law = Coulomb) -> ca.Function:
     With `coupled` K is the unsymmetric derivative of the residual. The predicted forces serve for the second
     derivatives of the points.
     """
-    return LAYOUT.function("point_stiffness", _force(law))
+    return POINT_LAYOUT.function("point_stiffness", _force(law))
 
 
 def ahead(law: Law = Coulomb) -> ca.Function:
     """Return the outputs of `stiffness`, but with K of a free point: the contact's part of K is exchanged."""
-    return LAYOUT.function("point_ahead", {**_force(law), "K": ca.vec(_still()[2])})
+    return POINT_LAYOUT.function("point_ahead", {**_force(law), "K": ca.vec(_still()[2])})
 
 
 def free_force() -> ca.Function:
     """Return the outputs of `force` for a point that touches nothing: in the regime OPEN, coupled."""
     outputs = _free()
-    return LAYOUT.function("point_free_force", {name: outputs[name] for name in ("f", "phi", "load")})
+    return POINT_LAYOUT.function("point_free_force", {name: outputs[name] for name in ("f", "phi", "load")})
 
 
 def free_stiffness() -> ca.Function:
     """Return the outputs of `stiffness` for a point that touches nothing."""
-    return LAYOUT.function("point_free_stiffness", _free())
+    return POINT_LAYOUT.function("point_free_stiffness", _free())
 
 
 def _free() -> dict[str, ca.SX]:
@@ -169,18 +170,18 @@ def _free() -> dict[str, ca.SX]:
 
 def _still() -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return gradient, potential and Hessian of inertia and weight."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     phi = s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"]) - ca.dot(s["weight"], s["x"])
     return inertia.force(s) - s["weight"], phi, s["inertia"] * ca.SX.eye(3)
 
 
 @once
 def _force(law: Law) -> dict[str, ca.SX]:
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     T = ca.horzcat(*_tangents())
     soft = [ca.if_else(s["coupled"] != 0.0, each, 1.0) for each in c.of.hardness]  # else f would have no potential
     of = sided(contact.Coefficients(c.of.mu, contact.Directions(*soft)))
-    at = contact.friction(c.y, of, c.step, s["regime"] >= STICKING)
+    at = contact.friction(c.y, of, c.step, s["regime"] >= STICKING_FORWARD)
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull = ca.if_else(mixed, s["pull"], at.f)
@@ -201,12 +202,12 @@ def _force(law: Law) -> dict[str, ca.SX]:
 
 
 def sided(of: contact.Coefficients) -> contact.Coefficients:
-    """Return the coefficients of a regime; for a sticking contact, both directions along the segment have the same."""
-    regime = LAYOUT.symbols["regime"]
+    """Return the coefficients of a regime; a sticking contact has the same in both directions along the segment."""
+    regime = POINT_LAYOUT.symbols["regime"]
     sides = [
         contact.Directions(
             ca.if_else(regime == STICKING_BACK, each.backward, each.forward),
-            ca.if_else(regime == STICKING, each.forward, each.backward),
+            ca.if_else(regime == STICKING_FORWARD, each.forward, each.backward),
             each.lateral,
         )
         for each in of
@@ -216,7 +217,7 @@ def sided(of: contact.Coefficients) -> contact.Coefficients:
 
 def start() -> ca.Function:
     """Return the quantities known at the start of a step: the rows from "tangent" to "deep" (22)."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     tangents, slide = _projected()
     depth = ca.fmax(0.0, -s["distance"])
     damping, gauge_damping = s["damping"] / s["dt"], s["gauge_damping"] / s["dt"]
@@ -238,12 +239,12 @@ def start() -> ca.Function:
         "centre": [gauge_damping * r * each for each in slide],
         "deep": ca.if_else(strikes, approach * s["dt"] - ca.fmax(0.0, s["distance"]), 0.0),
     }
-    return LAYOUT.function("point_start", rows)
+    return POINT_LAYOUT.function("point_start", rows)
 
 
 def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
     """Return the tangents at X, along the segment (projected) and to the left, and the displacement in the tangents."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     n, t = s["normal"], s["segment_tangent"]
     along, upward = (each - ca.dot(each, n) * n for each in (t, ca.cross(t, s["segment_director"])))
     along = ca.if_else(ca.sumsqr(along) < ALONG_NORMAL**2, upward, along)
@@ -254,7 +255,7 @@ def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
 
 def _slip(law: Law) -> ca.SX:
     """Return the motion of the anchor (C4), shape (2,): zero without contact, all of s where the world has no grip."""
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     slip = c.y - contact.left_after_return(c.y, c.of, c.step)
     return ca.if_else(c.load > 0.0, ca.if_else(s["hold"] > 0.0, slip, c.slide), ca.SX.zeros(2))
 
@@ -287,7 +288,7 @@ AFTER = Layout(
 
 def after(law: Law = Coulomb) -> ca.Function:
     """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state at the start of the next step."""
-    s, slip, touches = LAYOUT.symbols, _slip(law), LAYOUT.symbols["load_n"] > 0.0
+    s, slip, touches = POINT_LAYOUT.symbols, _slip(law), POINT_LAYOUT.symbols["load_n"] > 0.0
     stored, friction = _friction_ledger(law, slip)
     parts = (friction, _normal_ledger(law), inertia.ledger(s, s["first"]))
     terms = [sum((part[name] for part in parts if name in part), ca.SX(0.0)) for name in LEDGER_TERMS]
@@ -301,19 +302,19 @@ def after(law: Law = Coulomb) -> ca.Function:
         "anchor": ca.if_else(touches, s["anchor"] + along * slip[0] + left * slip[1], s["x"]),
         "stored": ca.if_else(touches, stored, 0.0),
     }
-    return LAYOUT.function("point_after", {name: rows[name] for name in AFTER.sizes})
+    return POINT_LAYOUT.function("point_after", {name: rows[name] for name in AFTER.sizes})
 
 
 def touches() -> ca.Function:
     """Return 1 for a point that bears or has borne load; for other points `free_after` is equal to `after`."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     signs = ca.vertcat(s["load_n"], s["stored_n"], s["depth_n"], -s["distance"])
-    return LAYOUT.function("point_touches", {"touches": ca.mmax(signs) > 0.0})
+    return POINT_LAYOUT.function("point_touches", {"touches": ca.mmax(signs) > 0.0})
 
 
 def free_after() -> ca.Function:
     """Return the outputs of `after` for a point that touches nothing."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     own = inertia.ledger(s, s["first"])
     rows = {
         "terms": ca.vertcat(*[own.get(name, ca.SX(0.0)) for name in LEDGER_TERMS]),
@@ -324,17 +325,17 @@ def free_after() -> ca.Function:
         "anchor": s["x"],
         "stored": ca.SX(0.0),
     }
-    return LAYOUT.function("point_free_after", {name: rows[name] for name in AFTER.sizes})
+    return POINT_LAYOUT.function("point_free_after", {name: rows[name] for name in AFTER.sizes})
 
 
 def momenta() -> ca.Function:
     """Return momentum (3), angular momentum about the origin (3) and mass times place (3)."""
-    return LAYOUT.function("point_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
+    return POINT_LAYOUT.function("point_momenta", {"momenta": inertia.momenta(POINT_LAYOUT.symbols)})
 
 
 def _normal_ledger(law: Law) -> dict[str, ca.SX]:
     """Return penetration, loss by impact and numerical loss of the normal contact."""
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     depth = ca.fmax(0.0, -s["distance"])
     rise = s["stiffness"] / 2.0 * (depth**2 - s["depth_n"] ** 2)
     mean, first = (c.load * ca.dot(s["normal"], way) for way in (inertia.mean_motion(s), s["first"]))
@@ -345,7 +346,7 @@ def _normal_ledger(law: Law) -> dict[str, ca.SX]:
 
 def _friction_ledger(law: Law, slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     """Return the anchor's energy at the end of the step, and friction's terms."""
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     touching = c.load > 0.0
     load, s_n = s["hold"] * c.step.capacity(c.load)[0], s["slide_n"]
     moved, first, mean = map(in_tangents, (inertia.motion(s), s["first"], inertia.mean_motion(s)))

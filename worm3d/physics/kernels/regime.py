@@ -12,11 +12,11 @@ from worm3d.physics import contact
 from worm3d.physics.friction_laws import Coulomb
 from worm3d.physics.kernels.point import (
     FREE,
-    LAYOUT,
     OPEN,
+    POINT_LAYOUT,
     SLIDING,
-    STICKING,
     STICKING_BACK,
+    STICKING_FORWARD,
     Contact,
     Law,
     contact_of,
@@ -37,28 +37,28 @@ SIDE_TOLERANCE = 1e-7
 
 def near(law: Law = Coulomb) -> ca.Function:
     """Return 1 for a contact that is closed, or closes to first order; `yielding` leaves other contacts as they are."""
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     touching = c.touching - ca.dot(s["normal"], s["first"])
     lands = ca.logic_and(s["stiffness"] > 0.0, touching > s["error"])
-    return LAYOUT.function("point_near", {"near": ca.logic_or(s["regime"] != OPEN, lands)})
+    return POINT_LAYOUT.function("point_near", {"near": ca.logic_or(s["regime"] != OPEN, lands)})
 
 
 def yielding(law: Law = Coulomb) -> ca.Function:
     """Return the first-order prediction of a contact at X + `first`: rows "y" to "recent", 12 in all.
 
     y, predicted_friction : s - s* (2) [m], and f' (2) of (C5).
-    excess : eta less its yield limit, over the largest coefficient [m].
+    excess : eta minus the yield limit, over the largest coefficient [m].
     touching : penetration -g - d*, negative where nothing touches [m].
     foreseen : normal load [N].
     swing : square of the relative change of y.
     regime : next regime; it changes if the present regime contradicts the friction law by more than `error`.
     stale : whether the stiffness K of the contact must be computed again.
-    static_excess, recent : excess of eta over the static limit, (C6), and its last change, the error included [m].
+    static_excess, recent : excess of eta over the static limit, (C6), and its last change, including the error [m].
     """
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     now, dy = c.y, in_tangents(s["first"])
     y, opens = now + dy, s["regime"] == OPEN
-    bound = ca.logic_or(s["regime"] >= STICKING, opens)
+    bound = ca.logic_or(s["regime"] >= STICKING_FORWARD, opens)
     at = contact.friction(now, sided(c.of), c.step, bound)
     predicted, swing = contact.predicted_friction(now, dy, s["pull"], at)
     ahead = contact.friction(y, sided(c.of), c.step, bound).strength
@@ -86,7 +86,7 @@ def yielding(law: Law = Coulomb) -> ca.Function:
         "static_excess": contact.static_excess(y, c.of, c.step),
         "recent": recent,
     }
-    return LAYOUT.function("point_yielding", rows)
+    return POINT_LAYOUT.function("point_yielding", rows)
 
 
 def _elastic(y: ca.SX, of: contact.Coefficients) -> ca.SX:
@@ -96,9 +96,9 @@ def _elastic(y: ca.SX, of: contact.Coefficients) -> ca.SX:
 
 def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
     """Return the next regime; it changes if the present regime contradicts the friction law by more than the error."""
-    s = LAYOUT.symbols
+    s = POINT_LAYOUT.symbols
     error, regime = s["error"], s["regime"]
-    sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
+    sticking = ca.if_else(y[0] >= 0.0, STICKING_FORWARD, STICKING_BACK)
     side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # distance on the other side
     limit = c.step.limit_ratio * c.step.r
     counts = ca.fabs(_elastic(y, c.of)[0] * y[0]) > SIDE_TOLERANCE * limit
@@ -120,12 +120,12 @@ def expected(law: Law = Coulomb) -> ca.Function:
     X and `regime` are the values at the start of the step, and `first` is the expected motion. A contact that lands
     counts as pressed in by `error`.
     """
-    s, c = LAYOUT.symbols, contact_of(law)
+    s, c = POINT_LAYOUT.symbols, contact_of(law)
     y = c.y + in_tangents(s["first"])
     at = contact.friction(y, c.of, c.step)
     trend = 2.0 * s["pull"] - s["pull_m"]
     used = contact.utilisation_squared(trend, c.of, c.step.limit_ratio)
-    known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING
+    known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING_FORWARD
     lands = ca.logic_and(s["regime"] == OPEN, c.touching - ca.dot(s["normal"], s["first"]) > 0.0)
     lands = ca.logic_and(lands, s["stiffness"] > 0.0)
     lifts = ca.logic_and(known, 2.0 * s["load_n"] < s["load_m"])
@@ -135,4 +135,6 @@ def expected(law: Law = Coulomb) -> ca.Function:
     regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
     predicted = ca.if_else(breaks, trend / ca.sqrt(used), ca.if_else(ca.logic_or(turns, lands), at.f, s["pull"]))
     load = ca.if_else(lands, s["stiff"] * s["error"], s["load_n"])
-    return LAYOUT.function("point_expected", {"predicted_friction": predicted, "foreseen": load, "regime": regime})
+    return POINT_LAYOUT.function(
+        "point_expected", {"predicted_friction": predicted, "foreseen": load, "regime": regime}
+    )

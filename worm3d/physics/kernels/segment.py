@@ -1,8 +1,8 @@
 """Kernels of a segment: from its 8 coordinates to its 8 contact points and chambers, and back with the forces.
 
 Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
-Points: the six apexes in the order of NOTATION.md, tail face, head face; their coordinates stand axis by axis,
-row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
+Points: the six apexes in the order of NOTATION.md, tail face, head face. The coordinates of the points are ordered axis
+by axis, row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
 `worm3d.physics.kernels.point`.
 
 If all mass lies on the axis, the roll of the whole worm has no inertia. A damper then resists the roll g of each step:
@@ -21,11 +21,11 @@ from worm3d.physics import elements
 from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import Layout
 
-POINTS = 8
+POINTS_PER_SEGMENT = 8
 """Contact points of a segment: six apexes and two faces."""
 COORDINATES = 8
 
-LAYOUT = Layout(
+SEGMENT_LAYOUT = Layout(
     {
         "q": COORDINATES,
         "dq": COORDINATES,  # motion of q in the step
@@ -51,10 +51,10 @@ LAYOUT = Layout(
         "commanded_n": 2,
         "length_n": 2,
         "angle_n": 2,
-        "f": 3 * POINTS,  # gradient of the potential in the points
-        "of_points": 2 * POINTS,  # numbers that the kernel of each point leaves before the next rows
-        "f_ahead": 3 * POINTS,  # f predicted by Newton's method, for the second derivatives
-        "K": 9 * POINTS,  # Hessian of the potential, row 8 (3 r + c) + point
+        "f": 3 * POINTS_PER_SEGMENT,  # gradient of the potential in the points
+        "of_points": 2 * POINTS_PER_SEGMENT,  # numbers that the kernel of each point leaves before the next rows
+        "f_ahead": 3 * POINTS_PER_SEGMENT,  # f predicted by Newton's method, for the second derivatives
+        "K": 9 * POINTS_PER_SEGMENT,  # Hessian of the potential, row 8 (3 r + c) + point
     }
 )
 
@@ -65,7 +65,7 @@ _REDUCED = ca.SX.sym("z", COORDINATES)
 
 def _reduced() -> ca.SX:
     """Return `_REDUCED` as a linear function of the coordinates."""
-    q = LAYOUT.symbols["q"]
+    q = SEGMENT_LAYOUT.symbols["q"]
     return ca.vertcat((q[0:3] + q[5:8]) / 2.0, q[5:8] - q[0:3], q[3], q[4])
 
 
@@ -79,7 +79,7 @@ class _Shape(NamedTuple):
 
 @cache
 def _shape_of_reduced() -> _Shape:
-    s, z = LAYOUT.symbols, _REDUCED
+    s, z = SEGMENT_LAYOUT.symbols, _REDUCED
     middle, edge, link, offset = z[0:3], z[3:6], s["link"], s["offset"]
     f = elements.frame(edge, z[6], s["t_ref"], s["d_ref"])
     chambers = elements.chamber_lengths(f.length, z[7], offset)
@@ -88,7 +88,7 @@ def _shape_of_reduced() -> _Shape:
 
 
 def _points(middle: ca.SX, edge: ca.SX, f: elements.Frame, chambers: list[ca.SX]) -> ca.SX:
-    s = LAYOUT.symbols
+    s = SEGMENT_LAYOUT.symbols
     points = elements.apexes(middle, f, chambers, s["link"], s["offset"])
     for k, p in enumerate((middle - edge / 2.0, middle + edge / 2.0)):
         points.append(elements.face_point(p, f, s["radius"][k], s["rim"][2 * k : 2 * k + 2]))
@@ -106,31 +106,33 @@ def _shape() -> _Shape:
 def shape() -> ca.Function:
     """Return chamber lengths (2), tangent (3), director (3), and points (24)."""
     x = _shape()
-    return LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
+    return SEGMENT_LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
 
 
 def rims() -> ca.Function:
     """Return the places of the faces' rims that are nearest to the world (4)."""
-    normal = LAYOUT.symbols["normal"]
+    normal = SEGMENT_LAYOUT.symbols["normal"]
     nearest = [elements.nearest_rim(_shape().frame, normal[3 * k : 3 * k + 3]) for k in range(2)]
-    return LAYOUT.function("segment_rims", {"rim": nearest})
+    return SEGMENT_LAYOUT.function("segment_rims", {"rim": nearest})
 
 
 def motion() -> ca.Function:
     """Return the first-order motion of the points (24) under dq."""
-    return LAYOUT.function("segment_motion", {"points": _motion()})
+    return SEGMENT_LAYOUT.function("segment_motion", {"points": _motion()})
 
 
 def _motion() -> ca.SX:
-    return ca.jtimes(_shape().points, LAYOUT.symbols["q"], LAYOUT.symbols["dq"])
+    return ca.jtimes(_shape().points, SEGMENT_LAYOUT.symbols["q"], SEGMENT_LAYOUT.symbols["dq"])
 
 
 def jacobian() -> ca.Function:
     """Return the derivatives of the points in the coordinates (192): point by point, axis by axis."""
     of_reduced = ca.jacobian(_shape_of_reduced().points, _REDUCED)
-    of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(_reduced(), LAYOUT.symbols["q"])
-    rows = [of_points[POINTS * axis + k, :].T for k in range(POINTS) for axis in range(3)]
-    return LAYOUT.function("segment_jacobian", {"jacobian": rows})
+    of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(
+        _reduced(), SEGMENT_LAYOUT.symbols["q"]
+    )
+    rows = [of_points[POINTS_PER_SEGMENT * axis + k, :].T for k in range(POINTS_PER_SEGMENT) for axis in range(3)]
+    return SEGMENT_LAYOUT.function("segment_jacobian", {"jacobian": rows})
 
 
 def lengths() -> ca.SX:
@@ -140,7 +142,7 @@ def lengths() -> ca.SX:
 
 def stretches() -> ca.SX:
     """Return the first-order motion of the chambers' lengths under dq, shape (2,) [m]."""
-    return ca.jtimes(_shape().lengths, LAYOUT.symbols["q"], LAYOUT.symbols["dq"])
+    return ca.jtimes(_shape().lengths, SEGMENT_LAYOUT.symbols["q"], SEGMENT_LAYOUT.symbols["dq"])
 
 
 Energy = Callable[[ca.SX], ca.SX]
@@ -152,14 +154,14 @@ def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX]:
     """Return the potential of springs, dampers and actuators, and the gradient of all that moves with the segment."""
     x = _shape_of_reduced()
     phi = _energy(x.lengths, _REDUCED[6], actuated)
-    slope = ca.gradient(phi + ca.dot(LAYOUT.symbols["f"], x.points), _REDUCED)
+    slope = ca.gradient(phi + ca.dot(SEGMENT_LAYOUT.symbols["f"], x.points), _REDUCED)
     at = ca.substitute([phi, _linear().T @ slope], [_REDUCED], [_reduced()])
     return at[0], at[1]
 
 
 def _energy(lengths: ca.SX, roll: ca.SX, actuated: Energy | None) -> ca.SX:
     """Return the potential of springs, dampers and actuators [J]."""
-    s = LAYOUT.symbols
+    s = SEGMENT_LAYOUT.symbols
     phi = s["roll_damping"] / (2.0 * s["dt"]) * roll**2
     for c in range(2):
         angle = elements.hinge_angle(s["link"], lengths[c])
@@ -171,18 +173,23 @@ def _energy(lengths: ca.SX, roll: ca.SX, actuated: Energy | None) -> ca.SX:
 
 def _linear() -> ca.SX:
     """Return the derivatives of `_reduced` in the coordinates."""
-    return ca.jacobian(_reduced(), LAYOUT.symbols["q"])
+    return ca.jacobian(_reduced(), SEGMENT_LAYOUT.symbols["q"])
 
 
 def _hessian(actuated: Energy | None) -> ca.SX:
     """Return the Hessian of everything that moves with the segment, with points as free masses."""
-    s, frame = LAYOUT.symbols, _shape_of_reduced().frame
+    s, frame = SEGMENT_LAYOUT.symbols, _shape_of_reduced().frame
     axes = ca.horzcat(*frame[1:])
     turn = ca.diagcat(axes, axes, ca.SX.eye(2))
-    symbols = [ca.SX.sym("length"), ca.SX.sym("bend"), ca.SX.sym("t_ref", 3), ca.SX.sym("f", 3, POINTS)]
-    values = [frame.length, _REDUCED[7], axes.T @ s["t_ref"], axes.T @ ca.reshape(s["f_ahead"], POINTS, 3).T]
+    symbols = [ca.SX.sym("length"), ca.SX.sym("bend"), ca.SX.sym("t_ref", 3), ca.SX.sym("f", 3, POINTS_PER_SEGMENT)]
+    values = [
+        frame.length,
+        _REDUCED[7],
+        axes.T @ s["t_ref"],
+        axes.T @ ca.reshape(s["f_ahead"], POINTS_PER_SEGMENT, 3).T,
+    ]
     curve = turn @ ca.substitute([_curve(actuated, *symbols)], symbols, values)[0] @ turn.T
-    curve[:3, :3] = ca.sum1(s["K"][:POINTS]) * ca.SX.eye(3)
+    curve[:3, :3] = ca.sum1(s["K"][:POINTS_PER_SEGMENT]) * ca.SX.eye(3)
     curve = _linear().T @ ca.triu2symm(ca.triu(curve)) @ _linear()
     return ca.substitute(ca.triu2symm(ca.triu(curve)), _REDUCED, _reduced())
 
@@ -193,15 +200,15 @@ def _curve(actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref: ca.SX, f:
     In the frame, the points r = X - midpoint depend only on length and bend. With the spin w of the frame, (E1),
     dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r.
     """
-    s, roll, shape = LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
+    s, roll, shape = SEGMENT_LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
     own = elements.Frame(length, *ca.horzsplit(ca.SX.eye(3)))
     lengths = elements.chamber_lengths(length, bend, s["offset"])
-    points = ca.reshape(_points(ca.SX.zeros(3), length * own.t, own, lengths), POINTS, 3).T
+    points = ca.reshape(_points(ca.SX.zeros(3), length * own.t, own, lengths), POINTS_PER_SEGMENT, 3).T
     phi, twist = _energy(ca.vertcat(*lengths), roll, actuated), points @ f.T
     curve = ca.SX.zeros(8, 8)  # in dm, w, dl and bend
     curve[6:, 6:], slope = ca.hessian(phi + ca.dot(f, points), shape)
     curve[3:6, 3:6] = twist - ca.trace(twist) * ca.SX.eye(3)
-    for k in range(POINTS):
+    for k in range(POINTS_PER_SEGMENT):
         moved = ca.jacobian(points[:, k], shape)
         first = ca.horzcat(ca.SX.eye(3), -ca.skew(points[:, k]), moved)
         curve += s["K"][k] * (first.T @ first)
@@ -221,24 +228,24 @@ def _curve(actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref: ca.SX, f:
 
 
 def _chamber(length: ca.SX, commanded: ca.SX) -> ca.SX:
-    return elements.chamber_energy(LAYOUT.symbols["k"], LAYOUT.symbols["l0"], length, commanded)
+    return elements.chamber_energy(SEGMENT_LAYOUT.symbols["k"], SEGMENT_LAYOUT.symbols["l0"], length, commanded)
 
 
 def _hinge(angle: ca.SX) -> ca.SX:
-    s = LAYOUT.symbols
+    s = SEGMENT_LAYOUT.symbols
     return elements.hinge_energy(s["k_apex"], angle, elements.hinge_angle(s["link"], s["l0"]))
 
 
 def _chamber_damping() -> ca.SX:
     """Return time times stiffness of one chamber [N s/m]."""
-    return LAYOUT.symbols["tau"] * LAYOUT.symbols["k"] / (2.0 * LAYOUT.symbols["l0"])
+    return SEGMENT_LAYOUT.symbols["tau"] * SEGMENT_LAYOUT.symbols["k"] / (2.0 * SEGMENT_LAYOUT.symbols["l0"])
 
 
 def _hinge_damping() -> ca.SX:
-    return LAYOUT.symbols["tau"] * LAYOUT.symbols["k_apex"]
+    return SEGMENT_LAYOUT.symbols["tau"] * SEGMENT_LAYOUT.symbols["k_apex"]
 
 
-def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
+def gradient(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> ca.Function:
     """Return the potential of springs, dampers and actuators, and the gradient (8) including the points' potential.
 
     Parameters
@@ -252,7 +259,7 @@ def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Func
     return layout.function("segment_gradient", {"phi": phi, "gradient": slope})
 
 
-def hessian(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
+def hessian(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> ca.Function:
     """Return the outputs of `gradient`, and the Hessian (64), row by row.
 
     The points count as free masses: the entries xx of K are used for all axes.
@@ -271,15 +278,15 @@ def ledger() -> ca.Function:
 
     An unused row and the outputs of `motion` (24) follow.
     """
-    s = LAYOUT.symbols
+    s = SEGMENT_LAYOUT.symbols
     terms = _chamber_ledger(0) + _chamber_ledger(1)
     terms[LEDGER_TERMS.index("viscous_loss")] += s["roll_damping"] / s["dt"] * s["q"][3] * s["dq"][3]
     rest = {"nothing": ca.SX.zeros(LEDGER_ROWS - len(LEDGER_TERMS) - 2), "points": _motion()}
-    return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles, **rest})
+    return SEGMENT_LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles, **rest})
 
 
 def _chamber_ledger(c: int) -> ca.SX:
-    s, x = LAYOUT.symbols, _shape()
+    s, x = SEGMENT_LAYOUT.symbols, _shape()
     length, length_n, now, force = x.lengths[c], s["length_n"][c], s["commanded"][c], s["force"][c]
     stretch, opening = (ca.jtimes(each, s["q"], s["dq"]) for each in (length, x.angles[c]))
 

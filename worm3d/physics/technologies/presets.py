@@ -85,7 +85,7 @@ def _round(diameter: float) -> float:
 
 
 def _braid(gauge: float, angle_deg: float) -> float:
-    """Return the blocking stress of a braided muscle on its cross-section, 0.67 of the ideal one [Pa]."""
+    """Return the blocking stress of a braided muscle on its cross-section, 0.67 of the ideal stress [Pa]."""
     a = radians(angle_deg)
     return 0.67 * gauge * (3.0 / tan(a) ** 2 - 1.0 / sin(a) ** 2)
 
@@ -101,7 +101,7 @@ STRIP_STRAIN = 0.005
 STRIP_LEVER, STRIP_STRESS = bending(thickness=0.2e-3, length=8e-3, stress=3e6)
 FIELD = "computed: eps0 eps_r (V/z)^2, eps_r 3, 3 kV on 30 um (Pelrine 1998)"
 
-TABLE: dict[str, tuple[str, dict[str, Row]]] = {
+TECHNOLOGY_PRESETS: dict[str, tuple[str, dict[str, Row]]] = {
     "sma_wire": (
         "Wires of a shape memory alloy, one along each chamber, heated by a current",
         {
@@ -283,8 +283,8 @@ def _preset(name: str, what: str, rows: Mapping[str, Row]) -> type[Technology]:
     return documented(dataclass(frozen=True, eq=False, kw_only=True)(made))
 
 
-TECHNOLOGIES: dict[str, type[Technology]] = {name: _preset(name, *row) for name, row in TABLE.items()}
-"""Class of each technology by its name, as in `worm3d.ACTUATORS`."""
+TECHNOLOGIES: dict[str, type[Technology]] = {name: _preset(name, *row) for name, row in TECHNOLOGY_PRESETS.items()}
+"""Class of each technology by name, as in `worm3d.ACTUATORS`."""
 
 for _made in TECHNOLOGIES.values():
     setattr(sys.modules[__name__], _made.__name__, _made)  # results name the class of their worm's actuator

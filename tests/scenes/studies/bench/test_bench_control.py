@@ -14,7 +14,7 @@ import pytest
 
 from scenes.language.errors import SceneError
 from scenes.models.control import build
-from scenes.models.control.model import MODEL
+from scenes.models.control.model import CONTROL_MODEL
 from scenes.models.loading import load_scene
 from scenes.running import packages
 from scenes.studies.bench import control, control_report, control_score
@@ -47,7 +47,7 @@ def test_all_classes_take_turns() -> None:
 @pytest.mark.parametrize("number", range(36))
 def test_every_trial_is_a_scene_that_all_see_by_the_default_map(number: int) -> None:
     scene = Case(drawn(number % 5, number), "mpc").load()
-    assert scene.model is MODEL
+    assert scene.model is CONTROL_MODEL
     assert scene.settings.controller.map == "default"
     assert scene.settings.run.duration_s == 60.0
 

@@ -17,7 +17,7 @@ from scenes.running.runner import simulate
 from scenes.running.terminal import timing
 from scenes.studies.bench import control
 from scenes.studies.bench.control import Case
-from scenes.studies.bench.control_error import SHORTEST, START, WINDOW, error_of
+from scenes.studies.bench.control_error import MIN_RUN_DURATION_S, STARTUP_TIME_S, WINDOW, error_of
 from scenes.studies.bench.control_score import RIVAL, scores
 from scenes.studies.bench.control_trials import drawn
 
@@ -143,7 +143,7 @@ def test_who_stands_where_all_are_to_stop_and_go_has_the_greatest_error() -> Non
 
 
 def test_the_start_does_not_count() -> None:
-    late = 0.08 * np.maximum(TIME - START, 0.0)
+    late = 0.08 * np.maximum(TIME - STARTUP_TIME_S, 0.0)
     assert error_of(record_of(late), LINE, 1.0)["error"] < 1e-9
-    assert error_of(record_of(0.08 * np.maximum(TIME - START - 0.5, 0.0)), LINE, 1.0)["error"] > 1e-4
-    assert SHORTEST == START + 2.0 * WINDOW
+    assert error_of(record_of(0.08 * np.maximum(TIME - STARTUP_TIME_S - 0.5, 0.0)), LINE, 1.0)["error"] > 1e-4
+    assert MIN_RUN_DURATION_S == STARTUP_TIME_S + 2.0 * WINDOW

@@ -17,7 +17,7 @@ from scenes.studies.fit.dips import dips
 from scenes.studies.fit.identifiability import VAGUE, determined, vague
 from scenes.studies.fit.lack import lack_of, ratio_of
 from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
-from scenes.studies.fit.slopes import HALVINGS, Slopes, slopes_at
+from scenes.studies.fit.slopes import MAX_DERIVATIVE_HALVINGS, Slopes, slopes_at
 from scenes.studies.fit.solving import AROUND, FIRST_STEP, STARTS, TINY_STEP, _Problem, solve
 from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import Data, SpentError
@@ -582,7 +582,9 @@ def test_where_no_runs_are_left_the_slopes_at_the_best_values_are_found_however_
             if np.array_equal(values, self.centre):  # that run is kept
                 return self._function(*values)
             found = super().__call__(values)
-            return found if np.abs(values - self.centre).max() < 1.01 * FIRST_STEP * 0.5**HALVINGS else None
+            return (
+                found if np.abs(values - self.centre).max() < 1.01 * FIRST_STEP * 0.5**MAX_DERIVATIVE_HALVINGS else None
+            )
 
     noise = 0.01 * np.random.default_rng(6).standard_normal(len(TIME))
     model = lambda a, b: np.array([a * TIME + b * np.sin(3.0 * TIME)])  # noqa: E731

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from control.gaits.steering import BLEND, WAVES, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import BLEND, WAVE_SCHEDULES, GaitParameters, Schedule, SteeredWave
 from control.identification.identified import Design, SteeringMap, lag, load
 from control.identification.surrogate import Misfit, Ranges
 from scenes.language.errors import SceneError
@@ -21,14 +21,14 @@ from scenes.studies.identify import command, figure, report, study
 from worm3d import Friction, Worm
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()
-SUBJECT, STEEP = (runs.Subject(WORM, GROUND, wave) for wave in (SCHEDULE, WAVES["steep"]))
+SUBJECT, STEEP = (runs.Subject(WORM, GROUND, wave) for wave in (SCHEDULE, WAVE_SCHEDULES["steep"]))
 FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
 
 
 @pytest.fixture(scope="module")
 def curves() -> tuple[study.Curve, ...]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study, "STEERINGS", FEW)
+        patch.setattr(study, "CURVE_STEERINGS", FEW)
         return study.curves(SUBJECT)
 
 
@@ -95,7 +95,7 @@ def test_the_swing_is_that_of_the_file_and_of_a_wave_between() -> None:
 
     Linear algebra for AVX2 and for AVX-512 moves the swing by 1.3e-5 s; 1e-4 s are eight times as much.
     """
-    known = load(WORM, schedule=WAVES["steep"])
+    known = load(WORM, schedule=WAVE_SCHEDULES["steep"])
     assert known is not None
     lags = known.lags["both"]
     measured = runs.measure_lags(STEEP, "both", 0.5, lags)
@@ -127,7 +127,7 @@ def test_check_runs_lie_within_the_ranges_and_last_whole_steps() -> None:
     ranges = Ranges((0.15, 0.4), (0.5, 1.25), 0.12)
     parameters = runs.check_parameters(ranges, "hinge")
     assert parameters == runs.check_parameters(ranges, "hinge")
-    assert len(parameters) == runs.CHECKS
+    assert len(parameters) == runs.CHECK_RUNS
     for each in parameters:
         assert ranges.contain(each.amplitude, min(each.frequency, 1.25), each.hinge)
         assert 100.0 / each.frequency == pytest.approx(round(100.0 / each.frequency), abs=1e-9)
@@ -206,7 +206,7 @@ def test_which_map_a_controller_goes_by() -> None:
 
 
 def test_each_wave_has_its_map() -> None:
-    for wave, schedule in WAVES.items():
+    for wave, schedule in WAVE_SCHEDULES.items():
         settings = load_scene("path_line", [f"controller.wave={wave}"]).settings
         assert map_name(settings) == "identified"
         assert identified_of(settings).schedule == schedule
@@ -227,7 +227,7 @@ def test_a_map_of_each_wave_that_a_choice_asks_for_is_made(
         made.clear()
         far = load_scene("path_line", ["worm.mass_kg=0.5", f"reference.speed_m_s={speed}"])
         command.run(far, tmp_path / "out", force=True, quiet=True)
-        assert made == [WAVES[wave] for wave in waves]
+        assert made == [WAVE_SCHEDULES[wave] for wave in waves]
         assert map_name(far.settings) == "identified"
         assert identified_of(far.settings).schedule == made[-1]
 

@@ -9,7 +9,7 @@ import pytest
 import worm3d
 from control.identification import identified
 from control.learned.policy import Policy
-from control.learned.senses import OWN
+from control.learned.senses import BASE_OBSERVATION_SIZE
 from control.tracking.paths import SCurve, offset
 from scenes.models.loading import load_scene
 from scenes.studies.learn.episode import Episode, Terms, reward_of
@@ -65,7 +65,7 @@ def test_a_short_training_gives_a_policy_and_its_curve(worm3d, tmp_path: Path) -
     ended = worm3d("learn", "path_circle", "--to", "policy.npz", *given)
     assert ended.code == 0, ended.complaints
     policy = Policy.load(tmp_path / "policy.npz")
-    assert policy.inputs == OWN + 2
+    assert policy.inputs == BASE_OBSERVATION_SIZE + 2
     assert [stage["steps"] > 0 for stage in policy.about["stages"]] == [True, True]
     assert policy.about["vary"] == {"reference.radius_m": "1:3"}
     ended = worm3d("learn", "path_circle", "--to", "b.npz", "--minutes", "0")
@@ -77,8 +77,8 @@ def practice(monkeypatch: pytest.MonkeyPatch, **values: float) -> Practice:
     ideal = dict.fromkeys(DRAWN, 0.0) | {"speed": 0.08, "wavelength": 4.0, "speed_gain": 1.0, "turn_gain": 1.0}
     for name, value in (ideal | {"lag": 1.0} | values).items():
         monkeypatch.setitem(DRAWN, name, (value, value))
-    monkeypatch.setattr("scenes.studies.learn.practice.STRAIGHT", 0.0)
-    monkeypatch.setattr("scenes.studies.learn.practice.NEAR", 0.0)
+    monkeypatch.setattr("scenes.studies.learn.practice.STRAIGHT_SHARE", 0.0)
+    monkeypatch.setattr("scenes.studies.learn.practice.ON_PATH_SHARE", 0.0)
     found = identified.load(worm3d.Worm())
     assert found is not None
     worms = Practice(1, found, 1.0, "hinge", 0.2)

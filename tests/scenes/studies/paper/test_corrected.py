@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from planar.linkage import Linkage, Run, simulate
 from scenes.studies.paper import cases, corrected_claims
-from scenes.studies.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey
+from scenes.studies.paper.cases import PAPER_PERIODS_S, SEGMENTS, CorrectedRow, GroundKey
 from scenes.studies.paper.figures import corrected_figures
 
 ROW = CorrectedRow(6, 2.0, "contact", "anchored", 0.1, 0.6, 0.01, 5.0, 8000.0, 0.01, 8.0, 0, "it ended")
@@ -39,7 +39,7 @@ def test_the_papers_nine_cases_and_the_other_grounds_of_six_segments() -> None:
     assert len(set(keys)) == len(keys) == 19
     assert [key for key in keys if key[2] == "anchored"][:5] == [(n, 2.0, "anchored") for n in SEGMENTS]
     for ground in ("anchored", "threshold", "clamped"):
-        assert {T for n, T, g in keys if (n, g) == (6, ground)} == set(PERIODS)
+        assert {T for n, T, g in keys if (n, g) == (6, ground)} == set(PAPER_PERIODS_S)
 
 
 def test_threshold_friction_and_clamping_overstate_the_distance() -> None:
@@ -85,7 +85,7 @@ def test_a_cost_without_a_value_neither_rises_nor_drops() -> None:
 
 
 def test_verdict_on_the_period() -> None:
-    rows = [replace(ROW, T_wave_s=T, work_contract_J=1.0 / T) for T in PERIODS]
+    rows = [replace(ROW, T_wave_s=T, work_contract_J=1.0 / T) for T in PAPER_PERIODS_S]
     work, cumulative, cost = corrected_claims.period_claims(rows)
     assert (work.verdict, cumulative.verdict, cost.verdict) == ("holds", "does not hold", "does not hold")
 

@@ -50,7 +50,7 @@ def test_verdict_on_the_number_of_segments(values: list[float], verdict: str) ->
 
 
 def test_verdict_on_the_period() -> None:
-    rows = [replace(ROW, T_wave_s=T, work_J=10.0 / T) for T in cases.PERIODS]
+    rows = [replace(ROW, T_wave_s=T, work_J=10.0 / T) for T in cases.PAPER_PERIODS_S]
     work, _, per_metre = claims._period_claims(rows)
     assert work.verdict == "holds"
     assert per_metre.verdict == "does not hold", "equal values do not rise"
@@ -70,7 +70,9 @@ def test_the_differences_are_measured() -> None:
 
 
 def test_report_holds_every_row_claim_and_difference() -> None:
-    rows = [replace(ROW, n=n) for n in cases.SEGMENTS] + [replace(ROW, T_wave_s=T) for T in cases.PERIODS if T != 2.0]
+    rows = [replace(ROW, n=n) for n in cases.SEGMENTS] + [
+        replace(ROW, T_wave_s=T) for T in cases.PAPER_PERIODS_S if T != 2.0
+    ]
     claim = claims.Claim("the claim", "IV.A", "holds", "the evidence")
     difference = differences.Difference("thing", "the text", "the program", "the effect")
     study = report.Study(rows, [claim], [difference], [CORRECTED], [replace(claim, claim="another")], [OVERSTATED])
@@ -118,7 +120,7 @@ def curves() -> dict[Key, Run]:
 
 @pytest.mark.parametrize(
     ("number", "keys"),
-    [(10, [(n, 2.0) for n in cases.SEGMENTS]), (12, [(6, T) for T in cases.PERIODS])],
+    [(10, [(n, 2.0) for n in cases.SEGMENTS]), (12, [(6, T) for T in cases.PAPER_PERIODS_S])],
 )
 def test_the_centres_of_mass_are_those_of_the_right_runs(curves, number: int, keys: list[Key]) -> None:
     (figure,) = [f for stem, f in figures.published_figures(curves).items() if stem.startswith(f"figure_{number}_")]
@@ -136,7 +138,7 @@ def test_the_centres_of_mass_are_those_of_the_right_runs(curves, number: int, ke
 
 @pytest.mark.parametrize(
     ("number", "keys"),
-    [(11, [(n, 2.0) for n in cases.SEGMENTS]), (13, [(6, T) for T in cases.PERIODS])],
+    [(11, [(n, 2.0) for n in cases.SEGMENTS]), (13, [(6, T) for T in cases.PAPER_PERIODS_S])],
 )
 def test_the_costs_are_those_of_the_right_runs(curves, number: int, keys: list[Key]) -> None:
     (figure,) = [f for stem, f in figures.published_figures(curves).items() if stem.startswith(f"figure_{number}_")]
@@ -158,7 +160,7 @@ def test_the_segments_contract_one_at_a_time_and_the_wave_runs_to_the_head(curve
     ninth = drawn["figure_9_wave_contraction_force"].axes[0]
     force = np.array([line.get_ydata() for line in ninth.lines])[:, 200:400]
     assert (np.diff(np.argmax(force[2:5], axis=1)) > 0).all()
-    assert_allclose(figures.FORCE, Parameters().contraction_force)
+    assert_allclose(figures.CONTRACTION_FORCE, Parameters().contraction_force)
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ RIGHT = ["run.dt_s=0.02"]
 @pytest.fixture
 def one_period(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "FACTORS", (1.0, 2.0))
-    monkeypatch.setattr(runs, "PERIODS", 4)
+    monkeypatch.setattr(runs, "MIN_RUN_PERIODS", 4)
 
 
 @pytest.mark.usefixtures("one_period")

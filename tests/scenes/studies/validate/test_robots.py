@@ -8,13 +8,24 @@ from scenes.models.loading import load_scene
 from scenes.studies.validate import animals, powered, report, robots
 from scenes.studies.validate.animals import earthworm
 from scenes.studies.validate.comparison import ABOVE_1, BELOW_1, Comparison, Source
-from scenes.studies.validate.measures import FIGURES, HOME, Exponent, Figure, Ratio, StoppedError, figures, stride
+from scenes.studies.validate.measures import (
+    RUN_FIGURES,
+    VALIDATION_FOLDER,
+    Exponent,
+    Figure,
+    Ratio,
+    StoppedError,
+    figures,
+    stride,
+)
 from scenes.studies.validate.rows import Row
 
 
-@pytest.mark.parametrize("name", sorted({c.measure.scene for c in (*robots.COMPARISONS, *animals.COMPARISONS)}))
+@pytest.mark.parametrize(
+    "name", sorted({c.measure.scene for c in (*robots.ROBOT_COMPARISONS, *animals.ANIMAL_COMPARISONS)})
+)
 def test_scenes_are_right_and_say_what_they_are(name):
-    path = HOME / f"{name}.toml"
+    path = VALIDATION_FOLDER / f"{name}.toml"
     assert load_scene(path if path.exists() else name).settings.title
     assert not path.exists() or path.read_text().startswith("# ")
     assert not path.exists() or "Not published" in path.read_text()
@@ -94,7 +105,7 @@ def test_speeds_whose_sign_is_published_have_it_over_their_spread():
 
 
 def test_rows_that_were_fitted_or_follow_from_an_input_say_so():
-    rows = [*robots.COMPARISONS, *animals.COMPARISONS, *powered.COMPARISONS]
+    rows = [*robots.ROBOT_COMPARISONS, *animals.ANIMAL_COMPARISONS, *powered.POWERED_COMPARISONS]
     assert {c.name for c in rows if c.standing == "fitted"} == {c.name for c in rows if c.source == robots.LOAD_FRAME}
     assert {c.name for c in rows if c.source.kind == "other model"} == {
         c.name for c in rows if c.source in (robots.RIDDLE, robots.KANDHARI)
@@ -109,7 +120,7 @@ def test_rows_that_were_fitted_or_follow_from_an_input_say_so():
 
 @pytest.mark.parametrize(("what", "given"), [("speed", 0.34 - 0.07), ("stride", 0.34)])
 def test_exponents_of_the_earthworm_are_those_that_it_was_given(what, given):
-    row = next(c for c in animals.COMPARISONS if c.name == f"Earthworm: exponent of the {what} over the mass")
+    row = next(c for c in animals.ANIMAL_COMPARISONS if c.name == f"Earthworm: exponent of the {what} over the mass")
     assert row.measure() == pytest.approx(given, abs=0.002)
 
 
@@ -145,9 +156,9 @@ def test_stride_is_towards_the_head_of_the_last_whole_periods():
     along = np.where(time < 23.0, -time, 0.5 * (time - 23.0) - 23.0)
     record = RecordOf(time, along[:, None] * [0.0, 1.0, 0.0] + time[:, None] * [0.3, 0.0, 0.0])
     assert stride(record) == pytest.approx(0.5 * 4.0)
-    assert FIGURES["stride_BL"](record) == pytest.approx(0.5 * 4.0 / 2.0)
-    assert FIGURES["speed_m_s"](record) == pytest.approx(0.5)
-    assert FIGURES["speed_BL_s"](record) == pytest.approx(0.25)
+    assert RUN_FIGURES["stride_BL"](record) == pytest.approx(0.5 * 4.0 / 2.0)
+    assert RUN_FIGURES["speed_m_s"](record) == pytest.approx(0.5)
+    assert RUN_FIGURES["speed_BL_s"](record) == pytest.approx(0.25)
 
 
 class RecordOf(dict):
