@@ -26,7 +26,7 @@ RISE = 1e-6
 """Turn rate added to the map per unit of steering [rad/s], so that only zero steering has zero turn rate."""
 SPARE = 0.1
 """Share of the greatest turn rate that is reserved for corrections where a path is sharp."""
-EVERY = 24
+STEERING_STRIDE = 4
 """Step between the values of the steering that have speeds along the line."""
 REPEATS = 3
 """Number of alternating solutions for steering and speed, since each changes the other a little."""
@@ -74,8 +74,8 @@ class FeedForward:
         self.least_divisor = 0.5 * float(self._straight[POINTS_PER_PART])
         along = zip(self._amplitudes, self._frequencies, strict=True)
         rates = np.array([self._turn_rates(*place) for place in along])
-        self._line = np.array([self._speeds(steering) for steering in self._steerings[::EVERY]])
-        self._rates = np.maximum.accumulate(rates, axis=1)[:, ::EVERY]
+        self._line = np.array([self._speeds(steering) for steering in self._steerings[::STEERING_STRIDE]])
+        self._rates = np.maximum.accumulate(rates, axis=1)[:, ::STEERING_STRIDE]
         sharpest = (1.0 - SPARE) * rates.max(axis=1) / self._straight
         self._sharpest = np.maximum.accumulate(sharpest[::-1])[::-1]  # at a speed or at a greater one
         # From this point on a higher speed costs curvature; slower waves turn no sharper.

@@ -280,8 +280,8 @@ class GaitMPC:
 
     def _problem(self, t: float, state: ReducedState, preview: Preview, plain: FloatArray) -> Problem:
         """Return (O2); `plain` is the plain wave, shape (H, 3)."""
-        kept = max(1.0 - float(state.slip), LEAST_SHARE)
-        frequency = self.feed_forward.frequencies(preview.speed / kept, self._curvatures(preview))
+        kept, turns = (max(float(share), LEAST_SHARE) for share in (1.0 - state.slip, state.turn_gain))
+        frequency = self.feed_forward.frequencies(preview.speed / kept, self._curvatures(preview) * kept / turns)
         return Problem(
             prediction=self._prediction,
             cost=self.cost,

@@ -81,12 +81,12 @@ class Ability(NamedTuple):
     reach: Reach
     length: float
     """Length of the body [m]."""
-    wave: float = 1.25
-    """Period of the usual wave [s]; by default the period of the default worm."""
+    wave: float
+    """Period of the usual wave [s]."""
 
 
-ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0)
-"""Ability of a worm of 1 m that can go at any speed."""
+ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0, 1.25)
+"""Ability to go at any speed, of a worm with the length and the wave of the default worm."""
 
 
 def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = ANY) -> FloatArray:

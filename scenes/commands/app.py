@@ -279,7 +279,9 @@ def export(
     film: Annotated[
         Path | None, file_option("--film", help="A film in real time, .gif or .mp4 (needs ffmpeg), of 30 s at most.")
     ] = None,
-    fps: Fps = 20,
+    fps: Annotated[
+        int | None, typer.Option(min=1, max=50, help="Frames per second of the film; 20 if left out.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Write a result in other file formats, or as a film."""
@@ -292,6 +294,8 @@ def export(
         raise SceneError("export: nothing to write; give --csv FILE, --npz FILE, --glb FILE or --film FILE")
     if at is not None and glb is None:
         raise SceneError("export: --at is the instant of a mesh; give --glb FILE too")
+    if fps is not None and film is None:
+        raise SceneError("export: --fps is the rate of a film; give --film FILE too")
     require_free(asked, result, force=force)
     record = load(result)
     for path, write in ((csv, export_csv), (npz, export_npz)):
@@ -301,7 +305,7 @@ def export(
     if glb is not None:
         typer.echo(str(drawing.mesh(record, drawing.pictures_of(record), at, glb)))
     if film is not None:
-        _film(record, film, fps)
+        _film(record, film, fps or 20)
 
 
 @app.command(hidden=True)
@@ -347,7 +351,7 @@ def _home(result: Path) -> Path:
 
 def _former_names() -> None:
     """Keep the former names of the studies as hidden commands."""
-    bench, gait = typer.Typer(), typer.Typer()
+    bench, gait = (typer.Typer(no_args_is_help=True, rich_markup_mode=None) for _ in range(2))
     for group, name, command in (
         (app, "paper", studies.paper),
         (app, "validate", studies.validate),
@@ -356,7 +360,7 @@ def _former_names() -> None:
         (bench, "control", studies.control),
         (gait, "fit", studies.gait),
     ):
-        group.command(name, hidden=True)(command)
+        group.command(name, hidden=group is app)(command)
     for name, group in (("bench", bench), ("gait", gait)):
         group.callback()(lambda: None)
         app.add_typer(group, name=name, hidden=True)

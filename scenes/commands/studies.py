@@ -39,7 +39,10 @@ class _Studies(TyperGroup):
 study = typer.Typer(cls=_Studies, rich_markup_mode=None)
 
 
-@study.callback(epilog="Options of the studies that are sweeps: 'worm3d study friction --help'.")
+@study.callback(
+    epilog="Studies that are sweeps: 'worm3d study' names them, 'worm3d study friction --help' has their options, "
+    "'worm3d study --all' runs them all."
+)
 def _studies() -> None:
     """Run a study; without a name, list the studies.
 
@@ -80,12 +83,15 @@ def swept(
         if name is not None or o:
             raise SceneError("study: --all runs the studies as they are; leave out the name and -o")
         raise typer.Exit(command.run_all(out, options))
+    assert context.parent is not None
+    programs = {key: each for key, each in context.parent.command.commands.items() if not each.hidden}  # type: ignore[attr-defined]
+    if name in programs:
+        raise SceneError(f"study: options of {name} come after the name: worm3d study {name} ...")
     if name is not None:
         raise typer.Exit(command.run(name, o or (), out, options))
     command.list_studies()
-    for other, program in context.parent.command.commands.items():  # type: ignore[union-attr]
-        if not program.hidden:
-            typer.echo(f"{other}  {program.get_short_help_str(150)}")
+    for other, program in programs.items():
+        typer.echo(f"{other}  {program.get_short_help_str(150)}")
 
 
 @study.command()

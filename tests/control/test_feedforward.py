@@ -129,6 +129,7 @@ def test_a_preferred_frequency_outside_the_map_gives_way_to_the_middle(
     ranges = replace(known.ranges, frequency=(least, greatest))
     forward = FeedForward(replace(known, ranges=ranges), 1.0)
     assert forward.frequency == pytest.approx(preferred)
+    assert forward.wave == pytest.approx(1.0 / preferred)
     frequencies = forward.frequencies(np.linspace(forward.slowest, forward.fastest, 60))
     assert np.isclose(frequencies, preferred).sum() > 3
     assert frequencies.min() >= MIN_WAVE_FREQUENCY
@@ -143,6 +144,13 @@ def test_slow_waves_that_turn_are_slower_than_straight_ones_of_the_same_speed(sp
     suited = forward.frequencies(np.full(5, speed), curvatures)
     expected = [forward(speed, curvature * speed).frequency for curvature in curvatures]
     np.testing.assert_allclose(suited, expected, rtol=0.06)
+    for curvature, frequency in zip(curvatures, suited, strict=True):
+        if frequency < PREFERRED:  # a wave of the least amplitude, by the map itself
+            wave = forward.ranges.amplitude[0], frequency
+            steerings = np.linspace(0.0, forward.ranges.steering, 2001)
+            rates = [float(forward.found.turn_rate(*wave, each)) for each in steerings]
+            steering = float(np.interp(abs(curvature) * speed, rates, steerings))
+            assert float(forward.found.speed(*wave, steering)) == pytest.approx(speed, rel=0.02)
     assert suited[0] == forward.frequencies(np.array([speed]))[0]
     sharpest = forward.frequencies(np.full(2, speed), [50.0, 500.0])
     assert sharpest[0] == sharpest[1] <= suited[3]

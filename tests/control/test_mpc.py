@@ -65,6 +65,31 @@ def exact(t: float, state: FloatArray) -> Estimate:
     return Estimate(t, ReducedState(*map(float, state)), np.zeros((STATES, STATES)), None)
 
 
+def test_the_planner_counts_in_the_waves_of_its_map() -> None:
+    slow = replace(known(), maps={name: replace(each, ranges=replace(each.ranges, frequency=(0.3, 0.7)))
+                                  for name, each in known().maps.items()})  # fmt: skip
+    planner = GaitMPC(WORM, slow, model())
+    assert planner._able(0.0).wave == pytest.approx(2.0)
+    assert planner._lasts == pytest.approx(2.0 * INTEGRAL_TIME_CONSTANT)
+
+
+@pytest.mark.parametrize(("slip", "gain"), [(0.0, 1.0), (0.3, 1.0), (0.3, 1.2), (-0.1, 0.8)])
+def test_the_preferred_wave_makes_speed_and_curvature_of_a_worm_that_slips_and_turns_otherwise(
+    slip: float, gain: float
+) -> None:
+    """By the map itself, with the least amplitude: a wave of V / (1 - slip) and kappa V / gain."""
+    planner, speed, curvature = mpc("both"), 0.02, 2.0
+    state = REST._replace(speed=speed, slip=slip, turn_gain=gain)
+    problem = problem_of(planner, state, Reference(Constant(speed), path=Circle(1.0 / curvature)))
+    frequency = float(problem.frequency[4] * planner._scale.half[1] + planner._scale.centre[1])
+    found, steerings = planner.feed_forward.found, np.linspace(0.0, planner.feed_forward.ranges.steering, 2001)
+    wave = found.ranges.amplitude[0], frequency
+    rates = [gain * float(found.turn_rate(*wave, each)) for each in steerings]
+    steering = float(np.interp(curvature * speed, rates, steerings))
+    assert frequency < 0.8
+    assert (1.0 - slip) * float(found.speed(*wave, steering)) == pytest.approx(speed, rel=0.03)
+
+
 LASTS = INTEGRAL_TIME_CONSTANT / 0.8
 """Time constant (P4) of a worm whose waves have 0.8 Hz [s]."""
 
@@ -164,7 +189,8 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     turning = np.zeros(len(ahead.way))
     if reference.path is not None:
         turning = np.abs(np.gradient(ahead.heading)) / np.abs(ahead.way)
-    preferred = controller.feed_forward.frequencies(ahead.speed / (1.0 - MOVING.slip), turning)
+    kept = 1.0 - MOVING.slip
+    preferred = controller.feed_forward.frequencies(ahead.speed / kept, turning * kept)
     terms.append((inputs[:, 1] - preferred) / ((high - low) / 2.0) / Frequency().tolerance)
     residuals = problem.residuals(u.ravel())
     assert residuals @ residuals == pytest.approx(sum(np.sum(np.square(term)) for term in terms))

@@ -14,7 +14,7 @@ from control.tracking.paths import Circle, Line, WayPoints
 from control.tracking.preview import ANY, APPROACH, Ability, Preview, bounds, look_ahead, speed_at
 from control.tracking.references import Constant, Reference
 
-SLOW_IN_CURVES = Ability(lambda curvature: 0.1 / (1.0 + np.abs(curvature)), 1.0)
+SLOW_IN_CURVES = Ability(lambda curvature: 0.1 / (1.0 + np.abs(curvature)), 1.0, 1.25)
 LINE = Line((0.0, 0.0), 0.0, 3.0)
 
 
@@ -46,7 +46,9 @@ def test_a_path_ends_in_rest() -> None:
     for wave in (1.25, 4.0):
         able, T = ANY._replace(wave=wave), APPROACH * wave
         assert_allclose(speed_at(reference, np.zeros(5), along, able), [0.08, 0.1 / T, 0.01 / T, 0.0, 0.0])
-    seen = ahead(reference, Ability(lambda k: np.full(k.shape, np.inf), 1.0), (2.95, 0.0), 40)
+    seen = ahead(reference, ANY, (2.95, 0.0), 40)
+    late = ahead(reference, ANY._replace(wave=4.0), (2.95, 0.0), 40)
+    assert_allclose(3.0 - late.point[1, 0], 0.05 * (1.0 - 0.4 / (APPROACH * 4.0)) ** 2)
     assert (np.diff(seen.point[:, 0]) >= 0.0).all()
     assert 2.99 < seen.point[-1, 0] <= 3.0
 
@@ -79,7 +81,7 @@ def test_what_is_followed_is_the_way_around_and_bounds_are_about_it() -> None:
     disc, body = Disc(1.2, 0.05, 0.1), Body(1.0, 0.1)
     bare = Reference(Constant(0.1), path=LINE, corridor=0.5, obstacles=(disc,))
     reference = led(bare, body)
-    seen = ahead(reference, Ability(lambda k: np.full(k.shape, np.inf), 1.0), (0.5, 0.0))
+    seen = ahead(reference, ANY, (0.5, 0.0))
     assert_allclose(seen.point, reference.path.point(seen.progress + 0.04 * np.arange(1, 17)), atol=1e-6)
     assert_allclose(seen.heading, reference.path.heading(seen.progress + 0.04 * np.arange(1, 17)), atol=1e-6)
     assert_allclose(seen.point[:, 1] - seen.right, -0.5, atol=2e-3)
@@ -90,7 +92,7 @@ def test_what_is_followed_is_the_way_around_and_bounds_are_about_it() -> None:
     left = np.column_stack([-np.sin(seen.heading), np.cos(seen.heading)])
     touching = body.clearance([disc], seen.point + seen.room_left[:, None] * left, seen.heading)
     assert_allclose(touching[beside], 0.0, atol=0.012)
-    free = ahead(bare, Ability(lambda k: np.full(k.shape, np.inf), 1.0))
+    free = ahead(bare, ANY)
     assert_array_equal([free.left, free.right, free.room_left, free.room_right], bounds(bare, np.zeros(16)))
     assert_array_equal(free.right, 0.5)
 

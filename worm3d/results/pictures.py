@@ -22,6 +22,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 from worm3d.viewer import Frames
 from worm3d.viewer.frames import instants
+from worm3d.viewer.shapes import rings_mesh
 from worm3d.viewer.world import WorldMesh
 from worm3d.worlds import World
 from worm3d.worlds.scenery import Window, on_ground, scenery
@@ -45,6 +46,7 @@ SERIES = (
 )
 """Series of a result that pictures show."""
 
+OBSTACLE_COLOUR = (1.0, 0.5, 0.05)
 ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 
 
@@ -195,7 +197,7 @@ def arrays(
     reference: ArrayLike | None = None,
     horizon: ArrayLike | None = None,
     reference_speed: ArrayLike | None = None,
-    obstacles: Sequence[WorldMesh] = (),
+    obstacles: Sequence[FloatArray] = (),
 ) -> Frames:
     """Return arrays of a run, stored or not, as plain arrays for pictures; other parameters as in `draw`.
 
@@ -207,8 +209,8 @@ def arrays(
         Averaging time of the displayed speed [s].
     reference_speed : array_like, shape (T,), optional
         Speed that a controller was to keep to, at the instants of the run [m/s].
-    obstacles : sequence of WorldMesh
-        Obstacles that a controller was to avoid, drawn with the world.
+    obstacles : sequence of ndarray, shape (P, 3)
+        Outlines of obstacles that a controller was to avoid; where there is ground below, they stand on the ground [m].
     """
     rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}
@@ -237,8 +239,15 @@ def arrays(
         path=None if reference is None else lowered(reference),
         centreline=around.centreline,
         horizon=None if horizon is None else lowered(np.asarray(horizon, dtype=float)[rows]),
-        world=(*around.meshes, *obstacles),
+        world=(*around.meshes, *_prisms([lowered(each) for each in obstacles], worm)),
     )
+
+
+def _prisms(feet: Sequence[FloatArray], worm: Worm) -> list[WorldMesh]:
+    """Return obstacles on outlines of shape (P, 3) [m], as high as the worm at rest."""
+    height = np.array([0.0, 0.0, 2.0 * float(np.max(worm.half_height))])
+    meshes = [rings_mesh(np.array([foot, foot + height])) for foot in feet]
+    return [WorldMesh(f"obstacle {k}", *mesh, OBSTACLE_COLOUR, 0.5) for k, mesh in enumerate(meshes)]
 
 
 def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:

@@ -13,8 +13,6 @@ from scenes.models.control.schema import ControlScene
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
-from worm3d.viewer.shapes import rings_mesh
-from worm3d.viewer.world import WorldMesh
 
 if TYPE_CHECKING:
     from control.loop import Decision
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
 
 ABOVE = 0.004
 """Height of lines above the ground, so that they are visible [m]."""
-OBSTACLE = (1.0, 0.5, 0.05)
-"""Colour of obstacles."""
 
 
 def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
@@ -44,7 +40,8 @@ def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
     path = path_seen(record, scene)
     if path is not None:
         lines["reference"] = _raised(path_points(path, record["com"][:, :2]), record, scene)
-        lines["obstacles"] = _obstacles(reference_seen(record, scene), record, scene)
+        obstacles = reference_seen(record, scene).obstacles
+        lines["obstacles"] = [_raised(each.outline(), record, scene) for each in obstacles]
     if "horizon" in record:
         lines["horizon"] = _raised(_horizons(record)[rows], record, scene)
     return lines
@@ -67,16 +64,6 @@ def reference_seen(record: Record, scene: ControlScene) -> Reference:
     if path is None and is_own(scene.reference.kind):
         return Reference(speed_of(scene.reference))  # from an earlier version, without a stored path or bounds
     return reference_along(scene, path)
-
-
-def _obstacles(reference: Reference, record: Record, scene: ControlScene) -> list[WorldMesh]:
-    """Return the obstacles of a reference as prisms of the height of the worm."""
-    height, found = np.array([0.0, 0.0, np.ptp(record["points"][0, ..., 2])]), []
-    for k, obstacle in enumerate(reference.obstacles):
-        foot = _raised(obstacle.outline(), record, scene)
-        mesh = rings_mesh(np.array([foot, foot + height]))
-        found.append(WorldMesh(f"obstacle {k}", mesh.vertices, mesh.faces, OBSTACLE, 0.5))
-    return found
 
 
 def period(record: Record) -> float | None:
