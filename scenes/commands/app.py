@@ -315,7 +315,7 @@ def animate(
     fps: Fps = 20,
     force: Force = False,
 ) -> None:
-    """Write a film of a result, in the same way as 'worm3d export RESULT --film FILE'."""
+    """Write a film of a result, at most 30 s long, as 'worm3d export RESULT --film FILE' does."""
     from scenes.records.folder import ANIMATION, made, require_free
     from scenes.records.store import load
 

@@ -39,7 +39,7 @@ def learned(
 
 @pytest.mark.parametrize("true", [0.01, 0.02, 0.04])
 def test_noise_that_nobody_told_is_found_in_the_mean_of_many_runs(true: float) -> None:
-    found = [learned(Noise(TOLD, 0.2), true, 5 * NOISE_WINDOW, seed) for seed in range(40)]
+    found = [learned(Noise(TOLD, 0.2), true, 2 * NOISE_WINDOW, seed) for seed in range(24)]
     assert np.mean(found) == pytest.approx(true, rel=0.05)
     assert np.std(found) < 0.15 * true
 
