@@ -105,12 +105,10 @@ class FeedForward:
         A wave that turns goes farther than a straight wave, so that a slower wave suffices.
         """
         size = np.abs(speeds)
-        frequencies, rates = (
-            np.array([np.interp(size, speed, each) for speed, each in zip(self._line, column, strict=True)])
-            for column in ([self._frequencies] * len(self._line), self._rates.T)
-        )
-        columns = zip(np.abs(curvatures) * size, rates.T, frequencies.T, strict=True)
-        return np.array([np.interp(rate, turns, suits) for rate, turns, suits in columns])
+        wanted = np.abs(curvatures) * size
+        frequencies = np.array([np.interp(size, speeds, self._frequencies) for speeds in self._line])
+        rates = np.array([np.interp(size, *each) for each in zip(self._line, self._rates.T, strict=True)])
+        return np.array([np.interp(w, rates[:, k], frequencies[:, k]) for k, w in enumerate(wanted)])
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
         """Return the greatest speeds [m/s] for paths of curvatures (...) [1/m], according to the map.

@@ -27,7 +27,7 @@ from scenes.language.errors import SceneError
 if TYPE_CHECKING:
     from scenes.records.record import Record
 
-Fps = Annotated[int, typer.Option(min=1, max=50, help="Frames per second of a film.")]
+Fps = Annotated[int | None, typer.Option(min=1, max=50, help="Frames per second of the film; 20 if left out.")]
 
 SECTIONS = {
     "Scenes": ("run", "check", "list", "init"),
@@ -90,7 +90,7 @@ def run(
         typer.Option("--resume", metavar="RESULT", parser=path_of, help="Go on with a run, instead of a SCENE."),
     ] = None,
     duration: Annotated[
-        str | None,
+        float | None,
         typer.Option(
             "--duration", metavar="SECONDS_MORE", help="With --resume: time to add; left out: to its planned end."
         ),
@@ -110,11 +110,11 @@ def run(
     if resume is not None:
         if scene is not None or o or accuracy is not None:
             raise SceneError("run: --resume goes on with a run as it was; leave out SCENE, -o and --accuracy")
-        go_on(resume, _seconds(duration), out, force, quiet)
+        go_on(resume, duration, out, force, quiet)
     if scene is None:
         context.fail("Nothing to run: name a SCENE of 'worm3d list' or a TOML file, or give --resume RESULT.")
     if duration is not None:
-        raise SceneError(f"run: --duration is a key of the scene, run.duration_s: -o run.duration_s={duration}")
+        raise SceneError(f"run: --duration is a key of the scene, run.duration_s: -o run.duration_s={duration:g}")
     from scenes.models.loading import load_scene
     from scenes.running.runner import run_scene
 
@@ -125,13 +125,6 @@ def run(
 
         raise typer.Exit(command.run(scene, changes, out, command.Options(force=force, quiet=quiet)))
     raise typer.Exit(run_scene(loaded, out, force=force, quiet=quiet))
-
-
-def _seconds(text: str | None) -> float | None:
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        raise SceneError(f"run: --duration: got {text!r}, must be a number of seconds") from None
 
 
 @app.command(name="resume", hidden=True)
@@ -279,9 +272,7 @@ def export(
     film: Annotated[
         Path | None, file_option("--film", help="A film in real time, .gif or .mp4 (needs ffmpeg), of 30 s at most.")
     ] = None,
-    fps: Annotated[
-        int | None, typer.Option(min=1, max=50, help="Frames per second of the film; 20 if left out.")
-    ] = None,
+    fps: Fps = None,
     force: Force = False,
 ) -> None:
     """Write a result in other file formats, or as a film."""
@@ -305,14 +296,14 @@ def export(
     if glb is not None:
         typer.echo(str(drawing.mesh(record, drawing.pictures_of(record), at, glb)))
     if film is not None:
-        _film(record, film, fps or 20)
+        _film(record, film, fps)
 
 
 @app.command(hidden=True)
 def animate(
     result: ResultArgument,
     out: Annotated[Path | None, file_option("--out", help="File ending in .gif or .mp4 (needs ffmpeg).")] = None,
-    fps: Fps = 20,
+    fps: Fps = None,
     force: Force = False,
 ) -> None:
     """Write a film of a result, at most 30 s long, as 'worm3d export RESULT --film FILE' does."""
@@ -326,10 +317,10 @@ def animate(
     _film(record, path, fps)
 
 
-def _film(record: Record, path: Path, fps: int) -> None:
+def _film(record: Record, path: Path, fps: int | None) -> None:
     from scenes.running import drawing
 
-    typer.echo(str(drawing.animate(record, drawing.pictures_of(record), path, fps=fps)))
+    typer.echo(str(drawing.animate(record, drawing.pictures_of(record), path, fps=fps or 20)))
     if line := drawing.cut_short(record):
         typer.echo(line)
 
