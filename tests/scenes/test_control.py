@@ -414,6 +414,14 @@ def test_obstacles_are_drawn_where_they_stand_on_the_ground_and_as_high_as_the_w
         assert 0.0 < above.min() < 0.01
 
 
+def test_obstacles_stand_on_rough_ground_and_not_at_the_height_of_the_worm() -> None:
+    record = simulate(load_scene("obstacles", ["run.duration_s=0.1", "world.kind=heightfield"]))
+    drawn = [mesh for mesh in worm_view.frames_of(record).world if mesh.name.startswith("obstacle")]
+    feet = [mesh.vertices[:, 2].min() for mesh in drawn]
+    assert len(feet) == 2
+    assert 0.0 < min(feet) <= max(feet) < 0.02 < 0.5 * record["com"][:, 2].mean()
+
+
 def test_references_have_ends_corridors_obstacles_and_go_backwards() -> None:
     asked = ("length_m=2.0", "ends=true", "corridor_m=0.1", "obstacles=[{x_m=1.5, y_m=0.3, radius_m=0.1}]")
     found = reference_of(scene("path_line", *(f"reference.{each}" for each in asked), "reference.speed_m_s=-0.02"))
