@@ -35,6 +35,10 @@ class _Studies(TyperGroup):
         parsed: list[str] = super().parse_args(ctx, args if named else [SWEPT, *args])
         return parsed
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        return "" if name == SWEPT else name, command, rest  # the help shows `worm3d study [NAME]`
+
 
 study = typer.Typer(cls=_Studies, rich_markup_mode=None)
 
@@ -141,9 +145,9 @@ def technologies(
     sources of the numbers) and technologies.png. Takes half a minute. Keys of the section [actuator] apply to all
     technologies.
     """
-    from scenes.studies.technologies import command
+    from scenes.studies.technologies import report
 
-    raise typer.Exit(command.run(scene, o or (), only or (), out, force=force, quiet=quiet))
+    raise typer.Exit(report.run(scene, o or (), only or (), out, force=force, quiet=quiet))
 
 
 @study.command()

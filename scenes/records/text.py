@@ -7,28 +7,37 @@ import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 Cells = tuple[str, ...]
 
 
 class Column(NamedTuple):
-    """Format of an attribute of a row."""
+    """A quantity of each row, and its format."""
 
     attribute: str
+    """Attribute of a row, which may be an attribute of an attribute: `own.speed`."""
     form: str = ""
-    """Format specification, as after the colon in an f-string."""
+    """Format specification of numbers, as after the colon in an f-string."""
     scale: float = 1.0
     """Factor of the value."""
     none: str = ""
     """Text for None and NaN."""
+    name: str = ""
+    """Title in CSV files; the attribute if left out."""
+
+    def value(self, row: object) -> Any:
+        """Return the value of a row."""
+        value = attrgetter(self.attribute)(row)
+        return value if self.scale == 1.0 or value is None else self.scale * value
 
     def cell(self, row: object) -> str:
-        """Return the attribute of a row as text."""
-        value = getattr(row, self.attribute)
+        """Return the value of a row as text."""
+        value = self.value(row)
         if value is None or (isinstance(value, float) and math.isnan(value)):
             return self.none
-        return format(value if self.scale == 1.0 else self.scale * value, self.form)
+        return value if isinstance(value, str) else format(value, self.form)
 
 
 def table(columns: Mapping[str, Column], rows: Iterable[object]) -> tuple[Cells, list[Cells]]:
@@ -56,6 +65,13 @@ def csv_bytes(rows: Iterable[Iterable[Any]]) -> bytes:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(map(finite, row) for row in rows)
     return text.getvalue().encode()
+
+
+def csv_table(columns: Iterable[Column], rows: Iterable[object]) -> bytes:
+    """Return a table as the bytes of a CSV file."""
+    shown = list(columns)
+    titles = [column.name or column.attribute for column in shown]
+    return csv_bytes([titles, *([column.value(row) for column in shown] for row in rows)])
 
 
 def json_bytes(content: Any, indent: int | None = 2) -> bytes:

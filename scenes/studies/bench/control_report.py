@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
-from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import typer
 from matplotlib.figure import Figure
@@ -14,14 +13,13 @@ from matplotlib.figure import Figure
 from control import controllers
 from scenes.language.errors import SceneError
 from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import Cells, aligned, csv_bytes, markdown_table
-from scenes.running.drawing import save_figure
+from scenes.records.text import csv_bytes
 from scenes.running.packages import machine
+from scenes.running.report import Block, Heading, Items, Picture, Report, Table, report_study
 from scenes.running.terminal import counted, progress
 from scenes.studies.bench import control
 from scenes.studies.bench.control import CONTROLLERS, DONE, Case, Found, Study
-from scenes.studies.bench.control_score import SCORE_COLUMNS, cells, names
+from scenes.studies.bench.control_score import SCORE_COLUMNS, names, scores
 from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
 CONTROL_FIGURE_FILE = "control.png"
@@ -84,7 +82,7 @@ def show(options: Options) -> int:
 
 
 def run(out: Path | None, options: Options, *, quiet: bool) -> int:
-    """Run the missing cases, write the results and return the exit code; the exit code is 5 if a trial was lost.
+    """Run the missing cases and return the exit code, which is 5 if a trial was lost.
 
     Raises
     ------
@@ -92,19 +90,14 @@ def run(out: Path | None, options: Options, *, quiet: bool) -> int:
         An option is wrong, the folder cannot be used, or the disc refused a file.
     """
     cases = options.cases
-    with folders.prepared(out, "bench-control", force=True) as folder:
+
+    def study(folder: Path) -> Report:
         folders.made(folder / "cases")
         with progress("control", len(cases), quiet=quiet, what="run") as show:
-            study = control.study(cases, folder, options.workers, show)
-        write_bytes(folder / "control.csv", as_csv(study.found))
-        write_bytes(folder / "control.md", markdown(study.found, machine(), options.says).encode())
-        save_figure(draw(study.found), folder / CONTROL_FIGURE_FILE)
-        if not quiet:
-            for line in terminal_lines(study.found, options.says):
-                typer.echo(line)
-            typer.echo(_of_the_folder(study))
-            typer.echo(f"Written to {folder}: control.md, control.csv, {CONTROL_FIGURE_FILE}, cases/")
-    return LOST_TRIAL_EXIT_CODE if any(each.status != DONE for each in study.found) else 0
+            ended = control.study(cases, folder, options.workers, show)
+        return report(ended, options.says)
+
+    return report_study("bench-control", study, out, force=True, quiet=quiet)
 
 
 def _require_controllers(names: Sequence[str]) -> None:
@@ -125,63 +118,45 @@ def _of_the_folder(study: Study) -> str:
     )
 
 
+def report(study: Study, says: str) -> Report:
+    """Return the report; `says` describes the trials."""
+    found = study.found
+    lost = [f"{x.controller} lost {x.trial}: {x.status}" for x in found if x.status != DONE]
+    tables = [Table.of(SCORE_COLUMNS, scores(found)), by_class(found)]
+    on = machine()
+    page: list[Block] = [
+        Heading("How well worms keep to their tasks", 1),
+        f"{says}. {SAYS}",
+        *tables,
+        Picture(CONTROL_FIGURE_FILE, "errors"),
+        Items(lost),
+        f"{on['cpu']}, {on['system']}, {on['date']}.",
+    ]
+    return Report(
+        said=[says, *reversed(tables), SAYS, Items(lost), _of_the_folder(study)],
+        pages={"control.md": page},
+        files={"control.csv": as_csv(found)},
+        pictures={CONTROL_FIGURE_FILE: draw(found)},
+        exit_code=LOST_TRIAL_EXIT_CODE if lost else 0,
+    )
+
+
 def as_csv(found: Sequence[Found]) -> bytes:
     """Return the results as CSV, one line for each run."""
     runs = ((x.trial, x.kind, x.controller, x.status, x.error, *map(x.metrics.get, METRICS)) for x in found)
     return csv_bytes([("trial", "class", "controller", "status", "error", *METRICS), *runs])
 
 
-def markdown(found: Sequence[Found], machine: dict[str, Any], says: str) -> str:
-    """Return the report, which shows the picture `CONTROL_FIGURE_FILE`; `says` describes the trials."""
-    tables = (*markdown_table(SCORE_COLUMNS, cells(found)), "", *markdown_table(*by_class(found)))
-    lines = (
-        *(
-            "# How well worms keep to their tasks",
-            "",
-            f"{says}. {SAYS}",
-            "",
-            *tables,
-            "",
-            f"![errors]({CONTROL_FIGURE_FILE})",
-        ),
-        *("", *(f"* {line}" for line in lost(found)), "", f"{machine['cpu']}, {machine['system']}, {machine['date']}."),
-    )
-    return "\n".join(lines) + "\n"
-
-
-def terminal_lines(found: Sequence[Found], says: str) -> Iterator[str]:
-    """Yield the lines to print."""
-    yield from (
-        says,
-        "",
-        *aligned(*by_class(found)),
-        "",
-        *aligned(SCORE_COLUMNS, cells(found)),
-        *wrap(SAYS, 100),
-        *lost(found),
-    )
-
-
-def by_class(found: Sequence[Found]) -> tuple[Cells, Iterator[Cells]]:
+def by_class(found: Sequence[Found]) -> Table:
     """Return a table of the median and the worst error of each controller in each class of trials."""
     of: dict[tuple[str, str], list[float]] = {}
     for each in found:
         of.setdefault((each.kind, each.controller), []).append(each.error)
-    kinds = dict.fromkeys(each.kind for each in found)
-    lines = (
-        (
-            kind,
-            str(len(of[kind, names(found)[0]])),
-            *(f"{median(e):.3f}, {max(e):.3f}" for e in (of[kind, by] for by in names(found))),
-        )
-        for kind in kinds
-    )
-    return ("median, worst", "trials", *names(found)), lines
-
-
-def lost(found: Sequence[Found]) -> Iterator[str]:
-    """Yield the reasons why trials were lost."""
-    yield from (f"{x.controller} lost {x.trial}: {x.status}" for x in found if x.status != DONE)
+    rows = []
+    for kind in dict.fromkeys(each.kind for each in found):
+        errors = [of[kind, name] for name in names(found)]
+        rows.append((kind, str(len(errors[0])), *(f"{median(e):.3f}, {max(e):.3f}" for e in errors)))
+    return Table(("median, worst", "trials", *names(found)), rows)
 
 
 def draw(found: Sequence[Found]) -> Figure:

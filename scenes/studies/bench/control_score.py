@@ -10,10 +10,11 @@ over all T trials: line-of-sight has 1, a controller with half the errors 0.5. A
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from statistics import median
 from typing import NamedTuple
 
+from scenes.records.text import Column
 from scenes.studies.bench.control import DONE, Found, Value
 
 RIVAL = "pi_los"
@@ -77,17 +78,14 @@ def _ratio(mine: float, theirs: float) -> float:
     return math.log(max(mine, FLOOR) / max(theirs, FLOOR))
 
 
-SCORE_COLUMNS = ("controller", "score", "median", "worst", "lost", "real time", "step p50 [%]", "step p99 [%]")
-
-
-def cells(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
-    """Yield a line for each controller."""
-    for each in scores(found):
-        numbers = ((each.score, ".3f"), (each.median, ".3f"), (each.worst, ".3f"))
-        yield (
-            each.controller,
-            *("-" if value is None else f"{value:{form}}" for value, form in numbers),
-            f"{each.lost}",
-            "-" if each.slowest is None else f"{each.slowest:.2g}",
-            *("-" if share is None else f"{100.0 * share:.0f}" for share in (each.step, each.late)),
-        )
+SCORE_COLUMNS = {
+    "controller": Column("controller"),
+    "score": Column("score", ".3f", none="-"),
+    "median": Column("median", ".3f"),
+    "worst": Column("worst", ".3f"),
+    "lost": Column("lost"),
+    "real time": Column("slowest", ".2g", none="-"),
+    "step p50 [%]": Column("step", ".0f", 100.0, "-"),
+    "step p99 [%]": Column("late", ".0f", 100.0, "-"),
+}
+"""Columns of the table of scores, by title."""

@@ -6,12 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import astuple, fields, replace
 from pathlib import Path
 
-import typer
-
-from scenes.records.folder import prepared, write_bytes
-from scenes.records.text import aligned, csv_bytes
-from scenes.running.drawing import save_figure
+from scenes.records.text import csv_bytes
 from scenes.running.overlays import OVERLAYS, drawn
+from scenes.running.report import Block, Heading, Items, Report, Table, report_study
 from scenes.running.terminal import busy, counted
 from scenes.studies.compare import page
 from scenes.studies.compare.aligned import aligned as aligned_to
@@ -28,7 +25,7 @@ from scenes.studies.compare.differences import (
 from scenes.studies.compare.sources import Source, records, sources
 from worm3d.values.metrics import written
 
-COMPARISON_TABLE_FILE, COMPARISON_PAGE_FILE = "compare.csv", "compare.html"
+COMPARISON_TABLE_FILE = "compare.csv"
 
 MOST_ROWS, WIDEST = 20, 30
 """Largest number of printed settings, and largest number of characters of their values."""
@@ -58,20 +55,20 @@ def run(
     """
     as_they_are = named_by_settings(sources(paths))
     given = _aligned(as_they_are) if align else as_they_are
-    with prepared(out, "compare", force=force) as folder, busy("comparing", quiet=quiet):
-        for stem in (*(f"{stem}.png" for stem in OVERLAYS), COMPARISON_TABLE_FILE, COMPARISON_PAGE_FILE):
-            (folder / stem).unlink(missing_ok=True)
-        found = [*figures(given), *series(given)]
-        write_bytes(folder / COMPARISON_TABLE_FILE, _csv(given, found))
-        for stem, figure in drawn(records(given)):
-            save_figure(figure, folder / f"{stem}.png")
-        missing = page.write(
-            records(as_they_are), folder / COMPARISON_PAGE_FILE, " and ".join(source.label for source in given)
-        )
-    if not quiet:
-        for line in _told(given, found, missing, folder):
-            typer.echo(line)
-    return 0
+
+    def study(folder: Path) -> Report:
+        for name in (*(f"{stem}.png" for stem in OVERLAYS), COMPARISON_TABLE_FILE, page.COMPARISON_PAGE_FILE):
+            (folder / name).unlink(missing_ok=True)
+        with busy("comparing", quiet=quiet):
+            found = [*figures(given), *series(given)]
+            pages, missing = page.pages(records(as_they_are), " and ".join(source.label for source in given))
+            return Report(
+                said=list(_said(given, found, missing)),
+                files={COMPARISON_TABLE_FILE: _csv(given, found), **pages},
+                pictures={f"{stem}.png": figure for stem, figure in drawn(records(given))},
+            )
+
+    return report_study("compare", study, out, force=force, quiet=quiet)
 
 
 def _aligned(given: Sequence[Source]) -> list[Source]:
@@ -95,32 +92,30 @@ def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
     return csv_bytes([[each.name for each in fields(Difference)], *of_settings, *map(astuple, found)])
 
 
-def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, folder: Path) -> Iterator[str]:
+def _said(given: Sequence[Source], found: Sequence[Difference], missing: str) -> Iterator[Block]:
     labels = [source.label for source in given]
     yield from _settings(given)
-    yield f"figures (difference from {labels[0]}); equal ones are left out"
-    yield from _indented(_figures(given, [each for each in found if each.kind == "figure"]))
+    yield Heading(f"figures (difference from {labels[0]}); equal ones are left out")
+    yield _figures(labels, [each for each in found if each.kind == "figure"])
     if moved := [each for each in found if each.kind == "both"]:
-        yield "over the time that both have"
-        yield from _indented(_both(moved))
+        yield from (Heading("over the time that both have"), _both(moved))
     if over_time := [each for each in found if each.kind == "series" and each.reference and _is_main(given, each)]:
-        yield f"rms difference from {labels[0]} over the time that both have, and its share of the range"
-        yield from _indented(_series(labels, over_time))
-    for sentence in left_out(given):
-        yield f"not compared: {sentence}"
+        yield Heading(f"rms difference from {labels[0]} over the time that both have, and its share of the range")
+        yield _series(labels, over_time)
+    yield Items([f"not compared: {sentence}" for sentence in left_out(given)])
     if missing:
         yield missing
-    yield f"files in {folder}: {COMPARISON_TABLE_FILE} has all differences"
+    yield f"{COMPARISON_TABLE_FILE} has all differences"
 
 
-def _settings(given: Sequence[Source]) -> Iterator[str]:
+def _settings(given: Sequence[Source]) -> Iterator[Block]:
     """Yield the differing keys that all scenes have; keys that some scenes lack are counted."""
     differing, simulated = settings(given), [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in differing if all(each.values[k] != ABSENT for k in simulated)]
     if shared:
-        yield "settings that differ"
+        yield Heading("settings that differ")
         rows = [(each.key, *(_short(value) for value in each.values)) for each in shared[:MOST_ROWS]]
-        yield from _indented(aligned(("", *(source.label for source in given)), rows))
+        yield Table(("", *(source.label for source in given)), rows)
     if more := len(differing) - len(shared[:MOST_ROWS]):
         yield f"{counted(more, 'setting')} more that differ, or that not all have: {COMPARISON_TABLE_FILE} has them"
 
@@ -129,12 +124,12 @@ def _short(text: str) -> str:
     return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
 
 
-def _both(found: Sequence[Difference]) -> Iterator[str]:
+def _both(found: Sequence[Difference]) -> Table:
     rows = [
         (f"{each.name} [{each.unit}]", _number(each.reference, each.unit), each.source, _against(each))
         for each in found
     ]
-    return aligned(("", "reference", "", "other"), rows)
+    return Table(("", "reference", "", "other"), rows)
 
 
 def _is_main(given: Sequence[Source], each: Difference) -> bool:
@@ -142,21 +137,21 @@ def _is_main(given: Sequence[Source], each: Difference) -> bool:
     return measured or each.name in MAIN_SERIES
 
 
-def _figures(given: Sequence[Source], found: Sequence[Difference]) -> Iterator[str]:
+def _figures(labels: Sequence[str], found: Sequence[Difference]) -> Table:
     rows = []
     for name, row in rows_by_name(found).items():
         if name in MAIN and any(each.value != each.reference for each in row):
             rows.append((name, _number(row[0].reference, row[0].unit), *(_against(each) for each in row)))
-    return aligned(("", *(source.label for source in given)), rows)
+    return Table(("", *labels), rows)
 
 
-def _series(labels: Sequence[str], found: Sequence[Difference]) -> Iterator[str]:
+def _series(labels: Sequence[str], found: Sequence[Difference]) -> Table:
     rows = []
     for name, row in rows_by_name(found).items():
         known = {each.source: f"{_number(each.difference)} {_share(each)}".rstrip() for each in row}
         unit = row[0].unit
         rows.append((f"{name} [{unit}]" if unit != "1" else name, *(known.get(label, "-") for label in labels[1:])))
-    return aligned(("", *labels[1:]), rows)
+    return Table(("", *labels[1:]), rows)
 
 
 def _against(each: Difference) -> str:
@@ -169,7 +164,3 @@ def _share(each: Difference, sign: str = "") -> str:
 
 def _number(value: float | None, unit: str = "") -> str:
     return "-" if value is None else written(value, unit, digits=5)
-
-
-def _indented(lines: Iterator[str]) -> Iterator[str]:
-    yield from (f"  {line}" for line in lines)

@@ -6,27 +6,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from scenes.records.folder import VIEWER, write_bytes
+from scenes.records.folder import VIEWER
 from scenes.records.record import Record
 from scenes.running.drawing import is_drawable, pictures_of
 from worm3d.viewer.beside import MAX_PAGES, Page, side_by_side
 
+COMPARISON_PAGE_FILE = "compare.html"
 
-def write(records: Mapping[str, Record], path: Path, title: str) -> str:
-    """Write the common page of the records with a 3D page, by label; return the reason if there is none, or "".
 
-    Raises
-    ------
-    DiscError
-        The file cannot be written.
-    """
+def pages(records: Mapping[str, Record], title: str) -> tuple[dict[str, bytes], str]:
+    """Return the common page of the records with a 3D page, by file name, and the reason if there is none."""
     shown = {label: record for label, record in records.items() if _has_page(record)}
-    if len(shown) < 2:
-        return f"no page side by side: {len(shown)} of the results can be seen in 3D, must be two or more"
-    if len(shown) > MAX_PAGES:
-        return f"no page side by side: {len(shown)} of the results can be seen in 3D, must be {MAX_PAGES} at most"
-    write_bytes(path, side_by_side([_page(*each) for each in shown.items()], title).encode())
-    return ""
+    if 2 <= len(shown) <= MAX_PAGES:
+        return {COMPARISON_PAGE_FILE: side_by_side([_page(*each) for each in shown.items()], title).encode()}, ""
+    allowed = "two or more" if len(shown) < 2 else f"{MAX_PAGES} at most"
+    return {}, f"no page side by side: {len(shown)} of the results can be seen in 3D, must be {allowed}"
 
 
 def _has_page(record: Record) -> bool:

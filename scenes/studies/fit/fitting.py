@@ -39,10 +39,19 @@ class Fitted:
     """Reason why the value has no interval; empty if there is an interval."""
 
     @property
+    def interval_text(self) -> str:
+        """The interval; `none` if there is none."""
+        return f"{self.interval[0]:.4g} to {self.interval[1]:.4g}" if self.interval else "none"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the key; empty for a pure number."""
+        return "" if self.varied.unit == "1" else self.varied.unit
+
+    @property
     def said(self) -> str:
         """The interval in brackets, or the reason why there is none."""
-        low_high = self.interval and f"{self.interval[0]:.4g} to {self.interval[1]:.4g}"
-        return f" ({low_high or self.reason})"
+        return f" ({self.interval_text if self.interval else self.reason})"
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from scenes.records.text import aligned
+from scenes.records.text import Column, json_bytes
+from scenes.running.report import Block, Items, Report, Table
 from scenes.running.terminal import counted
-from scenes.studies.fit.fitting import Channel, Fit, Fitted
+from scenes.studies.fit.fitting import Fit, Fitted
 from scenes.studies.fit.lack import LIMIT, Lack
 from scenes.studies.fit.noise import HIGHEST_ORDER
 
@@ -15,20 +16,43 @@ MAX_LISTED_CHANNELS = 8
 """Largest number of channels whose residuals are listed on a terminal."""
 
 
-def lines(fit: Fit) -> Iterator[str]:
-    """Yield the lines for a terminal."""
-    yield f"{fit.name} to {fit.measured}: {outcome(fit)}"
-    header = ("key", "value", "95 % interval", "start", "unit")
-    yield from (f"  {line}" for line in aligned(header, map(_row, fit.keys)))
-    yield from (f"  {each.varied.key}: no interval, {each.reason}" for each in fit.keys if each.reason)
-    rows = [_channel_row(channel) for channel in fit.channels[:MAX_LISTED_CHANNELS]]
-    yield from (
-        f"  {line}" for line in aligned(("residuals of", "rms", "of the peak", "autocorrelation at lag 1"), rows)
+KEY_COLUMNS = {
+    "key": Column("varied.key"),
+    "value": Column("value", ".5g"),
+    "95 % interval": Column("interval_text"),
+    "start": Column("varied.start", ".5g"),
+    "unit": Column("unit"),
+}
+CHANNEL_COLUMNS = {
+    "residuals of": Column("name"),
+    "rms": Column("rms", ".3g"),
+    "of the peak": Column("relative_rms", ".2%"),
+    "autocorrelation at lag 1": Column("correlation", ".2f"),
+}
+"""Columns at a terminal."""
+
+
+def report(fit: Fit) -> Report:
+    """Return the report of a fit."""
+    from scenes.studies.fit.figure import draw  # imports matplotlib
+
+    return Report(
+        said=list(_said(fit)),
+        files={"fit.json": json_bytes(content(fit)), "fit.toml": scene(fit).encode()},
+        pictures={"fit.png": draw(fit)[0]},
+        warnings=list(warnings(fit)),
     )
+
+
+def _said(fit: Fit) -> Iterator[Block]:
+    yield f"{fit.name} to {fit.measured}: {outcome(fit)}"
+    yield Table.of(KEY_COLUMNS, fit.keys)
+    yield Items([f"{each.varied.key}: no interval, {each.reason}" for each in fit.keys if each.reason])
+    yield Table.of(CHANNEL_COLUMNS, fit.channels[:MAX_LISTED_CHANNELS])
     if len(fit.channels) > MAX_LISTED_CHANNELS:
-        yield f"  and {counted(len(fit.channels) - MAX_LISTED_CHANNELS, 'channel')} more, in fit.json"
+        yield f"and {counted(len(fit.channels) - MAX_LISTED_CHANNELS, 'channel')} more, in fit.json"
     if fit.left_out:
-        yield f"  left out {counted(len(fit.left_out), 'channel')} that no key moves, listed in fit.json"
+        yield f"left out {counted(len(fit.left_out), 'channel')} that no key moves, listed in fit.json"
 
 
 def warnings(fit: Fit) -> Iterator[str]:
@@ -145,17 +169,4 @@ def _key(each: Fitted) -> dict[str, Any]:
 def _told(each: Fitted) -> str:
     if each.interval is None:
         return f"{each.varied.key} = {each.value:.6g}: no interval, {each.reason}"
-    return f"{each.varied.key} = {each.value:.6g}, with a probability of 95 % from {_interval(each)}"
-
-
-def _interval(each: Fitted) -> str:
-    return f"{each.interval[0]:.4g} to {each.interval[1]:.4g}" if each.interval else "none"
-
-
-def _row(each: Fitted) -> tuple[str, ...]:
-    unit = "" if each.varied.unit == "1" else each.varied.unit
-    return each.varied.key, f"{each.value:.5g}", _interval(each), f"{each.varied.start:.5g}", unit
-
-
-def _channel_row(channel: Channel) -> tuple[str, ...]:
-    return channel.name, f"{channel.rms:.3g}", f"{channel.relative_rms:.2%}", f"{channel.correlation:.2f}"
+    return f"{each.varied.key} = {each.value:.6g}, with a probability of 95 % from {each.interval_text}"

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
 
 from control.gaits.neural.chain import FASTEST, EiChain
 from control.gaits.neural.shared import ALONE, LeftOut, Profile, left_out, shared
@@ -16,18 +15,14 @@ from control.gaits.neural.training import StoppedError, Target, Training, fit
 from scenes.language.errors import SceneError
 from scenes.language.parts import key_of
 from scenes.language.toml import value
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import aligned, csv_bytes, json_bytes
-from scenes.running.drawing import save_figure
-from scenes.running.runner import EXIT_CODES
+from scenes.records.text import Column, csv_bytes, json_bytes
+from scenes.running.report import Items, Report, StudyStoppedError, Table, report_study
 from scenes.running.terminal import Interruption, busy
 from scenes.studies.gait_fit import recordings
-from scenes.studies.gait_fit.comparison import Comparison, Row, compared, sentences
+from scenes.studies.gait_fit.comparison import Comparison, compared, sentences
 from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
-GAIT_SCENE_FILE, GAIT_TABLE_FILE, GAIT_DATA_FILE, GAIT_FIGURE_FILE = "gait.toml", "gait.csv", "gait.json", "gait.png"
 MIN_PERIOD_RATIO = 1.5
 """Smallest ratio of the two periods at which a chain has the profile: less does not determine the exponent of pace."""
 DIGITS = 4
@@ -51,18 +46,13 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
     told = left_out(waves) if len(waves) > 1 else None
     targets = [Target(each.period, each.median()) for each in waves]
     profile = shared(targets, told.strength if told else ALONE)
-    with folders.prepared(out, f"gait-{to.name.partition('.')[0]}", force=force) as folder:
-        try:
-            training = _trained(profile, targets, EiChain(direction=direction), quiet=quiet)
-        except StoppedError:
-            typer.echo(f"{to}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
-            return EXIT_CODES["interrupted"]
+
+    def study(folder: Path) -> Report:
+        training = _trained(profile, targets, EiChain(direction=direction), quiet=quiet)
         comparison = compared(training.gait, shared(targets, np.inf), found, fitted, told)
-        with busy("drawing", quiet=quiet):
-            _write(training, comparison, found, fitted, to, folder)
-    if not quiet:
-        _tell(training, comparison, to, folder)
-    return 0
+        return _report(training, comparison, found, fitted, to)
+
+    return report_study(f"gait-{to.name.partition('.')[0]}", study, out, force=force, quiet=quiet)
 
 
 def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
@@ -71,19 +61,32 @@ def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quie
     paces = (fastest, max(slowest, MIN_PERIOD_RATIO * max(fastest, FASTEST)))
     with Interruption() as interruption, busy("fitting", quiet=quiet):
         wanted = [Target(period, profile.delays(period)) for period in paces]
-        return fit(wanted, like, lambda tried: not interruption.requested)
+        try:
+            return fit(wanted, like, lambda tried: not interruption.requested)
+        except StoppedError as stop:
+            raise StudyStoppedError from stop
 
 
-def _write(
-    training: Training, comparison: Comparison, found: list[Recording], fitted: list[str], to: Path, folder: Path
-) -> None:
+def _report(training: Training, comparison: Comparison, found: list[Recording], fitted: list[str], to: Path) -> Report:
     from scenes.studies.gait_fit import figure  # imports matplotlib
 
-    write_bytes(folder / GAIT_SCENE_FILE, scene(training.gait, comparison, fitted, to).encode())
-    write_bytes(folder / GAIT_TABLE_FILE, _table(comparison))
-    write_bytes(folder / GAIT_DATA_FILE, json_bytes(_content(training, comparison, fitted, to)))
     title = f"A chain of neurons fitted to {', '.join(fitted[:4])} of {to.name}"
-    save_figure(figure.draw(comparison, found, title)[0], folder / GAIT_FIGURE_FILE)
+    return Report(
+        said=[
+            f"{to}: {training.tried} networks tried",
+            Table.of(PACE_COLUMNS, comparison.paces),
+            Table.of(DELAY_COLUMNS, comparison.rows),
+            Items(list(sentences(comparison))),
+        ],
+        files={
+            "gait.toml": scene(training.gait, comparison, fitted, to).encode(),
+            "gait.csv": csv_bytes(
+                [CSV_COLUMNS, *([_cell(getattr(row, k)) for k in CSV_COLUMNS] for row in comparison.rows)]
+            ),
+            "gait.json": json_bytes(_content(training, comparison, fitted, to)),
+        },
+        pictures={"gait.png": figure.draw(comparison, found, title)[0]},
+    )
 
 
 def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path) -> str:
@@ -107,14 +110,30 @@ def _short(number: Any) -> Any:
     return [_short(each) for each in given] if isinstance(given, list) else float(f"{given:.{DIGITS}g}")
 
 
-RECORDING_COLUMNS = ("recording", "use", "band", "delay_s", "low_s", "high_s")
-ERROR_COLUMNS = ("network_s", "network_error_s", "uniform_s", "uniform_error_s")
-"""Columns of the table."""
-
-
-def _table(comparison: Comparison) -> bytes:
-    names = (*RECORDING_COLUMNS, *ERROR_COLUMNS)
-    return csv_bytes([names, *([_cell(getattr(row, name)) for name in names] for row in comparison.rows)])
+CSV_COLUMNS = (
+    *("recording", "use", "band", "delay_s", "low_s", "high_s"),
+    *("network_s", "network_error_s", "uniform_s", "uniform_error_s"),
+)
+"""Columns of `gait.csv`."""
+PACE_COLUMNS = {
+    "recording": Column("recording"),
+    "use": Column("use"),
+    "waves": Column("waves"),
+    "period [s]": Column("period_s", ".2f"),
+    "network's": Column("network_s", ".2f"),
+}
+DELAY_COLUMNS = {
+    "delay [ms] of": Column("band"),
+    "in": Column("recording"),
+    "recorded": Column("delay_s", ".0f", 1e3),
+    "from": Column("low_s", ".0f", 1e3),
+    "to (90 %)": Column("high_s", ".0f", 1e3),
+    "network": Column("network_s", ".0f", 1e3),
+    "off": Column("network_error_s", "+.0f", 1e3),
+    "uniform": Column("uniform_s", ".0f", 1e3),
+    "off by": Column("uniform_error_s", "+.0f", 1e3),
+}
+"""Columns at a terminal."""
 
 
 def _cell(item: Any) -> str:
@@ -133,38 +152,10 @@ def _content(training: Training, comparison: Comparison, fitted: Sequence[str], 
         "carried": comparison.carried,
         "leaving_one_out": None if comparison.told is None else _told(comparison.told),
         "paces": [{field.name: getattr(pace, field.name) for field in fields(pace)} for pace in comparison.paces],
-        "rows": [
-            {name: getattr(row, name) for name in (*RECORDING_COLUMNS, *ERROR_COLUMNS, "kept")}
-            for row in comparison.rows
-        ],
+        "rows": [{name: getattr(row, name) for name in (*CSV_COLUMNS, "kept")} for row in comparison.rows],
         "sentences": list(sentences(comparison)),
     }
 
 
 def _told(told: LeftOut) -> dict[str, Any]:
     return {field.name: getattr(told, field.name) for field in fields(told)} | {"learnt": told.learnt}
-
-
-def _tell(training: Training, comparison: Comparison, to: Path, folder: Path) -> None:
-    typer.echo(f"{to}: {training.tried} networks tried")
-    paces = ("recording", "use", "waves", "period [s]", "network's")
-    rows = [
-        (each.recording, each.use, str(each.waves), f"{each.period_s:.2f}", f"{each.network_s:.2f}")
-        for each in comparison.paces
-    ]
-    for line in aligned(paces, rows):
-        typer.echo(f"  {line}")
-    delays = ("delay [ms] of", "in", "recorded", "90 % interval", "network", "off", "uniform", "off")
-    for line in aligned(delays, map(_row, comparison.rows)):
-        typer.echo(f"  {line}")
-    for sentence in sentences(comparison):
-        typer.echo(f"  {sentence}")
-    typer.echo(f"  written to {folder}: {GAIT_SCENE_FILE}, {GAIT_TABLE_FILE}, {GAIT_DATA_FILE}, {GAIT_FIGURE_FILE}")
-
-
-def _row(row: Row) -> tuple[str, ...]:
-    delay, low, high, network, uniform_ = (
-        f"{1e3 * number:.0f}" for number in (row.delay_s, row.low_s, row.high_s, row.network_s, row.uniform_s)
-    )
-    off, uniform_off = f"{1e3 * row.network_error_s:+.0f}", f"{1e3 * row.uniform_error_s:+.0f}"
-    return row.band, row.recording, delay, f"{low} to {high}", network, off, uniform_, uniform_off

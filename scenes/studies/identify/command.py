@@ -6,8 +6,6 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-import typer
-
 import worm3d
 from control.gaits.steering import MECHANISMS, WAVE_SCHEDULES, Wave
 from control.identification import identified as kept
@@ -19,15 +17,13 @@ from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene
 from scenes.models.worm.build import friction_of, worm_of
 from scenes.models.worm.schema import SpatialScene
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
-from scenes.running.drawing import save_figure
+from scenes.running.report import Items, Report, report_study
 from scenes.running.terminal import progress
 from scenes.studies.identify import figure, report, study
 from scenes.studies.identify.study import Curve, Phases
 
-STEERING_DATA_FILE, STEERING_TABLES_FILE, STEERING_FIGURE_FILE = "identified.json", "steering.md", "steering.png"
+STEERING_FIGURE_FILE = "steering.png"
 Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
 
 
@@ -46,24 +42,18 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     if not isinstance(settings, SpatialScene):
         raise SceneError(f"{scene.name}: a scene of the model '{scene.model.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
-    with folders.prepared(out, f"identify-{scene.name}", force=force) as folder:
 
+    def computed(folder: Path) -> Report:
         @cache
         def measured(wave: Wave) -> tuple[Measured, bool]:
             made = _measure(Subject(worm, ground, WAVE_SCHEDULES[wave]), quiet)
             return made, kept.store(made[0], worm, ground, Design())
 
         wave = wave_of(settings, lambda wave: measured(wave)[0][0]) if isinstance(settings, ControlScene) else "sine"
-        made, cached = measured(wave)
-        _write(folder, made, worm, ground)
-        if not quiet:
-            for line in report.terminal_lines(*made[:2], worm.length):
-                typer.echo(line)
-            typer.echo(
-                f"Written to {folder}: {STEERING_TABLES_FILE}, {STEERING_DATA_FILE}, {STEERING_FIGURE_FILE}"
-                + ("; kept for controllers" if cached else "")
-            )
-    return 0
+        made, stored = measured(wave)
+        return _report(made, stored, worm, ground)
+
+    return report_study(f"identify-{scene.name}", computed, out, force=force, quiet=quiet)
 
 
 def _measure(subject: Subject, quiet: bool) -> Measured:
@@ -75,7 +65,7 @@ def _measure(subject: Subject, quiet: bool) -> Measured:
         return found, curves, study.phases(subject, show)
 
 
-def _write(folder: Path, made: Measured, worm: worm3d.Worm, ground: worm3d.Friction) -> None:
+def _report(made: Measured, stored: bool, worm: worm3d.Worm, ground: worm3d.Friction) -> Report:
     found, curves, phases = made
     content = {
         "worm": kept.parameters(worm),
@@ -85,6 +75,10 @@ def _write(folder: Path, made: Measured, worm: worm3d.Worm, ground: worm3d.Frict
         "curves": [asdict(curve) for curve in curves],
         "phases": [asdict(each) for each in phases],
     }
-    write_bytes(folder / STEERING_DATA_FILE, json_bytes(content, indent=1))
-    write_bytes(folder / STEERING_TABLES_FILE, report.markdown(found, curves, STEERING_FIGURE_FILE).encode())
-    save_figure(figure.draw(curves, phases, found), folder / STEERING_FIGURE_FILE)
+    said = report.sentences(found, curves, worm.length)
+    return Report(
+        said=[Items([*said, *(["kept for controllers"] if stored else [])])],
+        pages={"steering.md": report.page(found, curves, STEERING_FIGURE_FILE)},
+        files={"identified.json": json_bytes(content, indent=1)},
+        pictures={STEERING_FIGURE_FILE: figure.draw(curves, phases, found)},
+    )

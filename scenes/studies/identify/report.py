@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from control.identification.identified import Identified, SteeringMap
+from scenes.records.text import Cells
+from scenes.running.report import Block, Heading, Picture, Table
 from scenes.studies.identify.study import GOAL_DEG, Curve
 
 
-def terminal_lines(identified: Identified, curves: Sequence[Curve], length: float) -> list[str]:
-    """Return the lines for a person."""
+def sentences(identified: Identified, curves: Sequence[Curve], length: float) -> list[str]:
+    """Return the speeds, the errors and the lags of each map, and the turn of each schedule."""
     lines = []
     for mechanism, found in identified.maps.items():
         lags = identified.lags[mechanism]
@@ -20,11 +22,11 @@ def terminal_lines(identified: Identified, curves: Sequence[Curve], length: floa
         lines += [
             f"{mechanism}: steering up to {found.ranges.steering:.3g}; straight ahead {low:.3f} to {high:.3f} body "
             f"lengths/s ({low * length:.3f} to {high * length:.3f} m/s)",
-            f"  rms of the fit (fresh runs): speed {fit['distance'].rms_percent:.1f} % "
+            f"rms of the fit (fresh runs): speed {fit['distance'].rms_percent:.1f} % "
             f"({check['distance'].rms_percent:.1f} %), "
             f"turn {fit['turn'].rms_percent:.1f} % ({check['turn'].rms_percent:.1f} %), that is "
             f"{np.rad2deg(fit['turn'].rms):.2f}° ({np.rad2deg(check['turn'].rms):.2f}°) a wave",
-            f"  lag: speed {lags.amplitude:.2f} waves, turn rate {lags.steering:.2f} s",
+            f"lag: speed {lags.amplitude:.2f} waves, turn rate {lags.steering:.2f} s",
         ]
     lines += [_line(curve) for curve in curves]
     return lines
@@ -39,30 +41,29 @@ def speeds(found: SteeringMap) -> tuple[float, float]:
     return float(speed.min()), float(speed.max())
 
 
-def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> str:
+def page(identified: Identified, curves: Sequence[Curve], picture: str) -> list[Block]:
     """Return the tables: the effect of each schedule, and the accuracy of each map."""
-    rows = [
-        "# How the worm crawls and turns",
-        "",
-        f"![Turn, speed and slip against the steering]({picture})",
-        "",
-        f"| steering | wave | speed kept at {GOAL_DEG:g}° a wave | turn grows up to | at | roll there |",
-        "|---|---|---|---|---|---|",
-        *map(_row, curves),
-        "",
-        "| map | quantity | rms of the fit | of its size | rms at fresh runs | worst of them |",
-        "|---|---|---|---|---|---|",
+    return [
+        Heading("How the worm crawls and turns", 1),
+        Picture(picture, "Turn, speed and slip against the steering"),
+        Table(
+            ("steering", "wave", f"speed kept at {GOAL_DEG:g}° a wave", "turn grows up to", "at", "roll there"),
+            [_curve_row(curve) for curve in curves],
+        ),
+        Table(
+            ("map", "quantity", "rms of the fit", "of its size", "rms at fresh runs", "worst of them"),
+            [row for mechanism, found in identified.maps.items() for row in _accuracy_rows(mechanism, found)],
+        ),
     ]
-    for mechanism, found in identified.maps.items():
-        for name, (unit, scale) in QUANTITY_UNITS.items():
-            if name not in found.misfits:
-                continue
-            fit, check = found.misfits[name], found.checks[name]
-            rows.append(
-                f"| {mechanism} | {name} [{unit}] | {scale * fit.rms:.3g} | {fit.rms_percent:.1f} % | "
-                f"{scale * check.rms:.3g} | {scale * check.worst:.3g} |"
-            )
-    return "\n".join(rows) + "\n"
+
+
+def _accuracy_rows(mechanism: str, found: SteeringMap) -> Iterator[Cells]:
+    for name, (unit, scale) in QUANTITY_UNITS.items():
+        if name not in found.misfits:
+            continue
+        fit, check = found.misfits[name], found.checks[name]
+        sizes = (f"{scale * fit.rms:.3g}", f"{fit.rms_percent:.1f} %", f"{scale * check.rms:.3g}")
+        yield mechanism, f"{name} [{unit}]", *sizes, f"{scale * check.worst:.3g}"
 
 
 QUANTITY_UNITS = {
@@ -73,12 +74,12 @@ QUANTITY_UNITS = {
 }
 
 
-def _row(curve: Curve) -> str:
+def _curve_row(curve: Curve) -> Cells:
     kept, last = curve.speed_kept, curve.useful[-1]
     share = "not reached" if kept is None else f"{100.0 * kept:.0f} %"
-    grows = len(curve.useful) > 1
-    end = f"{last.turn_deg:.1f}° | {last.steering:g} | {last.roll_deg:.0f}°" if grows else f"{_astray(curve)} | |"
-    return f"| {curve.mechanism} | {curve.name} | {share} | {end} |"
+    if len(curve.useful) == 1:
+        return curve.mechanism, curve.name, share, _astray(curve), "", ""
+    return curve.mechanism, curve.name, share, f"{last.turn_deg:.1f}°", f"{last.steering:g}", f"{last.roll_deg:.0f}°"
 
 
 def _line(curve: Curve) -> str:

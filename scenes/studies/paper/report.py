@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import shutil
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import typer
+from matplotlib.figure import Figure
 
 from planar import linkage
 from planar.animation import Movie
 from planar.published import Run
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
-from scenes.running.drawing import save_figure, save_movie
+from scenes.records.text import Column, json_bytes
 from scenes.running.packages import versions
+from scenes.running.report import Block, Heading, Items, Picture, Report, Table, report_study
 from scenes.running.terminal import busy, each
 from scenes.studies.paper import cases
 from scenes.studies.paper.cases import PAPER_PERIODS_S, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
@@ -67,7 +63,7 @@ PRINTED = {
 
 @dataclass(frozen=True)
 class Study:
-    """Content of the report: results of the published program, and of the corrected worm."""
+    """Results of the published program, and of the corrected worm."""
 
     rows: Sequence[Row]
     claims: Sequence[Claim]
@@ -85,20 +81,18 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
     SceneError
         The folder cannot be used, or the disc refused a file.
     """
-    with folders.prepared(out, "paper", force=force) as folder:
+
+    def study(folder: Path) -> Report:
         runs = each("the paper's runs", cases.published_keys(), cases.published_run, "run", quiet=quiet)
         corrected = each("the corrected worm's runs", cases.corrected_keys(), cases.corrected_run, "run", quiet=quiet)
         with busy("judging the claims", quiet=quiet):
-            study = _study(runs, corrected)
+            found = _study(runs, corrected)
         with busy("drawing", quiet=quiet):
-            _write(folder, study, runs, corrected)
-        if not quiet:
-            for line in terminal_lines(study, shutil.get_terminal_size().columns):
-                typer.echo(line)
-            typer.echo(
-                f"Written to {folder}: report.md, paper.json, figures 7 to 13, those of the corrected worm, {MOVIE}"
-            )
-    return 0
+            drawn = published_figures(runs) | corrected_figures(corrected, found.corrected, found.overstatements)
+        pictures = {f"{stem}.png": figure for stem, figure in drawn.items()}
+        return report(found, {**pictures, MOVIE: _movie(runs[6, 2.0])})
+
+    return report_study("paper", study, out, force=force, quiet=quiet)
 
 
 def _study(runs: Mapping[Key, Run], corrected: Mapping[GroundKey, linkage.Run]) -> Study:
@@ -113,95 +107,88 @@ def _study(runs: Mapping[Key, Run], corrected: Mapping[GroundKey, linkage.Run]) 
     )
 
 
-def _write(folder: Path, study: Study, runs: Mapping[Key, Run], corrected: Mapping[GroundKey, linkage.Run]) -> None:
-    drawn = published_figures(runs) | corrected_figures(corrected, study.corrected, study.overstatements)
-    pictures = [*(f"{stem}.png" for stem in drawn), MOVIE]
-    write_bytes(folder / "paper.json", json_bytes({**asdict(study), "versions": versions()}))
-    write_bytes(folder / "report.md", markdown(study, pictures).encode())
-    for stem, figure in drawn.items():
-        save_figure(figure, folder / f"{stem}.png")
-    save_movie(_movie(runs[6, 2.0]), folder / MOVIE)
-
-
 def _movie(run: Run) -> Movie:
     net = run.net
     activation = np.vstack([run.activation[:1], run.activation])
     return Movie(run.time, run.q[:, net.main], run.q[:, net.top], run.q[:, net.bottom], activation, run.ground)
 
 
-def markdown(study: Study, pictures: Sequence[str] = ()) -> str:
-    """Return the whole report, which shows the files `pictures` from the same folder."""
-    lines = [*_published_lines(study), *_corrected_lines(study)]
-    if pictures:
-        lines += ["", "## Figures"]
-    for name in pictures:
-        lines += ["", f"![{name.rpartition('.')[0].replace('_', ' ')}]({name})"]
-    return "\n".join(lines) + "\n"
+def report(study: Study, pictures: Mapping[str, Figure | Movie]) -> Report:
+    """Return the report, whose page shows all pictures."""
+    page = [*_published(study), *_corrected(study), Heading("Figures")]
+    page += [Picture(name, name.rpartition(".")[0].replace("_", " ")) for name in pictures]
+    return Report(
+        said=list(_said(study)),
+        pages={"report.md": page},
+        files={"paper.json": json_bytes({**asdict(study), "versions": versions()})},
+        pictures=pictures,
+    )
 
 
-def _published_lines(study: Study) -> Iterator[str]:
-    yield "# The paper's results, from our own runs"
-    yield ""
-    yield "Distance, work and cost of transport are counted as the author's program counts them; the true displacement"
-    yield "is the mean displacement of the main nodes. The program inverts the sign of the elastic force: these numbers"
-    yield "are a regression target, not physics."
+def _published(study: Study) -> Iterator[Block]:
+    yield Heading("The paper's results, from our own runs", 1)
+    yield (
+        "Distance, work and cost of transport are counted as the author's program counts them; the true displacement "
+        "is the mean displacement of the main nodes. The program inverts the sign of the elastic force: these numbers "
+        "are a regression target, not physics."
+    )
     for title, part in _tables(study.rows):
-        yield from ("", f"## {title}", "", *markdown_table(*table(PUBLISHED, part)))
-    yield from ("", "## What the program prints at T_wave = 2 s, ours, and ours less the printed", "")
-    columns = [column for title, column in PUBLISHED.items() if title != "T_wave [s]"]
+        yield from (Heading(title), Table.of(PUBLISHED, part))
+    yield Heading("What the program prints at T_wave = 2 s, ours, and ours less the printed")
+    columns = {title: column for title, column in PUBLISHED.items() if title != "T_wave [s]"}
     printed = [row for row in study.rows if row.T_wave_s == 2.0 and row.n in PRINTED]
-    header = [title for title in PUBLISHED if title != "T_wave [s]"]
-    yield from markdown_table(header, [tuple(_compared_cells(row, columns)) for row in printed])
-    yield from ("", "The program prints six decimals, the total CoT to four.")
-    yield from ("", "## The paper's claims", "", *_judged(study.claims))
-    yield from ("", "## Where text and program differ", "")
-    for d in study.differences:
-        yield f"* **{d.what}**. Text: {d.text}. Program: {d.program}. Effect: {d.effect}."
+    yield Table(tuple(columns), [tuple(_compared_cells(row, list(columns.values()))) for row in printed])
+    yield "The program prints six decimals, the total CoT to four."
+    yield from (Heading("The paper's claims"), _judged(study.claims))
+    yield Heading("Where text and program differ")
+    yield Items(
+        [
+            f"**{each.what}**. Text: {each.text}. Program: {each.program}. Effect: {each.effect}."
+            for each in study.differences
+        ]
+    )
 
 
 def _compared_cells(row: Row, columns: Sequence[Column]) -> Iterator[str]:
     yield f"{row.n}"
     for column, printed in zip(columns[1:], PRINTED[row.n], strict=True):
-        off = getattr(row, column.attribute) - printed
+        off = column.value(row) - printed
         yield f"{printed:{column.form}} / {column.cell(row)} ({off:+.1e})"
 
 
-def _corrected_lines(study: Study) -> Iterator[str]:
-    yield from ("", "## The corrected worm", "")
-    yield "The same cases with the physics right: rigid rhombi, Table I's mass, torsion and hinges, the contraction as"
-    yield "a commanded rest length, friction 0.03 and 0.20. CoT is the net work of the actuators over weight and"
-    yield "distance; none: the worm made no way forward. In contact the friction is set-valued with anchors, or for"
-    yield "comparison the paper's threshold (P10); clamped, the joints' heights are held, with (P9) and (P10)."
-    yield from ("", *markdown_table(*table(CORRECTED, study.corrected)), "")
+def _corrected(study: Study) -> Iterator[Block]:
+    yield Heading("The corrected worm")
+    yield (
+        "The same cases with the physics right: rigid rhombi, Table I's mass, torsion and hinges, the contraction as "
+        "a commanded rest length, friction 0.03 and 0.20. CoT is the net work of the actuators over weight and "
+        "distance; none: the worm made no way forward. In contact the friction is set-valued with anchors, or for "
+        "comparison the paper's threshold (P10); clamped, the joints' heights are held, with (P9) and (P10)."
+    )
+    yield Table.of(CORRECTED, study.corrected)
     yield "What the distance of six segments is overstated by, against set-valued friction in contact:"
-    yield from ("", *markdown_table(*table(OVERSTATED, study.overstatements)))
-    yield from ("", "## The paper's claims, by the corrected worm in contact", "", *_judged(study.corrected_claims))
+    yield Table.of(OVERSTATED, study.overstatements)
+    yield from (Heading("The paper's claims, by the corrected worm in contact"), _judged(study.corrected_claims))
 
 
-def _judged(claims: Sequence[Claim]) -> Iterator[str]:
-    return (f"* **{c.verdict}**: {c.claim} ({c.source}). Evidence: {c.evidence}." for c in claims)
+def _judged(claims: Sequence[Claim]) -> Items:
+    return Items([f"**{c.verdict}**: {c.claim} ({c.source}). Evidence: {c.evidence}." for c in claims])
 
 
-def terminal_lines(study: Study, width: int) -> Iterator[str]:
-    """Yield the lines to print: the tables and the verdicts; the evidence is in the report."""
+def _said(study: Study) -> Iterator[Block]:
+    """Yield the tables and the verdicts; the evidence is in the report."""
     for title, part in _tables(study.rows):
-        yield from (title, *aligned(*table(PUBLISHED, part)), "")
-    yield from ("The paper's claims", *_wrapped(study.claims, width), "")
+        yield from (Heading(title), Table.of(PUBLISHED, part))
+    yield from (Heading("The paper's claims"), _verdicts(study.claims))
     yield f"{len(study.differences)} differences between text and program, each with its effect, are in the report."
-    yield from ("", "The corrected worm", *aligned(*table(CORRECTED, study.corrected)), "")
+    yield from (Heading("The corrected worm"), Table.of(CORRECTED, study.corrected))
     percents = [(each.threshold_percent, each.T_wave_s) for each in study.overstatements]
     overstated = ", ".join(f"{'none' if by is None else f'{by:.0f} %'} at T = {T:g} s" for by, T in percents)
-    yield from _paragraph(f"Threshold friction overstates the distance of six segments by {overstated}.", width)
-    yield from ("", "The paper's claims, by the corrected worm in contact", *_wrapped(study.corrected_claims, width))
+    yield f"Threshold friction overstates the distance of six segments by {overstated}."
+    yield from (Heading("The paper's claims, by the corrected worm in contact"), _verdicts(study.corrected_claims))
 
 
-def _wrapped(claims: Sequence[Claim], width: int) -> Iterator[str]:
-    for c in claims:
-        yield from _paragraph(f"  {c.verdict}: {c.claim}", width)
-
-
-def _paragraph(text: str, width: int) -> list[str]:
-    return textwrap.wrap(text, width, subsequent_indent="    ")
+def _verdicts(claims: Sequence[Claim]) -> Items:
+    return Items([f"{c.verdict}: {c.claim}" for c in claims])
 
 
 def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from scenes.records.text import csv_bytes, markdown_table
+from scenes.records.text import csv_bytes
+from scenes.running.report import Block, Heading, Items, Picture, Table, markdown
 from scenes.studies.study.lessons import answers, lessons, verdicts
 from scenes.studies.study.study import Grid
 from scenes.sweep.table import cell
@@ -22,7 +23,7 @@ OFF = "± is what steps in time may put a number off by"
 
 def document(grid: Grid) -> str:
     """Return the report of one study."""
-    return "\n".join(_study(grid, "#", "")) + "\n"
+    return markdown(_study(grid, 1, ""))
 
 
 def numbers(grid: Grid) -> bytes:
@@ -48,37 +49,29 @@ def _at(grid: Grid, x: int, curve: int, by: int) -> list[int]:
 
 def together(grids: Mapping[str, Grid]) -> str:
     """Return the report of several studies by name; the picture of each study lies in a folder of the same name."""
-    lines = ["# What the studies tell", "", "Each sentence follows from the numbers of the runs.", ""]
+    blocks: list[Block] = [Heading("What the studies tell", 1), "Each sentence follows from the numbers of the runs."]
     for name, grid in grids.items():
         if grid.asked.question:
             told = list(answers(grid)) or list(verdicts(grid))
-            lines += [
-                f"## {grid.asked.question}",
-                "",
-                *(f"* {line}" for line in told),
-                "",
-                f"See [{name}](#{name}).",
-                "",
-            ]
+            blocks += [Heading(grid.asked.question), Items(told), f"See [{name}](#{name})."]
     for name, grid in grids.items():
-        lines += [f'<a id="{name}"></a>', "", *_study(grid, "##", f"{name}/"), ""]
-    return "\n".join(lines) + "\n"
+        blocks += [f'<a id="{name}"></a>', *_study(grid, 2, f"{name}/")]
+    return markdown(blocks)
 
 
-def _study(grid: Grid, level: str, folder: str) -> Iterator[str]:
+def _study(grid: Grid, level: int, folder: str) -> Iterator[Block]:
     asked = grid.asked
-    yield f"{level} {getattr(grid.scene.settings, 'title', '') or grid.scene.name}"
-    yield ""
+    yield Heading(getattr(grid.scene.settings, "title", "") or grid.scene.name, level)
     if asked.question:
-        yield from (asked.question, "", *(f"* {line}" for line in answers(grid)), "")
+        yield from (asked.question, Items(list(answers(grid))))
     if asked.held:
-        yield from (f"Held constant: {asked.held}.", "")
-    yield from (f"* {line}" for line in lessons(grid))
-    yield from ("", f"![{grid.scene.name}]({folder}{STUDY_FIGURE_FILE})", "")
+        yield f"Held constant: {asked.held}."
+    yield Items(list(lessons(grid)))
+    yield Picture(f"{folder}{STUDY_FIGURE_FILE}", grid.scene.name)
     yield from _table(grid)
 
 
-def _table(grid: Grid) -> Iterator[str]:
+def _table(grid: Grid) -> Iterator[Block]:
     rows = len(grid.x.varied.values) * len(grid.curves)
     if rows > MOST_ROWS:
         yield f"All cases are in `{STUDY_TABLE_FILE}`, with what each number may be off by (`_off`)."
@@ -93,5 +86,6 @@ def _table(grid: Grid) -> Iterator[str]:
     header += ["marked"] if marks else []
     known = any(np.isfinite(each.off).any() for each in views)
     said = "; ".join([*([f"with {grid.own}"] if grid.own else []), *([OFF] if known else [])])
-    yield from (f"{said[0].upper()}{said[1:]}:", "") if said else ()
-    yield from markdown_table(header, body)
+    if said:
+        yield f"{said[0].upper()}{said[1:]}:"
+    yield Table(header, body)

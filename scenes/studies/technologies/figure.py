@@ -73,10 +73,7 @@ def _periods(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
 
 def _costs(axes: Axes, verdicts: Sequence[Verdict]) -> None:
     rows = np.arange(len(verdicts))
-    drawn, given = (
-        np.array([getattr(each.own, name) if each.moves else np.nan for each in verdicts])
-        for name in ("drawn", "given")
-    )
+    drawn, given = (np.array([getattr(each, name) for each in verdicts]) for name in ("drawn", "given"))
     parts = [each.acting.uncounted for each in verdicts]
     bars = axes.barh(rows - 0.18, drawn, height=0.36, color="C7", label="energy drawn")
     for bar, part in zip(bars, parts, strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,6 +50,26 @@ class Verdict:
         return bool(self.own.stride > MOVES)
 
     @property
+    def drawn(self) -> float:
+        """Cost of transport of the energy drawn; NaN if the worm does not move."""
+        return self.own.drawn if self.moves else math.nan
+
+    @property
+    def given(self) -> float:
+        """Cost of transport of the work on the worm; NaN if the worm does not move."""
+        return self.own.given if self.moves else math.nan
+
+    @property
+    def efficiency(self) -> float:
+        """Work on the worm over the energy drawn; NaN if not all of the energy is counted."""
+        return math.nan if self.acting.uncounted else self.given / self.drawn
+
+    @property
+    def smallest_area_mm2(self) -> float:
+        """Cross-section of the smallest actuator [mm^2]."""
+        return 1e6 * float(self.area.min())
+
+    @property
     def blocking(self) -> float:
         """Blocking force of the smallest actuator [N]."""
         return float(np.min(self.acting.stress * self.area / self.acting.lever))
@@ -72,6 +93,11 @@ class Verdict:
         if name and self._counts(single[name]):
             return name
         return ALL if self._counts(ran.get(ALL, -np.inf)) else ""
+
+    @property
+    def limit_or_none(self) -> str:
+        """The limit; `-` if there is none."""
+        return self.limit or "-"
 
     def _counts(self, speed: float) -> bool:
         return bool(speed * self.own.period > max(MOVES, COUNTS * self.own.stride))

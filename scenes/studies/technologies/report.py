@@ -1,93 +1,95 @@
-"""Files of `worm3d study technologies`: a table as CSV, and a text with the table, the sentences and the sources."""
+"""`worm3d study technologies`: run the worm of a scene on each technology; a table, sentences, sources and a figure."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
-from scenes.records.text import csv_bytes, markdown_table
-from scenes.studies.technologies.limits import Verdict
+from scenes.language.errors import SceneError
+from scenes.records.text import Column, csv_table
+from scenes.running.report import Block, Heading, Items, Report, Table, report_study
+from scenes.running.terminal import each
+from scenes.studies.technologies.limits import Verdict, judged
 from scenes.studies.technologies.runs import Bench
+from worm3d.physics.actuator_names import TECHNOLOGIES
 from worm3d.physics.technologies.presets import TECHNOLOGY_PRESETS
 
-VERDICT_COLUMNS = (
-    ("technology", "technology"),
-    ("speed_bl_s", "speed [BL/s]"),
-    ("stride_bl", "way a wave [BL]"),
-    ("cost_of_transport_input", "cost of transport, energy drawn"),
-    ("cost_of_transport_given", "cost of transport, work on the worm"),
-    ("power_W", "power drawn [W]"),
-    ("idle_W", "of it idle [W]"),
-    ("efficiency", "efficiency"),
-    ("limit", "limit"),
-    ("best_period_s", "best period [s]"),
-    ("best_speed_bl_s", "speed at it [BL/s]"),
-    ("stroke", "free stroke"),
-    ("blocking_N", "blocking force of a chamber [N]"),
-    ("area_mm2", "cross-section [mm^2]"),
-    ("warmth_K", "warmth [K]"),
-    ("not_counted", "not counted in what is drawn"),
-)
-"""Columns of the CSV file, and their titles in the text."""
+VERDICT_COLUMNS = {
+    title: Column(attribute, ".3g", none="-", name=name)
+    for name, title, attribute in (
+        ("technology", "technology", "kind"),
+        ("speed_bl_s", "speed [BL/s]", "own.speed"),
+        ("stride_bl", "way a wave [BL]", "own.stride"),
+        ("cost_of_transport_input", "cost of transport, energy drawn", "drawn"),
+        ("cost_of_transport_given", "cost of transport, work on the worm", "given"),
+        ("power_W", "power drawn [W]", "own.power"),
+        ("idle_W", "of it idle [W]", "idle"),
+        ("efficiency", "efficiency", "efficiency"),
+        ("limit", "limit", "limit_or_none"),
+        ("best_period_s", "best period [s]", "best.period"),
+        ("best_speed_bl_s", "speed at it [BL/s]", "best.speed"),
+        ("stroke", "free stroke", "stroke"),
+        ("blocking_N", "blocking force of a chamber [N]", "blocking"),
+        ("area_mm2", "cross-section [mm^2]", "smallest_area_mm2"),
+        ("warmth_K", "warmth [K]", "own.warmth"),
+        ("not_counted", "not counted in what is drawn", "acting.uncounted"),
+    )
+}
+"""Columns of the table, by title."""
 
 
-def row(of: Verdict) -> dict[str, Any]:
-    """Return the row of a technology by column; NaN where there is no number."""
-    own, best = of.own, of.best
-    return {
-        "technology": of.kind,
-        "speed_bl_s": own.speed,
-        "stride_bl": own.stride,
-        "cost_of_transport_input": own.drawn if of.moves else math.nan,
-        "cost_of_transport_given": own.given if of.moves else math.nan,
-        "power_W": own.power,
-        "idle_W": of.idle,
-        "efficiency": own.given / own.drawn if of.moves and not of.acting.uncounted else math.nan,
-        "limit": of.limit or "-",
-        "best_period_s": best.period,
-        "best_speed_bl_s": best.speed,
-        "stroke": of.stroke,
-        "blocking_N": of.blocking,
-        "area_mm2": float(of.area.min()) * 1e6,
-        "warmth_K": own.warmth,
-        "not_counted": of.acting.uncounted,
-    }
+def run(
+    scene: str, overrides: Sequence[str], only: Sequence[str], out: Path | None, *, force: bool, quiet: bool
+) -> int:
+    """Run the study and return the exit code. The default folder is `runs/technologies-<scene>-<time>`.
+
+    Raises
+    ------
+    SceneError
+        The scene has no worm with a gait, a technology is unknown, or the folder cannot be used.
+    """
+    if unknown := [kind for kind in only if kind not in TECHNOLOGIES]:
+        raise SceneError(f"--only: got {unknown[0]!r}, must be one of {', '.join(TECHNOLOGIES)}")
+    bench = Bench(scene, overrides)
+    kinds = [kind for kind in TECHNOLOGIES if kind in only or not only]
+
+    def study(folder: Path) -> Report:
+        found = each("technologies", kinds, lambda kind: judged(bench, kind), "actuator", quiet=quiet)
+        return report(bench, list(found.values()))
+
+    return report_study(f"technologies-{bench.name}", study, out, force=force, quiet=quiet)
 
 
-def table(verdicts: Sequence[Verdict]) -> bytes:
-    """Return the table as a CSV file; a missing number is an empty cell."""
-    return csv_bytes([[name for name, _ in VERDICT_COLUMNS], *(row(each).values() for each in verdicts)])
+def report(bench: Bench, verdicts: Sequence[Verdict]) -> Report:
+    """Return the report of some technologies."""
+    from scenes.studies.technologies.figure import draw  # imports matplotlib
+
+    return Report(
+        said=[Items([verdict.sentence for verdict in verdicts])],
+        pages={"technologies.md": list(_page(bench, verdicts))},
+        files={"technologies.csv": csv_table(VERDICT_COLUMNS.values(), verdicts)},
+        pictures={"technologies.png": draw(bench, verdicts)},
+    )
 
 
-def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
-    """Return the text, in Markdown."""
-    lines = [
-        f"# Technologies: {bench.name}",
-        "",
+def _page(bench: Bench, verdicts: Sequence[Verdict]) -> Iterator[Block]:
+    yield Heading(f"Technologies: {bench.name}", 1)
+    yield (
         f"The worm of the scene with its gait, of a period of {bench.period:g} s, which asks for a contraction by "
         f"{bench.asked:.2g}, on each technology. Each has the size that springs and weight ask for, within the room "
-        "that a chamber has (`actuator.reserve`, `actuator.room`), unless the scene gives `actuator.area_m2`.",
-        "",
-        *markdown_table(
-            [title for _, title in VERDICT_COLUMNS], ([*map(_cell, row(each).values())] for each in verdicts)
-        ),
-        "",
-        "## What limits each",
-        "",
-        *(f"* {each.sentence}." for each in verdicts),
-        "",
-        conclusion(verdicts),
-        "",
-        "## Where the numbers are from",
-        "",
-    ]
-    for each in verdicts:
-        lines += [f"**{each.kind}**: {TECHNOLOGY_PRESETS[each.kind][0]}.", ""]
-        sources = each.acting.sources
-        lines += [f"* {name} = {_cell(getattr(each.acting, name))}: {source}" for name, source in sources.items()]
-        lines.append("")
-    return "\n".join(lines)
+        "that a chamber has (`actuator.reserve`, `actuator.room`), unless the scene gives `actuator.area_m2`."
+    )
+    yield Table.of(VERDICT_COLUMNS, verdicts)
+    yield Heading("What limits each")
+    yield Items([f"{verdict.sentence}." for verdict in verdicts])
+    yield conclusion(verdicts)
+    yield Heading("Where the numbers are from")
+    for verdict in verdicts:
+        yield f"**{verdict.kind}**: {TECHNOLOGY_PRESETS[verdict.kind][0]}."
+        sources = verdict.acting.sources.items()
+        yield Items([f"{name} = {_number(getattr(verdict.acting, name))}: {source}" for name, source in sources])
 
 
 def conclusion(verdicts: Sequence[Verdict]) -> str:
@@ -114,7 +116,7 @@ def conclusion(verdicts: Sequence[Verdict]) -> str:
     return " ".join(said)
 
 
-def _cell(value: Any) -> str:
+def _number(value: Any) -> str:
     if isinstance(value, float):
-        return "-" if math.isnan(value) else f"{round(value, 12) + 0.0:.3g}"  # a worm at rest has rounding errors
+        return "-" if math.isnan(value) else f"{value:.3g}"
     return str(value)

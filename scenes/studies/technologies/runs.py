@@ -39,6 +39,9 @@ RIGID = ("actuator.series=100", "actuator.droop=0", "actuator.scales=false")
 AT_ONCE = 1e6
 """Rate of a drive without limit [1/s]."""
 
+REST_SPEED = 1e-12
+"""Speed of a worm at rest, by rounding errors [BL/s]."""
+
 Changes = tuple[str, ...]
 
 
@@ -192,6 +195,7 @@ def _measured(record: Record, period: float) -> Trial:
     drawn, kept, lost = (float(record[name][last].sum()) for name in ("work_contract", "actuator", "actuator_loss"))
     span, waves = float(time[-1] - time[~last][-1]), time > time[-1] - period * (1.0 + 1e-9)
     v = float(speed) if isinstance(speed, float) else math.nan
+    v = 0.0 if abs(v) < REST_SPEED else v
     way = v * worm.length * span
     carried = worm.mass * 9.81 * way if way > 0.0 else math.nan
     return Trial(

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
-from scenes.records import folder as folders
-from scenes.records.folder import write_bytes
-from scenes.records.text import json_bytes, markdown_table
-from scenes.running.drawing import save_figure
+from scenes.records.text import Column, json_bytes
 from scenes.running.packages import versions
+from scenes.running.report import Block, Heading, Items, Picture, Report, Table, report_study
 from scenes.studies.validate import animals, closed_forms, pattern_generators, powered, robots
 from scenes.studies.validate.figure import draw
-from scenes.studies.validate.rows import AGREES, DEPENDS, EVIDENCE_KINDS, STANDINGS, TRUST, Chapter, Row
+from scenes.studies.validate.rows import AGREES, DEPENDS, EVIDENCE_KINDS, STANDINGS, TRUST, Chapter, Row, number
 
 CHAPTERS: Mapping[str, Chapter] = {
     "Closed forms of crawling": closed_forms.rows,
@@ -37,7 +34,19 @@ PREFACE = (
 ROW_NAME_WIDTH = 66
 """Width of the names on a terminal."""
 
-ROW_COLUMNS = ("", "what", "against", "standing", "model", "published", "ratio", "band", "spread", "sign", "source")
+ROW_COLUMNS = {
+    "": Column("mark"),
+    "what": Column("name"),
+    "against": Column("kind"),
+    "standing": Column("standing"),
+    "model": Column("model", ".4g"),
+    "published": Column("published", ".4g"),
+    "ratio": Column("ratio_text"),
+    "band": Column("band_text"),
+    "spread": Column("spread_text"),
+    "sign": Column("sign_text"),
+    "source": Column("source_text"),
+}
 
 
 @dataclass(frozen=True)
@@ -64,16 +73,22 @@ def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
     SceneError
         The folder cannot be used, or the disc refused a file.
     """
-    with folders.prepared(out, "validate", force=force) as folder:
-        found = Found({title: list(_told(chapter(quick), title, quiet)) for title, chapter in CHAPTERS.items()}, quick)
-        write_bytes(folder / "validate.json", json_bytes(content(found)))
-        write_bytes(folder / "validate.md", markdown(found).encode())
-        save_figure(draw(found.chapters), folder / "validate.png")
-    if not quiet:
-        for line in verdict(found):
-            typer.echo(line)
-        typer.echo(f"  {folder / 'validate.md'} says why")
-    return 0
+
+    def study(folder: Path) -> Report:
+        chapters = {title: list(_told(chapter(quick), title, quiet)) for title, chapter in CHAPTERS.items()}
+        return report(Found(chapters, quick))
+
+    return report_study("validate", study, out, force=force, quiet=quiet)
+
+
+def report(found: Found) -> Report:
+    """Return the report."""
+    return Report(
+        said=[Items(verdict(found))],
+        pages={"validate.md": list(_page(found))},
+        files={"validate.json": json_bytes(content(found))},
+        pictures={"validate.png": draw(found.chapters)},
+    )
 
 
 def content(found: Found) -> dict[str, object]:
@@ -114,45 +129,17 @@ def verdict(found: Found) -> list[str]:
     return lines
 
 
-def markdown(found: Found) -> str:
-    """Return the report as Markdown."""
-    return "\n".join(_lines(found)) + "\n"
-
-
-def _lines(found: Found) -> Iterator[str]:
-    yield "# Validation"
-    yield ""
+def _page(found: Found) -> Iterator[Block]:
+    yield Heading("Validation", 1)
     yield "What the model gives beside what was published, counted by what it is compared with:"
-    yield ""
-    yield from (f"* {line}" for line in verdict(found))
-    yield ""
+    yield Items(verdict(found))
     yield PREFACE
-    yield ""
     for title, meanings in (("Against", EVIDENCE_KINDS), ("Standing", STANDINGS), ("Sources", TRUST)):
         yield f"{title}: " + "; ".join(f"{tag}: {meaning}" for tag, meaning in meanings.items()) + "."
-        yield ""
-    yield "![Model over published, and bands](validate.png)"
+    yield Picture("validate.png", "Model over published, and bands")
     for title, rows in found.chapters.items():
-        yield from ("", f"## {title}", "")
-        yield from markdown_table(ROW_COLUMNS, map(_cells, rows))
-        yield ""
-        yield from (f"* {row.name} (scene `{row.scene}`): {row.note}" for row in rows if row.note)
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        _mark(row),
-        row.name,
-        row.kind,
-        row.standing,
-        _number(row.model),
-        _number(row.published),
-        _ratio(row),
-        _band(row),
-        _range(row.spread),
-        {None: "", True: "agrees", False: "not all" if row.ok else "does not agree"}[row.sign_agrees],
-        f"{row.source} [{row.trust}]",
-    )
+        yield from (Heading(title), Table.of(ROW_COLUMNS, rows))
+        yield Items([f"{row.name} (scene `{row.scene}`): {row.note}" for row in rows if row.note])
 
 
 def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
@@ -161,35 +148,6 @@ def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
         typer.echo(f"{title:{ROW_NAME_WIDTH + 10}}{'model':>12}{'published':>12}{'ratio':>10}  band")
     for row in rows:
         if not quiet:
-            numbers = f"{_number(row.model):>12}{_number(row.published):>12}{_ratio(row):>10}"
-            typer.echo(f"  {_mark(row):8}{row.name:{ROW_NAME_WIDTH}}{numbers}  {_band(row)}")
+            numbers = f"{number(row.model):>12}{number(row.published):>12}{row.ratio_text:>10}"
+            typer.echo(f"  {row.mark:8}{row.name:{ROW_NAME_WIDTH}}{numbers}  {row.band_text}")
         yield row
-
-
-def _mark(row: Row) -> str:
-    return row.agreement if row.counts else row.standing
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None or math.isnan(value) else f"{value:.4g}"
-
-
-def _ratio(row: Row) -> str:
-    """Return the ratio; for a row with a relative tolerance, return the deviation of the ratio from 1."""
-    if row.ratio is None or isinstance(row.tolerance, tuple):
-        return _number(row.ratio)
-    return f"1 {'-+'[row.ratio >= 1.0]} {abs(row.ratio - 1.0):.0e}"
-
-
-def _band(row: Row) -> str:
-    if not isinstance(row.tolerance, tuple):
-        return f"within {row.tolerance:.2g}"
-    low, high = row.band
-    unit = "" if row.unit == "1" else f" {row.unit}"
-    if math.isinf(high):
-        return f"above {low:.4g}{unit}"
-    return f"below {high:.4g}{unit}" if math.isinf(low) else f"{_range(row.band)}{unit}"
-
-
-def _range(ends: tuple[float, float] | None) -> str:
-    return "" if ends is None else f"{ends[0]:.4g} to {ends[1]:.4g}"

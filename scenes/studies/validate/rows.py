@@ -131,6 +131,46 @@ class Row:
             return None
         return self.model / self.published
 
+    @property
+    def mark(self) -> str:
+        """The agreement; the standing of a row that does not count."""
+        return self.agreement if self.counts else self.standing
+
+    @property
+    def ratio_text(self) -> str:
+        """The ratio; for a row with a relative tolerance, the deviation of the ratio from 1."""
+        if self.ratio is None or isinstance(self.tolerance, tuple):
+            return number(self.ratio)
+        return f"1 {'-+'[self.ratio >= 1.0]} {abs(self.ratio - 1.0):.0e}"
+
+    @property
+    def band_text(self) -> str:
+        """The band with its unit."""
+        if not isinstance(self.tolerance, tuple):
+            return f"within {self.tolerance:.2g}"
+        low, high = self.band
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if math.isinf(high):
+            return f"above {low:.4g}{unit}"
+        return f"below {high:.4g}{unit}" if math.isinf(low) else f"{low:.4g} to {high:.4g}{unit}"
+
+    @property
+    def spread_text(self) -> str:
+        """The spread; empty if there is none."""
+        return "" if self.spread is None else f"{self.spread[0]:.4g} to {self.spread[1]:.4g}"
+
+    @property
+    def sign_text(self) -> str:
+        """Whether the sign of the trend agrees; empty if there is no trend."""
+        if self.sign_agrees is None:
+            return ""
+        return "agrees" if self.sign_agrees else "not all" if self.ok else "does not agree"
+
+    @property
+    def source_text(self) -> str:
+        """The source and its trust."""
+        return f"{self.source} [{self.trust}]"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the row of `validate.json`, with None in place of NaN and infinity."""
         low, high = (end if math.isfinite(end) else None for end in self.band)
@@ -159,3 +199,8 @@ class Row:
 Chapter = Callable[[bool], Iterator[Row]]
 """Part of the report: runs scenes and yields each row as soon as the row is known. The argument `quick` leaves out
 parts that take more than a few seconds. A failed run gives a row with model NaN, and the note gives the reason."""
+
+
+def number(value: float | None) -> str:
+    """Return a number as text; empty for None and NaN."""
+    return "" if value is None or math.isnan(value) else f"{value:.4g}"

@@ -17,6 +17,7 @@ from scenes.models.control import build
 from scenes.models.control.model import CONTROL_MODEL
 from scenes.models.loading import load_scene
 from scenes.running import packages
+from scenes.running.report import markdown, terminal_lines
 from scenes.studies.bench import control, control_report, control_score
 from scenes.studies.bench.control import DONE, Case, Found
 from scenes.studies.bench.control_report import Options
@@ -175,7 +176,8 @@ def test_a_score_is_the_geometric_mean_of_the_errors_over_line_of_sights() -> No
     assert own.score == pytest.approx((control_score.FLOOR / 0.1 * 1.0 / 0.8) ** 0.5), "no less than can be told apart"
     assert (own.lost, own.median, own.worst) == (1, pytest.approx(0.50005), 1.0)
     assert blind.score == pytest.approx((4.0 * 1.25) ** 0.5)
-    assert next(control_score.cells(runs)) == ("mpc", "0.224", "0.065", "0.080", "0", "4", "10", "20")
+    cells = [column.cell(best) for column in control_score.SCORE_COLUMNS.values()]
+    assert cells == ["mpc", "0.224", "0.065", "0.080", "0", "4", "10", "20"]
     assert control_score.scores([found("line-0", "mpc", 0.5)])[0].score is None, "line-of-sight was not run"
 
 
@@ -220,8 +222,9 @@ RUNS = [
 
 
 def test_the_report_has_every_class_and_every_lost_trial_and_every_run() -> None:
-    machine = {"cpu": "a processor", "system": "Linux", "date": "today"}
-    text = control_report.markdown(RUNS, machine, "Trials of seed 3")
+    report = control_report.report(control.Study(tuple(RUNS), kept=0, outdated=0), "Trials of seed 3")
+    text = markdown(report.pages["control.md"])
+    assert report.exit_code == control_report.LOST_TRIAL_EXIT_CODE
     assert "| line | 2 | 0.040, 0.060 | 0.060, 0.080 |" in text
     assert "* mpc lost pipe-0: valve stuck" in text
     assert "Trials of seed 3." in text
@@ -234,7 +237,8 @@ def test_the_report_has_every_class_and_every_lost_trial_and_every_run() -> None
 def test_the_tables_fit_a_terminal() -> None:
     controllers = (*control.CONTROLLERS, "my_module:Mine")
     runs = [found(f"{kind}-0", name, 0.1234) for kind in CLASSES for name in controllers]
-    assert max(map(len, control_report.terminal_lines(runs, "Trials of seed 0"))) <= 100
+    report = control_report.report(control.Study(tuple(runs), kept=0, outdated=0), "Trials of seed 0")
+    assert max(map(len, terminal_lines(report.said, 100))) <= 100
 
 
 def test_the_figure_shows_every_run() -> None:

@@ -151,7 +151,7 @@ def told(*turns: tuple[float, float, bool]) -> list[str]:
     """What is said of a schedule that turns so far at such steerings, and tips."""
     points = [study.Point(s, turn, 0.1, 0.0, 0.0, 10.0 * s, tipped) for s, turn, tipped in ((0.0, 0.0, False), *turns)]
     curve = study.Curve("hinge", study.IN_STEP, tuple(points))
-    return [report._line(curve), report._row(curve)]
+    return [report._line(curve), " | ".join(report._curve_row(curve))]
 
 
 def test_what_is_said_of_a_schedule_is_what_its_figure_shows() -> None:
@@ -270,7 +270,7 @@ def test_the_figure_has_a_panel_for_each_quantity(
 def test_the_report_says_how_good_the_map_is(curves: tuple[study.Curve, ...]) -> None:
     known = load(WORM)
     assert known is not None
-    lines = report.terminal_lines(known, curves, 1.0)
+    lines = report.sentences(known, curves, 1.0)
     assert sum("rms of the fit (fresh runs)" in line for line in lines) == 3
     assert any("hinge, its own yaw joints: 10° at 1" in line for line in lines)
     low, high = report.speeds(known.maps["hinge"])

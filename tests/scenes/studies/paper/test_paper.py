@@ -18,6 +18,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planar import published
 from planar.animation import Movie
 from planar.published import Parameters, Run
+from scenes.running.report import markdown, terminal_lines
 from scenes.studies.paper import cases, claims, differences, figures, report
 from scenes.studies.paper.cases import CorrectedRow, Key, Overstatement, Row
 
@@ -76,20 +77,21 @@ def test_report_holds_every_row_claim_and_difference() -> None:
     claim = claims.Claim("the claim", "IV.A", "holds", "the evidence")
     difference = differences.Difference("thing", "the text", "the program", "the effect")
     study = report.Study(rows, [claim], [difference], [CORRECTED], [replace(claim, claim="another")], [OVERSTATED])
-    text = report.markdown(study)
+    text = markdown(report.report(study, {}).pages["report.md"])
     # Once in Table II, five times in Table III, once compared with the print, once corrected.
     assert text.count("\n| 6 |") == 8
     assert (
         "| 6 | 0.739210 / 0.700000 (-3.9e-02) | 4.547915 / 4.500000 (-4.8e-02) | 6.1524 / 6.2000 (+4.8e-02) |" in text
     )
     assert "![" not in text
-    assert "\n![figure 7](figure_7.png)\n" in report.markdown(study, ["figure_7.png"])
+    drawn = report.report(study, {"figure_7.png": Figure()})
+    assert "\n![figure 7](figure_7.png)\n" in markdown(drawn.pages["report.md"])
     assert "| 6 | 2 | contact | anchored | -0.1000 | 0.6000 | 0.0100 | none | 0.0100 |" in text
     assert "| 2 | 0.0300 | 120 | none |" in text
     assert "* **holds**: another (IV.A). Evidence: the evidence." in text
     assert "* **holds**: the claim (IV.A). Evidence: the evidence." in text
     assert "* **thing**. Text: the text. Program: the program. Effect: the effect." in text
-    lines = list(report.terminal_lines(study, 100))
+    lines = list(terminal_lines(drawn.said, 100))
     assert max(map(len, lines)) <= 100
     assert "  holds: another" in lines
     assert any(line.startswith("Threshold friction overstates the distance of six segments by 120 %") for line in lines)
@@ -189,7 +191,7 @@ def test_the_command_writes_the_study(worm3d, cheap: None, tmp_path: Path) -> No
     ended = worm3d("paper", "--out", "x")
     assert ended.code == 0
     assert "the paper's runs: 9 runs" in ended.err.splitlines()
-    assert ended.out.splitlines()[-1].startswith("Written to x: report.md, paper.json, figures 7 to 13")
+    assert ended.out.splitlines()[-1].startswith("Written to x: report.md, paper.json, figure_7_")
     folder = tmp_path / "x"
     found = {path.name for path in folder.iterdir()}
     pictures = {name for name in found if name.endswith((".png", ".gif"))}

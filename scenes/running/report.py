@@ -1,0 +1,204 @@
+"""The report of a study: blocks of text, tables and pictures, as a page in Markdown and as lines for a terminal.
+
+A study computes a `Report`; `report_study` prepares the folder, writes the files, and prints the lines. Every study
+behaves alike therefore: the folder is checked before the computation starts, a file is written completely or not at
+all, Ctrl-C leaves a sentence and an exit code, and the last line names the files.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import typer
+
+from scenes.models.base import Movie
+from scenes.records import folder as folders
+from scenes.records.folder import write_bytes
+from scenes.records.text import Column, aligned, markdown_table, table
+from scenes.running.drawing import save_figure, save_movie
+from scenes.running.runner import EXIT_CODES
+from scenes.running.terminal import busy
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HANGING_INDENT = "    "
+"""Indentation of the second and further lines of a paragraph at a terminal."""
+
+
+class Heading(NamedTuple):
+    """Title of a page, at level 1, or of a part of the page."""
+
+    text: str
+    level: int = 2
+
+
+class Items(NamedTuple):
+    """List of sentences, an item each."""
+
+    sentences: Sequence[str]
+
+
+class Table(NamedTuple):
+    """Table of texts."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    @classmethod
+    def of(cls, columns: Mapping[str, Column], rows: Iterable[object]) -> Table:
+        """Return the table of some columns, by title, of rows."""
+        return cls(*table(columns, rows))
+
+
+class Picture(NamedTuple):
+    """Picture in the folder of the page; a terminal does not show it."""
+
+    file: str
+    text: str
+
+
+Block = str | Heading | Items | Table | Picture
+"""Part of a report; a text is a paragraph."""
+
+
+def markdown(blocks: Iterable[Block]) -> str:
+    """Return blocks as a page in Markdown."""
+    texts = ["\n".join(_markdown_lines(block)) for block in blocks]
+    return "\n\n".join(text for text in texts if text) + "\n"
+
+
+def _markdown_lines(block: Block) -> Iterable[str]:
+    match block:
+        case Heading(text, level):
+            return [f"{'#' * level} {text}"]
+        case Items(sentences):
+            return [f"* {sentence}" for sentence in sentences]
+        case Table(header, rows):
+            return markdown_table(header, rows)
+        case Picture(file, text):
+            return [f"![{text}]({file})"]
+    return [block]
+
+
+def terminal_lines(blocks: Iterable[Block], width: int | None = None) -> Iterator[str]:
+    """Yield blocks as lines; `width` is the width of the terminal, to which paragraphs and items are wrapped."""
+    previous: Block = Heading("")
+    for block in blocks:
+        if not isinstance(previous, Heading) and (isinstance(block, Heading | Table) or isinstance(previous, Table)):
+            yield ""
+        yield from _terminal_lines(block, width)
+        previous = block
+
+
+def _terminal_lines(block: Block, width: int | None) -> Iterable[str]:
+    match block:
+        case Heading(text, _):
+            return [text]
+        case Items(sentences):
+            return [line for sentence in sentences for line in _wrapped(f"  {sentence}", width)]
+        case Table(header, rows):
+            return aligned(header, rows)
+        case str(text):
+            return _wrapped(text, width)
+    return []
+
+
+def _wrapped(text: str, width: int | None) -> list[str]:
+    return [text] if width is None else textwrap.wrap(text, width, subsequent_indent=HANGING_INDENT)
+
+
+@dataclass(frozen=True)
+class Report:
+    """Results of a study.
+
+    Parameters
+    ----------
+    said : sequence of Block
+        Blocks for the terminal.
+    pages : mapping
+        Blocks of each page in Markdown, by file name.
+    files : mapping
+        Content of each further file, by file name.
+    pictures : mapping
+        Figures (PNG) and movies (GIF), by file name.
+    warnings : sequence of str
+        Reasons to doubt the results, for standard error.
+    exit_code : int
+        Exit code of the command.
+    """
+
+    said: Sequence[Block]
+    pages: Mapping[str, Sequence[Block]] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    pictures: Mapping[str, Figure | Movie] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
+    exit_code: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all files."""
+        return [*self.pages, *self.files, *self.pictures]
+
+    def write(self, folder: Path) -> None:
+        """Write all files into a folder; DiscError if the folder cannot be written."""
+        from matplotlib.figure import Figure  # takes as long as a short run
+
+        for name, blocks in self.pages.items():
+            write_bytes(folder / name, markdown(blocks).encode())
+        for name, content in self.files.items():
+            write_bytes(folder / name, content)
+        for name, picture in self.pictures.items():
+            if isinstance(picture, Figure):
+                save_figure(picture, folder / name)
+            else:
+                save_movie(picture, folder / name)
+
+
+class StudyStoppedError(Exception):
+    """Ctrl-C stopped a study that keeps nothing of an unfinished computation."""
+
+
+def report_study(
+    name: str, study: Callable[[Path], Report], out: Path | None, *, force: bool = False, quiet: bool = False
+) -> int:
+    """Carry out a study, write and print its report, and return the exit code.
+
+    Parameters
+    ----------
+    name : str
+        Name of the study; the default folder is `runs/<name>-<time>`.
+    study : callable
+        Computes the report; the argument is the folder, for files of an unfinished study.
+    out, force, quiet
+        Options of the command.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used.
+    DiscError
+        The disc refused a file.
+    """
+    with folders.prepared(out, name, force=force) as folder:
+        try:
+            report = study(folder)
+        except StudyStoppedError:
+            typer.echo(f"{name}: stopped by Ctrl-C; nothing of it was kept", err=True)
+            return EXIT_CODES["interrupted"]
+        with busy("drawing", quiet=quiet):
+            report.write(folder)
+    for warning in report.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    if not quiet:
+        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+        for line in terminal_lines(report.said, width):
+            typer.echo(line)
+        typer.echo(f"Written to {folder}: {', '.join(report.names)}")
+    return report.exit_code
