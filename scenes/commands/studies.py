@@ -59,7 +59,7 @@ def swept(
     context: typer.Context,
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="A study, or a scene with a section [sweep]; without: a list."),
+        typer.Argument(metavar="NAME", help="A study, or a scene with a section [sweep]; without: a list."),
     ] = None,
     every: Annotated[
         bool, typer.Option("--all", help="Run all studies, and write one report of what they tell.")
