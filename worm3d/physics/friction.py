@@ -73,15 +73,15 @@ class Friction(ReadOnly):
     """
 
     forward: Numbers = parameter(
-        0.03, meaning="kinetic coefficient against motion towards the head", aka=("mu_forward",), **_RANGE
+        0.03, "kinetic coefficient against motion towards the head", aka=("mu_forward",), **_RANGE
     )
     backward: Numbers = parameter(
-        0.20, meaning="kinetic coefficient against motion towards the tail", aka=("mu_backward",), **_RANGE
+        0.20, "kinetic coefficient against motion towards the tail", aka=("mu_backward",), **_RANGE
     )
     lateral: Numbers = parameter(
-        0.20, meaning="kinetic coefficient against motion sideways", aka=("mu_lateral", "sideways"), **_RANGE
+        0.20, "kinetic coefficient against motion sideways", aka=("mu_lateral", "sideways"), **_RANGE
     )
-    static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient", ge=1)
+    static_ratio: float = parameter(1.2, "static over kinetic coefficient", ge=1)
     law: Any = field(default_factory=Coulomb)
 
     def __post_init__(self) -> None:

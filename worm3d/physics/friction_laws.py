@@ -177,11 +177,7 @@ class Viscous(FrictionLaw, name="viscous"):
     """
 
     viscosity: Numbers = parameter(
-        10.0,
-        meaning="growth of friction with speed, over the square of the coefficient",
-        unit="s/m",
-        ge=0,
-        each="segment",
+        10.0, "growth of friction with speed, over the square of the coefficient", "s/m", ge=0, each="segment"
     )
 
     @staticmethod

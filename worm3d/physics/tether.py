@@ -89,15 +89,11 @@ class Tether(Load, name="tether"):
     acts_at_rest: ClassVar[bool] = False
     """The reel is where the tail has come to rest."""
 
-    weight: float = parameter(0.1, meaning="weight of the cable per length", unit="N/m", ge=0)
-    friction: float = parameter(0.3, meaning="kinetic coefficient of friction between the cable and the world", ge=0)
-    static_ratio: float = parameter(1.0, meaning="static over kinetic coefficient of the cable", ge=1)
+    weight: float = parameter(0.1, "weight of the cable per length", "N/m", ge=0)
+    friction: float = parameter(0.3, "kinetic coefficient of friction between the cable and the world", ge=0)
+    static_ratio: float = parameter(1.0, "static over kinetic coefficient of the cable", ge=1)
     free_length: float | None = parameter(
-        None,
-        meaning="length of the cable between the tail and where it lies",
-        unit="m",
-        gt=0,
-        left_out="the length of a segment",
+        None, "length of the cable between the tail and where it lies", "m", gt=0, left_out="the length of a segment"
     )
 
     @classmethod
