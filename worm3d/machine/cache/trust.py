@@ -14,8 +14,6 @@ from functools import cache
 from pathlib import Path
 
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-MOST_LINKS = 40
-"""Largest number of symbolic links on the path to a folder, equal to the limit of Linux."""
 HAS_OWNERS = hasattr(os, "geteuid")
 
 
@@ -39,8 +37,8 @@ def require_safe_way(folder: Path, links: int = 0) -> None:
     """
     if not HAS_OWNERS:
         return
-    if links > MOST_LINKS:
-        raise UntrustedError(f"{folder} is reached by more than {MOST_LINKS} symbolic links")
+    if links > 40:  # the limit of Linux
+        raise UntrustedError(f"{folder} is reached by more than 40 symbolic links")
     whole = Path(os.path.abspath(folder))
     for place in reversed(whole.parents):
         try:

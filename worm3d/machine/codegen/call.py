@@ -6,16 +6,19 @@ receives the address of that process as an argument.
 
 from __future__ import annotations
 
+import ctypes
 from types import FunctionType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from worm3d.machine.codegen.casadi_vm import SIGNATURE
 from worm3d.machine.codegen.emit import SHAPES_FIT
 from worm3d.machine.later import later
 from worm3d.machine.writer import INT, Writer, intrinsic
+
+SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
+"""C signature of a kernel (`worm3d.machine.codegen.emit`)."""
 
 REFUSED = "kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)"
 
