@@ -9,7 +9,7 @@ from typing import Any
 from scenes.records.text import csv_bytes, markdown_table
 from scenes.studies.technologies.limits import Verdict
 from scenes.studies.technologies.runs import Bench
-from worm3d.physics.technologies.presets import TECHNOLOGY_PRESETS
+from worm3d.physics.technologies.presets import TECHNOLOGIES
 
 VERDICT_COLUMNS = (
     ("technology", "technology"),
@@ -83,7 +83,7 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
         "",
     ]
     for each in verdicts:
-        lines += [f"**{each.kind}**: {TECHNOLOGY_PRESETS[each.kind][0]}.", ""]
+        lines += [f"**{each.kind}**: {(TECHNOLOGIES[each.kind].__doc__ or '').splitlines()[0]}", ""]
         sources = each.acting.sources
         lines += [f"* {name} = {_cell(getattr(each.acting, name))}: {source}" for name, source in sources.items()]
         lines.append("")

@@ -176,17 +176,17 @@ def _block_function(unit: Any, source: casadi.Function, width: int, flags: tuple
     slots: dict[int, Slot] = {}
     for k in range(source.n_instructions()):
         name = OPERATION_NAMES[source.instruction_id(k)]
-        out, args = source.instruction_output(k), source.instruction_input(k)
+        out, given = source.instruction_output(k), source.instruction_input(k)
         if name == "output":
-            value, place = slots[args[0]].number(), _row(w, "out", first_out[out[0]] + out[1])
+            value, place = slots[given[0]].number(), _row(w, "out", first_out[out[0]] + out[1])
             w.do("store", value, place, align=BYTES)
         elif name == "input":
-            slots[out[0]] = Slot(w, number=_load(w, first_in[args[0]] + args[1], valid))
+            slots[out[0]] = Slot(w, number=_load(w, first_in[given[0]] + given[1], valid))
         elif name == "const":
             constant = source.instruction_constant(k)
             slots[out[0]] = Slot(w, number=w.splat(constant), constant=constant)
         else:
-            slots[out[0]] = _computed(w, source, name, [slots[each] for each in args])
+            slots[out[0]] = _computed(w, source, name, [slots[each] for each in given])
     builder.ret_void()
     return function
 

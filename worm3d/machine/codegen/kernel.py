@@ -12,7 +12,6 @@ import numpy as np
 from worm3d.machine import cache
 from worm3d.machine.codegen import native
 from worm3d.machine.codegen.emit import require_sx
-from worm3d.machine.writer import BYTES
 from worm3d.values.arrays import FloatArray
 
 
@@ -37,8 +36,8 @@ class Kernel:
         return -(-count // self.width) * self.width
 
     def allocate(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return zero inputs, shape (rows_in, lanes(count)), and outputs, (rows_out, ...), aligned to cache lines."""
-        return _aligned(self.rows_in, self.lanes(count)), _aligned(self.rows_out, self.lanes(count))
+        """Return zero inputs, shape (rows_in, lanes(count)), and outputs, (rows_out, lanes(count))."""
+        return np.zeros((self.rows_in, self.lanes(count))), np.zeros((self.rows_out, self.lanes(count)))
 
 
 _LOCK = threading.Lock()
@@ -87,10 +86,3 @@ def compile_kernel(
             )
             _LOADED[key] = native.load(code, host)
     return Kernel(function.name(), function.nnz_in(), function.nnz_out(), host.width, _LOADED[key][0])
-
-
-def _aligned(rows: int, lanes: int) -> FloatArray:
-    """Return zeros that begin on a cache line of 64 bytes, shape (rows, lanes)."""
-    raw = np.zeros(rows * lanes + 64 // BYTES)
-    first = -raw.ctypes.data % 64 // BYTES
-    return raw[first : first + rows * lanes].reshape(rows, lanes)

@@ -73,9 +73,6 @@ from worm3d.values.parameters import documented, parameter
 MOST_STROKE = 0.9
 """Largest free stroke, as a fraction of the chamber's rest length."""
 
-G = 9.81
-"""Gravity for the worm's weight in the default size [m/s^2]."""
-
 NO_LIMIT = float("inf")
 
 THICKNESS_POWER = 1.75
@@ -187,7 +184,7 @@ class Technology(Actuator):
         import casadi as ca  # parameters do not need casadi
 
         asked, drive, active, time = _driven(s)
-        now, before = _shape(s, active, "length"), _shape(s, s["active_n"], "length_n")
+        now, before = _Shape(s, active, "length"), _Shape(s, s["active_n"], "length_n")
         blocking, path = s["stress"] * s["area"] / s["lever"], _stroke(s) * s["l0"]
         pull, pull_n = blocking * now.force, blocking * before.force
         soft = (1.0 - s["scales"]) * path / (s["series"] * blocking)  # 1/K, 0 where there is no spring
@@ -222,7 +219,7 @@ class Technology(Actuator):
         share = _share(s, s["command"])
         drive = ca.if_else(share > 0.0, (share + s["hysteresis"]) / (1.0 + s["hysteresis"]), share)
         blocking = s["stress"] * s["area"] / s["lever"]
-        pull = _sense(s) * blocking * _shape(s, share, "length").force
+        pull = _sense(s) * blocking * _Shape(s, share, "length").force
         return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * ca.fabs(drive), "pull": pull}
 
     def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
@@ -251,11 +248,11 @@ class Technology(Actuator):
         """Return the cross-section of the actuator of each chamber that the worm needs, shape (N,) [m^2].
 
         The blocking force is `reserve` times the sum of two forces: the force for the stroke of half of a segment's
-        springs (a chamber's half), and half of the worm's weight.
+        springs (a chamber's half), and half of the worm's weight on earth.
         """
         wanted = -worm.stroke[0] if self.lengthens else worm.stroke[1]
         stroke = np.minimum(np.minimum(self.strain * np.asarray(self.lever), MOST_STROKE), wanted or MOST_STROKE)
-        force = self.reserve * (np.asarray(worm.k_spring) * stroke + worm.mass * G) / 2.0
+        force = self.reserve * (np.asarray(worm.k_spring) * stroke + worm.mass * 9.81) / 2.0
         return np.broadcast_to(force * self.lever / self.stress, (worm.segments,)).copy()
 
 
@@ -275,9 +272,6 @@ class _Shape:
         ramps = ((-droop, x), (droop - kappa, x - turn), (kappa, x - at - s["push"] / kappa))
         self.force = top + sum(slope * ca.fmax(by, 0.0) for slope, by in ramps)
         self.integral = top * x + sum(slope * ca.fmax(by, 0.0) ** 2 / 2.0 for slope, by in ramps)
-
-
-_shape = _Shape
 
 
 def _sense(s: Symbols) -> Symbol:
