@@ -138,6 +138,7 @@ def _around(name: str, kinds: list[Any], result: Any) -> str:
 
 _MEMORY = """
 declare ptr @malloc(i64)
+declare ptr @realloc(ptr, i64)
 declare void @free(ptr)
 define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
   %whole = add i64 %size, 128
@@ -152,10 +153,36 @@ define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
   store i64 %size, ptr %length
   ret ptr %info
 }
+define ptr @NRT_MemInfo_alloc(i64 %size) {
+  %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 64)
+  ret ptr %info
+}
+define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %dtor) {
+  %info = call ptr @NRT_MemInfo_alloc_aligned(i64 0, i32 64)
+  %data = call ptr @malloc(i64 %size)
+  %place = getelementptr i64, ptr %info, i64 3
+  store ptr %data, ptr %place
+  ret ptr %info
+}
+define ptr @NRT_MemInfo_varsize_realloc(ptr %info, i64 %size) {
+  %place = getelementptr i64, ptr %info, i64 3
+  %before = load ptr, ptr %place
+  %data = call ptr @realloc(ptr %before, i64 %size)
+  store ptr %data, ptr %place
+  ret ptr %data
+}
+define ptr @NRT_Allocate(i64 %size) {
+  %data = call ptr @malloc(i64 %size)
+  ret ptr %data
+}
+define void @NRT_Free(ptr %data) {
+  call void @free(ptr %data)
+  ret void
+}
 define void @NRT_MemInfo_call_dtor(ptr %info) {
   call void @free(ptr %info)
   ret void
 }
 """
-"""Numba's memory functions of arrays, without Numba: the reference count comes first, address and size of the data are
-at 3 and 4."""
+"""Numba's memory functions, without Numba: the reference count comes first, address and size of the data are at 3 and
+4. Memory of lists, which only error messages use, is never freed. A missing name would be called at address 0."""

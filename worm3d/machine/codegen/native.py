@@ -83,8 +83,8 @@ def cache_key(function: casadi.Function, host: Host, padded: bool = False, exact
 
 @functools.cache
 def _generator() -> str:
-    """Return a digest of the source of `worm3d.machine`, an automatic version number."""
-    sources = sorted(Path(__file__).parents[1].rglob("*.py"))
+    """Return a digest of this package's source, an automatic version number."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
 
