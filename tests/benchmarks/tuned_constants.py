@@ -40,7 +40,7 @@ COMPILED = {
 
 SYMBOLIC = {
     "worm3d.physics.kernels.regime": "MAX_SWING STICK_SHARE SIDE_TOLERANCE",
-    "worm3d.physics.contact": "YIELD_TOLERANCE BREAKAWAY_TOLERANCE",
+    "worm3d.physics.contact": "YIELD_TOLERANCE",
     "worm3d.physics.friction": "RESTING_PENETRATION BREAKAWAY TANGENTIAL_DAMPING_RATIO",
 }
 """Constants of kernels, which are made anew, and of Python code."""

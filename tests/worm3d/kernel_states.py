@@ -5,7 +5,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from worm3d.machine.codegen import Kernel
+from worm3d.machine.codegen import Kernel, evaluate
 from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.kernels import actuator, joint, node, point, segment
@@ -33,7 +33,7 @@ def evaluated(kernel: Kernel, layout: Layout, values: Values) -> np.ndarray:
     inputs, outputs = kernel.allocate(COUNT)
     rows = np.vstack([values[name] for name in layout.sizes])
     inputs[: len(rows), :COUNT] = rows  # those behind them are of actuators, which have no part in the potential
-    kernel(inputs, outputs, COUNT)
+    evaluate(kernel.address, inputs, outputs, COUNT)
     return outputs[:, :COUNT]
 
 

@@ -9,19 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from worm3d.machine.codegen import (
-    FallbackWarning,
-    Host,
-    Kernel,
-    Origin,
-    UnsupportedError,
-    compile_kernel,
-    emit,
-    evaluate,
-    native,
-    program,
-    this_host,
-)
+from worm3d.machine.codegen import Host, Kernel, UnsupportedError, compile_kernel, emit, evaluate, this_host
 from worm3d.machine.codegen import kernel as kernels
 from worm3d.machine.compiled import njit
 
@@ -82,7 +70,7 @@ def run(kernel: Kernel, columns: np.ndarray) -> np.ndarray:
     count = columns.shape[1]
     inputs, outputs = kernel.allocate(count)
     inputs[:, :count] = columns
-    kernel(inputs, outputs, count)
+    evaluate(kernel.address, inputs, outputs, count)
     return outputs[:, :count]
 
 
@@ -157,7 +145,9 @@ def operations(family: dict[str, Callable[..., ca.SX]]) -> ca.Function:
 
 
 def test_every_supported_operation_is_tested() -> None:
-    tested = {step.name for family in (UNARY, BINARY) for step in program.read(operations(family)).instructions}
+    tested = set()
+    for function in map(operations, (UNARY, BINARY)):
+        tested |= {emit.OPERATION_NAMES[function.instruction_id(k)] for k in range(function.n_instructions())}
     assert emit.SUPPORTED - tested <= {"assign", "lift"}, "copies, which SX removes by itself"
 
 
@@ -187,7 +177,7 @@ def test_transcendentals_are_accurate_over_their_ranges(name: str) -> None:
     points = np.linspace(low, high, 20001)
     near = points[:2000:100, None] + np.linspace(-1e-3, 1e-3, 201)
     columns = np.concatenate([points, np.clip(near.ravel(), low, high)])[None, :]
-    expected = run(compile_kernel(function, backend="casadi"), columns)
+    expected = np.array(function(columns))
     actual = run(compile_kernel(function), columns)
     assert np.all(np.abs(actual - expected) <= 1e-15 * np.abs(expected))
 
@@ -221,7 +211,7 @@ def test_any_count_fills_its_instances_and_no_lane_beyond_the_padding(host: Host
         inputs, outputs = np.full((18, 32), 1e-310), np.full((kernel.rows_out, 32), 7.0)
         inputs[0, 1::2] = np.nan
         inputs[:, :count] = columns[:, :count]
-        kernel(inputs, outputs, count)
+        evaluate(kernel.address, inputs, outputs, count)
         lanes = kernel.lanes(count)
         assert lanes % kernel.width == 0
         assert count <= lanes < count + kernel.width
@@ -253,13 +243,12 @@ def test_rows_are_the_nonzeros_of_all_inputs_and_outputs() -> None:
     function = ca.Function("rows", [x, y], [y.T, x * 10, ca.SX.sym("none", 0, 1)])
     actual = run(compile_kernel(function), np.arange(7.0)[:, None])
     assert_array_equal(actual[:, 0], [3, 5, 4, 6, 0, 10, 20])
-    assert_array_equal(run(compile_kernel(function, backend="casadi"), np.arange(7.0)[:, None]), actual)
 
 
 def test_what_derivatives_repeat_is_computed_once() -> None:
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     function = ca.Function("repeats", [x, y], [ca.sin(x) * y, y * ca.sin(x) + ca.cos(x), ca.cos(x) / (x + y), y + x])
-    text = emit.module(program.read(function), 4, fused=True)
+    text = emit.module(function, 4, fused=True)
     block = text[text.index('void @"block"(') :].split("\n}")[0]
     assert block.count("lanes_sincos") == 1
     assert block.count("fmul") - block.count("mul i64") <= 1
@@ -271,10 +260,10 @@ def test_lanes_of_a_padded_kernel_compute_what_they_hold() -> None:
     kernel = compile_kernel(ca.Function("padded", [x], [x * x]), padded=True)
     inputs, outputs = kernel.allocate(1)
     inputs[0] = np.arange(3.0, 3.0 + inputs.shape[1])
-    kernel(inputs, outputs, 1)
+    evaluate(kernel.address, inputs, outputs, 1)
     assert_array_equal(outputs, inputs**2)
     kernel = compile_kernel(ca.Function("padded", [x], [x * x]))
-    kernel(inputs, outputs, 1)
+    evaluate(kernel.address, inputs, outputs, 1)
     assert_array_equal(outputs, np.full_like(outputs, 9.0))
 
 
@@ -284,9 +273,8 @@ def _doubled(address: int, inputs: np.ndarray, outputs: np.ndarray, count: int) 
     return float(2.0 * outputs[0, count - 1])
 
 
-@pytest.mark.parametrize("backend", ["llvm", "casadi"])
-def test_compiled_code_calls_a_kernel_by_its_address(backend: kernels.Backend) -> None:
-    kernel = compile_kernel(rhombus(), backend=backend)
+def test_compiled_code_calls_a_kernel_by_its_address() -> None:
+    kernel = compile_kernel(rhombus())
     columns = rhombus_columns(6)
     inputs, outputs = kernel.allocate(6)
     inputs[:, :6] = columns
@@ -303,9 +291,8 @@ def _some(address: int, inputs: np.ndarray, outputs: np.ndarray, first: int, cou
     evaluate(address, inputs, outputs, count, first)
 
 
-@pytest.mark.parametrize("backend", ["llvm", "casadi"])
-def test_some_lanes_alone(backend: kernels.Backend) -> None:
-    kernel = compile_kernel(rhombus(), backend=backend)
+def test_some_lanes_alone() -> None:
+    kernel = compile_kernel(rhombus())
     columns, first = rhombus_columns(3 * kernel.width), kernel.width
     inputs, outputs = kernel.allocate(3 * kernel.width)
     inputs[:] = columns
@@ -317,9 +304,8 @@ def test_some_lanes_alone(backend: kernels.Backend) -> None:
         _some(kernel.address, inputs, outputs, 3 * first, 1)
 
 
-@pytest.mark.parametrize("backend", ["llvm", "casadi"])
-def test_threads_may_share_a_kernel(backend: kernels.Backend) -> None:
-    kernel = compile_kernel(rhombus(), backend=backend)
+def test_threads_may_share_a_kernel() -> None:
+    kernel = compile_kernel(rhombus())
     columns = [rhombus_columns(50, seed) for seed in range(8)]
     expected = [run(kernel, part) for part in columns]
     with ThreadPoolExecutor(4) as pool:
@@ -336,55 +322,3 @@ def test_what_cannot_be_compiled_is_named() -> None:
         compile_kernel(ca.Function("matrices", [m], [m * m]))
     with pytest.raises(UnsupportedError, match=r"the variables .*free.* are no inputs"):
         compile_kernel(ca.Function("open", [x], [x + free], {"allow_free": True}))
-    with pytest.raises(ValueError, match="backend is 'gcc', must be 'llvm' or 'casadi'"):
-        compile_kernel(ca.Function("fine", [x], [x]), backend="gcc")  # type: ignore[arg-type]
-    assert (
-        run(compile_kernel(ca.Function("inverse", [x], [ca.erfinv(x)]), backend="casadi"), np.zeros((1, 3))).any() == 0
-    )
-
-
-def test_the_virtual_machine_steps_in_visibly(monkeypatch: pytest.MonkeyPatch) -> None:
-    function, columns = rhombus(), rhombus_columns(11)
-    expected = run(compile_kernel(function), columns)
-
-    def fail(*_: object) -> bytes:
-        raise RuntimeError("LLVM is unwell")
-
-    kernels._LOADED.clear()
-    monkeypatch.setenv("XDG_CACHE_HOME", "")
-    monkeypatch.setattr(native, "compile_program", fail)
-    monkeypatch.setattr(kernels.cache, "load", lambda *_: None)
-    with pytest.warns(FallbackWarning, match="'rhombus' runs on CasADi's virtual machine.*LLVM is unwell"):
-        kernel = compile_kernel(function)
-    assert (kernel.backend, kernel.origin) == ("casadi", Origin.VIRTUAL_MACHINE)
-    assert_array_equal(run(kernel, columns), reference(function, columns))
-    assert_equal(run(kernel, columns), expected, rhombus_scale(function, expected))
-
-
-def test_long_compilations_are_announced_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    said: list[str] = []
-    compile_kernel(rhombus(), folder=tmp_path, notify=said.append)
-    assert not said
-    monkeypatch.setattr(kernels, "SILENT_COMPILE_TIME", 0.0)
-    for _ in range(2):
-        compile_kernel(rhombus(couplings=3), folder=tmp_path, notify=said.append)
-        kernels._LOADED.clear()
-    assert len(said) == 1
-    assert said[0].startswith("Compiling 'rhombus' (")
-
-
-def test_wrong_arrays_are_refused() -> None:
-    kernel = compile_kernel(rhombus())
-    inputs, outputs = kernel.allocate(6)
-    frozen = outputs.copy()
-    frozen.flags.writeable = False
-    for arguments, sentence in (
-        ((inputs[1:], outputs, 6), r"inputs must be float64, C-contiguous, \(18, \d+ or more\), got shape \(17, "),
-        ((inputs, outputs, 100), r"got shape .*; allocate\(100\) makes them"),
-        ((inputs.astype(np.float32), outputs, 6), "got float32, 2 dimensions"),
-        ((inputs, np.asfortranarray(outputs), 6), "outputs must be .* not C-contiguous"),
-        ((inputs, outputs, -1), "count is -1, must be 0 or more"),
-        ((inputs, frozen, 6), "outputs are read-only"),
-    ):
-        with pytest.raises(ValueError, match=sentence):
-            kernel(*arguments)

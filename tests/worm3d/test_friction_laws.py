@@ -280,7 +280,7 @@ def test_laws_are_found_by_name_and_compared_by_value() -> None:
     assert Friction(law="viscous").law == Viscous()
     assert law_of({"name": "viscous", "viscosity": 3}) == Viscous(np.full(1, 3.0)[0]) != Viscous(4.0)
     assert replace(Friction(law=Viscous(3.0)), forward=0.5).law == Viscous(3.0)
-    with pytest.raises(ValueError, match="another than those of the laws"):
+    with pytest.raises(ValueError, match="Other: Viscous has the name 'viscous' already, must be another one"):
         type("Other", (FrictionLaw,), {}, name="viscous")
 
 

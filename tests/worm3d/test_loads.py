@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Held, Load, Payload, Pipe, Plane, Result, State, Status, Tether, Worm, simulate
+from worm3d.machine.codegen import evaluate
 from worm3d.physics.kernels import load as kernels
 from worm3d.physics.load import LOAD_FREE, LOAD_HIGH, LOAD_LOW, LOAD_STICKING
 from worm3d.running.plant import kernels as compiled
@@ -428,7 +429,7 @@ def test_derivatives(regime: float, seed: int) -> None:
         inputs, outputs = made["load_hessian"].allocate(1)
         inputs[:, 0] = values
         inputs[x, 0] += move
-        made["load_hessian"](inputs, outputs, 1)
+        evaluate(made["load_hessian"].address, inputs, outputs, 1)
         return outputs[:, 0].copy()
 
     h, here = 1e-6, at(np.zeros(6))

@@ -8,21 +8,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 from kept_files import double, total
 
-from worm3d.machine import functions, symbols
 from worm3d.machine.codegen import native
 from worm3d.machine.functions import Function
 
 SCRIPT = """
 import sys
 import numpy as np
-from worm3d.machine import functions
 from worm3d.machine.compiled import njit
-
-if "keep" in sys.argv:
-    functions.missing = lambda *_: ()
 
 @njit
 def flattened(square: np.ndarray) -> float:
@@ -37,12 +31,12 @@ print(flattened(square), plain(square), "numba" in sys.modules)
 """
 
 
-def called(folder: Path, *args: str) -> tuple[list[str], str]:
+def called(folder: Path) -> tuple[list[str], str]:
     """Return what the script prints, and what it says on stderr."""
     script = folder / "flat.py"
     script.write_text(SCRIPT)
     places = os.environ | {"XDG_CACHE_HOME": str(folder / "cache")}
-    done = subprocess.run([sys.executable, str(script), *args], capture_output=True, text=True, env=places, check=False)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=places, check=False)
     assert done.returncode == 0, (done.returncode, done.stderr)
     return done.stdout.split(), done.stderr
 
@@ -57,35 +51,8 @@ def test_code_that_calls_numba_itself_is_not_kept_and_says_so(tmp_path: Path) ->
         assert len(list((tmp_path / "cache").rglob("*.kernel"))) == 1, "the other one is kept"
 
 
-def test_kept_code_that_calls_numba_itself_is_compiled_anew(tmp_path: Path) -> None:
-    assert called(tmp_path, "keep") == (["14.0", "3.0", "True"], "")
-    assert len(list((tmp_path / "cache").rglob("*.kernel"))) == 2
-    values, said = called(tmp_path)
-    assert values == ["14.0", "3.0", "True"]
-    assert "__main__.flattened is compiled in every process" in said
-
-
 def test_names_of_the_c_library_and_of_each_other_are_there() -> None:
     host = native.this_host()
     for function, args in ((total, (np.zeros(3),)), (double, (1.0,))):
-        objects, lacking = Function(function, lambda: "1", 1, lambda: None).compiled(args, None, host)
+        _, lacking = Function(function, lambda: "1", 1, lambda: None).compiled(args, None, host)
         assert lacking == ()
-        assert functions._objects(functions.joined(objects)) == objects
-        if sys.platform == "linux":
-            needed = symbols.missing(objects[:1])
-            assert all(name.startswith("NRT_") for name in needed), "what the C function around it has"
-    assert symbols.missing([], ["malloc", "numba_gil_ensure", "no_such_name"]) == ("no_such_name", "numba_gil_ensure")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="objects of another format are not read")
-def test_the_table_of_an_object_is_read() -> None:
-    host = native.this_host()
-    text = "declare double @cos(double)\ndeclare double @elsewhere(double)\n@number = external global double\n"
-    text += f"define double @{native.SYMBOL}(double %x) {{ %c = call double @cos(double %x)\n"
-    text += "%e = call double @elsewhere(double %c)\n%n = load double, ptr @number\n%s = fadd double %e, %n\n"
-    calling = native.compile_text(text + "ret double %s }", host)
-    assert symbols.missing([calling]) == ("elsewhere", "number")
-    having = native.compile_text(
-        "@number = global double 1.0\ndefine double @elsewhere(double %x) { ret double %x }", host
-    )
-    assert symbols.missing([calling, having]) == ()

@@ -1,5 +1,6 @@
 """Technologies of actuators against closed forms: drive, force and stroke, energy, heat, size, and their numbers."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from control.gaits import TravellingWave
 from worm3d import Command, Held, Plane, Status, Worm, simulate
 from worm3d.physics.actuator_names import ACTUATORS, TECHNOLOGIES, Technology
 from worm3d.physics.kernels import actuator
-from worm3d.physics.technologies.presets import TECHNOLOGY_PRESETS
 from worm3d.running.plant import kernels
 from worm3d.values.parameters import parameters_of
 
@@ -280,18 +280,15 @@ def test_the_size_follows_from_the_worm() -> None:
 
 
 def test_every_number_has_a_source_and_all_share_their_kernels() -> None:
-    assert (
-        set(TECHNOLOGIES)
-        == set(TECHNOLOGY_PRESETS)
-        == {name for name, each in ACTUATORS.items() if issubclass(each, Technology)}
-    )
-    for name, (_, rows) in TECHNOLOGY_PRESETS.items():
+    assert set(TECHNOLOGIES) == {name for name, each in ACTUATORS.items() if issubclass(each, Technology)}
+    for name, kind in TECHNOLOGIES.items():
         made = ACTUATORS[name]()
-        assert all(source for _, source in rows.values())
-        assert all(getattr(made, key) == value for key, (value, _) in rows.items())
-        assert set(TECHNOLOGIES[name].sources) == set(rows)
+        changed = {each.name for each in fields(kind) if getattr(made, each.name) != getattr(Technology(), each.name)}
+        assert type(made) is kind
+        assert all(kind.sources.values())
+        assert changed <= set(kind.sources)
         assert made.compiled() is Technology
-        assert {"strain", "stress"} <= set(rows)
+        assert {"strain", "stress"} <= set(kind.sources)
         assert "Attributes" in (type(made).__doc__ or "")
 
 

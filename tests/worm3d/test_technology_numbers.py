@@ -11,7 +11,7 @@ from control.gaits import TravellingWave
 from worm3d import Command, Held, Plane, Status, Worm, simulate
 from worm3d.physics.actuator_names import ACTUATORS, TECHNOLOGIES, Actuator, Pneumatic, Technology
 from worm3d.physics.technologies.law import THICKNESS_POWER
-from worm3d.physics.technologies.presets import ROOM_PRESSURE, TECHNOLOGY_PRESETS, bending, compressed_air
+from worm3d.physics.technologies.presets import ROOM_PRESSURE, bending, compressed_air
 
 STILL = Held(joints=True, roll=True, bend=True)
 LENGTH, WIDTH = 0.2, 0.04
@@ -169,4 +169,4 @@ def test_idle_power_adds_to_what_a_crawl_draws_and_loses_and_changes_nothing_els
 
 def test_only_what_the_field_does_is_counted_of_magnets() -> None:
     assert {kind for kind, made in TECHNOLOGIES.items() if made.uncounted} == {"magnetic"}
-    assert {kind for kind, (_, rows) in TECHNOLOGY_PRESETS.items() if "idle" in rows} == {"servo_cable"}
+    assert {kind for kind, made in TECHNOLOGIES.items() if "idle" in made.sources} == {"servo_cable"}

@@ -56,7 +56,7 @@ def objects_of(
 
 def _declared(module: Any, declared: bool = True) -> set[str]:
     """Return the names of the functions that a module declares, or else defines."""
-    names = {each.name for each in module.functions if each.is_declaration is declared}
+    names = {each.name for each in module.functions if bool(each.is_declaration) is declared}
     return {name for name in names if not name.startswith("llvm.")}
 
 

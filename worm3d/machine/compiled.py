@@ -21,13 +21,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds", "recorded/energy.py"), "planar": (".",)}
 """Folders and files, by package, of the source modules of a package's compiled functions."""
 
-OPTIMISATION = 1
-"""Numba's optimisation level for C functions; a higher level compiles a quarter longer and makes no step faster."""
-
 
 def njit(function: F) -> F:
     """Compile a function by Numba, without Python objects and without the interpreter lock; keep the result on disk."""
-    return cast(F, Function(function, _version_of(function), OPTIMISATION, lambda: None))
+    return cast(F, cfunc(function))
 
 
 def inner(function: F) -> F:
@@ -35,12 +32,11 @@ def inner(function: F) -> F:
     return cast(F, later(function, functools.partial(_dispatcher, function)))
 
 
-def cfunc(
-    function: Callable[..., Any], optimisation: int = OPTIMISATION, missed: Callable[[], None] = lambda: None
-) -> Function:
+def cfunc(function: Callable[..., Any], optimisation: int = 1, missed: Callable[[], None] = lambda: None) -> Function:
     """Return a function as a C function with an `address`, for numbers as in the annotations, kept on disk.
 
-    `missed` is called before a compilation, if the function is not on disk.
+    `missed` is called before a compilation, if the function is not on disk. A higher level of Numba's optimisation than
+    1 compiles the solver a quarter longer and makes no step faster.
     """
     return Function(function, _version_of(function), optimisation, missed)
 
@@ -50,12 +46,8 @@ def announce() -> None:
     """Print on stderr, once, that compiling the solver takes half a minute."""
     from worm3d.machine import packed  # imports modules that unpack
 
-    folder = cache.folder(FUNCTION_FOLDER)
-    why = cache.obstacle(folder)
-    if why is None:
-        sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder}){packed.reason()}\n")
-    else:
-        sys.stderr.write(f"worm3d: compiling, for about half a minute, every time: {why}{packed.reason()}\n")
+    folder = cache.folder(FUNCTION_FOLDER) or "no folder: set HOME or XDG_CACHE_HOME"
+    sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder}){packed.reason()}\n")
     sys.stderr.flush()
 
 

@@ -22,15 +22,13 @@ from worm3d.machine import cache
 from worm3d.machine.codegen import native
 from worm3d.machine.codegen.call import REFUSED
 from worm3d.machine.later import later
-from worm3d.machine.symbols import missing
+from worm3d.machine.writer import BYTES
 
 Objects = tuple[bytes, bytes]
 """Object code of a function, and object code of the C wrapper of the function."""
 FUNCTION_FOLDER = "compiled"
 """Folder of compiled functions in the cache."""
 _LOCK = threading.RLock()
-_HEAD = 8
-"""Bytes of the length of the first of two objects."""
 
 
 class Function:
@@ -89,42 +87,42 @@ class Function:
         with _LOCK:
             folder, host = cache.folder(FUNCTION_FOLDER), native.this_host()
             key = self.key(args, result, host)
-            objects = _objects(cache.load(folder, key))
-            if objects is None:
-                with cache.alone(folder, key):
-                    objects = _objects(cache.load(folder, key))  # another process may have compiled it
-                    if objects is None:
-                        objects, lacking = self._made(args, result, host)
-                        if lacking:
-                            self._tell(lacking)
-                        else:
-                            cache.store(folder, key, joined(objects))
-            address, owner = native.load(objects[1], host, objects[0])
+            code = cache.load_or_make(folder, key, lambda: self._made(args, result, host))
+            end = BYTES + int.from_bytes(code[:BYTES], "little")
+            address, owner = native.load(code[end:], host, code[BYTES:end])
             self._owners.append(owner)
             return address
 
-    def _made(self, args: Any, result: Any, host: native.Host) -> tuple[Objects, tuple[str, ...]]:
+    def _made(self, args: Any, result: Any, host: native.Host) -> tuple[bytes, bool]:
+        """Return both objects, and whether they may be kept."""
         found = self._packed(args, result, host)
         if found is not None:
-            return found, ()
+            return found, True
         self._missed()
-        return self.compiled(args, result, host)
+        objects, lacking = self.compiled(args, result, host)
+        if lacking:
+            self._tell(lacking)
+        return joined(objects), not lacking
 
-    def _packed(self, args: Any, result: Any, host: native.Host) -> Objects | None:
+    def _packed(self, args: Any, result: Any, host: native.Host) -> bytes | None:
         """Return the packed objects for such a processor, made from the same sources."""
         if os.environ.get(native.SWITCH):
             return None
         from worm3d.machine import packed  # imports modules that unpack
 
         kind = packed.kind_of(host)
-        return None if kind is None else _objects(packed.load(self.key(args, result, kind), kind))
+        return None if kind is None else packed.load(self.key(args, result, kind), kind)
 
     def compiled(self, args: Any, result: Any, host: native.Host) -> tuple[Objects, tuple[str, ...]]:
-        """Return the two objects, and the names that the objects need and a fresh process lacks."""
+        """Return the two objects, and the names that the objects need and a fresh process lacks.
+
+        A compiling Numba registers names of its own, such as `numba_attempt_nocopy_reshape`. A process that reads the
+        code from disk never imports Numba, and would call address 0 for such a name.
+        """
         from worm3d.machine.back_end import objects_of  # imports Numba
 
         function, around, named = objects_of(self, args, self._level, result, host)
-        return (function, around), missing((function, around), named)
+        return (function, around), tuple(sorted(name for name in named if not hasattr(native.c_library(), name)))
 
     def _tell(self, lacking: tuple[str, ...]) -> None:
         sys.stderr.write(
@@ -162,17 +160,8 @@ _OF: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64, bool: ctypes
 
 
 def joined(objects: Objects) -> bytes:
-    """Return two objects in the form kept on disk."""
-    return len(objects[0]).to_bytes(_HEAD, "little") + b"".join(objects)
-
-
-def _objects(code: bytes | None) -> Objects | None:
-    """Return the two objects kept on disk; None unless this process has all the names that the objects need."""
-    if code is None:
-        return None
-    end = _HEAD + int.from_bytes(code[:_HEAD], "little")
-    objects = code[_HEAD:end], code[end:]
-    return None if missing(objects) else objects
+    """Return two objects in the form kept on disk: after the length of the first one."""
+    return len(objects[0]).to_bytes(BYTES, "little") + b"".join(objects)
 
 
 def _dispatcher(function: Callable[..., Any]) -> Any:

@@ -123,26 +123,18 @@ class FirstOrder(Actuator, name="first_order"):
     """
 
     lag: Numbers | None = parameter(
-        None, meaning="time constant", unit="s", ge=0, each="segment", left_out="the worm's actuator_lag"
+        None, "time constant", "s", ge=0, each="segment", left_out="the worm's actuator_lag"
     )
     least: Numbers | None = parameter(
-        None,
-        meaning="least contraction or hinge angle",
-        le=0,
-        each="segment",
-        left_out="the worm's stroke; hinges: none",
+        None, "least contraction or hinge angle", le=0, each="segment", left_out="the worm's stroke; hinges: none"
     )
     greatest: Numbers | None = parameter(
-        None,
-        meaning="greatest contraction or hinge angle",
-        ge=0,
-        each="segment",
-        left_out="the worm's stroke; hinges: none",
+        None, "greatest contraction or hinge angle", ge=0, each="segment", left_out="the worm's stroke; hinges: none"
     )
     rate_limit: Numbers | None = parameter(
         None,
-        meaning="greatest speed of contraction or of the hinge angle",
-        unit="1/s",
+        "greatest speed of contraction or of the hinge angle",
+        "1/s",
         gt=0,
         each="segment",
         left_out="the worm's rate_limit; hinges: none",

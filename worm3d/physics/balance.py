@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -26,8 +25,6 @@ from worm3d.physics.worm import Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import parameters_of
 
-MOTION_TIME, MOTION_STEPS = 1.0, 100
-"""Duration of the motion [s], a typical gait period, and number of full steps."""
 MOTION_STROKE = 0.3
 """Largest shortening of the chamber and largest commanded contraction, as a fraction of the greatest contraction."""
 LARGEST_MISS = 0.005
@@ -81,9 +78,12 @@ def warn_of_imbalance(worm: Worm) -> None:
     )
 
 
-def balance(part: Actuator, worm: Worm) -> Balance:
-    """Return the missing energy (B1) of the actuator of a worm's chambers, for the chamber that misses most."""
-    coarse, fine = (_energies(part, worm, count) for count in (MOTION_STEPS, 2 * MOTION_STEPS))
+def balance(part: Actuator, worm: Worm, steps: int = 100) -> Balance:
+    """Return the missing energy (B1) of the actuator of a worm's chambers, for the chamber that misses most.
+
+    The motion takes 1 s, a typical gait period, in `steps` full steps.
+    """
+    coarse, fine = (_energies(part, worm, count) for count in (steps, 2 * steps))
     change = fine[::2, 0] - coarse[:, 0]
     missed = np.abs(fine[::2, 0] + change).max(axis=0)
     energy = np.abs(fine[:, 1:]).max(axis=(0, 1))
@@ -93,9 +93,9 @@ def balance(part: Actuator, worm: Worm) -> Balance:
 
 def _energies(part: Actuator, worm: Worm, steps: int) -> FloatArray:
     """Return the cumulative `BALANCE_TERMS` at the start and after each step, shape (steps + 1, 5, N) [J]."""
-    kind, n, dt = part.compiled(), worm.segments, MOTION_TIME / steps
+    kind, n, dt = part.compiled(), worm.segments, 1.0 / steps
     at_rest, of_step = _functions(kind)
-    lengths, commands = _motion(worm, np.linspace(0.0, MOTION_TIME, steps + 1))
+    lengths, commands = _motion(worm, np.linspace(0.0, 1.0, steps + 1))
     fixed = dict(part.values(worm, hinge=False))
     fixed |= {"l0": worm.l0, "link": worm.link_length, "k": worm.k_spring, "dt": dt, "span": dt}
     known = dict.fromkeys(RESPONSE_INPUTS, 0.0) | fixed
@@ -117,7 +117,7 @@ def _motion(worm: Worm, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     Both oscillate smoothly, at different frequencies; each chamber has a different phase.
     """
     most = MOTION_STROKE * worm.stroke[1]
-    phase = 2.0 * np.pi * (time[:, None] / MOTION_TIME + 0.4 * np.arange(worm.segments))
+    phase = 2.0 * np.pi * (time[:, None] + 0.4 * np.arange(worm.segments))
     return worm.l0 * (1.0 - most * np.sin(phase / 2.0) ** 2), most * np.sin(0.8 * phase + 0.5) ** 2
 
 
@@ -147,11 +147,9 @@ def _numeric(inputs: dict[str, ca.SX], outputs: dict[str, Any]) -> Numeric:
     """Return a function of numbers that evaluates expressions of the inputs."""
     values = ca.Function("values", list(inputs.values()), [ca.vertcat(*map(ca.SX, outputs.values()))])
 
-    side_by_side = cache(values.map)
-
     def evaluate(known: dict[str, Any], count: int) -> dict[str, FloatArray]:
         given = [np.broadcast_to(known[name], count)[None] for name in inputs]
-        rows = np.array(side_by_side(count)(*given)) if outputs else np.zeros((0, count))
+        rows = np.array(values(*given)) if outputs else np.zeros((0, count))
         return dict(zip(outputs, rows, strict=True))
 
     return evaluate

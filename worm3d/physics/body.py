@@ -21,91 +21,72 @@ class Body(ReadOnly):
     """A chain of N rhombic linkages: the part of a worm that actuators know. Segment and joint 0 are the tail."""
 
     segments: int = parameter(
-        6, meaning="number of segments, N", ge=1, le=MOST_SEGMENTS, key="segments", aka=("n", "n_segments")
+        6, "number of segments, N", ge=1, le=MOST_SEGMENTS, key="segments", aka=("n", "n_segments")
     )
-    length: float = parameter(1.0, meaning="length at rest; segments are equally long, l0 = length / N", unit="m", gt=0)
-    mass: float = parameter(0.1, meaning="mass of the whole worm", unit="kg", gt=0)
+    length: float = parameter(1.0, "length at rest; segments are equally long, l0 = length / N", "m", gt=0)
+    mass: float = parameter(0.1, "mass of the whole worm", "kg", gt=0)
     joint_mass_fraction: float = parameter(
         0.5,
-        meaning="share of the mass on the joints, like rod nodes (the ends half as much); the rest is on the apexes",
+        "share of the mass on the joints, like rod nodes (the ends half as much); the rest is on the apexes",
         ge=0,
         le=1,
     )
     payload: float = parameter(
         0.0,
-        meaning="part of the mass that the head's joint carries beside its share, such as a camera or a tool",
-        unit="kg",
+        "part of the mass that the head's joint carries beside its share, such as a camera or a tool",
+        "kg",
         ge=0,
         aka=("head_mass_kg",),
     )
-    chamber_offset: float = parameter(
-        0.03, meaning="distance b of the chambers from the centre line", unit="m", ge=0, aka=("b_m",)
-    )
+    chamber_offset: float = parameter(0.03, "distance b of the chambers from the centre line", "m", ge=0, aka=("b_m",))
     half_height: Numbers = parameter(
         0.05,
-        meaning="rest half-height h0 of a chamber's rhombus; the links follow, a^2 = h0^2 + l0^2/4",
-        unit="m",
+        "rest half-height h0 of a chamber's rhombus; the links follow, a^2 = h0^2 + l0^2/4",
+        "m",
         gt=0,
         each="segment",
         aka=("h0_m",),
     )
     k_spring: Numbers = parameter(
-        13.0,
-        meaning="stiffness k of a segment's springs, both chambers together",
-        unit="N",
-        gt=0,
-        each="segment",
-        key="spring_N",
+        13.0, "stiffness k of a segment's springs, both chambers together", "N", gt=0, each="segment", key="spring_N"
     )
     k_torsion: Numbers = parameter(
-        10.0, meaning="stiffness of a joint in pitch", unit="J", ge=0, each="joint", key="torsion_J", aka=("pitch_J",)
+        10.0, "stiffness of a joint in pitch", "J", ge=0, each="joint", key="torsion_J", aka=("pitch_J",)
     )
-    k_yaw: Numbers = parameter(0.5, meaning="stiffness of a joint in yaw", unit="J", ge=0, each="joint", key="yaw_J")
-    k_twist: Numbers = parameter(
-        0.5, meaning="stiffness of a joint in twist", unit="J", ge=0, each="joint", key="twist_J"
-    )
+    k_yaw: Numbers = parameter(0.5, "stiffness of a joint in yaw", "J", ge=0, each="joint", key="yaw_J")
+    k_twist: Numbers = parameter(0.5, "stiffness of a joint in twist", "J", ge=0, each="joint", key="twist_J")
     cross0: Numbers = parameter(
         0.0,
-        meaning="rest value of the pitch, the cross product of successive tangents in the (x, z) plane (sine of an "
-        "angle); positive bends the head up",
+        "rest value of the pitch, the cross product of successive tangents in the (x, z) plane (sine of an angle); "
+        "positive bends the head up",
         gt=-1,
         lt=1,
         each="joint",
     )
     k_apex: Numbers = parameter(
         0.0,
-        meaning="stiffness of a segment's apex hinges, both chambers together, on their angle",
-        unit="N m/rad",
+        "stiffness of a segment's apex hinges, both chambers together, on their angle",
+        "N m/rad",
         ge=0,
         each="segment",
         key="apex_hinge_N_m_rad",
     )
-    kelvin_voigt_time: float = parameter(0.05, meaning="damping of every strain over its stiffness", unit="s", ge=0)
+    kelvin_voigt_time: float = parameter(0.05, "damping of every strain over its stiffness", "s", ge=0)
     drag: float = parameter(
-        0.0,
-        meaning="viscous medium: force over speed of the whole worm, shared over the joints like their mass",
-        unit="N s/m",
-        ge=0,
+        0.0, "viscous medium: force over speed of the whole worm, shared over the joints like their mass", "N s/m", ge=0
     )
-    actuator_lag: float = parameter(
-        0.1, meaning="time constant of a chamber's first-order response to its command", unit="s", ge=0
-    )
+    actuator_lag: float = parameter(0.1, "time constant of a chamber's first-order response to its command", "s", ge=0)
     stroke: tuple[float, float] = parameter(
-        (-0.1, 0.45), meaning="least and greatest contraction of a chamber, as a fraction of its length, below 1"
+        (-0.1, 0.45), "least and greatest contraction of a chamber, as a fraction of its length, below 1"
     )
     rate_limit: float = parameter(
-        float("inf"),
-        meaning="greatest speed of contraction of a chamber",
-        unit="1/s",
-        gt=0,
-        infinite=True,
-        left_out="no limit",
+        float("inf"), "greatest speed of contraction of a chamber", "1/s", gt=0, infinite=True, left_out="no limit"
     )
-    outward_apexes: bool = parameter(True, meaning="whether the outward apexes exist: have mass and touch the world")
+    outward_apexes: bool = parameter(True, "whether the outward apexes exist: have mass and touch the world")
     end_faces: bool = parameter(
         True,
-        meaning="whether the end faces (discs of the end segments' rest height) and, as points, the joints between "
-        "them touch the world",
+        "whether the end faces (discs of the end segments' rest height) and, as points, the joints between them touch "
+        "the world",
     )
 
     def __post_init__(self) -> None:

@@ -65,13 +65,12 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from worm3d.physics.friction_laws import FrictionLaw, Symbols
+from worm3d.physics.friction_laws import FrictionLaw
+from worm3d.physics.part import Symbols
 
 YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, so that rounding does not make anchors creep."""
-
-BREAKAWAY_TOLERANCE = 1e-9
-"""Relative distance below the static limit at which a contact breaks away, (C6)."""
+"""Relative excess over the yield surface below which an anchor stays, so that rounding does not make anchors creep; and
+relative distance below the static limit at which a contact breaks away, (C6)."""
 
 
 class Directions(NamedTuple):
@@ -142,11 +141,6 @@ class Friction(NamedTuple):
     """h [m], per unit of capacity, where the hardness is 1"""
 
 
-def pressing(distance: ca.SX, centre: ca.SX) -> ca.SX:
-    """Return -g - d* of (C1) [m]; the positive part times k + c/dt is the normal load."""
-    return -distance - centre
-
-
 def squares(y: ca.SX, of: Coefficients) -> tuple[ca.SX, ca.SX]:
     """Return rho^2 and eta^2 of (C2) [m^2]; the squares, unlike rho and eta, are smooth at 0."""
     mu_y = of.mu.of(y) * y
@@ -203,7 +197,7 @@ def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
 
 def static_excess(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
     """Return the excess of eta(y) over the static limit, (C6) [m]."""
-    return ca.sqrt(squares(y, of)[1]) - step.limit_ratio * step.r * (1.0 - BREAKAWAY_TOLERANCE)
+    return ca.sqrt(squares(y, of)[1]) - step.limit_ratio * step.r * (1.0 - YIELD_TOLERANCE)
 
 
 def anchor_energy(s: ca.SX, of: Coefficients, yield_gauge: ca.SX) -> ca.SX:

@@ -8,22 +8,18 @@ from typing import Any
 import numpy as np
 
 from worm3d.physics.friction_laws import Coulomb, law_of
+from worm3d.physics.part import Numbers
 from worm3d.physics.worm import Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
-Numbers = float | FloatArray
-
 RESTING_PENETRATION = 1e-5
 """Penetration under the mean load, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
 """Breakaway displacement of the contact with the smallest coefficient, as a fraction of the segment length."""
-
-GREATEST = 1e6
-"""Largest coefficient that is accepted."""
 
 SMALLEST_COEFFICIENT = 0.01
 """Smallest coefficient, as a fraction of the largest, that may set the breakaway displacement. Smaller coefficients
@@ -56,7 +52,7 @@ WEIGHTLESS = 0.075
 about the weight of the default worm. Only spring forces press such a worm on its world. At half and double this weight
 the contacts yield by twice and half as much."""
 
-_RANGE: dict[str, Any] = {"ge": 0, "le": GREATEST, "each": "segment"}
+_RANGE: dict[str, Any] = {"ge": 0, "le": 1e6, "each": "segment"}
 
 
 @documented
@@ -73,15 +69,15 @@ class Friction(ReadOnly):
     """
 
     forward: Numbers = parameter(
-        0.03, meaning="kinetic coefficient against motion towards the head", aka=("mu_forward",), **_RANGE
+        0.03, "kinetic coefficient against motion towards the head", aka=("mu_forward",), **_RANGE
     )
     backward: Numbers = parameter(
-        0.20, meaning="kinetic coefficient against motion towards the tail", aka=("mu_backward",), **_RANGE
+        0.20, "kinetic coefficient against motion towards the tail", aka=("mu_backward",), **_RANGE
     )
     lateral: Numbers = parameter(
-        0.20, meaning="kinetic coefficient against motion sideways", aka=("mu_lateral", "sideways"), **_RANGE
+        0.20, "kinetic coefficient against motion sideways", aka=("mu_lateral", "sideways"), **_RANGE
     )
-    static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient", ge=1)
+    static_ratio: float = parameter(1.2, "static over kinetic coefficient", ge=1)
     law: Any = field(default_factory=Coulomb)
 
     def __post_init__(self) -> None:
@@ -96,11 +92,8 @@ class Friction(ReadOnly):
         ValueError
             An array without exactly one value per segment.
         """
-        rows = []
-        for name in ("forward", "backward", "lateral"):
-            arguments.require_count(name, getattr(self, name), segments)
-            rows.append(np.broadcast_to(getattr(self, name), (segments,)))
-        return np.array(rows)
+        given = {name: getattr(self, name) for name in ("forward", "backward", "lateral")}
+        return np.array([arguments.array(name, value, (segments,), fill=True) for name, value in given.items()])
 
 
 @dataclass(frozen=True)

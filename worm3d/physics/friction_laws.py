@@ -16,23 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from worm3d.physics.expressions import answer, scalar
+from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter, parameters_of
-from worm3d.values.read_only import ReadOnly
+from worm3d.values.parameters import documented, parameter, parameters_of
 
 if TYPE_CHECKING:
     import casadi as ca
-
-Numbers = float | FloatArray
-
-Symbols: TypeAlias = "Mapping[str, ca.SX]"
-"""Parameters of a law by name."""
 
 LAWS: dict[str, type[FrictionLaw]] = {}
 """Class of each law of friction, by name."""
@@ -40,23 +35,17 @@ LAWS: dict[str, type[FrictionLaw]] = {}
 MAX_PARAMETERS = 4
 """Largest number of parameters of a law, which is the number of rows in the kernels."""
 
-ZERO_TOLERANCE = 1e-12
-"""Size up to which a value counts as 0 in the check of a law."""
-
-FALLING = 1e-9
-"""Size of a negative derivative that counts as rounding, as a fraction of the largest derivative so far."""
-
 CHECKED_LOADS, CHECKED_RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
 """Normal loads [N] and rates [m/s] for the check of a law."""
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionLaw(ReadOnly):
+class FrictionLaw(Part, registry=LAWS):
     """Base of all laws of friction.
 
-    A subclass is a frozen dataclass found in `LAWS` under its `name`. The fields are the parameters, at most four,
-    declared by `worm3d.values.parameters.parameter` with each="segment". A subclass overrides `capacity`, `excess` or
-    both; these methods receive the parameters by name in `p`.
+    A subclass is a frozen dataclass, `class Sticky(FrictionLaw, name="sticky")`. The fields are the parameters, at most
+    four, declared by `worm3d.values.parameters.parameter` with each="segment". A subclass overrides `capacity`,
+    `excess` or both; these methods receive the parameters by name in `p`.
 
     Raises
     ------
@@ -64,21 +53,11 @@ class FrictionLaw(ReadOnly):
         A parameter that is not finite or out of range, or functions that contradict (C7) or (C8).
     """
 
-    name: ClassVar[str] = ""
-
-    def __init_subclass__(cls, name: str = "") -> None:
-        super().__init_subclass__()
-        known = LAWS.get(name)
-        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise ValueError(f"name: got {name!r}, must be another than those of the laws that there are")
-        if name:  # a class that is defined again, as in a notebook, replaces the former class
-            cls.name, LAWS[name] = name, cls
-
     def __post_init__(self) -> None:
         names = parameters_of(type(self))
         if len(names) > MAX_PARAMETERS:
             raise ValueError(f"{type(self).__name__}: got {len(names)} parameters, must be at most {MAX_PARAMETERS}")
-        check(self)
+        super().__post_init__()
         if (type(self).capacity, type(self).excess) != (FrictionLaw.capacity, FrictionLaw.excess):
             self._check_functions()
 
@@ -97,7 +76,7 @@ class FrictionLaw(ReadOnly):
         for column in np.unique(self.rows(), axis=1).T:
             capacity, excess, slope, rise = (float(each) for each in values(0.0, column))
             for what, value in (("capacity at 0", capacity), ("excess at 0", excess), ("slope of excess at 0", rise)):
-                if not abs(value) <= ZERO_TOLERANCE:
+                if not abs(value) <= 1e-12:  # more than rounding
                     raise ValueError(f"{type(self).__name__}: the {what} is {value:g}, must be 0")
             if not 0.0 <= slope < np.inf:
                 raise ValueError(
@@ -107,9 +86,12 @@ class FrictionLaw(ReadOnly):
             self._check_growth("excess", "second derivative", curved(CHECKED_RATES[None], column), CHECKED_RATES, "m/s")
 
     def _check_growth(self, name: str, derivative: str, values: Sequence[ca.DM], at: FloatArray, unit: str) -> None:
-        """Raise ValueError if a function or a derivative is not finite, or if the last derivative is negative."""
+        """Raise ValueError if a function or a derivative is not finite, or if the last derivative is negative.
+
+        A negative derivative counts as rounding up to 1e-9 of the largest derivative so far.
+        """
         found = np.array([each.full()[0] for each in values])
-        least = -FALLING * np.maximum.accumulate(np.abs(found[-1]))
+        least = -1e-9 * np.maximum.accumulate(np.abs(found[-1]))
         for what, wrong, must in (
             (f"{name} or a derivative of it", ~np.isfinite(found).all(axis=0), "finite"),
             (f"{derivative} of {name}", found[-1] < least, "at least 0"),
@@ -121,12 +103,6 @@ class FrictionLaw(ReadOnly):
                     f"{type(self).__name__}.{name}: the {what} at {at[k]:.3g} {unit} is {got:.3g}, must be {must}"
                 )
 
-    def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and np.array_equal(self.rows(), other.rows())
-
-    def __hash__(self) -> int:
-        return hash((type(self), self.rows().tobytes()))
-
     def rows(self, segments: int | None = None) -> FloatArray:
         """Return the parameters as the kernels take them, shape (4, N), unused rows 0.
 
@@ -135,12 +111,11 @@ class FrictionLaw(ReadOnly):
         ValueError
             A parameter without exactly one value per segment.
         """
-        given = {name: np.asarray(getattr(self, name)) for name in parameters_of(type(self))}
-        lanes = max((value.size for value in given.values()), default=1) if segments is None else segments
+        given = self.parameters()
+        lanes = max((np.size(value) for value in given.values()), default=1) if segments is None else segments
         rows = np.zeros((MAX_PARAMETERS, lanes))
         for row, (name, value) in zip(rows, given.items(), strict=False):
-            arguments.require_count(name, value, lanes)
-            row[:] = value
+            row[:] = arguments.array(name, value, (lanes,), fill=True)
         return rows
 
     @classmethod
@@ -177,15 +152,11 @@ class Viscous(FrictionLaw, name="viscous"):
     """
 
     viscosity: Numbers = parameter(
-        10.0,
-        meaning="growth of friction with speed, over the square of the coefficient",
-        unit="s/m",
-        ge=0,
-        each="segment",
+        10.0, "growth of friction with speed, over the square of the coefficient", "s/m", ge=0, each="segment"
     )
 
     @staticmethod
-    def excess(rate: ca.SX, p: Symbols) -> ca.SX:
+    def excess(rate: ca.SX, p: Symbols) -> Symbol:
         """Return viscosity w^2/2, whose slope in w is viscosity w."""
         return 0.5 * p["viscosity"] * rate**2
 

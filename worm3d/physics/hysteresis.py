@@ -109,29 +109,29 @@ class Jenkins(Hysteresis, name="jenkins"):
 
     moment: Numbers = parameter(
         0.005,
-        meaning="friction of each of a segment's two apex hinges, both chambers together, whatever their load",
-        unit="N m",
+        "friction of each of a segment's two apex hinges, both chambers together, whatever their load",
+        "N m",
         ge=0,
         each="segment",
     )
     load_ratio: Numbers = parameter(
         0.2,
-        meaning="further friction over the pull of the chamber's springs and hinges towards its nominal rest length; "
-        "at 1 the chamber would not return by itself",
+        "further friction over the pull of the chamber's springs and hinges towards its nominal rest length; at 1 the "
+        "chamber would not return by itself",
         ge=0,
         lt=1,
         each="segment",
     )
     give: Numbers = parameter(
         1e-4,
-        meaning="work, by the full friction of a chamber, over the way that its joints give before they slide; the "
-        "mean of the elements in their progression",
-        unit="J",
+        "work, by the full friction of a chamber, over the way that its joints give before they slide; the mean of the "
+        "elements in their progression",
+        "J",
         gt=0,
         each="segment",
     )
     spread: float = parameter(
-        3.0, meaning="largest give of the elements over their mean, and their mean over the smallest", ge=1, le=1e3
+        3.0, "largest give of the elements over their mean, and their mean over the smallest", ge=1, le=1e3
     )
 
     @classmethod

@@ -20,7 +20,7 @@ from worm3d.values.arrays import FloatArray
 if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
-LOAD_FREE, LOAD_LOW, LOAD_STICKING, LOAD_HIGH = -1.0, 0.0, 1.0, 2.0
+LOAD_FREE, LOAD_LOW, LOAD_STICKING, LOAD_HIGH = map(float, range(-1, 3))
 """Regimes of a law with two limits: decided by the law, at the lower limit, between the limits, at the upper limit."""
 
 HEAD = -1

@@ -28,8 +28,8 @@ __all__ = ["LOADS", "Load", "LoadStep", "Payload", "Tether"]
 class Payload(Load, name="payload"):
     """A mass on a joint, (X1), with weight and inertia; the mass is no part of the worm."""
 
-    mass: float = parameter(0.02, meaning="mass of the payload", unit="kg", ge=0)
-    joint: int = parameter(HEAD, meaning="joint that carries it, from 0, the tail, to N; -1 is the head", ge=HEAD)
+    mass: float = parameter(0.02, "mass of the payload", "kg", ge=0)
+    joint: int = parameter(HEAD, "joint that carries it, from 0, the tail, to N; -1 is the head", ge=HEAD)
 
     @property
     def at(self) -> int:

@@ -63,11 +63,9 @@ class StrainDrag(Medium, name="strain_drag"):
     """
 
     gain: Numbers = parameter(
-        1.0, meaning="growth of the factor with strain; below 0 contracted segments resist more", each="segment"
+        1.0, "growth of the factor with strain; below 0 contracted segments resist more", each="segment"
     )
-    rate_gain: Numbers = parameter(
-        0.0, meaning="growth of the factor with the rate of strain", unit="s", each="segment"
-    )
+    rate_gain: Numbers = parameter(0.0, "growth of the factor with the rate of strain", "s", each="segment")
 
     @classmethod
     def factor(cls, s: Symbols) -> Symbol:

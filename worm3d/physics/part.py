@@ -1,4 +1,4 @@
-"""Parts of a worm that are found by name: the common base of actuators and joint friction.
+"""Parts that are found by name: the common base of actuators, joint friction, media, loads and laws of friction.
 
 A part is a frozen dataclass. The fields are the parameters. Class methods describe the behaviour in a time step, in
 CasADi symbols. The kernels are generated from these methods: parameters are inputs, and each class is compiled once.

@@ -63,21 +63,21 @@ class Pneumatic(Actuator, name="pneumatic"):
     drives_hinges: ClassVar[bool] = False
     has_source: ClassVar[bool] = True
 
-    width: Numbers = parameter(0.04, meaning="width w of the air in a chamber", unit="m", gt=0, each="segment")
+    width: Numbers = parameter(0.04, "width w of the air in a chamber", "m", gt=0, each="segment")
     dead_volume: Numbers = parameter(
-        1e-5, meaning="volume V_d of the air between valve and chamber", unit="m^3", ge=0, each="segment"
+        1e-5, "volume V_d of the air between valve and chamber", "m^3", ge=0, each="segment"
     )
     gain: Numbers = parameter(
-        2e3, meaning="commanded gauge pressure over the commanded contraction", unit="Pa", gt=0, each="segment"
+        2e3, "commanded gauge pressure over the commanded contraction", "Pa", gt=0, each="segment"
     )
-    supply: Numbers = parameter(2e3, meaning="gauge pressure of the supply", unit="Pa", ge=0, each="segment")
-    vacuum: Numbers = parameter(0.0, meaning="gauge pressure of the vacuum, 0: none", unit="Pa", le=0, each="segment")
+    supply: Numbers = parameter(2e3, "gauge pressure of the supply", "Pa", ge=0, each="segment")
+    vacuum: Numbers = parameter(0.0, "gauge pressure of the vacuum, 0: none", "Pa", le=0, each="segment")
     conductance: Numbers = parameter(
-        5e-6, meaning="mass flow C through the valve over its drop of pressure", unit="kg/(s Pa)", gt=0, each="segment"
+        5e-6, "mass flow C through the valve over its drop of pressure", "kg/(s Pa)", gt=0, each="segment"
     )
-    room: float = parameter(101325.0, meaning="pressure p_0 of the room", unit="Pa", gt=0)
-    temperature: float = parameter(293.15, meaning="temperature T of the air", unit="K", gt=0)
-    gas_constant: float = parameter(287.05, meaning="specific gas constant R of the air", unit="J/(kg K)", gt=0)
+    room: float = parameter(101325.0, "pressure p_0 of the room", "Pa", gt=0)
+    temperature: float = parameter(293.15, "temperature T of the air", "K", gt=0)
+    gas_constant: float = parameter(287.05, "specific gas constant R of the air", "J/(kg K)", gt=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

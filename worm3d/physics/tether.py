@@ -59,9 +59,6 @@ from worm3d.values.parameters import documented, parameter
 if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
-KINK_TOLERANCE = 1e-9
-"""Excess of the tension over a kink at which the regime changes, as a fraction of the limit; rounding is less."""
-
 NEAREST = 0.01
 """Displacement of the end in a step, as a fraction of the free length, over which no limit of the tension passes
 through 0: closer to 0 a limit changes only between steps. Half and double this value change the tension there by less
@@ -89,15 +86,11 @@ class Tether(Load, name="tether"):
     acts_at_rest: ClassVar[bool] = False
     """The reel is where the tail has come to rest."""
 
-    weight: float = parameter(0.1, meaning="weight of the cable per length", unit="N/m", ge=0)
-    friction: float = parameter(0.3, meaning="kinetic coefficient of friction between the cable and the world", ge=0)
-    static_ratio: float = parameter(1.0, meaning="static over kinetic coefficient of the cable", ge=1)
+    weight: float = parameter(0.1, "weight of the cable per length", "N/m", ge=0)
+    friction: float = parameter(0.3, "kinetic coefficient of friction between the cable and the world", ge=0)
+    static_ratio: float = parameter(1.0, "static over kinetic coefficient of the cable", ge=1)
     free_length: float | None = parameter(
-        None,
-        meaning="length of the cable between the tail and where it lies",
-        unit="m",
-        gt=0,
-        left_out="the length of a segment",
+        None, "length of the cable between the tail and where it lies", "m", gt=0, left_out="the length of a segment"
     )
 
     @classmethod
@@ -196,10 +189,13 @@ class _Cable:
         return line.limit**2 / (2.0 * self.stiffness) + line.limit * beyond + line.slope / 2.0 * beyond**2
 
     def _next(self) -> Any:
-        """Return the next regime: sticking comes between the two others."""
+        """Return the next regime: sticking comes between the two others.
+
+        The regime changes at an excess of the tension over a kink of 1e-9 of the limit; rounding is less.
+        """
         import casadi as ca
 
-        regime, tie = self.s["regime"], KINK_TOLERANCE * (self.high.limit / self.stiffness + 1e-12)
+        regime, tie = self.s["regime"], 1e-9 * (self.high.limit / self.stiffness + 1e-12)
         above, below = self.y > self.high.kink + tie, self.y < self.low.kink - tie
         stays = ca.if_else(above, LOAD_HIGH, ca.if_else(below, LOAD_LOW, LOAD_STICKING))
         of_high = ca.if_else(self.y < self.high.kink - tie, LOAD_STICKING, LOAD_HIGH)

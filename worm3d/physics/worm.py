@@ -41,7 +41,7 @@ class Worm(Body):
     """Medium, which makes `drag` follow the shape; with `Medium()`, `drag` does not depend on the shape."""
     load: Load | tuple[Load, ...] = field(default_factory=Load)
     """Loads that the worm carries or drags, one or several; `Load()` is no load."""
-    flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
+    flat: bool = parameter(False, "whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
     @spelled

@@ -20,9 +20,6 @@ from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.values.spelling import spelled
 from worm3d.worlds.base import World
 
-LIFTS = 50
-"""Largest number of times that a worm is lifted until it fits on its world."""
-
 TOUCHES = 1e-12
 """Depth of an apex in the world that counts as rounding, as a fraction of the body length."""
 
@@ -213,7 +210,7 @@ def _laid(
 ) -> tuple[FloatArray, FloatArray]:
     """Return joints and directors of the worm on its world, lifted if apexes would lie inside the world."""
     lift = before = np.inf
-    for _ in range(LIFTS):
+    for _ in range(50):
         try:
             joints, left = world.placed(along, clearance, at, azimuth)
         except ValueError as error:

@@ -30,7 +30,7 @@ _JOINT_Q = joint.JOINT_LAYOUT.first("q")
 _COUPLED, _REGIME = point.POINT_LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
-_ROOTS = (1 + joint.STRAINS) * joint.ROW
+_ROOTS = 4 * joint.ROW
 MIN_CHAMBER_LENGTH = 1e-4
 """Shortest possible length of a chamber, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5

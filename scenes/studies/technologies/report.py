@@ -13,8 +13,7 @@ from scenes.running.report import Block, Heading, Items, Report, Table, report_s
 from scenes.running.terminal import each
 from scenes.studies.technologies.limits import Verdict, judged
 from scenes.studies.technologies.runs import Bench
-from worm3d.physics.actuator_names import TECHNOLOGIES
-from worm3d.physics.technologies.presets import TECHNOLOGY_PRESETS
+from worm3d.physics.technologies.presets import TECHNOLOGIES
 
 VERDICT_COLUMNS = {
     title: Column(attribute, ".3g", none="-", name=name)
@@ -87,7 +86,7 @@ def _page(bench: Bench, verdicts: Sequence[Verdict]) -> Iterator[Block]:
     yield conclusion(verdicts)
     yield Heading("Where the numbers are from")
     for verdict in verdicts:
-        yield f"**{verdict.kind}**: {TECHNOLOGY_PRESETS[verdict.kind][0]}."
+        yield f"**{verdict.kind}**: {(TECHNOLOGIES[verdict.kind].__doc__ or '').splitlines()[0]}"
         sources = verdict.acting.sources.items()
         yield Items([f"{name} = {_number(getattr(verdict.acting, name))}: {source}" for name, source in sources])
 

@@ -9,24 +9,16 @@ message on stderr tells the user the reason, once.
 from __future__ import annotations
 
 import contextlib
-import errno
 import hashlib
 import os
 import secrets
 import stat
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-from worm3d.machine.cache.trust import HAS_OWNERS, UntrustedError, require_own, require_safe_way
+from worm3d.machine.cache.trust import UntrustedError, require_own, require_safe_way
 
-MAX_FILES = 400
-"""Largest number of files in a folder; the oldest files beyond this number are removed."""
-MAX_FILE_BYTES = 2**32
-"""Largest size of a file that is read [byte]."""
-ABANDONED = 3600.0
-"""Age at which an unfinished file counts as abandoned by a process that has ended [s]."""
 _DIGEST = hashlib.sha256().digest_size
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -53,8 +45,8 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
     if folder is None:
         return None
     try:
-        with entered(folder) as place:
-            return verified(key, _content(place, key + suffix))
+        require_trusted(folder)
+        return verified(key, _content(folder / f"{key}{suffix}"))
     except FileNotFoundError:
         pass
     except UntrustedError as error:
@@ -65,15 +57,14 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
     return None
 
 
-def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel", most: int | None = None) -> bool:
-    """Keep the content under `key`, as one of `most` files (`MAX_FILES`); return whether this was possible."""
+def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel", most: int = 400) -> bool:
+    """Keep the content under `key`; return whether this was possible. The oldest files beyond `most` are removed."""
     if folder is None:
         return False
     try:
         make(folder)
-        with entered(folder) as place:
-            _write_whole(place, key + suffix, signed(key, content))
-        _prune(folder, suffix, MAX_FILES if most is None else most)
+        _write_whole(folder, key + suffix, signed(key, content))
+        _prune(folder, suffix, most)
     except UntrustedError as error:
         _tell_untrusted(folder, error)
         return False
@@ -85,71 +76,38 @@ def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel"
     return True
 
 
-def obstacle(folder: Path | None) -> str | None:
-    """Return the reason why nothing can be kept in a folder; None if files can be kept."""
-    if folder is None:
-        return "there is no folder for a cache: set HOME or XDG_CACHE_HOME"
-    try:
-        make(folder)
-        with entered(folder) as place:
-            _write_whole(place, f"probe-{secrets.token_hex(8)}", b"\0", remove=True)
-    except UntrustedError as error:
-        return str(error)
-    except OSError as error:
-        return f"{folder}: {_reason(error)}"
-    return None
-
-
-@contextlib.contextmanager
-def entered(folder: Path) -> Iterator[_Place]:
-    """Open a folder of this user; all further operations act on the checked folder.
+def require_trusted(folder: Path) -> None:
+    """Raise an error unless a folder exists, and nobody else can write to it or replace it.
 
     Raises
     ------
     UntrustedError
         Others can write to the folder.
     OSError
-        The folder does not exist, or cannot be opened.
+        The folder does not exist, or is no folder.
     """
-    if not HAS_OWNERS:
-        yield _Place(folder, None)
-        return
     require_safe_way(folder)
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        require_own(os.fstat(handle), folder)
-        yield _Place(folder, handle)
-    finally:
-        os.close(handle)
-
-
-class _Place:
-    """A folder and, if the system has such handles, the handle of the open folder."""
-
-    def __init__(self, folder: Path, handle: int | None) -> None:
-        self.folder, self.handle = folder, handle
-
-    def name(self, name: str) -> str:
-        return name if self.handle is not None else str(self.folder / name)
-
-    def open(self, name: str, flags: int) -> int:
-        return os.open(self.name(name), flags, 0o600, dir_fd=self.handle)
+    status = folder.lstat()
+    if stat.S_ISLNK(status.st_mode):
+        raise OSError("a symbolic link")
+    require_own(status, folder)
 
 
 def make(folder: Path) -> None:
-    """Make a folder and the folders above, for this user alone."""
+    """Make a folder and the folders above, for this user alone; raise as `require_trusted`."""
     require_safe_way(folder)
     for place in (*reversed(folder.parents), folder):
         if not place.is_dir():
             place.mkdir(mode=0o700, exist_ok=True)
+    require_trusted(folder)
 
 
-def _content(place: _Place, name: str) -> bytes:
-    with os.fdopen(place.open(name, _READ), "rb") as file:
+def _content(path: Path) -> bytes:
+    with os.fdopen(os.open(path, _READ), "rb") as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_FILE_BYTES:
-            raise DamagedError(f"{name} is not a file of the cache")
-        require_own(status, place.folder / name)
+        if not stat.S_ISREG(status.st_mode):
+            raise DamagedError(f"{path.name} is not a file of the cache")
+        require_own(status, path)
         return file.read()
 
 
@@ -172,26 +130,25 @@ def _digest(key: str, content: bytes) -> bytes:
     return digest.digest()
 
 
-def _write_whole(place: _Place, name: str, content: bytes, *, remove: bool = False) -> None:
-    aside = f".{os.getpid()}-{secrets.token_hex(8)}.part"
+def _write_whole(folder: Path, name: str, content: bytes) -> None:
+    aside = folder / f".{os.getpid()}-{secrets.token_hex(8)}.part"
     try:
-        with os.fdopen(place.open(aside, _WRITE), "wb") as file:
+        with os.fdopen(os.open(aside, _WRITE, 0o600), "wb") as file:
             file.write(content)
-        if not remove:
-            os.replace(place.name(aside), place.name(name), src_dir_fd=place.handle, dst_dir_fd=place.handle)
+        aside.replace(folder / name)
     finally:
         with contextlib.suppress(OSError):
-            os.unlink(place.name(aside), dir_fd=place.handle)
+            aside.unlink()
 
 
 def _prune(folder: Path, suffix: str, most: int) -> None:
-    """Remove the oldest files beyond `most`, and abandoned files; another process may have been quicker."""
+    """Remove the oldest files beyond `most`, and files unfinished for an hour; another process may be quicker."""
     dated = []
     for path in folder.iterdir():
         with contextlib.suppress(OSError):
             dated.append((path.stat().st_mtime, path))
     kept = sorted(item for item in dated if item[1].suffix == suffix)
-    unfinished = [item for item in dated if item[1].suffix == ".part" and item[0] < time.time() - ABANDONED]
+    unfinished = [item for item in dated if item[1].suffix == ".part" and item[0] < time.time() - 3600.0]
     for _, path in kept[: max(0, len(kept) - most)] + unfinished:
         with contextlib.suppress(OSError):
             path.unlink()
@@ -205,8 +162,6 @@ def _tell_untrusted(folder: Path, error: UntrustedError) -> None:
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, OSError) and error.errno == errno.ELOOP:
-        return "a symbolic link"
     return (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
 
 

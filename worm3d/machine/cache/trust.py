@@ -14,8 +14,6 @@ from functools import cache
 from pathlib import Path
 
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-MOST_LINKS = 40
-"""Largest number of symbolic links on the path to a folder, equal to the limit of Linux."""
 HAS_OWNERS = hasattr(os, "geteuid")
 
 
@@ -39,8 +37,8 @@ def require_safe_way(folder: Path, links: int = 0) -> None:
     """
     if not HAS_OWNERS:
         return
-    if links > MOST_LINKS:
-        raise UntrustedError(f"{folder} is reached by more than {MOST_LINKS} symbolic links")
+    if links > 40:  # the limit of Linux
+        raise UntrustedError(f"{folder} is reached by more than 40 symbolic links")
     whole = Path(os.path.abspath(folder))
     for place in reversed(whole.parents):
         try:
@@ -56,7 +54,7 @@ def require_safe_way(folder: Path, links: int = 0) -> None:
 
 def _require_owner(status: os.stat_result, place: object) -> None:
     if HAS_OWNERS and status.st_uid not in (0, os.geteuid()):
-        raise UntrustedError(f"{place} belongs to another user ({_name(status.st_uid)})")
+        raise UntrustedError(f"{place} belongs to another user ({status.st_uid})")
 
 
 def _is_open(status: os.stat_result, *, private_allowed: bool) -> bool:
@@ -80,12 +78,3 @@ def _is_private(group: int) -> bool:
         return group == user.pw_gid and grp.getgrgid(group).gr_name == user.pw_name
     except KeyError:
         return False
-
-
-def _name(user: int) -> str:
-    import pwd
-
-    try:
-        return pwd.getpwuid(user).pw_name
-    except KeyError:
-        return str(user)

@@ -1,7 +1,7 @@
 """CasADi functions as native code, with one instance of the function in each lane of the processor's vectors.
 
-`compile_kernel(function)` reads the elementary instructions of an SX function (`program`), writes them as LLVM's
-language (`emit`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
+`compile_kernel(function)` writes the elementary instructions of an SX function in LLVM's language
+(`emit`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
 (`worm3d.machine.cache`), and returns a `Kernel`. The kernel is called from Python, or by address from Numba's compiled
 code:
 
@@ -16,18 +16,8 @@ and fmax drop a NaN beside a number.
 """
 
 from worm3d.machine.codegen.call import evaluate
-from worm3d.machine.codegen.kernel import Backend, FallbackWarning, Kernel, Origin, compile_kernel
+from worm3d.machine.codegen.emit import UnsupportedError
+from worm3d.machine.codegen.kernel import Kernel, compile_kernel
 from worm3d.machine.codegen.native import Host, this_host
-from worm3d.machine.codegen.program import UnsupportedError
 
-__all__ = [
-    "Backend",
-    "FallbackWarning",
-    "Host",
-    "Kernel",
-    "Origin",
-    "UnsupportedError",
-    "compile_kernel",
-    "evaluate",
-    "this_host",
-]
+__all__ = ["Host", "Kernel", "UnsupportedError", "compile_kernel", "evaluate", "this_host"]

@@ -6,41 +6,31 @@ receives the address of that process as an argument.
 
 from __future__ import annotations
 
+import ctypes
 from types import FunctionType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from worm3d.machine.codegen.casadi_vm import SIGNATURE
 from worm3d.machine.codegen.emit import SHAPES_FIT
 from worm3d.machine.later import later
-from worm3d.machine.writer import INT, Writer, intrinsic
+from worm3d.machine.writer import BYTES, INT, Writer, intrinsic
+
+SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
+"""C signature of a kernel (`worm3d.machine.codegen.emit`)."""
 
 REFUSED = "kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)"
 
 
-def _run(
-    address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int, first: int
-) -> int:
-    """Run the kernel at an address (`worm3d.machine.codegen.emit`), beginning at lane `first`; return the status."""
-    shift = 8 * first
-    return int(SIGNATURE(address)(at + shift, rows_in, lanes_in, to + shift, rows_out, lanes_out, count))
+def _run(address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int) -> int:
+    """Run the kernel at an address (`worm3d.machine.codegen.emit`); return the status."""
+    return int(SIGNATURE(address)(at, rows_in, lanes_in, to, rows_out, lanes_out, count))
 
 
 def _write(
-    w: Writer,
-    address: Any,
-    at: Any,
-    rows_in: Any,
-    lanes_in: Any,
-    to: Any,
-    rows_out: Any,
-    lanes_out: Any,
-    count: Any,
-    first: Any,
+    w: Writer, address: Any, at: Any, rows_in: Any, lanes_in: Any, to: Any, rows_out: Any, lanes_out: Any, count: Any
 ) -> Any:
-    at, to = w.shifted(at, first), w.shifted(to, first)
     return w.invoke(address, INT, at, rows_in, lanes_in, to, rows_out, lanes_out, count)
 
 
@@ -58,11 +48,9 @@ def evaluate(
     """
     rows_in, lanes_in = inputs.shape
     rows_out, lanes_out = outputs.shape
-    at, to = inputs.ctypes.data, outputs.ctypes.data
-    if (
-        first + count > lanes_in
-        or _run(address, at, rows_in, lanes_in, to, rows_out, lanes_out, count, first) != SHAPES_FIT
-    ):
+    at, to = inputs.ctypes.data + BYTES * first, outputs.ctypes.data + BYTES * first
+    fits = first + count <= lanes_in
+    if not fits or _run(address, at, rows_in, lanes_in, to, rows_out, lanes_out, count) != SHAPES_FIT:
         raise ValueError(REFUSED)
 
 

@@ -1,4 +1,7 @@
-"""Writes a `Program` as an LLVM module: one function, `SYMBOL`, that loops over the instances, W at a time.
+"""Writes a CasADi function as an LLVM module: one function, `SYMBOL`, that loops over the instances, W at a time.
+
+An SX function is a list of instructions on a work vector of scalars whose slots are used again and again:
+`slot[out] = op(slot[a], slot[b])`, with loads from the inputs and stores to the outputs between them.
 
     int64 SYMBOL(const double *inputs, int64 rows_in, int64 lanes_in,
                  double *outputs, int64 rows_out, int64 lanes_out, int64 count)
@@ -12,12 +15,13 @@ numbers in their own memory.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import accumulate
 from typing import Any
 
+import casadi
 from llvmlite import ir
 
 from worm3d.machine.codegen.lanes import LIBRARY, define_all, library, sincos
-from worm3d.machine.codegen.program import Instruction, Program, UnsupportedError
 from worm3d.machine.later import utils
 from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer
 
@@ -25,8 +29,11 @@ POINTER = ir.PointerType()
 SYMBOL = "worm3d_kernel"
 SHAPES_FIT, WRONG_SHAPE = 0, 1
 FLAGS = ("contract", "arcp")
-LARGEST_POWER = 16
-"""Whole powers up to this are multiplied out."""
+OPERATION_NAMES = {getattr(casadi, key): key[3:].lower() for key in dir(casadi) if key.startswith("OP_")}
+
+
+class UnsupportedError(ValueError):
+    """The function cannot become a native kernel; the message names the unsupported operation or kind of function."""
 
 
 class Slot:
@@ -55,6 +62,14 @@ def _numbers(rule: Callable[..., Any]) -> Rule:
     return lambda w, args: rule(w, *(a.number() for a in args))
 
 
+def _intrinsic(name: str) -> Rule:
+    return _numbers(lambda w, *args: w.intrinsic(name, *args))
+
+
+def _comparison(how: str) -> Rule:
+    return _numbers(lambda w, x, y: w.compare(how, x, y))
+
+
 def _sign(w: Writer, x: Any) -> Any:
     """Return -1, 1, or x itself if x is 0 or NaN."""
     zero = w.splat(0.0)
@@ -65,7 +80,7 @@ def _sign(w: Writer, x: Any) -> Any:
 def _power(w: Writer, args: list[Slot]) -> Any:
     """Return x^n by multiplication for small whole n, by the C library otherwise."""
     exponent = args[1].constant
-    if exponent is None or not abs(exponent) <= LARGEST_POWER or exponent != int(exponent):
+    if exponent is None or not abs(exponent) <= 16.0 or exponent != int(exponent):
         return library(w, "pow", args[0].number(), args[1].number())
     value = _whole_power(w, args[0].number(), abs(int(exponent)))
     return w.div(w.splat(1.0), value) if exponent < 0.0 else value
@@ -84,22 +99,14 @@ def _whole_power(w: Writer, x: Any, n: int) -> Any:
 NUMBER_RULES: dict[str, Rule] = {
     "assign": lambda w, args: args[0].number(),
     "lift": lambda w, args: args[0].number(),
-    "add": _numbers(Writer.add),
-    "sub": _numbers(Writer.sub),
-    "mul": _numbers(Writer.mul),
-    "div": _numbers(Writer.div),
-    "neg": _numbers(Writer.neg),
+    **{name: _numbers(getattr(Writer, name)) for name in ("add", "sub", "mul", "div", "neg")},
+    **{name: _intrinsic(name) for name in ("sqrt", "fabs", "floor", "ceil", "copysign")},
+    "fmin": _intrinsic("minnum"),
+    "fmax": _intrinsic("maxnum"),
     "sq": _numbers(lambda w, x: w.mul(x, x)),
     "twice": _numbers(lambda w, x: w.add(x, x)),
     "inv": _numbers(lambda w, x: w.div(w.splat(1.0), x)),
     "sign": _numbers(_sign),
-    "sqrt": _numbers(lambda w, x: w.intrinsic("sqrt", x)),
-    "fabs": _numbers(lambda w, x: w.intrinsic("fabs", x)),
-    "floor": _numbers(lambda w, x: w.intrinsic("floor", x)),
-    "ceil": _numbers(lambda w, x: w.intrinsic("ceil", x)),
-    "fmin": _numbers(lambda w, x, y: w.intrinsic("minnum", x, y)),
-    "fmax": _numbers(lambda w, x, y: w.intrinsic("maxnum", x, y)),
-    "copysign": _numbers(lambda w, x, y: w.intrinsic("copysign", x, y)),
     "sin": _numbers(lambda w, x: sincos(w, x)[0]),
     "cos": _numbers(lambda w, x: sincos(w, x)[1]),
     "pow": _power,
@@ -107,10 +114,8 @@ NUMBER_RULES: dict[str, Rule] = {
     "if_else_zero": lambda w, args: w.select(args[0].mask(), args[1].number(), w.splat(0.0)),
 }
 MASKS: dict[str, Rule] = {
-    "lt": _numbers(lambda w, x, y: w.compare("olt", x, y)),
-    "le": _numbers(lambda w, x, y: w.compare("ole", x, y)),
-    "eq": _numbers(lambda w, x, y: w.compare("oeq", x, y)),
-    "ne": _numbers(lambda w, x, y: w.compare("une", x, y)),
+    **{name: _comparison(f"o{name}") for name in ("lt", "le", "eq")},
+    "ne": _comparison("une"),
     "not": lambda w, args: w.invert(args[0].mask()),
     "and": lambda w, args: w.once("and_", args[0].mask(), args[1].mask()),
     "or": lambda w, args: w.once("or_", args[0].mask(), args[1].mask()),
@@ -119,12 +124,27 @@ SUPPORTED = {"input", "output", "const", *NUMBER_RULES, *MASKS, *LIBRARY}
 """CasADi's operations that a kernel may contain."""
 
 
-def module(program: Program, width: int, fused: bool, flags: tuple[str, ...] = FLAGS, padded: bool = False) -> str:
+def require_sx(function: casadi.Function) -> None:
+    """Raise UnsupportedError unless `function` is an SX function without free variables."""
+    if not function.is_a("SXFunction"):
+        raise UnsupportedError(
+            f"kernel {function.name()!r}: got a {function.class_name()}, need an SXFunction; "
+            "write it with SX symbols, or call its expand() first"
+        )
+    if function.has_free():
+        raise UnsupportedError(
+            f"kernel {function.name()!r}: the variables {function.get_free()} are no inputs; add them to its inputs"
+        )
+
+
+def module(
+    source: casadi.Function, width: int, fused: bool, flags: tuple[str, ...] = FLAGS, padded: bool = False
+) -> str:
     """Return the module's text for vectors of `width` doubles; UnsupportedError for an operation without a rule."""
     unit = ir.Module()
-    block = _block_function(unit, program, width, flags, padded)
+    block = _block_function(unit, source, width, flags, padded)
     define_all(unit, width, fused)
-    _driver(unit, program, width, block)
+    _driver(unit, source, width, block)
     return str(unit)
 
 
@@ -137,7 +157,7 @@ def _function(unit: Any, name: str, result: Any, args: dict[str, Any]) -> Any:
     return function
 
 
-def _block_function(unit: Any, program: Program, width: int, flags: tuple[str, ...], padded: bool) -> Any:
+def _block_function(unit: Any, source: casadi.Function, width: int, flags: tuple[str, ...], padded: bool) -> Any:
     """Write `block`: W instances; `last` is the index of the last valid lane."""
     args = {"in": POINTER, "stride_in": INT, "out": POINTER, "stride_out": INT, "last": INT}
     function = _function(unit, "block", ir.VoidType(), args)
@@ -151,24 +171,32 @@ def _block_function(unit: Any, program: Program, width: int, flags: tuple[str, .
     last = Writer(builder, width).spread_number(builder.trunc(function.args[4], INDEX))
     none = ir.Constant(kind, None)
     valid = builder.icmp_unsigned(">=", order, none) if padded else builder.icmp_unsigned("<=", order, last)
+    first_in = _offsets([source.nnz_in(k) for k in range(source.n_in())])
+    first_out = _offsets([source.nnz_out(k) for k in range(source.n_out())])
     slots: dict[int, Slot] = {}
-    for instruction in program.instructions:
-        if instruction.name == "output":
-            value, place = slots[instruction.args[0]].number(), _row(w, "out", instruction.out)
+    for k in range(source.n_instructions()):
+        name = OPERATION_NAMES[source.instruction_id(k)]
+        out, given = source.instruction_output(k), source.instruction_input(k)
+        if name == "output":
+            value, place = slots[given[0]].number(), _row(w, "out", first_out[out[0]] + out[1])
             w.do("store", value, place, align=BYTES)
+        elif name == "input":
+            slots[out[0]] = Slot(w, number=_load(w, first_in[given[0]] + given[1], valid))
+        elif name == "const":
+            constant = source.instruction_constant(k)
+            slots[out[0]] = Slot(w, number=w.splat(constant), constant=constant)
         else:
-            slots[instruction.out] = _slot(w, program, instruction, slots, valid)
+            slots[out[0]] = _computed(w, source, name, [slots[each] for each in given])
     builder.ret_void()
     return function
 
 
-def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int, Slot], valid: Any) -> Slot:
-    name, args = instruction.name, instruction.args
-    if name == "input":
-        return Slot(w, number=_load(w, args[0], valid))
-    if name == "const":
-        return Slot(w, number=w.splat(instruction.constant), constant=instruction.constant)
-    values = [slots[a] for a in args]
+def _offsets(sizes: list[int]) -> list[int]:
+    """Return the first row of each input or output; rows are the nonzeros, one after the other."""
+    return list(accumulate(sizes, initial=0))
+
+
+def _computed(w: Writer, source: casadi.Function, name: str, values: list[Slot]) -> Slot:
     if name in NUMBER_RULES:
         return Slot(w, number=NUMBER_RULES[name](w, values))
     if name in MASKS:
@@ -176,8 +204,8 @@ def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int
     if name in LIBRARY:
         return Slot(w, number=library(w, name, *(v.number() for v in values)))
     raise UnsupportedError(
-        f"kernel {program.name!r}: the operation {name!r} has no native form; "
-        f"write it with {', '.join(sorted(SUPPORTED))}, or ask for backend='casadi'"
+        f"kernel {source.name()!r}: the operation {name!r} has no native form; "
+        f"write it with {', '.join(sorted(SUPPORTED))}"
     )
 
 
@@ -198,7 +226,7 @@ def _load(w: Writer, row: int, valid: Any) -> Any:
     return w.select(valid, values, w.spread_number(last))
 
 
-def _driver(unit: Any, program: Program, width: int, block: Any) -> None:
+def _driver(unit: Any, source: casadi.Function, width: int, block: Any) -> None:
     """Write `SYMBOL`, which checks the shapes and calls `block` for W instances after W."""
     args = {"in": POINTER, "rows_in": INT, "lanes_in": INT, "out": POINTER, "rows_out": INT, "lanes_out": INT}
     function = _function(unit, SYMBOL, INT, {**args, "count": INT})
@@ -211,8 +239,8 @@ def _driver(unit: Any, program: Program, width: int, block: Any) -> None:
     zero, step = ir.Constant(INT, 0), ir.Constant(INT, width)
     needed = builder.and_(builder.add(count, ir.Constant(INT, width - 1)), ir.Constant(INT, -width))
     rows = builder.and_(
-        builder.icmp_signed("==", rows_in, ir.Constant(INT, program.rows_in)),
-        builder.icmp_signed("==", rows_out, ir.Constant(INT, program.rows_out)),
+        builder.icmp_signed("==", rows_in, ir.Constant(INT, source.nnz_in())),
+        builder.icmp_signed("==", rows_out, ir.Constant(INT, source.nnz_out())),
     )
     lanes = builder.icmp_signed("<=", needed, builder.call(least, [lanes_in, lanes_out]))
     builder.cbranch(builder.and_(rows, builder.and_(lanes, builder.icmp_signed(">=", count, zero))), head, wrong)

@@ -1,9 +1,9 @@
 """Transcendental functions on vectors, as LLVM functions `lanes_<name>` in the kernel's module.
 
-A vector library may be missing, so sin, cos, tan, asin, acos, atan, atan2, exp and log are written out: argument
-reduction and then a polynomial, with the coefficients of Sun's fdlibm, equal to the C library to a few units in the
-last place. These formulas need fused multiply-add. For arguments outside the valid range (huge, infinite, NaN, zero
-denominators), and for every other function, each lane calls the C library.
+A vector library may be missing, so sin, cos, asin, atan2, exp and log, which the kernels contain, are written out:
+argument reduction and then a polynomial, with the coefficients of Sun's fdlibm, equal to the C library to a few units
+in the last place. These formulas need fused multiply-add. For arguments outside the valid range (huge, infinite, NaN,
+zero denominators), and for every other function, each lane calls the C library.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ from llvmlite import ir
 
 from worm3d.machine.writer import BOOL, DOUBLE, INDEX, INT, Writer
 
-LIBRARY = {
-    **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log"), 1),
-    **dict.fromkeys(("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "erf", "log1p", "expm1"), 1),
-    **dict.fromkeys(("atan2", "pow", "hypot", "fmod", "remainder"), 2),
-}
-"""Functions of the C library that a kernel may call, with the number of their arguments."""
+LIBRARY = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log1p", "expm1", "pow", "hypot"),
+    *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "erf", "fmod", "remainder"),
+)
+"""Functions of the C library that a kernel may call."""
 
 SIN = (
     1.58969099521155010221e-10,
@@ -81,7 +80,6 @@ HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17, -1.49738490485
 """pi/2 as a sum, each term rounded."""
 LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
 """ln 2 as a sum; the first term has trailing zeros, so that products of this term with exponents are exact."""
-ROOT_HALF_BITS = 0x3FE6A09E667F3BCD
 LANES_PREFIX = "lanes_"
 PURE = ("noinline", "nounwind", "willreturn", "memory(none)")
 """Attributes of the functions here; inlined functions would cut the kernel's one long block into many blocks."""
@@ -151,8 +149,8 @@ def _nowhere(w: Writer, _x: Any) -> Any:
     return w.splat(False, BOOL)
 
 
-def _quarter_turns(w: Writer, x: Any) -> tuple[Any, Any, Any]:
-    """Split x into n pi/2 + r with |r| <= pi/4; return n (integers), sin r and cos r."""
+def _sincos(w: Writer, x: Any) -> Any:
+    """Split x into n pi/2 + r with |r| <= pi/4; exchange and negate sin r and cos r by n mod 4."""
     n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / HALF_PI[0])))
     r = x
     for part in HALF_PI:
@@ -160,12 +158,7 @@ def _quarter_turns(w: Writer, x: Any) -> tuple[Any, Any, Any]:
     z = w.mul(r, r)
     sine = w.fma(w.mul(r, z), w.horner(z, SIN), r)
     cosine = w.fma(z, w.fma(z, w.horner(z, COS), w.splat(-0.5)), w.splat(1.0))
-    return w.once("fptosi", n, ir.VectorType(INDEX, w.width)), sine, cosine
-
-
-def _sincos(w: Writer, x: Any) -> Any:
-    """Exchange and negate sin r and cos r by n mod 4."""
-    turns, sine, cosine = _quarter_turns(w, x)
+    turns = w.once("fptosi", n, ir.VectorType(INDEX, w.width))
     odd = _bit(w, turns, 1)
     after = w.once("add", turns, w.splat(1, INDEX))
     return _pair(
@@ -173,13 +166,6 @@ def _sincos(w: Writer, x: Any) -> Any:
         _negate_where(w, _bit(w, turns, 2), w.select(odd, cosine, sine)),
         _negate_where(w, _bit(w, after, 2), w.select(odd, sine, cosine)),
     )
-
-
-def _tan(w: Writer, x: Any) -> Any:
-    """Return tan r, or -1/tan r for odd n."""
-    turns, sine, cosine = _quarter_turns(w, x)
-    odd = _bit(w, turns, 1)
-    return w.div(_negate_where(w, odd, w.select(odd, cosine, sine)), w.select(odd, sine, cosine))
 
 
 def _bit(w: Writer, integers: Any, bit: int) -> Any:
@@ -191,33 +177,17 @@ def _negate_where(w: Writer, mask: Any, value: Any) -> Any:
     return w.select(mask, w.neg(value), value)
 
 
-def _small_arc(w: Writer, x: Any) -> tuple[Any, Any]:
-    """Return the mask of |x| <= 1/2, and asin u = u + u R(u^2) of u = |x| in the mask, sqrt((1 - |x|)/2) elsewhere."""
+def _asin(w: Writer, x: Any) -> Any:
+    """Return asin x; asin u = u + u R(u^2) of u = |x| up to 1/2; above: asin x = pi/2 - 2 asin sqrt((1 - x)/2)."""
     size = w.size(x)
     small = w.compare("ole", size, w.splat(0.5))
     half = w.mul(w.sub(w.splat(1.0), size), w.splat(0.5))
     z = w.select(small, w.mul(size, size), half)
     u = w.select(small, size, w.intrinsic("sqrt", half))
     ratio = w.div(w.mul(z, w.horner(z, ASIN_P)), w.horner(z, ASIN_Q))
-    return small, w.fma(u, ratio, u)
-
-
-def _asin(w: Writer, x: Any) -> Any:
-    """Return asin x; above 1/2: asin x = pi/2 - 2 asin sqrt((1 - x)/2)."""
-    small, arc = _small_arc(w, x)
+    arc = w.fma(u, ratio, u)
     near_one = w.sub(w.splat(HALF_PI[0]), w.fma(w.splat(2.0), arc, w.splat(-HALF_PI[1])))
     return w.intrinsic("copysign", w.select(small, arc, near_one), x)
-
-
-def _acos(w: Writer, x: Any) -> Any:
-    """Return pi/2 - asin x; near x = 1: 2 asin sqrt((1 - x)/2), near -1: pi - 2 asin sqrt((1 + x)/2)."""
-    small, arc = _small_arc(w, x)
-    signed = w.intrinsic("copysign", arc, x)
-    middle = w.sub(w.splat(HALF_PI[0]), w.sub(signed, w.splat(HALF_PI[1])))
-    twice = w.mul(arc, w.splat(2.0))
-    far = w.sub(w.splat(2.0 * HALF_PI[0]), w.sub(twice, w.splat(2.0 * HALF_PI[1])))
-    negative = w.compare("olt", x, w.splat(0.0))
-    return w.select(small, middle, w.select(negative, far, twice))
 
 
 def _first_quadrant(w: Writer, a: Any, b: Any) -> Any:
@@ -232,10 +202,6 @@ def _first_quadrant(w: Writer, a: Any, b: Any) -> Any:
     )
     z = w.mul(t, t)
     return w.add(high, w.add(w.fma(w.neg(w.mul(t, z)), w.horner(z, ATAN), low), t))
-
-
-def _atan(w: Writer, x: Any) -> Any:
-    return w.intrinsic("copysign", _first_quadrant(w, w.size(x), w.splat(1.0)), x)
 
 
 def _atan2(w: Writer, y: Any, x: Any) -> Any:
@@ -265,7 +231,7 @@ def _log(w: Writer, x: Any) -> Any:
     """Return log x as k ln 2 + 2 atanh s, x = 2^k (1 + f), 1 + f in [sqrt(1/2), sqrt(2)], s = f/(2 + f)."""
     integers = ir.VectorType(INT, w.width)
     bits = w.once("bitcast", x, integers)
-    above = w.once("sub", bits, w.splat(ROOT_HALF_BITS, INT))
+    above = w.once("sub", bits, w.splat(0x3FE6A09E667F3BCD, INT))  # the bits of sqrt(1/2)
     exponent = w.once("ashr", above, w.splat(52, INT))
     shifted = w.once("shl", exponent, w.splat(52, INT))
     mantissa = w.once("bitcast", w.once("sub", bits, shifted), w.vector)
@@ -286,10 +252,7 @@ def _log_outside(w: Writer, x: Any) -> Any:
 
 FORMULAS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "sincos": (_beyond(1e6), _sincos),
-    "tan": (_beyond(1e6), _tan),
     "asin": (_nowhere, _asin),
-    "acos": (_nowhere, _acos),
-    "atan": (_beyond(1e280), _atan),
     "atan2": (_atan2_outside, _atan2),
     "exp": (_beyond(700.0), _exp),
     "log": (_log_outside, _log),

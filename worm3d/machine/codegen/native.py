@@ -6,8 +6,9 @@ import ctypes
 import functools
 import hashlib
 import os
+import sys
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi
 import llvmlite
@@ -15,8 +16,6 @@ import llvmlite.binding as llvm
 
 from worm3d.machine.codegen.emit import FLAGS, SYMBOL, module
 from worm3d.machine.codegen.lanes import LIBRARY
-from worm3d.machine.codegen.program import Program
-from worm3d.machine.symbols import c_library
 
 
 class Host(NamedTuple):
@@ -89,14 +88,14 @@ def _generator() -> str:
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
 
-def compile_program(program: Program, host: Host, padded: bool = False, exact: bool = False) -> bytes:
-    """Return the object code of a program.
+def compile_function(function: casadi.Function, host: Host, padded: bool = False, exact: bool = False) -> bytes:
+    """Return the object code of a function.
 
     The text already has no repeated subexpression (`Writer`), and one long block leaves little to optimise: besides
     combining neighbouring instructions, LLVM's optimisation pipelines gain 2 to 5 % for 50 % more compile time. Raises
     UnsupportedError for an operation without native form, RuntimeError if LLVM fails.
     """
-    return compile_text(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded), host)
+    return compile_text(module(function, host.width, host.fused and not exact, () if exact else FLAGS, padded), host)
 
 
 def compile_text(text: str, host: Host) -> bytes:
@@ -133,10 +132,14 @@ def _machine(host: Host) -> llvm.TargetMachine:
 
 
 @functools.cache
+def c_library() -> Any:
+    """Return the C library, on Linux and macOS with all other names of a fresh process."""
+    return ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
+
+
+@functools.cache
 def _bind_library() -> None:
     """Tell LLVM the addresses of C library functions that LLVM does not find: LLVM aborts on unknown functions."""
-    unseen = [name for name in LIBRARY if not llvm.address_of_symbol(name)]
-    if not unseen:
-        return
-    for name in unseen:
-        llvm.add_symbol(name, ctypes.cast(getattr(c_library(), name), ctypes.c_void_p).value)
+    for name in LIBRARY:
+        if not llvm.address_of_symbol(name):
+            llvm.add_symbol(name, ctypes.cast(getattr(c_library(), name), ctypes.c_void_p).value)

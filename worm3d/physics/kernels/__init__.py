@@ -13,5 +13,7 @@ share one array; `layout` defines the rows of the inputs.
     regime    first-order prediction of a contact, for the solver's guess of the regime
 """
 
-GREATEST_CONTRACTION = 1.0 - 2.0**-53
+from math import nextafter
+
+GREATEST_CONTRACTION = nextafter(1.0, 0.0)
 """Greatest contraction of a state: the greatest number below 1, so that rest lengths stay above 0."""

@@ -30,8 +30,8 @@ ACTUATOR_PREFIX = "actuator_"
 HASTE = "haste"
 """Name of the factor that speeds up time for the actuators; 1 except while a worm comes to rest."""
 
-ACTUATORS_PER_SEGMENT, ACTUATORS_PER_JOINT = 2, 1
-"""Numbers of actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
+ACTUATORS_PER_SEGMENT = 2
+"""Number of actuators of a segment: its chambers, left and right."""
 
 
 @once
@@ -46,7 +46,7 @@ def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
 @once
 def hinges(kind: Kind) -> Layout:
     """Return the layout of the joints, followed by the inputs of the actuators."""
-    return joint.JOINT_LAYOUT.extended(_sizes(kind.states, parameters_of(kind), ACTUATORS_PER_JOINT))
+    return joint.JOINT_LAYOUT.extended(_sizes(kind.states, parameters_of(kind), 1))
 
 
 CHAMBER_COMMANDS = tuple(segment.SEGMENT_LAYOUT.rows + ACTUATORS_PER_SEGMENT * k for k in range(len(COMMANDS)))
@@ -244,7 +244,7 @@ LEDGER_TERMS = (
     "elastic",
     "hysteresis_loss",
 )
-LEDGER_ROWS = 8
+LEDGER_ROWS = segment.LEDGER_ROWS
 """Number of rows of `end` for the terms, padded to a vector; outputs and states follow."""
 
 

@@ -24,10 +24,8 @@ from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import Layout
 
 COORDINATES = 13
-STRAINS = 3
 ROW = 16
 """Length of a row of derivatives, with zeros at its end: two vectors."""
-_FILLING = ca.SX.zeros(ROW - COORDINATES)
 
 JOINT_LAYOUT = Layout(
     {
@@ -86,21 +84,18 @@ def _angles() -> ca.SX:
     return ca.substitute(_angles_of_reduced(), _REDUCED, _reduced())
 
 
-def _strains(angles: ca.SX, hinge: ca.SX) -> list[ca.SX]:
+def _strains(angles: ca.SX, hinge: ca.SX) -> ca.SX:
     *turns, bends = ca.vertsplit(angles)
-    return elements.joint_strains(turns, bends, hinge, JOINT_LAYOUT.symbols["cross0"])
+    return ca.vertcat(*elements.joint_strains(turns, bends, hinge, JOINT_LAYOUT.symbols["cross0"]))
 
 
 def start() -> ca.Function:
     """Return the quantities known at the start of a step, the rows from "strain_hat" on (9)."""
     s = JOINT_LAYOUT.symbols
-    n, m, old = (ca.vertcat(*_strains(s[at], s[hinge])) for at, hinge in _KNOWN)
+    known = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
+    n, m, old = (_strains(s[at], s[hinge]) for at, hinge in known)
     hat = s["weights"][0] * n + s["weights"][1] * m
     return JOINT_LAYOUT.function("joint_start", {"strain_hat": hat, "strain_n": n, "strain_old": old})
-
-
-_KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
-"""Angles and hinge of the strains in `start`."""
 
 
 @cache
@@ -108,7 +103,7 @@ def _potential() -> tuple[ca.SX, ca.SX]:
     """Return the potential, and the gradient padded with zeros."""
     phi = _energy(_strains_of(_angles_of_reduced()))
     at = ca.substitute([phi, _linear().T @ ca.gradient(phi, _REDUCED)], [_REDUCED], [_reduced()])
-    return at[0], ca.vertcat(at[1], _FILLING)
+    return at[0], ca.vertcat(at[1], ca.SX.zeros(ROW - COORDINATES))
 
 
 def _energy(strains: ca.SX) -> ca.SX:
@@ -118,7 +113,7 @@ def _energy(strains: ca.SX) -> ca.SX:
 
 
 def _strains_of(angles: ca.SX) -> ca.SX:
-    return ca.vertcat(*_strains(angles, JOINT_LAYOUT.symbols["hinge"]))
+    return _strains(angles, JOINT_LAYOUT.symbols["hinge"])
 
 
 def _linear() -> ca.SX:
@@ -194,7 +189,7 @@ def roots() -> ca.Function:
     J^T J is Gauss-Newton's Hessian, without the second derivatives of the strains.
     """
     phi, slope = _potential()
-    rows = ca.vertcat(_derivatives()[0], ca.SX.zeros(ROW - COORDINATES, STRAINS))
+    rows = ca.vertcat(_derivatives()[0], ca.SX.zeros(ROW - COORDINATES, 3))
     return JOINT_LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": rows})
 
 
@@ -219,8 +214,8 @@ def ledger() -> ca.Function:
     terms, firsts = ca.SX.zeros(len(LEDGER_TERMS)), _first_strains()
     now, before = s["strain_n"], s["strain_old"]
     strains, strains_before = (_strains(_angles(), s[name]) for name in ("hinge", "hinge_n"))
-    for i, strain in enumerate(strains):
-        first = firsts[i]
+    for i in range(3):
+        strain, first = strains[i], firsts[i]
 
         def energy(at: ca.SX, k: ca.SX = s["k"][i]) -> ca.SX:
             return k / 2.0 * at**2
@@ -238,5 +233,5 @@ def _first_strains() -> ca.SX:
     s, angles = JOINT_LAYOUT.symbols, ca.SX.sym("angles", 4)
     turned = ca.jtimes(_angles_of_reduced(), _REDUCED, _reduced_of(s["dq"]))
     turned = ca.substitute(turned, _REDUCED, _reduced())
-    first = ca.jtimes(ca.vertcat(*_strains(angles, s["hinge"])), angles, turned)
+    first = ca.jtimes(_strains_of(angles), angles, turned)
     return ca.substitute(first, angles, _angles())

@@ -65,11 +65,7 @@ POINT_LAYOUT = Layout(
     }
 )
 
-ALONG_NORMAL = 1e-6
-"""Sine of the angle between segment and normal below which the first tangent is along the segment's upward director."""
-
-
-FREE, OPEN, SLIDING, STICKING_FORWARD, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
+FREE, OPEN, SLIDING, STICKING_FORWARD, STICKING_BACK = map(float, range(5))
 """Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even at a distance.
 STICKING_FORWARD and STICKING_BACK: contact that sticks, even beyond the yield surface.
 
@@ -101,7 +97,7 @@ class Contact(NamedTuple):
 def contact_of(law: Law) -> Contact:
     """Return the contact of a point under a law of friction."""
     s = POINT_LAYOUT.symbols
-    touching = contact.pressing(s["distance"], s["carried"])
+    touching = -s["distance"] - s["carried"]  # -g - d* of (C1)
     pressed = penetration(touching)
     step = contact.Step(s["r"], s["limit_ratio"], s["centre"], s["dt"], law, law.symbols(s["law"]))
     slide = in_tangents(s["x"] - s["anchor"])
@@ -243,11 +239,14 @@ def start() -> ca.Function:
 
 
 def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return the tangents at X, along the segment (projected) and to the left, and the displacement in the tangents."""
+    """Return the tangents at X, along the segment (projected) and to the left, and the displacement in the tangents.
+
+    Where the segment is along the normal, up to an angle of 1e-6, its upward director takes its place.
+    """
     s = POINT_LAYOUT.symbols
     n, t = s["normal"], s["segment_tangent"]
     along, upward = (each - ca.dot(each, n) * n for each in (t, ca.cross(t, s["segment_director"])))
-    along = ca.if_else(ca.sumsqr(along) < ALONG_NORMAL**2, upward, along)
+    along = ca.if_else(ca.sumsqr(along) < 1e-6**2, upward, along)
     along /= ca.norm_2(along)
     left = ca.cross(n, along)
     return [along, left], [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]

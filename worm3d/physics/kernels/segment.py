@@ -269,7 +269,7 @@ def hessian(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> 
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
-LEDGER_ROWS = 8
+LEDGER_ROWS = POINTS_PER_SEGMENT
 """Number of rows of the ledger before the motion of the points: a row of the point array."""
 
 

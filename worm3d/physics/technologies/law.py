@@ -73,9 +73,6 @@ from worm3d.values.parameters import documented, parameter
 MOST_STROKE = 0.9
 """Largest free stroke, as a fraction of the chamber's rest length."""
 
-G = 9.81
-"""Gravity for the worm's weight in the default size [m/s^2]."""
-
 NO_LIMIT = float("inf")
 
 THICKNESS_POWER = 1.75
@@ -102,82 +99,64 @@ class Technology(Actuator):
     drives_hinges: ClassVar[bool] = False
     has_source: ClassVar[bool] = True
 
-    strain: float = parameter(0.2, meaning="free strain of the active material", gt=0)
-    stress: float = parameter(1e5, meaning="blocking stress on its cross-section", unit="Pa", gt=0)
+    strain: float = parameter(0.2, "free strain of the active material", gt=0)
+    stress: float = parameter(1e5, "blocking stress on its cross-section", "Pa", gt=0)
     lever: Numbers = parameter(
-        1.0, meaning="transmission: the stroke is so many times larger, the force smaller", gt=0, each="segment"
+        1.0, "transmission: the stroke is so many times larger, the force smaller", gt=0, each="segment"
     )
     area: Numbers | None = parameter(
-        None,
-        meaning="cross-section of the actuator of a chamber",
-        unit="m^2",
-        gt=0,
-        each="segment",
-        left_out="by reserve and room",
+        None, "cross-section of the actuator of a chamber", "m^2", gt=0, each="segment", left_out="by reserve and room"
     )
     reserve: float = parameter(
         2.0,
-        meaning="default size: blocking force over the half of what stretches a segment's springs by the stroke and of "
-        "the worm's weight",
+        "default size: blocking force over the half of what stretches a segment's springs by the stroke and of the "
+        "worm's weight",
         gt=0,
     )
     room: float = parameter(
-        0.2,
-        meaning="default size: largest share of the chamber's cross-section 2 h0 (b + h0) that it may fill",
-        gt=0,
-        le=1,
+        0.2, "default size: largest share of the chamber's cross-section 2 h0 (b + h0) that it may fill", gt=0, le=1
     )
-    series: float = parameter(
-        1.0, meaning="stiffness kappa of its spring, over blocking force per free stroke", ge=1, le=1e3
-    )
-    droop: float = parameter(1.0, meaning="share of the blocking force that is gone at the full stroke", ge=0, le=1)
-    push: float = parameter(0.0, meaning="largest force against its sense, over the blocking force", ge=0, le=1)
-    both_ways: bool = parameter(False, meaning="whether it is driven both ways, also against its sense")
-    lengthens: bool = parameter(False, meaning="whether it lengthens its chamber instead of shortening it")
-    scales: bool = parameter(
-        False, meaning="whether the drive scales the force; else it moves the free end of the spring"
-    )
-    delay: float = parameter(0.0, meaning="mean delay of the command", unit="s", ge=0)
-    rise: float = parameter(0.1, meaning="time constant while the drive grows", unit="s", ge=0)
-    fall: float = parameter(0.1, meaning="time constant while it falls", unit="s", ge=0)
-    rate: float = parameter(
-        NO_LIMIT, meaning="greatest speed of the drive", unit="1/s", gt=0, infinite=True, left_out="no limit"
-    )
+    series: float = parameter(1.0, "stiffness kappa of its spring, over blocking force per free stroke", ge=1, le=1e3)
+    droop: float = parameter(1.0, "share of the blocking force that is gone at the full stroke", ge=0, le=1)
+    push: float = parameter(0.0, "largest force against its sense, over the blocking force", ge=0, le=1)
+    both_ways: bool = parameter(False, "whether it is driven both ways, also against its sense")
+    lengthens: bool = parameter(False, "whether it lengthens its chamber instead of shortening it")
+    scales: bool = parameter(False, "whether the drive scales the force; else it moves the free end of the spring")
+    delay: float = parameter(0.0, "mean delay of the command", "s", ge=0)
+    rise: float = parameter(0.1, "time constant while the drive grows", "s", ge=0)
+    fall: float = parameter(0.1, "time constant while it falls", "s", ge=0)
+    rate: float = parameter(NO_LIMIT, "greatest speed of the drive", "1/s", gt=0, infinite=True, left_out="no limit")
     gauge: Numbers | None = parameter(
         None,
-        meaning="cross-section whose rise, fall and leak these are, (T1a); of a bundle, that of all its wires",
-        unit="m^2",
+        "cross-section whose rise, fall and leak these are, (T1a); of a bundle, that of all its wires",
+        "m^2",
         gt=0,
         each="segment",
         left_out="the times hold for every cross-section",
     )
-    hysteresis: float = parameter(0.0, meaning="width w of the band between drive and active share", ge=0, le=10)
-    charge: float = parameter(0.0, meaning="energy kept at full drive in its volume, area times l0", unit="J/m^3", ge=0)
-    leak: float = parameter(0.0, meaning="share of that energy that leaks away", unit="1/s", ge=0)
-    charging: float = parameter(1.0, meaning="efficiency of charging the drive", gt=0, le=1)
-    efficiency: float = parameter(1.0, meaning="efficiency of the work", gt=0, le=1)
-    stall: float = parameter(
-        0.0, meaning="power that holds the blocking force, over that force at lever 1", unit="W/N", ge=0
-    )
-    idle: float = parameter(
-        0.0, meaning="power that the drive of a chamber draws all the time, whatever its size", unit="W", ge=0
-    )
-    hot: float = parameter(0.0, meaning="temperature above the room's at full drive", unit="K", ge=0)
+    hysteresis: float = parameter(0.0, "width w of the band between drive and active share", ge=0, le=10)
+    charge: float = parameter(0.0, "energy kept at full drive in its volume, area times l0", "J/m^3", ge=0)
+    leak: float = parameter(0.0, "share of that energy that leaks away", "1/s", ge=0)
+    charging: float = parameter(1.0, "efficiency of charging the drive", gt=0, le=1)
+    efficiency: float = parameter(1.0, "efficiency of the work", gt=0, le=1)
+    stall: float = parameter(0.0, "power that holds the blocking force, over that force at lever 1", "W/N", ge=0)
+    idle: float = parameter(0.0, "power that the drive of a chamber draws all the time, whatever its size", "W", ge=0)
+    hot: float = parameter(0.0, "temperature above the room's at full drive", "K", ge=0)
     heat_capacity: float = parameter(
         NO_LIMIT,
-        meaning="heat capacity of the body that losses warm, over the blocking force at lever 1",
-        unit="J/(K N)",
+        "heat capacity of the body that losses warm, over the blocking force at lever 1",
+        "J/(K N)",
         gt=0,
         infinite=True,
         left_out="no warming",
     )
     cooling: float = parameter(
-        NO_LIMIT, meaning="time constant of its cooling", unit="s", gt=0, infinite=True, left_out="no cooling"
+        NO_LIMIT, "time constant of its cooling", "s", gt=0, infinite=True, left_out="no cooling"
     )
     hottest: float = parameter(
         NO_LIMIT,
-        meaning="temperature above the room's at which it is switched off",
-        unit="K",
+        "temperature above the room's at which it is switched off",
+        "K",
         gt=0,
         infinite=True,
         left_out="no limit",
@@ -205,7 +184,7 @@ class Technology(Actuator):
         import casadi as ca  # parameters do not need casadi
 
         asked, drive, active, time = _driven(s)
-        now, before = _shape(s, active, "length"), _shape(s, s["active_n"], "length_n")
+        now, before = _Shape(s, active, "length"), _Shape(s, s["active_n"], "length_n")
         blocking, path = s["stress"] * s["area"] / s["lever"], _stroke(s) * s["l0"]
         pull, pull_n = blocking * now.force, blocking * before.force
         soft = (1.0 - s["scales"]) * path / (s["series"] * blocking)  # 1/K, 0 where there is no spring
@@ -240,7 +219,7 @@ class Technology(Actuator):
         share = _share(s, s["command"])
         drive = ca.if_else(share > 0.0, (share + s["hysteresis"]) / (1.0 + s["hysteresis"]), share)
         blocking = s["stress"] * s["area"] / s["lever"]
-        pull = _sense(s) * blocking * _shape(s, share, "length").force
+        pull = _sense(s) * blocking * _Shape(s, share, "length").force
         return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * ca.fabs(drive), "pull": pull}
 
     def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
@@ -269,11 +248,11 @@ class Technology(Actuator):
         """Return the cross-section of the actuator of each chamber that the worm needs, shape (N,) [m^2].
 
         The blocking force is `reserve` times the sum of two forces: the force for the stroke of half of a segment's
-        springs (a chamber's half), and half of the worm's weight.
+        springs (a chamber's half), and half of the worm's weight on earth.
         """
         wanted = -worm.stroke[0] if self.lengthens else worm.stroke[1]
         stroke = np.minimum(np.minimum(self.strain * np.asarray(self.lever), MOST_STROKE), wanted or MOST_STROKE)
-        force = self.reserve * (np.asarray(worm.k_spring) * stroke + worm.mass * G) / 2.0
+        force = self.reserve * (np.asarray(worm.k_spring) * stroke + worm.mass * 9.81) / 2.0
         return np.broadcast_to(force * self.lever / self.stress, (worm.segments,)).copy()
 
 
@@ -293,9 +272,6 @@ class _Shape:
         ramps = ((-droop, x), (droop - kappa, x - turn), (kappa, x - at - s["push"] / kappa))
         self.force = top + sum(slope * ca.fmax(by, 0.0) for slope, by in ramps)
         self.integral = top * x + sum(slope * ca.fmax(by, 0.0) ** 2 / 2.0 for slope, by in ramps)
-
-
-_shape = _Shape
 
 
 def _sense(s: Symbols) -> Symbol:
