@@ -35,23 +35,15 @@ LONGEST_ARC = np.pi / 2.0
 SAMPLED = 0.05
 """Distance between the places that test a reach, as a fraction of the reach."""
 
-LESS = 0.8
-"""Factor from a reach that is too large to the next trial value."""
-
 LARGEST_TURN = 200.0 * np.pi
 """Largest angle of a bend: a hundred turns, as in a helix seen along the axis [rad]."""
 
 MOST_PIECES = 100_000
-"""Largest number of pieces of a centre line: some 12,000 points of a spline."""
+"""Largest number of pieces of a centre line, some 12,000 points of a spline, and of samples that test a reach; a line
+that would need more samples has no known reach."""
 
-MOST_SAMPLES = 100_000
-"""Largest number of samples that test a reach; a line that would need more samples has no known reach."""
-
-MIN_ARC_ANGLE = 1e-9
-"""Angle of an arc below which the arc counts as a straight piece [rad]."""
-
-KINK = 1e-9
-"""Largest difference of positions [m] and of tangents where two pieces meet."""
+ROUNDING = 1e-9
+"""Lengths [m], angles [rad] and differences of unit vectors up to this size count as rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +123,7 @@ class Centreline(ReadOnly):
         ends, tangents = self._run(np.arange(len(self.length)), self.length)
         gap = np.linalg.norm(ends[:-1] - self.start[1:], axis=1)
         kink = np.linalg.norm(tangents[:-1] - self.tangent[1:], axis=1)
-        if len(gap) and max(gap.max(), kink.max()) > KINK:
+        if len(gap) and max(gap.max(), kink.max()) > ROUNDING:
             k = int(np.argmax(np.maximum(gap, kink)))
             raise ValueError(f"centreline: pieces {k} and {k + 1} do not meet without a kink; put a bend between them")
 
@@ -164,7 +156,7 @@ class Centreline(ReadOnly):
         rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float]] = []
         frame = np.array([ahead, level, np.cross(ahead, level)])
         for piece in pieces:
-            count = 1 if isinstance(piece, Straight) else int(np.ceil(piece.angle / LONGEST_ARC - 1e-9))
+            count = 1 if isinstance(piece, Straight) else int(np.ceil(piece.angle / LONGEST_ARC - ROUNDING))
             for _ in range(count):
                 at, frame = _append(rows, piece, count, at, frame)
         return cls(*map(np.array, zip(*rows, strict=True)))
@@ -201,8 +193,7 @@ class Centreline(ReadOnly):
     @cached_property
     def ends(self) -> FloatArray:
         """Distance of the end of each piece from the start, along the line, shape (M,) [m]."""
-        total: FloatArray = read_only(np.cumsum(self.length))
-        return total
+        return np.asarray(read_only(np.cumsum(self.length)))
 
     @property
     def total(self) -> float:
@@ -222,11 +213,11 @@ class Centreline(ReadOnly):
         along the line are 2 r or more apart in space: the chord between closer places is not normal to the line at
         both. The reach is 0 for a line that crosses itself, and for a line that would need too many samples.
         """
-        least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_SAMPLES))
+        least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_PIECES))
         longest = min(self.total, 1.0 / float(self.curvature.max())) if self.curvature.any() else self.total
         reach = (1.0 - SAMPLED) * longest
         while reach > least and not self._is_apart(reach):
-            reach *= LESS
+            reach *= 0.8
         return reach if reach > least else 0.0
 
     def _is_apart(self, reach: float) -> bool:
@@ -268,9 +259,8 @@ class Centreline(ReadOnly):
         safe = np.where(bent, kappa, 1.0)
         ahead = np.where(bent, np.sin(turn) / safe, way)[..., None]
         aside = np.where(bent, (1.0 - np.cos(turn)) / safe, 0.0)[..., None]
-        points: FloatArray = self.start[k] + ahead * self.tangent[k] + aside * self.normal[k]
-        tangents: FloatArray = np.cos(turn)[..., None] * self.tangent[k] + np.sin(turn)[..., None] * self.normal[k]
-        return points, tangents
+        tangents = np.cos(turn)[..., None] * self.tangent[k] + np.sin(turn)[..., None] * self.normal[k]
+        return self.start[k] + ahead * self.tangent[k] + aside * self.normal[k], tangents
 
 
 def _append(
@@ -296,8 +286,7 @@ def _append(
 
 
 def _require_pieces(pieces: Any) -> None:
-    if not isinstance(pieces, list | tuple):
-        raise ValueError(f"pieces: got {type(pieces).__name__}, must be a list of Straight and Bend")
+    arguments.instance("pieces", pieces, list | tuple, "a list of Straight and Bend")
     if not pieces:
         raise ValueError("pieces: got none, must be at least one Straight or Bend")
     if len(pieces) > MOST_PIECES:
@@ -350,7 +339,7 @@ def _arc(p: FloatArray, t: FloatArray, q: FloatArray) -> tuple[FloatArray, Float
     aside = v - ahead * t
     side = float(np.linalg.norm(aside))
     half = float(np.arctan2(side, ahead))  # half the angle of the turn
-    if half < MIN_ARC_ANGLE:
+    if half < ROUNDING:
         return p, t, _any_normal(t), 0.0, ahead
     chord = float(np.linalg.norm(v))
     return p, t, aside / side, 2.0 * np.sin(half) / chord, chord * half / np.sin(half)

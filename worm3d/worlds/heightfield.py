@@ -18,9 +18,6 @@ from worm3d.worlds import heightfield_kernel, kernels, terrain
 from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
-EDGE_NODES = 14
-"""Number of nodes added on each side, at the height of the edge: the spline is level there to single precision."""
-
 BYTES_PER_HEIGHT = 64.0
 """Memory for the tables of each height, and for computing the tables [byte]."""
 
@@ -152,50 +149,40 @@ class Heightfield(World, ReadOnly):
 
     @cached_property
     def _tables(self) -> tuple[FloatArray, FloatArray]:
-        """Coefficients of the spline, in spacings, and grips, each with `EDGE_NODES` more nodes all around."""
+        """Coefficients of the spline, in spacings, and grips, each with more nodes all around at the edge's height."""
         import scipy  # slow to import, and rarely needed
 
         grips = np.broadcast_to(self.grip, self.heights.shape)
-        padded = np.pad(self.heights / self.spacing, EDGE_NODES, mode="edge")
+        padded = np.pad(self.heights / self.spacing, kernels.SPLINE_PADDING, mode="edge")
         coefficients = np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3))
-        return coefficients, np.pad(grips, EDGE_NODES, mode="edge")
+        return coefficients, np.pad(grips, kernels.SPLINE_PADDING, mode="edge")
 
     @cached_property
     def _tops(self) -> FloatArray:
         """Return an upper bound of the surface in each cell: the largest coefficient about the cell."""
         import scipy  # slow to import, and rarely needed
 
-        tops: FloatArray = scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1)
-        return np.ascontiguousarray(tops)
+        return np.ascontiguousarray(scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1))
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, with foot points for points less than `band` cells above a cell's upper bound."""
-        first = np.asarray(self.origin) - EDGE_NODES * self.spacing
+        first = np.asarray(self.origin) - kernels.SPLINE_PADDING * self.spacing
         (coefficients, grips), tops = self._tables, self._tops
-        parameters = [
-            *kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data),
-            *coefficients.shape,
-            *first,
-            self.spacing,
-            band,
-        ]
-        code = kernels.by_hand(heightfield_kernel.heightfield)
-        return WorldKernel(code.address, np.array(parameters, dtype=float), (code, coefficients, tops, grips))
+        places = kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data)
+        parameters = [*places, *coefficients.shape, *first, self.spacing, band]
+        return kernels.kernel_by_hand(heightfield_kernel.heightfield, parameters, (coefficients, tops, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        distance: FloatArray = looked_up(self.kernel(MAX_FOOT_HEIGHT), points)[0]
-        return distance
+        return np.asarray(looked_up(self.kernel(MAX_FOOT_HEIGHT), points)[0])
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
         import scipy  # slow to import, and rarely needed
 
-        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE_NODES
-        found: FloatArray = scipy.ndimage.map_coordinates(
-            self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest"
-        )
-        return self.spacing * found.reshape(np.shape(places)[:-1])
+        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + kernels.SPLINE_PADDING
+        found = scipy.ndimage.map_coordinates(self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest")
+        return self.spacing * np.reshape(found, np.shape(places)[:-1])
 
     @property
     def uneven(self) -> bool:

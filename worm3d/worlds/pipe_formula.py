@@ -46,6 +46,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from worm3d.worlds.kernels import ON_AXIS, rows
+
 Bends = tuple[bool, ...]
 
 PIECE = 11
@@ -60,9 +62,6 @@ WALL = 5
 
 GRIP = 3
 """Numbers of a stretch with another friction: from, to, multiplier."""
-
-ON_AXIS = 1e-30
-"""Square of the distance below which a point on the centre line has no direction to the wall [m^2]."""
 
 OUT_OF_QUESTION = 1e30
 """Squared distance assigned to a piece if the point does not lie between the piece's end planes [m^2]."""
@@ -157,8 +156,8 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
     a constant radius. The first and the last piece are infinite. `stretches` is the number of stretches with another
     friction. There may be walls across the ends.
     """
-    inputs, rows, _ = _world(bent, bent_walls, stretches, at_start, at_end)
-    return ca.Function("pipe", list(inputs), [rows])
+    inputs, found, _ = _world(bent, bent_walls, stretches, at_start, at_end)
+    return ca.Function("pipe", list(inputs), [found])
 
 
 @cache
@@ -170,13 +169,13 @@ def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca
     last.
     """
     inside, reach = ca.SX.sym("between", BETWEEN), ca.SX.sym("reach")
-    (x, given), rows, tube = _world((True,), bent_walls, stretches, at_start, at_end)
+    (x, given), found, tube = _world((True,), bent_walls, stretches, at_start, at_end)
     begins = ca.dot(x - given[:3], given[3:6]) > inside[0]
     ends = ca.dot(x, inside[1:4]) < inside[4]
     known = ca.logic_and(ca.logic_and(begins, ends), tube.d < reach)
-    marked = ca.copysign(rows[-1], ca.if_else(known, 1.0, -1.0))
+    marked = ca.copysign(found[-1], ca.if_else(known, 1.0, -1.0))
     inputs = ca.vertcat(given[:PIECE], inside, given[PIECE:], reach)
-    return ca.Function("pipe_piece", [x, inputs], [ca.vertcat(rows[:-1], marked)])
+    return ca.Function("pipe_piece", [x, inputs], [ca.vertcat(found[:-1], marked)])
 
 
 def _world(
@@ -196,10 +195,8 @@ def _world(
     for k in range(stretches):
         inside = ca.logic_and(tube.s >= grips[0, k], tube.s < grips[1, k])
         grip = ca.if_else(inside, grips[2, k], grip)
-    H = surface.H
-    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
-    rows = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
-    return (x, ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))), rows, tube
+    given = ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))
+    return (x, given), rows(*surface, grip), tube
 
 
 @cache

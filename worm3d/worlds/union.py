@@ -31,20 +31,10 @@ from worm3d.worlds.profile import Profile
 MOST_WORLDS = 100
 """Largest number of worlds in a union: every world is evaluated at each point."""
 
-
 TOGETHER = 528
 """Number of points evaluated at once: a multiple of every vector length, and no power of 2, which would put rows on the
 same lines of the cache. With more points, several points of a worm share the data that a world keeps for a point, which
 takes time."""
-
-ROWS_IN = 3 + 3
-"""Rows of the inputs: point; address (2) and number of the rows of `MEMBER`."""
-
-MEMBER = 7
-"""Numbers of a world: addresses of kernel, inputs and outputs (2 each), `TOGETHER` columns; number of its inputs."""
-
-_MEMBERS, _COUNT = 3, 5
-_KERNEL, _INPUTS, _OUTPUTS, _ROWS = 0, 2, 4, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,66 +124,53 @@ def _kernel(world: World) -> WorldKernel:
 
 
 def _joined(several: Sequence[WorldKernel]) -> WorldKernel:
-    memory = [_memory(kernel) for kernel in several]
-    members = np.array([_member(kernel, *arrays) for kernel, arrays in zip(several, memory, strict=True)])
-    parameters, code = np.array([*kernels.halves(members.ctypes.data), len(members)]), kernels.by_hand(union)
-    return WorldKernel(code.address, parameters, (code, members, memory, several))
-
-
-def _memory(kernel: WorldKernel) -> tuple[FloatArray, FloatArray]:
-    """Return memory for inputs and outputs of a world, for one kernel only: other kernels may run at the same time."""
-    inputs = np.zeros((3 + len(kernel.parameters), TOGETHER))
-    inputs[3:] = kernel.parameters[:, None]
-    return inputs, np.zeros((kernels.WORLD_ROWS, TOGETHER))
-
-
-def _member(kernel: WorldKernel, inputs: FloatArray, outputs: FloatArray) -> list[float]:
-    """Return a row of `MEMBER`."""
-    return [*kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), float(len(inputs))]
+    """Return the kernel of several worlds, with memory for itself only: other kernels may run at the same time."""
+    memory = [kernels.inputs_of(kernel, TOGETHER) for kernel in several]
+    outputs = np.zeros((kernels.WORLD_ROWS, TOGETHER))
+    members = np.array(
+        [
+            [*kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), len(inputs)]
+            for kernel, inputs in zip(several, memory, strict=True)
+        ]
+    )
+    parameters = [*kernels.halves(members.ctypes.data), len(members)]
+    return kernels.kernel_by_hand(union, parameters, (members, memory, outputs, several))
 
 
 @inner
 def _ask(member: FloatArray, p: FloatArray, first: int, count: int) -> FloatArray:
-    """Return the rows of a world at some points, shape (11, `TOGETHER`)."""
-    inputs = kernels.doubles(kernels.address(member[_INPUTS], member[_INPUTS + 1]), int(member[_ROWS]), TOGETHER)
-    outputs = kernels.doubles(kernels.address(member[_OUTPUTS], member[_OUTPUTS + 1]), kernels.WORLD_ROWS, TOGETHER)
+    """Return the rows of a world at some points, shape (11, `TOGETHER`).
+
+    The numbers of a world are addresses of the kernel, its inputs and its outputs (2 each), and its number of inputs.
+    """
+    inputs = kernels.doubles(kernels.address(member[2], member[3]), int(member[6]), TOGETHER)
+    outputs = kernels.doubles(kernels.address(member[4], member[5]), kernels.WORLD_ROWS, TOGETHER)
     for d in range(3):
         for k in range(count):
             inputs[d, k] = p[d, first + k]
-    evaluate(kernels.address(member[_KERNEL], member[_KERNEL + 1]), inputs, outputs, count)
+    evaluate(kernels.address(member[0], member[1]), inputs, outputs, count)
     return outputs
 
 
-@inner
-def _keep(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
-    """Write the rows of a world."""
-    for r in range(kernels.WORLD_ROWS):
-        for k in range(count):
-            out[r, first + k] = rows[r, k]
-
-
-@inner
-def _keep_greater(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
-    """Write the rows of a world where the distance is greater than for the worlds before."""
-    for k in range(count):
-        if rows[0, k] > out[0, first + k]:
-            for r in range(kernels.WORLD_ROWS):
-                out[r, first + k] = rows[r, k]
-
-
 def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Evaluate `count` points; the kernel of `Union`."""
-    if rows_in != ROWS_IN or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
+    """Evaluate `count` points; the kernel of `Union`.
+
+    Rows of the inputs after the point: address of the numbers of the worlds (2), and number of worlds.
+    """
+    if rows_in != 6 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
     if count == 0:
         return SHAPES_FIT
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
-    members = kernels.doubles(kernels.address(p[_MEMBERS, 0], p[_MEMBERS + 1, 0]), int(p[_COUNT, 0]), MEMBER)
+    members = kernels.table(p, 3, int(p[5, 0]), 7)
     for first in range(0, count, TOGETHER):
         some = min(TOGETHER, count - first)
-        _keep(_ask(members[0], p, first, some), out, first, some)
-        for m in range(1, len(members)):
-            _keep_greater(_ask(members[m], p, first, some), out, first, some)
+        for m in range(len(members)):
+            rows = _ask(members[m], p, first, some)
+            for k in range(some):
+                if m == 0 or rows[0, k] > out[0, first + k]:
+                    for r in range(kernels.WORLD_ROWS):
+                        out[r, first + k] = rows[r, k]
     return SHAPES_FIT
 
 
