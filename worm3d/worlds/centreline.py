@@ -233,15 +233,6 @@ class Centreline(ReadOnly):
         of_neighbours = sum(int((np.linalg.norm(places[k:] - places[:-k], axis=1) <= near).sum()) for k in beside)
         return int(tree.count_neighbors(tree, near)) == count + 2 * of_neighbours
 
-    @property
-    def mirrored(self) -> Centreline:
-        """The same line, starting from the other end."""
-        ends, tangents = self._run(np.arange(len(self.length)), self.length)
-        turn = (self.curvature * self.length)[:, None]
-        normal = np.cos(turn) * self.normal - np.sin(turn) * self.tangent
-        arrays = (ends, -tangents, normal, self.curvature, self.length)
-        return Centreline(*(array[::-1] for array in arrays))
-
     def at(self, along: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return points and unit tangents at distances of shape (...) from the start [m], each of shape (..., 3)."""
         s = np.asarray(along, dtype=float)

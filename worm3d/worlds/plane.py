@@ -152,10 +152,6 @@ class ClampedGround(World, name="clamped"):
         """Return the level plane, for distances in records; no contact acts."""
         return Plane().kernel()
 
-    def distance(self, points: FloatArray) -> FloatArray:
-        """Return the height of points of shape (..., 3) above the level of the joints, shape (...,) [m]."""
-        return np.asarray(points)[..., 2]
-
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return zero: the clamped worm does not rest on contacts."""
         return np.zeros(3)

@@ -172,7 +172,7 @@ def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     along_z = [ca.reshape(rows @ w, 4, 4).T for w in z]  # x by y
     along_y = {(j, k): along_z[k] @ y[j] for j in range(3) for k in range(3 - j)}
 
-    def contracted(i: int, j: int, k: int) -> ca.SX:
+    def contracted(i: int, j: int, k: int) -> Any:
         """Return the derivative of order i, j, k along the axes."""
         return ca.dot(x[i], along_y[j, k])
 
@@ -183,7 +183,7 @@ def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     return contracted(0, 0, 0), gradient, hessian
 
 
-def _distance(value: ca.SX, gradient: ca.SX) -> Any:
+def _distance(value: ca.SX, gradient: ca.SX) -> ca.SX:
     """Return g of (WM1) with w = 0.1 cells."""
     phi = 1.0 / (1.0 + (value / 0.1) ** 2) ** 2
     return value * (1.0 + (1.0 / ca.fmax(ca.norm_2(gradient), 0.5) - 1.0) * phi)

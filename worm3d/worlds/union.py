@@ -212,20 +212,16 @@ def slope_into_pipe(
     ValueError
         A pipe that would leave the hill, or arguments that `Plane`, `Foot`, `Centreline` or `Pipe` refuse.
     """
-    slope = arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
-    for name, value, unit in (("mouth", mouth, "m"), ("tilt", tilt, "rad"), ("heading", heading, "rad")):
-        arguments.number(name, value, unit)
-    if not isinstance(radius, Profile):
-        arguments.number("radius", radius, "m", gt=0.0)
+    plane = Plane(slope, heading)
+    mouth, tilt = arguments.number("mouth", mouth, "m"), arguments.number("tilt", tilt, "rad")
+    wide = float(radius.at(0.0)) if isinstance(radius, Profile) else arguments.number("radius", radius, "m", gt=0.0)
     name, steepest = ("slope", slope) if face is None else ("face", arguments.number("face", face, "rad"))
     if not tilt < steepest:
         raise ValueError(
             f"tilt: got {tilt!r} rad, must be less than the {name} ({steepest!r} rad): the pipe leads into the hill"
         )
-    plane = Plane(slope, heading)
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     up = np.cos(tilt) * np.array([0.0, 0.0, 1.0]) - np.sin(tilt) * ahead
-    wide = float(radius.at(0.0)) if isinstance(radius, Profile) else radius
     hill = plane if face is None else Foot(slope, face, mouth + wide, heading)
     line = Centreline.of(pieces, start=mouth * plane.axes[0] + wide * up, heading=heading, tilt=tilt)
     return Union([hill, Pipe(line, radius)])
