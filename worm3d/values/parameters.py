@@ -50,9 +50,6 @@ EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
 )
 """Keys: the objects that an array has numbers for. Values: largest number of dimensions, type, and form in words."""
 
-DOCUMENTATION_WIDTH = 110
-"""Columns of a documented parameter."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -185,7 +182,7 @@ def _described(known: Parameter) -> str:
     if known.bounds and not span:
         span = arguments.range_text(infinite=True, **known.bounds)
     text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{f'; {span}' if span else ''}."
-    body = fill(text, DOCUMENTATION_WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
+    body = fill(text, width=110, initial_indent=" " * 8, subsequent_indent=" " * 8)
     return f"    {known.name} : {_type_text(known)}{unit}{default}\n{body}\n"
 
 

@@ -113,8 +113,7 @@ class Centreline(ReadOnly):
         shape = (len(length), 3)
         arrays = {name: arguments.array(name, getattr(self, name), shape) for name in ("start", "tangent", "normal")}
         curvature = arguments.array("curvature", self.curvature, shape[:1], ge=0.0)
-        for name, array in {**arrays, "curvature": curvature, "length": length}.items():
-            object.__setattr__(self, name, array)
+        vars(self).update(**arrays, curvature=curvature, length=length)
         if len(length) > MOST_PIECES:
             raise ValueError(f"length: got {len(length)} pieces, must be at most {MOST_PIECES}; take longer ones")
         self._require_smooth()
@@ -301,8 +300,7 @@ def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
 def _biarcs(places: FloatArray, tangents: FloatArray) -> tuple[FloatArray, ...]:
     """Return start, tangent, normal, curvature and length of the arcs through places (S, 3) with unit tangents."""
     rows = []
-    for k in range(len(places) - 1):
-        p, q, t, u = places[k], places[k + 1], tangents[k], tangents[k + 1]
+    for (p, q), (t, u) in zip(pairwise(places), pairwise(tangents), strict=True):
         meet, across = _joint(p, q, t, u)
         rows += [_arc(p, t, meet), _arc(meet, across, q)]
     turn = max(row[3] * row[4] for row in rows)

@@ -21,9 +21,6 @@ from worm3d.worlds.kernels import WorldKernel, looked_up
 BYTES_PER_HEIGHT = 64.0
 """Memory for the tables of each height, and for computing the tables [byte]."""
 
-MAX_FOOT_HEIGHT = 4.0
-"""Height above the surface up to which `Heightfield.distance` is the distance to the foot point, in cells."""
-
 
 @dataclass(frozen=True, eq=False)
 class Heightfield(World, ReadOnly):
@@ -148,33 +145,30 @@ class Heightfield(World, ReadOnly):
         return self.origin[1] + self.spacing * np.arange(float(self.heights.shape[1]))
 
     @cached_property
-    def _tables(self) -> tuple[FloatArray, FloatArray]:
-        """Coefficients of the spline, in spacings, and grips, each with more nodes all around at the edge's height."""
+    def _tables(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of the spline, upper bound of the surface in each cell, both in spacings, and grips.
+
+        There are more nodes all around, at the height of the edge. A bound is the largest coefficient about a cell.
+        """
         import scipy  # slow to import, and rarely needed
 
         grips = np.broadcast_to(self.grip, self.heights.shape)
         padded = np.pad(self.heights / self.spacing, kernels.SPLINE_PADDING, mode="edge")
         coefficients = np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3))
-        return coefficients, np.pad(grips, kernels.SPLINE_PADDING, mode="edge")
-
-    @cached_property
-    def _tops(self) -> FloatArray:
-        """Return an upper bound of the surface in each cell: the largest coefficient about the cell."""
-        import scipy  # slow to import, and rarely needed
-
-        return np.ascontiguousarray(scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1))
+        tops = np.ascontiguousarray(scipy.ndimage.maximum_filter(coefficients, size=4, origin=-1))
+        return coefficients, tops, np.pad(grips, kernels.SPLINE_PADDING, mode="edge")
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, with foot points for points less than `band` cells above a cell's upper bound."""
         first = np.asarray(self.origin) - kernels.SPLINE_PADDING * self.spacing
-        (coefficients, grips), tops = self._tables, self._tops
+        coefficients, tops, grips = self._tables
         places = kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data)
         parameters = [*places, *coefficients.shape, *first, self.spacing, band]
         return kernels.kernel_by_hand(heightfield_kernel.heightfield, parameters, (coefficients, tops, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return np.asarray(looked_up(self.kernel(MAX_FOOT_HEIGHT), points)[0])
+        """Return the signed distance of points of shape (..., 3), from foot points up to 4 cells above, (...,) [m]."""
+        return np.asarray(looked_up(self.kernel(4.0), points)[0])
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
@@ -195,7 +189,7 @@ class Heightfield(World, ReadOnly):
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity where it points downwards, else 0, shape (3,) [m/s^2]."""
-        return np.array(gravity, dtype=float) if gravity[2] < 0.0 else np.zeros(3)
+        return super().pressing(gravity) if gravity[2] < 0.0 else np.zeros(3)
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
@@ -208,11 +202,11 @@ class Heightfield(World, ReadOnly):
             The tail or the head would lie beyond the grid.
         """
         ends = position + along[[0, -1], None] * [np.cos(azimuth), np.sin(azimuth)]
-        corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
-        if (ends < corners[0]).any() or (ends > corners[1]).any():
+        low, high = [float(self.x[0]), float(self.y[0])], [float(self.x[-1]), float(self.y[-1])]
+        if (ends < low).any() or (ends > high).any():
             raise ValueError(
                 f"position: got {position.tolist()!r} m, the worm would reach to {ends[1].tolist()!r} m, beyond the "
-                f"terrain, which spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
+                f"terrain, which spans {low!r} to {high!r} m"
             )
         return super().placed(along, clearance, position, azimuth)
 

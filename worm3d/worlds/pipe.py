@@ -79,10 +79,9 @@ class Pipe(World, ReadOnly):
     ) -> None:
         line = centreline if isinstance(centreline, Centreline) else Centreline.through(centreline)
         wide = radius if isinstance(radius, Profile) else arguments.number("radius", radius, "m", gt=0.0)
-        given = {"start_wall": start_wall, "end_wall": end_wall}
-        walls = {name: arguments.flag(name, wall) for name, wall in given.items()}
-        for name, value in {"centreline": line, "radius": wide, "patches": patches_of(patches), **walls}.items():
-            object.__setattr__(self, name, value)
+        walls = {"start_wall": start_wall, "end_wall": end_wall}
+        vars(self).update({name: arguments.flag(name, wall) for name, wall in walls.items()})
+        vars(self).update(centreline=line, radius=wide, patches=patches_of(patches))
         if any(np.isfinite(patch.across).any() for patch in self.patches):
             raise ValueError("patches: got an `across`; in a pipe a patch goes all the way round, give `along` only")
         self._require_room_in_bends()

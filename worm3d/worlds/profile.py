@@ -47,13 +47,9 @@ class Profile(ReadOnly):
     rounding: float | None = None
 
     def __init__(self, along: ArrayLike, radius: ArrayLike, rounding: float | None = None) -> None:
-        object.__setattr__(self, "along", arguments.array("along", along, ("K",)))
-        object.__setattr__(self, "radius", arguments.array("radius", radius, ("K",), gt=0.0))
         given = None if rounding is None else arguments.number("rounding", rounding, "m", gt=0.0)
-        object.__setattr__(self, "rounding", given)
-        self._check()
-
-    def _check(self) -> None:
+        places, radii = arguments.array("along", along, ("K",)), arguments.array("radius", radius, ("K",), gt=0.0)
+        vars(self).update(along=places, radius=radii, rounding=given)
         if self.along.shape != self.radius.shape or not (np.diff(self.along) > 0.0).all():
             raise ValueError(
                 f"along, radius: got {arguments.shown(self.along)} and {arguments.shown(self.radius)}, must be as "

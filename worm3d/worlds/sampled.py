@@ -78,25 +78,19 @@ class GridWorld(World, ReadOnly):
     """Whether the world continues straight beyond the grid; otherwise there is nothing beyond the grid."""
 
     @property
-    def first(self) -> FloatArray:
-        """Place of the grid's first node, shape (3,) [m]."""
-        return self.grid.first
-
-    @property
     def side(self) -> float:
         """1 where negative distances are solid, -1 where positive ones are."""
         return 1.0
 
     def kernel(self, band: float = sampled_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, which reads the spline where a coefficient is less than `band` cells."""
-        c, spline = self.grid.coefficients, sampled_kernel.spline_kernel()
+        grid, spline = self.grid, sampled_kernel.spline_kernel()
         # Working memory of this kernel only: other kernels may run at the same time.
         work = np.zeros((sampled_kernel.WORK_ROWS, sampled_kernel.TOGETHER))
-        parameters = [
-            *kernels.halves(c.ctypes.data, work.ctypes.data, spline.address),
-            *(*c.shape, *self.first, self.grid.cell, self.side, self.grip, band, self.straight),
-        ]
-        return kernels.kernel_by_hand(sampled_kernel.sampled, parameters, (c, work, spline))
+        places = kernels.halves(grid.coefficients.ctypes.data, work.ctypes.data, spline.address)
+        box = (*grid.coefficients.shape, *grid.first, grid.cell)
+        parameters = [*places, *box, self.side, self.grip, band, self.straight]
+        return kernels.kernel_by_hand(sampled_kernel.sampled, parameters, (grid, work, spline))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -111,10 +105,9 @@ class GridWorld(World, ReadOnly):
 
         The result is the highest ground, or the lowest ground where positive distances are solid.
         """
-        z = self.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
-        columns = np.concatenate(
-            [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
-        )
+        z = self.grid.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
+        columns = np.empty((len(places), len(z), 3))
+        columns[:, :, :2], columns[:, :, 2] = places[:, None], z
         g = self.distance(columns)
         enters = (g[:, :-1] < 0.0) & (g[:, 1:] >= 0.0)
         highest, lowest = enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1), np.argmax(enters, axis=1)

@@ -121,10 +121,10 @@ def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
                 require_few(*picture.size)
                 deep = picture.mode.startswith(("I", "F"))
                 grey = np.asarray(picture if deep else picture.convert("L"), dtype=float)
-    except UnidentifiedImageError:
-        raise _no_picture(name, f"it is none of {', '.join(FORMATS)}") from None
     except Exception as error:  # readers raise many kinds of errors
-        raise _no_picture(name, arguments.shown(str(error))) from None
+        unknown = isinstance(error, UnidentifiedImageError)
+        why = f"it is none of {', '.join(FORMATS)}" if unknown else arguments.shown(str(error))
+        raise _no_picture(name, why) from None
     if not np.isfinite(grey).all():
         raise _no_picture(name, "it has values that are not finite")
     if grey.max() == grey.min():

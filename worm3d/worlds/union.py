@@ -99,8 +99,7 @@ class Union(World, ReadOnly):
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        greatest: FloatArray = np.max([world.distance(points) for world in self.worlds], axis=0)
-        return greatest
+        return np.asarray(np.max([world.distance(points) for world in self.worlds], axis=0))
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, or the part of gravity that presses a worm to a single world, shape (3,) [m/s^2]."""
