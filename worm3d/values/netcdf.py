@@ -112,15 +112,8 @@ def _text(said: Mapping[str, object]) -> bytes:
 
 def _add(digest: hashlib._Hash, variable: Variable) -> None:
     values = variable.values.astype(variable.values.dtype.newbyteorder("<"), copy=False)
-    said = {
-        "name": variable.name,
-        "dims": variable.dims,
-        "shape": values.shape,
-        "type": values.dtype.str,
-        "units": variable.units,
-        "long_name": variable.long_name,
-    }
-    digest.update(_text(said))
+    said = {name: getattr(variable, name) for name in ("name", "dims", "units", "long_name")}
+    digest.update(_text({**said, "shape": values.shape, "type": values.dtype.str}))
     digest.update(np.ascontiguousarray(values).tobytes())
 
 

@@ -140,19 +140,12 @@ def parameter(
 
 
 def _read(part: Any) -> Mapping[str, Parameter]:
-    hints = get_type_hints(part)
-    return MappingProxyType(
-        {
-            field.name: dataclasses.replace(
-                known,
-                name=field.name,
-                default=known.default if field.default is dataclasses.MISSING else field.default,
-                hint=hints[field.name],
-            )
-            for field in dataclasses.fields(part)
-            if (known := field.metadata.get(PARAMETER))
-        }
-    )
+    hints, found = get_type_hints(part), {}
+    for field in dataclasses.fields(part):
+        if known := field.metadata.get(PARAMETER):
+            default = known.default if field.default is dataclasses.MISSING else field.default
+            found[field.name] = dataclasses.replace(known, name=field.name, default=default, hint=hints[field.name])
+    return MappingProxyType(found)
 
 
 parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)

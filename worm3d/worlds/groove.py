@@ -35,6 +35,9 @@ class Groove(World, name="groove"):
         A value out of range.
     """
 
+    uneven = False
+    """A worm without friction comes to rest on the bottom, at any place along the groove."""
+
     wall: float = parameter(
         np.pi / 4, meaning="angle of its walls with the horizontal", unit="rad", ge=0, lt=np.pi / 2, key="wall_deg"
     )
@@ -44,11 +47,6 @@ class Groove(World, name="groove"):
 
     def __post_init__(self) -> None:
         check(self)
-
-    @property
-    def uneven(self) -> bool:
-        """False: a worm without friction comes to rest on the bottom, at any place along the groove."""
-        return False
 
     @property
     def left(self) -> FloatArray:

@@ -62,6 +62,8 @@ class Plane(World):
     """
 
     flat: ClassVar[bool] = True
+    uneven = False
+    """Gravity across the plane presses the worm, and gravity along the plane does not."""
 
     slope: float = 0.0
     heading: float = 0.0
@@ -79,11 +81,6 @@ class Plane(World):
         ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
         left = np.array([-turn[1], turn[0], 0.0])
         return np.asarray(read_only(np.array([ascent, left, np.cross(ascent, left)])))
-
-    @property
-    def uneven(self) -> bool:
-        """False: gravity across the plane presses the worm, and gravity along the plane does not."""
-        return False
 
     def symbolic(self) -> Formula:
         """Return the world's rows as a function of a point and parameters, and the parameters."""
@@ -129,6 +126,8 @@ class ClampedGround(World, name="clamped"):
 
     clamped: ClassVar[bool] = True
     flat: ClassVar[bool] = True
+    uneven = False
+    """The worm does not rest on contacts."""
 
     velocity_threshold: float = parameter(
         1e-6, meaning="speed below which there is no friction, eps of (P10)", unit="m/s", ge=0
@@ -136,11 +135,6 @@ class ClampedGround(World, name="clamped"):
 
     def __post_init__(self) -> None:
         check(self)
-
-    @property
-    def uneven(self) -> bool:
-        """False: the worm does not rest on contacts."""
-        return False
 
     def kernel(self) -> WorldKernel:
         """Return the level plane, for distances in records; no contact acts."""
