@@ -94,13 +94,7 @@ def function(name: str, value: T, what: str = "a function of time") -> T:
 
 
 def array(
-    name: str,
-    value: Any,
-    shape: tuple[int | str, ...],
-    *,
-    least: int = 1,
-    fill: bool = False,
-    **bounds: Unpack[Bounds],
+    name: str, value: Any, shape: tuple[int | str, ...], *, least: int = 1, fill: bool = False, **bounds: Unpack[Bounds]
 ) -> FloatArray:
     """Return a read-only copy of an array of finite numbers within a range; with `fill` a number fills the array.
 

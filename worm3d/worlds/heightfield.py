@@ -18,9 +18,6 @@ from worm3d.worlds import heightfield_kernel, kernels, terrain
 from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
-BYTES_PER_HEIGHT = 64.0
-"""Memory for the tables of each height, and for computing the tables [byte]."""
-
 
 @dataclass(frozen=True, eq=False)
 class Heightfield(World, ReadOnly):
@@ -55,9 +52,8 @@ class Heightfield(World, ReadOnly):
         self._keep("heights", self.heights)
         if self.heights.ndim != 2 or min(self.heights.shape) < 4:
             raise ValueError(f"heights: got shape {self.heights.shape}, must be (A, B) with at least 4 along each side")
-        require_room(
-            "heights", BYTES_PER_HEIGHT * self.heights.size, f"{self.heights.size:.3g} of them", "a wider spacing"
-        )
+        size = self.heights.size
+        require_room("heights", 64.0 * size, f"{size:.3g} of them", "a wider spacing")  # bytes of the tables
         arguments.number("spacing", self.spacing, "m", gt=0.0)
         object.__setattr__(self, "origin", tuple(arguments.array("origin", self.origin, (2,)).tolist()))
         self._keep("grip", self.grip)

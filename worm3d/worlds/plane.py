@@ -84,9 +84,8 @@ class Plane(World):
 
     def symbolic(self) -> Formula:
         """Return the world's rows as a function of a point and parameters, and the parameters."""
-        patches = [
-            np.nan_to_num([*p.along, *p.across, p.grip]) for p in self.patches
-        ]  # the largest number for infinity
+        # The largest number takes the place of infinity.
+        patches = [np.nan_to_num([*p.along, *p.across, p.grip]) for p in self.patches]
         return _function(len(patches)), np.concatenate([self.axes.ravel(), *patches])
 
     def distance(self, points: FloatArray) -> FloatArray:

@@ -272,11 +272,10 @@ def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, Float
     Each group of samples has the shift from the nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
     """
     for _ in range(10):  # sweeps: a few corners cannot meet the tolerance, and exceed it only slightly
-        missed = [
-            _sweep(coefficients, _weights(shift), np.ascontiguousarray(nodes), distance)
-            for shift, nodes, distance in samples
-        ]
-        if not any(missed):
+        missed = 0
+        for shift, nodes, distance in samples:
+            missed += _sweep(coefficients, _weights(shift), np.ascontiguousarray(nodes), distance)
+        if not missed:
             return
 
 

@@ -126,12 +126,9 @@ def _joined(several: Sequence[WorldKernel]) -> WorldKernel:
     """Return the kernel of several worlds, with memory for itself only: other kernels may run at the same time."""
     memory = [kernels.inputs_of(kernel, TOGETHER) for kernel in several]
     outputs = np.zeros((kernels.WORLD_ROWS, TOGETHER))
-    members = np.array(
-        [
-            [*kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), len(inputs)]
-            for kernel, inputs in zip(several, memory, strict=True)
-        ]
-    )
+    members = np.empty((len(several), 7))
+    for member, kernel, inputs in zip(members, several, memory, strict=True):
+        member[:] = *kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), len(inputs)
     parameters = [*kernels.halves(members.ctypes.data), len(members)]
     return kernels.kernel_by_hand(union, parameters, (members, memory, outputs, several))
 
