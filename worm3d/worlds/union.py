@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from worm3d.machine.codegen import evaluate
@@ -23,7 +22,7 @@ from worm3d.worlds import kernels
 from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
 from worm3d.worlds.foot import Foot
-from worm3d.worlds.kernels import Formula, WorldKernel
+from worm3d.worlds.kernels import WorldKernel
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
@@ -78,24 +77,16 @@ class Union(World, ReadOnly):
         """Whether a worm without friction would slide away under `pressing` alone."""
         return len(self.worlds) > 1 or self.worlds[0].uneven
 
-    def symbolic(self) -> Formula | None:
-        """Return the world's rows as a function of a point and parameters, and the parameters; None without formula."""
-        each = [formula for formula in (world.symbolic() for world in self.worlds) if formula is not None]
-        if len(each) < len(self.worlds):
-            return None
-        x = ca.SX.sym("x", 3)
-        given = [ca.SX.sym("parameters", len(parameters)) for _, parameters in each]
-        rows = [function(x, p) for (function, _), p in zip(each, given, strict=True)]
-        greatest = rows[0]
-        for other in rows[1:]:
-            greatest = ca.if_else(other[0] > greatest[0], other, greatest)
-        function = ca.Function("union", [x, ca.vertcat(*given)], [greatest])
-        return function, np.concatenate([parameters for _, parameters in each])
-
     def kernel(self) -> WorldKernel:
-        """Return the compiled world: one kernel of all formulas, else the worlds' kernels one after the other."""
-        whole = self.symbolic()
-        return _joined([_kernel(world) for world in self.worlds]) if whole is None else kernels.compiled(*whole)
+        """Return the compiled world, with memory for itself only: other kernels may run at the same time."""
+        several = [_kernel(world) for world in self.worlds]
+        memory = [kernels.inputs_of(kernel, TOGETHER) for kernel in several]
+        outputs = np.zeros((kernels.WORLD_ROWS, TOGETHER))
+        members = np.empty((len(several), 7))
+        for member, kernel, inputs in zip(members, several, memory, strict=True):
+            member[:] = *kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), len(inputs)
+        parameters = [*kernels.halves(members.ctypes.data), len(members)]
+        return kernels.kernel_by_hand(union, parameters, (members, memory, outputs, several))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -103,7 +94,7 @@ class Union(World, ReadOnly):
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, or the part of gravity that presses a worm to a single world, shape (3,) [m/s^2]."""
-        return np.array(gravity, dtype=float) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
+        return super().pressing(gravity) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
 
     def bumps(self, within: float) -> float:
         """Return the greatest height of bumps narrower than a distance in any of the worlds [m]."""
@@ -120,17 +111,6 @@ def _kernel(world: World) -> WorldKernel:
     """Return a world's kernel: the whole formula if there is one, as most points may be far from the world."""
     formula = world.symbolic()
     return world.kernel() if formula is None else kernels.compiled(*formula)
-
-
-def _joined(several: Sequence[WorldKernel]) -> WorldKernel:
-    """Return the kernel of several worlds, with memory for itself only: other kernels may run at the same time."""
-    memory = [kernels.inputs_of(kernel, TOGETHER) for kernel in several]
-    outputs = np.zeros((kernels.WORLD_ROWS, TOGETHER))
-    members = np.empty((len(several), 7))
-    for member, kernel, inputs in zip(members, several, memory, strict=True):
-        member[:] = *kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), len(inputs)
-    parameters = [*kernels.halves(members.ctypes.data), len(members)]
-    return kernels.kernel_by_hand(union, parameters, (members, memory, outputs, several))
 
 
 @inner
