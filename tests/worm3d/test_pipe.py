@@ -191,9 +191,12 @@ def test_a_spline_goes_through_its_points_and_its_ends_are_as_given() -> None:
 
 def test_the_same_line_from_its_other_end_is_the_same_pipe() -> None:
     points, _, _ = sampled(CROOKED, 0.14)
-    assert_allclose(
-        Pipe(CROOKED.mirrored, 0.1).distance(points), Pipe(CROOKED, 0.1).distance(points), rtol=0, atol=1e-12
-    )
+    ends, tangents = CROOKED.at(CROOKED.ends)
+    turn = (CROOKED.curvature * CROOKED.length)[:, None]
+    normal = np.cos(turn) * CROOKED.normal - np.sin(turn) * CROOKED.tangent
+    arrays = (ends, -tangents, normal, CROOKED.curvature, CROOKED.length)
+    mirrored = Centreline(*(array[::-1] for array in arrays))
+    assert_allclose(Pipe(mirrored, 0.1).distance(points), Pipe(CROOKED, 0.1).distance(points), rtol=0, atol=1e-12)
 
 
 def test_walls_close_the_ends() -> None:

@@ -19,17 +19,8 @@ MAX_MAGNITUDE = 1e12
 """Largest size of a number in SI units; a number that must be above 0 is at least the inverse, so that cubes stay
 finite."""
 
-LARGEST_WHOLE = 2**63 - 1
-"""Largest whole number of 64 bits."""
-
-_LONGEST = 80
-"""Largest number of characters of a value in an error message."""
-
 MOST_MEMORY = 4e9
 """Largest memory of a run, grid or table [byte]."""
-
-BYTES_PER_STEP = 250.0
-"""Memory of a step in addition to the rows of the result [byte]."""
 
 
 class Bounds(TypedDict, total=False):
@@ -64,8 +55,8 @@ def number(
     return found
 
 
-def whole(name: str, value: Any, ge: int = 1, le: int = LARGEST_WHOLE) -> int:
-    """Return a whole number within a range."""
+def whole(name: str, value: Any, ge: int = 1, le: int = 2**63 - 1) -> int:
+    """Return a whole number within a range, of 64 bits."""
     right = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (right and ge <= value <= le):
         most = f" and at most {le}" if right and value > le else ""
@@ -75,8 +66,7 @@ def whole(name: str, value: Any, ge: int = 1, le: int = LARGEST_WHOLE) -> int:
 
 def flag(name: str, value: Any) -> bool:
     """Return True or False."""
-    single = isinstance(value, np.ndarray) and value.shape == () and value.dtype == bool
-    if not (single or isinstance(value, bool | np.bool_)):
+    if not isinstance(value, bool | np.bool_ | np.ndarray) or np.shape(value) or np.asarray(value).dtype != bool:
         raise ValueError(f"{name}: got {shown(value)}, must be True or False")
     return bool(value)
 
@@ -104,13 +94,7 @@ def function(name: str, value: T, what: str = "a function of time") -> T:
 
 
 def array(
-    name: str,
-    value: Any,
-    shape: tuple[int | str, ...],
-    *,
-    least: int = 1,
-    fill: bool = False,
-    **bounds: Unpack[Bounds],
+    name: str, value: Any, shape: tuple[int | str, ...], *, least: int = 1, fill: bool = False, **bounds: Unpack[Bounds]
 ) -> FloatArray:
     """Return a read-only copy of an array of finite numbers within a range; with `fill` a number fills the array.
 
@@ -143,8 +127,7 @@ def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpa
     """
     found = floats(name, value)
     with np.errstate(invalid="ignore"):
-        right = np.isfinite(found) & _within(found, bounds)
-        right &= _of_a_likely_size(found, bounds)
+        right = np.isfinite(found) & _within(found, bounds) & _of_a_likely_size(found, bounds)
     of_pairs = found.ndim == depth > 1
     if found.ndim > depth or found.size == 0 or not right.all() or (of_pairs and found.shape[1] != 2):
         raise ValueError(f"{name}: got {shown(value)}, must be {range_text(**bounds)}, {form}")
@@ -170,19 +153,22 @@ def floats(name: str, value: Any) -> FloatArray:
 
 
 def shown(value: Any) -> str:
-    """Return a value as text for an error message: on one line, not too long."""
+    """Return a value as text for an error message: on one line of at most 80 characters."""
     if isinstance(value, np.ndarray) and value.size > 6:
         return f"an array of shape {value.shape}"
     try:
         text = " ".join(repr(value.tolist() if isinstance(value, np.ndarray | np.generic) else value).split())
     except Exception:  # an object's own repr, or an integer of more digits than Python prints
         return _type_of(value)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def bytes_of_run(segments: int, steps: float, every: int) -> float:
-    """Return the memory of a run until the result is on disc, 1.5 times the measured memory [byte]."""
-    return steps * (BYTES_PER_STEP + (1000.0 + 2100.0 * segments) / every)
+    """Return the memory of a run until the result is on disc, 1.5 times the measured memory [byte].
+
+    Each step takes memory, and each row of the result.
+    """
+    return steps * (250.0 + (1000.0 + 2100.0 * segments) / every)
 
 
 def require_room(name: str, needed: float, what: str, remedy: str) -> None:
@@ -238,9 +224,8 @@ def range_text(infinite: bool = False, **bounds: Unpack[Bounds]) -> str:
 
 
 def _fits(found: tuple[int, ...], shape: tuple[int | str, ...], least: int) -> bool:
-    if len(found) != len(shape):
-        return False
-    return all(n == m if isinstance(m, int) else n >= least for n, m in zip(found, shape, strict=True))
+    sizes = zip(found, shape, strict=False)
+    return len(found) == len(shape) and all(n == m if isinstance(m, int) else n >= least for n, m in sizes)
 
 
 def _shape(shape: tuple[int | str, ...], least: int) -> str:

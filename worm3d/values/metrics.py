@@ -20,12 +20,6 @@ METRIC_ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1
 """Magnitude, by unit: a smaller metric is rounding error and is written as 0."""
 
 
-TWO_DIGITS = 2.95
-"""An error whose first digits are below this number is written with two digits; one digit could double the error."""
-MOST_DECIMALS = 9
-"""Largest number of decimals of a metric that is written with an error."""
-
-
 def written(value: float, unit: str, digits: int = 6) -> str:
     """Return a metric as text, without the unit."""
     return f"{0.0 if abs(value) < METRIC_ROUNDING.get(unit, 0.0) else value:.{digits}g}"
@@ -42,7 +36,7 @@ def rounded_up(error: float) -> float:
 def _last(error: float) -> int:
     """Return the power of ten of the last written digit of an error."""
     first = floor(log10(error))
-    return first - 1 if error < TWO_DIGITS * 10.0**first else first
+    return first - 1 if error < 2.95 * 10.0**first else first  # with two digits where one could double the error
 
 
 def with_error(value: float, error: float, unit: str) -> str:
@@ -54,7 +48,7 @@ def with_error(value: float, error: float, unit: str) -> str:
         return written(value, unit, 3)
     off = rounded_up(error)
     last = _last(off)
-    if last < -MOST_DECIMALS:
+    if last < -9:
         return f"{value:.6g} ± {off:.2g}"
     return f"{round(value, -last):.{max(0, -last)}f} ± {off:.{max(0, -last)}f}"
 

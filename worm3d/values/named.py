@@ -25,8 +25,6 @@ from worm3d.values.parameters import Parameter, parameters_of
 
 T = TypeVar("T", bound=Callable[..., Any])
 
-MAX_TEXT_LENGTH = 200
-"""Number of characters of an exception's text that are kept."""
 EXCEPTIONS = (Exception, SystemExit)
 """Exceptions of a user's own code that become an error message; SystemExit would end this program silently."""
 FUNCTIONS = (FunctionType, BuiltinFunctionType)
@@ -164,9 +162,9 @@ def declared(part: Any) -> Mapping[str, Parameter]:
 
 
 def told(error: BaseException) -> str:
-    """Return an exception of a user's own part as one line of text."""
+    """Return an exception of a user's own part as one line of text of at most 200 characters."""
     text = str(error) if isinstance(error, ValueError) and str(error) else f"{type(error).__name__}: {error}"
-    return " ".join(text.split())[:MAX_TEXT_LENGTH]
+    return " ".join(text.split())[:200]
 
 
 def names_in(data: Any) -> list[str]:

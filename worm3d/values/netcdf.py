@@ -51,9 +51,9 @@ ROOT, TIMING = "", "timing"
 GROUPS = (ROOT, TIMING, "checkpoint")
 """Groups that the digest covers even if they are empty; in this order, before the others."""
 
-SEAL, SEAL_END = b"\nworm3d sha256 ", b"\n"
-"""Bytes before and after the digest at the end of a file."""
-SEAL_LENGTH = len(SEAL) + 64 + len(SEAL_END)
+SEAL = b"\nworm3d sha256 "
+"""Bytes before the digest at the end of a file."""
+SEAL_LENGTH = len(SEAL) + 65
 
 MAX_READ_SECONDS = 60
 """Longest time to read a file that another program wrote [s]."""
@@ -112,15 +112,8 @@ def _text(said: Mapping[str, object]) -> bytes:
 
 def _add(digest: hashlib._Hash, variable: Variable) -> None:
     values = variable.values.astype(variable.values.dtype.newbyteorder("<"), copy=False)
-    said = {
-        "name": variable.name,
-        "dims": variable.dims,
-        "shape": values.shape,
-        "type": values.dtype.str,
-        "units": variable.units,
-        "long_name": variable.long_name,
-    }
-    digest.update(_text(said))
+    said = {name: getattr(variable, name) for name in ("name", "dims", "units", "long_name")}
+    digest.update(_text({**said, "shape": values.shape, "type": values.dtype.str}))
     digest.update(np.ascontiguousarray(values).tobytes())
 
 
@@ -132,7 +125,11 @@ def signed(content: Content) -> Content:
 def packed(content: Content) -> bytes:
     """Return content as the bytes of a file."""
     data = image(content.attributes, content.groups)
-    return b"".join((data, SEAL, hashlib.sha256(data).hexdigest().encode(), SEAL_END))
+    return data + _seal(hashlib.sha256(data))
+
+
+def _seal(digest: hashlib._Hash) -> bytes:
+    return SEAL + digest.hexdigest().encode() + b"\n"
 
 
 def unpacked(file: Path | BinaryIO, name: str) -> Content:
@@ -197,16 +194,14 @@ def is_whole(path: Path) -> bool | None:
     OSError
         The file cannot be read.
     """
+    digest = hashlib.sha256()
     with path.open("rb") as file:
         left = max(path.stat().st_size - SEAL_LENGTH, 0)
-        digest = hashlib.sha256()
         while left and (block := file.read(min(left, 1 << 20))):
             digest.update(block)
             left -= len(block)
         end = file.read()
-    if not end.startswith(SEAL):
-        return None
-    return end == SEAL + digest.hexdigest().encode() + SEAL_END
+    return end == _seal(digest) if end.startswith(SEAL) else None
 
 
 def handed_on(path: Path) -> bytes:
@@ -256,11 +251,8 @@ def main() -> None:
     with suppress(ImportError, ValueError, OSError):
         import resource
 
-        for limit, value in (
-            (resource.RLIMIT_AS, MAX_READ_MEMORY),
-            (resource.RLIMIT_CPU, MAX_READ_SECONDS),
-            (resource.RLIMIT_CORE, 0),
-        ):
+        memory, seconds = resource.RLIMIT_AS, resource.RLIMIT_CPU
+        for limit, value in ((memory, MAX_READ_MEMORY), (seconds, MAX_READ_SECONDS), (resource.RLIMIT_CORE, 0)):
             resource.setrlimit(limit, (value, value))
     try:
         content = unpacked(Path(sys.argv[1]), sys.argv[2])

@@ -50,9 +50,6 @@ EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
 )
 """Keys: the objects that an array has numbers for. Values: largest number of dimensions, type, and form in words."""
 
-DOCUMENTATION_WIDTH = 110
-"""Columns of a documented parameter."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -143,19 +140,12 @@ def parameter(
 
 
 def _read(part: Any) -> Mapping[str, Parameter]:
-    hints = get_type_hints(part)
-    return MappingProxyType(
-        {
-            field.name: dataclasses.replace(
-                known,
-                name=field.name,
-                default=known.default if field.default is dataclasses.MISSING else field.default,
-                hint=hints[field.name],
-            )
-            for field in dataclasses.fields(part)
-            if (known := field.metadata.get(PARAMETER))
-        }
-    )
+    hints, found = get_type_hints(part), {}
+    for field in dataclasses.fields(part):
+        if known := field.metadata.get(PARAMETER):
+            default = known.default if field.default is dataclasses.MISSING else field.default
+            found[field.name] = dataclasses.replace(known, name=field.name, default=default, hint=hints[field.name])
+    return MappingProxyType(found)
 
 
 parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
@@ -185,7 +175,7 @@ def _described(known: Parameter) -> str:
     if known.bounds and not span:
         span = arguments.range_text(infinite=True, **known.bounds)
     text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{f'; {span}' if span else ''}."
-    body = fill(text, DOCUMENTATION_WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
+    body = fill(text, width=110, initial_indent=" " * 8, subsequent_indent=" " * 8)
     return f"    {known.name} : {_type_text(known)}{unit}{default}\n{body}\n"
 
 

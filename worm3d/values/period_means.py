@@ -12,8 +12,7 @@ SHORT_RUN = "the run is shorter than one period of the gait, over which the cent
 def averaged(com: FloatArray, window: int) -> FloatArray:
     """Return the mean of the centre of mass over `window` samples, shape (T - window + 1, 3) [m]."""
     total = np.cumsum(np.vstack([np.zeros((1, com.shape[1])), com]), axis=0)
-    mean: FloatArray = (total[window:] - total[:-window]) / window
-    return mean
+    return np.asarray((total[window:] - total[:-window]) / window)
 
 
 def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
@@ -49,5 +48,4 @@ def integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray
     up_to = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
     k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(step) - 1)
     since = (t - time[k])[:, None]
-    area: FloatArray = up_to[k] + since * (values[k] + 0.5 * since / step[k] * (values[k + 1] - values[k]))
-    return area
+    return np.asarray(up_to[k] + since * (values[k] + 0.5 * since / step[k] * (values[k + 1] - values[k])))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from functools import wraps
-from textwrap import wrap
+from textwrap import fill
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -97,15 +97,13 @@ def _brief_array(array: np.ndarray[Any, Any]) -> str:
 
 def paragraph(text: str) -> str:
     """Return a text wrapped to a few lines; the rest of the text is left out."""
-    return "\n".join(
-        wrap(
-            text,
-            PRINTED_COLUMNS,
-            subsequent_indent="  ",
-            max_lines=PRINTED_LINES,
-            placeholder=" ...)",
-            break_on_hyphens=False,
-        )
+    return fill(
+        text,
+        PRINTED_COLUMNS,
+        subsequent_indent="  ",
+        max_lines=PRINTED_LINES,
+        placeholder=" ...)",
+        break_on_hyphens=False,
     )
 
 

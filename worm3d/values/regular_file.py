@@ -5,6 +5,25 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from pathlib import Path
+
+
+def content(path: str | os.PathLike[str], most: int, what: str, refusal: type[ValueError] = ValueError) -> bytes:
+    """Return the content of a file as `read` does; the refusal of a file says `what` it was to be.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read.
+    """
+    file = Path(path)
+    try:
+        return read(path, most)
+    except FileNotFoundError:
+        raise refusal(f"{what} {file.name!r}: there is no such file in {str(file.parent)!r}; check the path") from None
+    except OSError as error:
+        why = f"cannot be read ({error.strerror}); check the path and its permissions"
+        raise refusal(f"{what} {file.name!r}: {why}") from None
 
 
 def read(path: str | os.PathLike[str], most: int) -> bytes:

@@ -15,12 +15,6 @@ from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
 WORLDS: dict[str, type[World]] = {}
 """Class of each world with a name; `world.kind` in a scene is such a name."""
 
-NORMAL_STEP = 1e-6
-"""Step of the central differences that give a normal, as a fraction of the length given."""
-
-UPRIGHT = 1e-3
-"""Vertical part of a unit normal below which a wall is vertical."""
-
 
 class World(Spelled):
     """Base of everything to crawl on or in: a signed distance, negative inside the solid, and derived quantities.
@@ -98,8 +92,7 @@ class World(Spelled):
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        distance: FloatArray = looked_up(self.kernel(), points)[0]
-        return distance
+        return np.asarray(looked_up(self.kernel(), points)[0])
 
     @property
     def uneven(self) -> bool:
@@ -123,10 +116,9 @@ class World(Spelled):
 
         The gradient has the same shape as the points; the length is in metres.
         """
-        h = NORMAL_STEP * length
+        h = 1e-6 * length
         d = self.distance(np.asarray(at)[..., None, None, :] + h * np.stack([np.eye(3), -np.eye(3)], axis=1))
-        gradient: FloatArray = (d[..., 0] - d[..., 1]) / (2.0 * h)
-        return gradient
+        return np.asarray((d[..., 0] - d[..., 1]) / (2.0 * h))
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
         """Return the heading of a worm with joints (N+1, 3), a unit vector: `level`, tilted into the tangent plane.
@@ -135,7 +127,7 @@ class World(Spelled):
         """
         normal = self.normal(joints.mean(axis=0), float(np.linalg.norm(joints[-1] - joints[0])))
         along = np.array(level, dtype=float)
-        along[2] = -float(along[:2] @ normal[:2]) / normal[2] if abs(normal[2]) > UPRIGHT else 0.0
+        along[2] = -float(along[:2] @ normal[:2]) / normal[2] if abs(normal[2]) > 1e-3 else 0.0
         return along / float(np.linalg.norm(along))
 
     def course(self, points: FloatArray, joints: FloatArray) -> FloatArray | None:
@@ -186,7 +178,7 @@ class World(Spelled):
                 f"position: got {np.asarray(position).tolist()!r} m: the world has no ground under the worm at "
                 f"x = {x:.4g}, y = {y:.4g} m; move or turn it, or give a State"
             )
-        pit = -PIT * float(along[-1] - along[0])
+        pit = -1e3 * float(along[-1] - along[0])  # where there is no ground beside the worm
         return laid(lambda places: np.nan_to_num(self.height(places), nan=pit), along, clearance, position, azimuth)
 
 
@@ -196,19 +188,12 @@ def chord(joints: FloatArray) -> FloatArray:
     return np.asarray(chord / np.linalg.norm(chord))
 
 
-PIT = 1e3
-"""Depth of places beside a worm that have no ground, in body lengths."""
-
 BODY_REACH = 1.6
 """Sideways reach of the body from the axis, in clearances: the reach of the default worm's outward apexes."""
 
 SOLE = 0.8
 """Sideways offset within which the body is as deep as the clearance, in clearances; from there the bottom rises to the
 axis at `BODY_REACH`."""
-
-SAMPLES_ACROSS, SAMPLES_ALONG = 17, 129
-"""Numbers of samples of the ground under the body, across and along the body."""
-
 
 EVEN = 1e-9
 """Distance that counts as rounding, as a fraction of the samples' extent."""
@@ -228,11 +213,11 @@ def laid(
     """
     forward = np.array([np.cos(azimuth), np.sin(azimuth)])
     left = np.array([-forward[1], forward[0]])
-    s = np.linspace(along[0] - clearance, along[-1] + clearance, SAMPLES_ALONG)
-    w = clearance * BODY_REACH * np.linspace(-1.0, 1.0, SAMPLES_ACROSS)
+    s = np.linspace(along[0] - clearance, along[-1] + clearance, 129)
+    w = clearance * BODY_REACH * np.linspace(-1.0, 1.0, 17)
     deep = clearance * np.clip((BODY_REACH - np.abs(w) / clearance) / (BODY_REACH - SOLE), 0.0, 1.0)
     ground = height((position + s[:, None, None] * forward + w[:, None] * left).reshape(-1, 2))
-    needed = _widened((ground.reshape(SAMPLES_ALONG, SAMPLES_ACROSS) + deep).max(axis=1), s, clearance / 2.0)
+    needed = _widened((ground.reshape(len(s), len(w)) + deep).max(axis=1), s, clearance / 2.0)
     begin, rise = _lowest_line_above(s, needed, float(along[[0, -1]].mean()))
     tangent = np.append(forward, rise) / np.hypot(1.0, rise)
     # The clearance is needed along the line's normal, not only upwards.
@@ -243,8 +228,7 @@ def laid(
 def _widened(values: FloatArray, s: FloatArray, reach: float) -> FloatArray:
     """Return the greatest value within reach of each place."""
     near = np.abs(s[:, None] - s) <= reach + EVEN * (s[-1] - s[0])
-    widest: FloatArray = np.where(near, values, -np.inf).max(axis=1)
-    return widest
+    return np.asarray(np.where(near, values, -np.inf).max(axis=1))
 
 
 def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tuple[float, float]:
@@ -256,13 +240,9 @@ def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tupl
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
     import scipy.spatial  # slow to import, and rarely needed
 
-    hull = scipy.spatial.ConvexHull(points).simplices
-    ends = points[hull]
-    over = (
-        (ends[:, :, 0].min(axis=1) <= middle + slack)
-        & (middle - slack <= ends[:, :, 0].max(axis=1))
-        & (ends[:, :, 1].min(axis=1) > floor)
-    )
-    rises = [(z_1 - z_0) / (s_1 - s_0) for (s_0, z_0), (s_1, z_1) in ends[over]]
-    (s_0, z_0), flattest = ends[over][0, 0], float(np.clip(0.0, min(rises), max(rises)))
+    ends = points[scipy.spatial.ConvexHull(points).simplices]
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    over = ends[(low[:, 0] <= middle + slack) & (middle - slack <= high[:, 0]) & (low[:, 1] > floor)]
+    rises = [(z_1 - z_0) / (s_1 - s_0) for (s_0, z_0), (s_1, z_1) in over]
+    (s_0, z_0), flattest = over[0, 0], float(np.clip(0.0, min(rises), max(rises)))
     return float(z_0 - rises[0] * s_0 + (rises[0] - flattest) * middle), flattest

@@ -35,23 +35,15 @@ LONGEST_ARC = np.pi / 2.0
 SAMPLED = 0.05
 """Distance between the places that test a reach, as a fraction of the reach."""
 
-LESS = 0.8
-"""Factor from a reach that is too large to the next trial value."""
-
 LARGEST_TURN = 200.0 * np.pi
 """Largest angle of a bend: a hundred turns, as in a helix seen along the axis [rad]."""
 
 MOST_PIECES = 100_000
-"""Largest number of pieces of a centre line: some 12,000 points of a spline."""
+"""Largest number of pieces of a centre line, some 12,000 points of a spline, and of samples that test a reach; a line
+that would need more samples has no known reach."""
 
-MOST_SAMPLES = 100_000
-"""Largest number of samples that test a reach; a line that would need more samples has no known reach."""
-
-MIN_ARC_ANGLE = 1e-9
-"""Angle of an arc below which the arc counts as a straight piece [rad]."""
-
-KINK = 1e-9
-"""Largest difference of positions [m] and of tangents where two pieces meet."""
+ROUNDING = 1e-9
+"""Lengths [m], angles [rad] and differences of unit vectors up to this size count as rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +113,7 @@ class Centreline(ReadOnly):
         shape = (len(length), 3)
         arrays = {name: arguments.array(name, getattr(self, name), shape) for name in ("start", "tangent", "normal")}
         curvature = arguments.array("curvature", self.curvature, shape[:1], ge=0.0)
-        for name, array in {**arrays, "curvature": curvature, "length": length}.items():
-            object.__setattr__(self, name, array)
+        vars(self).update(**arrays, curvature=curvature, length=length)
         if len(length) > MOST_PIECES:
             raise ValueError(f"length: got {len(length)} pieces, must be at most {MOST_PIECES}; take longer ones")
         self._require_smooth()
@@ -131,7 +122,7 @@ class Centreline(ReadOnly):
         ends, tangents = self._run(np.arange(len(self.length)), self.length)
         gap = np.linalg.norm(ends[:-1] - self.start[1:], axis=1)
         kink = np.linalg.norm(tangents[:-1] - self.tangent[1:], axis=1)
-        if len(gap) and max(gap.max(), kink.max()) > KINK:
+        if len(gap) and max(gap.max(), kink.max()) > ROUNDING:
             k = int(np.argmax(np.maximum(gap, kink)))
             raise ValueError(f"centreline: pieces {k} and {k + 1} do not meet without a kink; put a bend between them")
 
@@ -164,7 +155,7 @@ class Centreline(ReadOnly):
         rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float]] = []
         frame = np.array([ahead, level, np.cross(ahead, level)])
         for piece in pieces:
-            count = 1 if isinstance(piece, Straight) else int(np.ceil(piece.angle / LONGEST_ARC - 1e-9))
+            count = 1 if isinstance(piece, Straight) else int(np.ceil(piece.angle / LONGEST_ARC - ROUNDING))
             for _ in range(count):
                 at, frame = _append(rows, piece, count, at, frame)
         return cls(*map(np.array, zip(*rows, strict=True)))
@@ -201,8 +192,7 @@ class Centreline(ReadOnly):
     @cached_property
     def ends(self) -> FloatArray:
         """Distance of the end of each piece from the start, along the line, shape (M,) [m]."""
-        total: FloatArray = read_only(np.cumsum(self.length))
-        return total
+        return np.asarray(read_only(np.cumsum(self.length)))
 
     @property
     def total(self) -> float:
@@ -222,11 +212,11 @@ class Centreline(ReadOnly):
         along the line are 2 r or more apart in space: the chord between closer places is not normal to the line at
         both. The reach is 0 for a line that crosses itself, and for a line that would need too many samples.
         """
-        least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_SAMPLES))
+        least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_PIECES))
         longest = min(self.total, 1.0 / float(self.curvature.max())) if self.curvature.any() else self.total
         reach = (1.0 - SAMPLED) * longest
         while reach > least and not self._is_apart(reach):
-            reach *= LESS
+            reach *= 0.8
         return reach if reach > least else 0.0
 
     def _is_apart(self, reach: float) -> bool:
@@ -241,15 +231,6 @@ class Centreline(ReadOnly):
         # Pairs are counted, not listed: a line that often returns to itself has more pairs than memory can hold.
         of_neighbours = sum(int((np.linalg.norm(places[k:] - places[:-k], axis=1) <= near).sum()) for k in beside)
         return int(tree.count_neighbors(tree, near)) == count + 2 * of_neighbours
-
-    @property
-    def mirrored(self) -> Centreline:
-        """The same line, starting from the other end."""
-        ends, tangents = self._run(np.arange(len(self.length)), self.length)
-        turn = (self.curvature * self.length)[:, None]
-        normal = np.cos(turn) * self.normal - np.sin(turn) * self.tangent
-        arrays = (ends, -tangents, normal, self.curvature, self.length)
-        return Centreline(*(array[::-1] for array in arrays))
 
     def at(self, along: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return points and unit tangents at distances of shape (...) from the start [m], each of shape (..., 3)."""
@@ -268,9 +249,8 @@ class Centreline(ReadOnly):
         safe = np.where(bent, kappa, 1.0)
         ahead = np.where(bent, np.sin(turn) / safe, way)[..., None]
         aside = np.where(bent, (1.0 - np.cos(turn)) / safe, 0.0)[..., None]
-        points: FloatArray = self.start[k] + ahead * self.tangent[k] + aside * self.normal[k]
-        tangents: FloatArray = np.cos(turn)[..., None] * self.tangent[k] + np.sin(turn)[..., None] * self.normal[k]
-        return points, tangents
+        tangents = np.cos(turn)[..., None] * self.tangent[k] + np.sin(turn)[..., None] * self.normal[k]
+        return self.start[k] + ahead * self.tangent[k] + aside * self.normal[k], tangents
 
 
 def _append(
@@ -296,8 +276,7 @@ def _append(
 
 
 def _require_pieces(pieces: Any) -> None:
-    if not isinstance(pieces, list | tuple):
-        raise ValueError(f"pieces: got {type(pieces).__name__}, must be a list of Straight and Bend")
+    arguments.instance("pieces", pieces, list | tuple, "a list of Straight and Bend")
     if not pieces:
         raise ValueError("pieces: got none, must be at least one Straight or Bend")
     if len(pieces) > MOST_PIECES:
@@ -321,8 +300,7 @@ def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
 def _biarcs(places: FloatArray, tangents: FloatArray) -> tuple[FloatArray, ...]:
     """Return start, tangent, normal, curvature and length of the arcs through places (S, 3) with unit tangents."""
     rows = []
-    for k in range(len(places) - 1):
-        p, q, t, u = places[k], places[k + 1], tangents[k], tangents[k + 1]
+    for (p, q), (t, u) in zip(pairwise(places), pairwise(tangents), strict=True):
         meet, across = _joint(p, q, t, u)
         rows += [_arc(p, t, meet), _arc(meet, across, q)]
     turn = max(row[3] * row[4] for row in rows)
@@ -350,7 +328,7 @@ def _arc(p: FloatArray, t: FloatArray, q: FloatArray) -> tuple[FloatArray, Float
     aside = v - ahead * t
     side = float(np.linalg.norm(aside))
     half = float(np.arctan2(side, ahead))  # half the angle of the turn
-    if half < MIN_ARC_ANGLE:
+    if half < ROUNDING:
         return p, t, _any_normal(t), 0.0, ahead
     chord = float(np.linalg.norm(v))
     return p, t, aside / side, 2.0 * np.sin(half) / chord, chord * half / np.sin(half)

@@ -24,7 +24,7 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.worlds.base import World
-from worm3d.worlds.kernels import Formula
+from worm3d.worlds.kernels import Formula, rows
 from worm3d.worlds.plane import Plane
 
 
@@ -96,7 +96,6 @@ def _function() -> ca.Function:
     side = ca.if_else(a < b, slope, face)
     across = ca.cross(slope, face) / ca.sqrt(1.0 - c**2)
     m = ca.cross(across, away / d)
+    g, n = ca.if_else(behind, -d, ca.fmin(a, b)), ca.if_else(behind, away / d, side)
     H = ca.if_else(behind, -m @ m.T / d, ca.SX.zeros(3, 3))
-    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
-    rows = ca.vertcat(ca.if_else(behind, -d, ca.fmin(a, b)), ca.if_else(behind, away / d, side), upper, 1.0)
-    return ca.Function("foot", [x, given], [ca.densify(rows)])
+    return ca.Function("foot", [x, given], [rows(g, n, H, 1.0)])

@@ -21,10 +21,7 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.worlds.base import World
-from worm3d.worlds.kernels import Formula
-
-ON_AXIS = 1e-30
-"""Square of the distance below which a point on the axis of the bottom has no direction to the bottom [m^2]."""
+from worm3d.worlds.kernels import ON_AXIS, Formula, rows
 
 
 @documented
@@ -38,6 +35,9 @@ class Groove(World, name="groove"):
         A value out of range.
     """
 
+    uneven = False
+    """A worm without friction comes to rest on the bottom, at any place along the groove."""
+
     wall: float = parameter(
         np.pi / 4, meaning="angle of its walls with the horizontal", unit="rad", ge=0, lt=np.pi / 2, key="wall_deg"
     )
@@ -47,11 +47,6 @@ class Groove(World, name="groove"):
 
     def __post_init__(self) -> None:
         check(self)
-
-    @property
-    def uneven(self) -> bool:
-        """False: a worm without friction comes to rest on the bottom, at any place along the groove."""
-        return False
 
     @property
     def left(self) -> FloatArray:
@@ -67,8 +62,7 @@ class Groove(World, name="groove"):
         y, r = np.abs(places @ self.left), self.bottom
         on_bottom = r - np.sqrt(np.maximum(r * r - y * y, 0.0))
         on_wall = r + (y * np.sin(self.wall) - r) / np.cos(self.wall)
-        height: FloatArray = np.where(y < r * np.sin(self.wall), on_bottom, on_wall)
-        return height
+        return np.where(y < r * np.sin(self.wall), on_bottom, on_wall)
 
 
 @cache
@@ -85,5 +79,4 @@ def _function() -> ca.Function:
     n = ca.vertcat(side * across[0] * left, across[1])
     t = ca.vertcat(-side * across[1] * left, across[0])
     H = -ca.if_else(on_bottom, 1.0 / away, 0.0) * t @ t.T
-    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
-    return ca.Function("groove", [x, given], [ca.densify(ca.vertcat(g, n, upper, grip))])
+    return ca.Function("groove", [x, given], [rows(g, n, H, grip)])

@@ -18,15 +18,6 @@ from worm3d.worlds import heightfield_kernel, kernels, terrain
 from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
-EDGE_NODES = 14
-"""Number of nodes added on each side, at the height of the edge: the spline is level there to single precision."""
-
-BYTES_PER_HEIGHT = 64.0
-"""Memory for the tables of each height, and for computing the tables [byte]."""
-
-MAX_FOOT_HEIGHT = 4.0
-"""Height above the surface up to which `Heightfield.distance` is the distance to the foot point, in cells."""
-
 
 @dataclass(frozen=True, eq=False)
 class Heightfield(World, ReadOnly):
@@ -61,9 +52,8 @@ class Heightfield(World, ReadOnly):
         self._keep("heights", self.heights)
         if self.heights.ndim != 2 or min(self.heights.shape) < 4:
             raise ValueError(f"heights: got shape {self.heights.shape}, must be (A, B) with at least 4 along each side")
-        require_room(
-            "heights", BYTES_PER_HEIGHT * self.heights.size, f"{self.heights.size:.3g} of them", "a wider spacing"
-        )
+        size = self.heights.size
+        require_room("heights", 64.0 * size, f"{size:.3g} of them", "a wider spacing")  # bytes of the tables
         arguments.number("spacing", self.spacing, "m", gt=0.0)
         object.__setattr__(self, "origin", tuple(arguments.array("origin", self.origin, (2,)).tolist()))
         self._keep("grip", self.grip)
@@ -151,51 +141,38 @@ class Heightfield(World, ReadOnly):
         return self.origin[1] + self.spacing * np.arange(float(self.heights.shape[1]))
 
     @cached_property
-    def _tables(self) -> tuple[FloatArray, FloatArray]:
-        """Coefficients of the spline, in spacings, and grips, each with `EDGE_NODES` more nodes all around."""
+    def _tables(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients of the spline, upper bound of the surface in each cell, both in spacings, and grips.
+
+        There are more nodes all around, at the height of the edge. A bound is the largest coefficient about a cell.
+        """
         import scipy  # slow to import, and rarely needed
 
         grips = np.broadcast_to(self.grip, self.heights.shape)
-        padded = np.pad(self.heights / self.spacing, EDGE_NODES, mode="edge")
+        padded = np.pad(self.heights / self.spacing, kernels.SPLINE_PADDING, mode="edge")
         coefficients = np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3))
-        return coefficients, np.pad(grips, EDGE_NODES, mode="edge")
-
-    @cached_property
-    def _tops(self) -> FloatArray:
-        """Return an upper bound of the surface in each cell: the largest coefficient about the cell."""
-        import scipy  # slow to import, and rarely needed
-
-        tops: FloatArray = scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1)
-        return np.ascontiguousarray(tops)
+        tops = np.ascontiguousarray(scipy.ndimage.maximum_filter(coefficients, size=4, origin=-1))
+        return coefficients, tops, np.pad(grips, kernels.SPLINE_PADDING, mode="edge")
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, with foot points for points less than `band` cells above a cell's upper bound."""
-        first = np.asarray(self.origin) - EDGE_NODES * self.spacing
-        (coefficients, grips), tops = self._tables, self._tops
-        parameters = [
-            *kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data),
-            *coefficients.shape,
-            *first,
-            self.spacing,
-            band,
-        ]
-        code = kernels.by_hand(heightfield_kernel.heightfield)
-        return WorldKernel(code.address, np.array(parameters, dtype=float), (code, coefficients, tops, grips))
+        first = np.asarray(self.origin) - kernels.SPLINE_PADDING * self.spacing
+        coefficients, tops, grips = self._tables
+        places = kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data)
+        parameters = [*places, *coefficients.shape, *first, self.spacing, band]
+        return kernels.kernel_by_hand(heightfield_kernel.heightfield, parameters, (coefficients, tops, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        distance: FloatArray = looked_up(self.kernel(MAX_FOOT_HEIGHT), points)[0]
-        return distance
+        """Return the signed distance of points of shape (..., 3), from foot points up to 4 cells above, (...,) [m]."""
+        return np.asarray(looked_up(self.kernel(4.0), points)[0])
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
         import scipy  # slow to import, and rarely needed
 
-        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE_NODES
-        found: FloatArray = scipy.ndimage.map_coordinates(
-            self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest"
-        )
-        return self.spacing * found.reshape(np.shape(places)[:-1])
+        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + kernels.SPLINE_PADDING
+        found = scipy.ndimage.map_coordinates(self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest")
+        return self.spacing * np.reshape(found, np.shape(places)[:-1])
 
     @property
     def uneven(self) -> bool:
@@ -208,7 +185,7 @@ class Heightfield(World, ReadOnly):
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity where it points downwards, else 0, shape (3,) [m/s^2]."""
-        return np.array(gravity, dtype=float) if gravity[2] < 0.0 else np.zeros(3)
+        return super().pressing(gravity) if gravity[2] < 0.0 else np.zeros(3)
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
@@ -221,11 +198,11 @@ class Heightfield(World, ReadOnly):
             The tail or the head would lie beyond the grid.
         """
         ends = position + along[[0, -1], None] * [np.cos(azimuth), np.sin(azimuth)]
-        corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
-        if (ends < corners[0]).any() or (ends > corners[1]).any():
+        low, high = [float(self.x[0]), float(self.y[0])], [float(self.x[-1]), float(self.y[-1])]
+        if (ends < low).any() or (ends > high).any():
             raise ValueError(
                 f"position: got {position.tolist()!r} m, the worm would reach to {ends[1].tolist()!r} m, beyond the "
-                f"terrain, which spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
+                f"terrain, which spans {low!r} to {high!r} m"
             )
         return super().placed(along, clearance, position, azimuth)
 

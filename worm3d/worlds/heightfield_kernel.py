@@ -32,19 +32,10 @@ CONTACT = 0.05
 """Height above all coefficients about a cell, and so above the cell's surface, up to which a worm's contacts get the
 foot point, in cells; the value of the parameter in a simulation."""
 
-MAX_FOOT_ITERATIONS = 20
-"""Largest number of Newton iterations for a foot point."""
-
 CLOSE = 1e-5
 """Step of the foot below which an iteration is the last, in cells; the last iteration takes the surface from a Taylor
 series. The errors of foot and normal are about the square of this step, and the error of the distance is about the
 third power."""
-
-ROWS_IN, ROWS_OUT = 3 + 12, 11
-"""Rows of the inputs: point; addresses of coefficients, of the largest coefficient about each cell, and of grips (2
-each), nodes along x and y, first x and y, spacing, `CONTACT`. Rows of the outputs."""
-
-_COEFFICIENTS, _TOPS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 13, 14
 
 
 @inner
@@ -75,7 +66,7 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) 
     """Return whether Newton's method found a foot (WH1), the foot's place and the surface there, all in cells."""
     u, v, at = x, y, begin
     gap = (z - at[0]) ** 2
-    for _ in range(MAX_FOOT_ITERATIONS):
+    for _ in range(20):
         up = z - at[0]
         r_u, r_v = x - u + up * at[1], y - v + up * at[2]
         uu, uv, vv = 1.0 + at[1] * at[1] - up * at[3], at[1] * at[2] - up * at[4], 1.0 + at[2] * at[2] - up * at[5]
@@ -110,12 +101,8 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
     """Return height and slopes from the nearest coefficients alone."""
     i, s = kernels.cell(u, coefficients.shape[0])
     j, t = kernels.cell(v, coefficients.shape[1])
-    here, ahead, left, both = (
-        coefficients[i, j],
-        coefficients[i + 1, j],
-        coefficients[i, j + 1],
-        coefficients[i + 1, j + 1],
-    )
+    here, ahead = coefficients[i, j], coefficients[i + 1, j]
+    left, both = coefficients[i, j + 1], coefficients[i + 1, j + 1]
     h_u, h_v = (1.0 - t) * (ahead - here) + t * (both - left), (1.0 - s) * (left - here) + s * (both - ahead)
     return here + s * (ahead - here) + t * ((1.0 - s) * (left - here) + s * (both - ahead)), h_u, h_v, 0.0, 0.0, 0.0
 
@@ -124,15 +111,14 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
 def look(coefficients: FloatArray, tops: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
     """Return distance, normal and curvature at a point, with the spacing as unit."""
     if z > tops[kernels.cell(x, tops.shape[0])[0], kernels.cell(y, tops.shape[1])[0]] + contact:
-        rough = _rough(coefficients, x, y)
-        size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
-        return _level(rough, (z - rough[0]) / size, size)
-    below = height(coefficients, x, y)
-    found, u, v, at = foot(coefficients, x, y, z, below)
-    size = np.sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
-    away = (z - at[0] - at[1] * (x - u) - at[2] * (y - v)) / size
-    if found and away * (z - below[0]) >= 0.0:
-        return _curved(at, away, size)
+        below = _rough(coefficients, x, y)
+    else:
+        below = height(coefficients, x, y)
+        found, u, v, at = foot(coefficients, x, y, z, below)
+        size = np.sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
+        away = (z - at[0] - at[1] * (x - u) - at[2] * (y - v)) / size
+        if found and away * (z - below[0]) >= 0.0:
+            return _curved(at, away, size)
     size = np.sqrt(1.0 + below[1] * below[1] + below[2] * below[2])
     return _level(below, (z - below[0]) / size, size)
 
@@ -176,17 +162,20 @@ def grip_at(grips: FloatArray, u: float, v: float) -> float:
 def heightfield(
     inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int
 ) -> int:
-    """Evaluate `count` points; the kernel of `Heightfield`."""
-    if rows_in != ROWS_IN or rows_out != ROWS_OUT or not 0 <= count <= min(lanes_in, lanes_out):
+    """Evaluate `count` points; the kernel of `Heightfield`.
+
+    Rows of the inputs after the point: addresses of coefficients, of the largest coefficient about each cell, and of
+    grips (2 each), nodes along x and y, first x and y, spacing, `CONTACT`.
+    """
+    if rows_in != 15 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
-    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     if count == 0:
         return SHAPES_FIT
-    nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0])
-    coefficients = kernels.doubles(kernels.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
-    tops = kernels.doubles(kernels.address(p[_TOPS, 0], p[_TOPS + 1, 0]), nodes[0], nodes[1])
-    grips = kernels.doubles(kernels.address(p[_GRIPS, 0], p[_GRIPS + 1, 0]), nodes[0], nodes[1])
-    first_x, first_y, spacing, contact = p[_FIRST, 0], p[_FIRST + 1, 0], p[_SPACING, 0], p[_CONTACT, 0]
+    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
+    along_x, along_y = int(p[9, 0]), int(p[10, 0])
+    coefficients, tops = kernels.table(p, 3, along_x, along_y), kernels.table(p, 5, along_x, along_y)
+    grips = kernels.table(p, 7, along_x, along_y)
+    first_x, first_y, spacing, contact = p[11, 0], p[12, 0], p[13, 0], p[14, 0]
     share = 1.0 / spacing
     for k in range(count):
         if kernels.repeats(p, k):

@@ -45,14 +45,14 @@ Jet = tuple[float, float, float, float, float, float, float, float, float, float
 WORLD_ROWS = 11
 """Number of rows of the outputs: distance, gradient (3), Hessian (6), grip."""
 
+SPLINE_PADDING = 14
+"""Number of nodes added on each side of a grid, so that the ends of its spline have no effect to single precision."""
+
+ON_AXIS = 1e-30
+"""Square of the distance below which a point on an axis has no direction to the wall around [m^2]."""
+
 LANES = 8
 """Number of doubles in the widest vector of any processor."""
-
-OPTIMISATION = 3
-"""Optimisation level of hand-written kernels; a lower one doubles the time of a look-up."""
-
-HALF = 32
-"""Bits of an address in one parameter."""
 
 
 @dataclass(frozen=True)
@@ -82,29 +82,46 @@ def kernel(function: ca.Function) -> Kernel:
 @cache
 def by_hand(function: Callable[..., int]) -> Any:
     """Return a compiled hand-written kernel from a cache; the kernel has an `address`."""
-    return cfunc(function, OPTIMISATION)
+    return cfunc(function, optimisation=3)  # a lower level doubles the time of a look-up
+
+
+def kernel_by_hand(function: Callable[..., int], parameters: list[float], owned: object) -> WorldKernel:
+    """Return the compiled world of a hand-written kernel, with its parameters and what has to stay in memory."""
+    code = by_hand(function)
+    return WorldKernel(code.address, np.array(parameters, dtype=float), (code, owned))
 
 
 def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:
     """Return the rows of a compiled world at points of shape (..., 3), shape (11, ...)."""
     places = np.asarray(points, dtype=float).reshape(-1, 3)
     lanes = -(-max(len(places), 1) // LANES) * LANES
-    inputs = np.zeros((3 + len(kernel.parameters), lanes))
-    inputs[:3, : len(places)], inputs[3:] = places.T, kernel.parameters[:, None]
-    outputs = np.zeros((WORLD_ROWS, lanes))
+    inputs, outputs = inputs_of(kernel, lanes), np.zeros((WORLD_ROWS, lanes))
+    inputs[:3, : len(places)] = places.T
     evaluate(kernel.address, inputs, outputs, len(places))
     return outputs[:, : len(places)].reshape(WORLD_ROWS, *np.shape(points)[:-1])
 
 
+def inputs_of(kernel: WorldKernel, lanes: int) -> FloatArray:
+    """Return the inputs of a compiled world for points at the origin, shape (3 + m, lanes)."""
+    inputs = np.zeros((3 + len(kernel.parameters), lanes))
+    inputs[3:] = kernel.parameters[:, None]
+    return inputs
+
+
+def rows(g: ca.SX, n: ca.SX, H: ca.SX, grip: ca.SX | float) -> ca.SX:
+    """Return a world's rows from distance, gradient (3), Hessian (3, 3) and multiplier."""
+    return ca.densify(ca.vertcat(g, n, H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2], grip))
+
+
 def halves(*places: int) -> list[float]:
     """Return addresses as two parameters each; the memory there has to outlive the kernel."""
-    return [float(half) for place in places for half in (place >> HALF, place & ((1 << HALF) - 1))]
+    return [float(half) for place in places for half in divmod(place, 2**32)]
 
 
 @inner
 def address(high: float, low: float) -> int:
     """Return the address with these halves."""
-    return (int(high) << HALF) + int(low)
+    return (int(high) << 32) + int(low)
 
 
 @inner
@@ -112,6 +129,12 @@ def doubles(at: int, rows: int, columns: int) -> FloatArray:
     """Return the matrix at an address, not a copy."""
     found: FloatArray = carray(doubles_at(at), (rows, columns))
     return found
+
+
+@inner
+def table(points: FloatArray, row: int, rows: int, columns: int) -> FloatArray:
+    """Return the matrix whose address is in two rows of the inputs of a kernel, not a copy."""
+    return doubles(address(points[row, 0], points[row + 1, 0]), rows, columns)
 
 
 @inner
@@ -125,12 +148,8 @@ def singles(at: int, count: int) -> NDArray[np.float32]:
 def cubic(t: float) -> tuple[Weights, Weights, Weights]:
     """Return the weights of (WS1) and their first and second derivatives with respect to t."""
     r = 1.0 - t
-    value = (
-        r * r * r / 6.0,
-        (t * t * (t - 2.0) + 4.0 / 3.0) / 2.0,
-        (r * r * (r - 2.0) + 4.0 / 3.0) / 2.0,
-        t * t * t / 6.0,
-    )
+    before, after = (t * t * (t - 2.0) + 4.0 / 3.0) / 2.0, (r * r * (r - 2.0) + 4.0 / 3.0) / 2.0
+    value = (r * r * r / 6.0, before, after, t * t * t / 6.0)
     first = (-0.5 * r * r, 0.5 * t * (3.0 * t - 4.0), 0.5 * r * (4.0 - 3.0 * r), 0.5 * t * t)
     return value, first, (r, 3.0 * t - 2.0, 3.0 * r - 2.0, t)
 
@@ -148,11 +167,10 @@ def cell(place: float, nodes: int) -> tuple[int, float]:
 @inner
 def repeats(points: FloatArray, k: int) -> bool:
     """Return whether a point equals the point before, as in lanes that only fill a vector."""
-    if k == 0:
-        return False
-    return bool(
-        points[0, k] == points[0, k - 1] and points[1, k] == points[1, k - 1] and points[2, k] == points[2, k - 1]
-    )
+    same = k > 0
+    for d in range(3):
+        same = same and points[d, k] == points[d, k - 1]
+    return same
 
 
 @inner

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -21,9 +21,6 @@ from worm3d.worlds.sampled import MOST_NODES, NODES, Grid, GridWorld, coarsened
 
 VERSION = b"worm3d grid 3"
 """Version of the grids that `mesh_distance.filled` computes; stored grids of another version are not read."""
-
-MAX_STORED_GRIDS = 20
-"""Largest number of grids on disk; the oldest are removed."""
 
 _HEAD = struct.Struct("<3q4d")
 """Layout of the numbers before a grid on disk: nodes along each axis, first node, cell."""
@@ -81,21 +78,21 @@ class Mesh(GridWorld):
             arguments.number("cell", self.cell, "m", gt=0.0)
         object.__setattr__(self, "position", tuple(arguments.array("position", self.position, (3,)).tolist()))
         arguments.number("grip", self.grip, ge=0.0)
-        object.__setattr__(self, "grid", self._grid())
+        grid = self._grid()
+        object.__setattr__(self, "grid", replace(grid, first=grid.first + self.position))
 
     def _grid(self) -> Grid:
-        """Return the grid, from disk if stored there."""
+        """Return the grid of the file, from disk if stored there."""
         path = Path(self.path)
         data, scale = mesh_file.content(path), mesh_file.scale_of(path, self.units)
         asked = f"{path.suffix.lower()} {scale!r} {self.up} {self.cell!r}".encode()
         key = hashlib.sha256(b"\0".join([VERSION, asked, data])).hexdigest()
-        folder = _folder()
-        kept = disk.load(folder, key)
+        kept = disk.load(_folder(), key)
         if kept is not None:
             return _unpacked(kept)
         vertices, faces = self._triangles(path, data, scale)
         grid = mesh_distance.filled(vertices, faces, self._cell(path.name, vertices))
-        disk.store(folder, key, _packed(grid), most=MAX_STORED_GRIDS)
+        disk.store(_folder(), key, _packed(grid), most=20)
         return grid
 
     def _triangles(self, path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArray]:
@@ -123,11 +120,6 @@ class Mesh(GridWorld):
         path = Path(self.path)
         vertices, faces = self._triangles(path, mesh_file.content(path), mesh_file.scale_of(path, self.units))
         return vertices + self.position, faces
-
-    @property
-    def first(self) -> FloatArray:
-        """Place of the grid's first node, shape (3,) [m]."""
-        return np.asarray(self.grid.first + self.position)
 
     @property
     def side(self) -> float:

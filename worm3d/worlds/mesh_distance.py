@@ -20,21 +20,8 @@ from worm3d.worlds.sampled import FITTED, Grid, fit, node_counts
 
 Vector = tuple[float, float, float]
 
-EXACT_DISTANCE_RANGE = 3.0
-"""Distance from a triangle within which nodes get the exact distance to the triangle, in cells."""
-
 GRID_MARGIN_CELLS = 6
 """Number of cells between the mesh and the edge of its grid."""
-
-PIECE = 8.0
-"""Longest edge of a triangle that is not divided, in cells; the box around a larger triangle might be the whole
-grid."""
-
-PIECES = 256
-"""Largest number of parts of a triangle that wait to be processed."""
-
-UNKNOWN_SQUARED_DISTANCE = 1e30
-"""Value of a squared distance that is not known yet."""
 
 
 def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
@@ -51,47 +38,49 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
 
 
 def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
-    """Return the signed distance of all nodes."""
+    """Return the signed distance of all nodes, exact within three cells of a triangle."""
     import scipy  # slow to import, and rarely needed
 
-    distance, nearest = np.full(size, UNKNOWN_SQUARED_DISTANCE), np.full(size, -1, dtype=np.int32)
-    _near(corners, EXACT_DISTANCE_RANGE, distance, nearest)
+    distance, nearest, sign = _within(corners, 3.0, size)
     unknown = nearest < 0
     owner = scipy.ndimage.distance_transform_edt(unknown, return_distances=False, return_indices=True)
     places = np.flatnonzero(unknown)
     _far(corners, places, nearest[tuple(axis.ravel()[places] for axis in owner)], distance)
-    signed: FloatArray = np.where(_inside(corners, size), -1.0, 1.0) * np.sqrt(distance)
-    return signed
+    return np.asarray(sign * np.sqrt(distance))
 
 
 def _close(corners: FloatArray, size: tuple[int, int, int]) -> tuple[IntArray, FloatArray]:
     """Return the nodes where the spline is fitted, shape (M, 3), and their signed distances, shape (M,)."""
-    distance, nearest = np.full(size, UNKNOWN_SQUARED_DISTANCE), np.full(size, -1, dtype=np.int32)
-    _near(corners, FITTED, distance, nearest)
+    distance, nearest, sign = _within(corners, FITTED, size)
     nodes = np.argwhere(nearest >= 0)
     at = tuple(nodes.T)
-    return nodes, np.where(_inside(corners, size)[at], -1.0, 1.0) * np.sqrt(distance[at])
+    return nodes, sign[at] * np.sqrt(distance[at])
 
 
-def _inside(corners: FloatArray, size: tuple[int, int, int]) -> NDArray[np.bool_]:
-    winding = np.zeros(size, dtype=np.int32)
+def _within(
+    corners: FloatArray, reach: float, size: tuple[int, int, int]
+) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
+    """Return squared distance and number of the nearest triangle within reach (infinity, -1: none), and sign."""
+    distance, nearest, winding = np.full(size, np.inf), np.full(size, -1, np.int32), np.zeros(size, np.int32)
+    _near(corners, reach, distance, nearest)
     _crossings(corners, winding)
-    inside: NDArray[np.bool_] = np.cumsum(winding, axis=0, dtype=np.int32) > 0
-    return inside
+    return distance, nearest, np.where(np.cumsum(winding, axis=0, dtype=np.int32) > 0, -1.0, 1.0)
 
 
 @njit
 def _near(corners: FloatArray, reach: float, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
-    """Write squared distances and triangles of the nodes within reach of each triangle."""
-    pieces = np.empty((PIECES, 3, 3))
+    """Write squared distances and triangles of the nodes within reach of each triangle.
+
+    Triangles with an edge longer than 8 cells are divided: the box around a larger one might be the whole grid.
+    """
+    pieces = np.empty((256, 3, 3))
     for k in range(len(corners)):
-        _copy(pieces, 0, corners, k)
-        count = 1
+        pieces[0], count = corners[k], 1
         while count > 0:
             count -= 1
             edge, longest = _longest_edge(pieces, count)
-            if longest > PIECE**2 and count + 2 <= PIECES:
-                _copy(pieces, count + 1, pieces, count)
+            if longest > 8.0**2 and count + 2 <= len(pieces):
+                pieces[count + 1] = pieces[count]
                 for d in range(3):
                     middle = 0.5 * (pieces[count, edge, d] + pieces[count, (edge + 1) % 3, d])
                     pieces[count, edge, d] = pieces[count + 1, (edge + 1) % 3, d] = middle
@@ -101,20 +90,12 @@ def _near(corners: FloatArray, reach: float, distance: FloatArray, nearest: NDAr
 
 
 @inner
-def _copy(to: FloatArray, i: int, source: FloatArray, j: int) -> None:
-    for e in range(3):
-        for d in range(3):
-            to[i, e, d] = source[j, e, d]
-
-
-@inner
 def _longest_edge(pieces: FloatArray, i: int) -> tuple[int, float]:
     """Return the corner where the longest edge of a piece begins, and the square of its length."""
     edge, longest = 0, 0.0
     for e in range(3):
-        length = 0.0
-        for d in range(3):
-            length += (pieces[i, e, d] - pieces[i, (e + 1) % 3, d]) ** 2
+        side = _minus(_corner(pieces, i, e), _corner(pieces, i, (e + 1) % 3))
+        length = _dot(side, side)
         if length > longest:
             edge, longest = e, length
     return edge, longest
@@ -174,6 +155,11 @@ def _dot(a: Vector, b: Vector) -> float:
 
 
 @inner
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inner
 def _to_segment(p: Vector, a: Vector, edge: Vector) -> float:
     """Return the squared distance of a point to a segment."""
     away, length = _minus(p, a), _dot(edge, edge)
@@ -186,7 +172,7 @@ def _to_segment(p: Vector, a: Vector, edge: Vector) -> float:
 def _to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
     """Return the squared distance of a point to a triangle: to the plane above it, else to the nearest edge."""
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
-    n = ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]
+    n = _cross(ab, bc)
     area = _dot(n, n)
     if area > 0.0 and _left(p, a, ab, n) and _left(p, b, bc, n) and _left(p, c, ca, n):
         return _dot(_minus(p, a), n) ** 2 / area
@@ -196,22 +182,15 @@ def _to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
 @inner
 def _left(p: Vector, a: Vector, edge: Vector, n: Vector) -> bool:
     """Return whether a point lies on the triangle's side of an edge."""
-    x, y, z = _minus(p, a)
-    cross = edge[1] * z - edge[2] * y, edge[2] * x - edge[0] * z, edge[0] * y - edge[1] * x
-    return _dot(cross, n) >= 0.0
+    return _dot(_cross(edge, _minus(p, a)), n) >= 0.0
 
 
 @inner
 def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, float]:
     """Return the sense of the turn from the first point to the second about 0, ties broken, and twice the area."""
     area = y_1 * x_2 - x_1 * y_2
-    if area != 0.0:
-        return (1 if area > 0.0 else -1), area
-    if y_2 != y_1:
-        return (1 if y_2 > y_1 else -1), area
-    if x_1 != x_2:
-        return (1 if x_1 > x_2 else -1), area
-    return 0, area
+    tie = y_2 - y_1 if y_2 != y_1 else x_1 - x_2
+    return int(np.sign(area if area != 0.0 else tie)), area
 
 
 @njit

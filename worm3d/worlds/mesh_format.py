@@ -1,4 +1,4 @@
-"""Checks of the bytes of an OBJ or GLB file before the file is read, so that a refusal names the cause.
+"""Checks of the bytes of an STL, OBJ or GLB file before the file is read, so that a refusal names the cause.
 
 GLB: Khronos Group, glTF 2.0 Specification, section 4: a header (magic, version, length), a chunk of JSON, one of data.
 """
@@ -11,19 +11,14 @@ from typing import Any
 MAGIC = {b"glTF": "a GLB file", b"ply\n": "a PLY file", b"ply\r": "a PLY file", b"PK\x03\x04": "a zip file"}
 """Kind of a file by its first four bytes."""
 
-GLB_HEADER, CHUNK_HEADER = 12, 8
-"""Sizes of headers in a GLB file [byte]."""
-
-STRIPS = 4
-"""Smallest mode of a glTF primitive made of triangles: 4 means triangles, 5 and 6 mean triangle strips and fans."""
-
 HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
 """Prefixes of names of glTF extensions that change no shape."""
 
 
-def wrong(suffix: str, data: bytes) -> str:
-    """Return the fault in the bytes of a file with a suffix, and the remedy, as text; empty if no fault is found."""
-    return {".obj": _wrong_obj, ".glb": _wrong_glb}.get(suffix, lambda _: "")(data)
+def wrong(kind: str, data: bytes) -> str:
+    """Return the fault in the bytes of a file of a kind, and the remedy, as text; empty if no fault is found."""
+    checks = {"stl": _wrong_stl, "obj": _wrong_obj, "glb": _wrong_glb}
+    return checks[kind](data) if kind in checks else ""
 
 
 def as_utf8(data: bytes) -> bytes:
@@ -33,6 +28,15 @@ def as_utf8(data: bytes) -> bytes:
     except UnicodeDecodeError:
         return data.decode("latin-1").encode()
     return data
+
+
+def _wrong_stl(data: bytes) -> str:
+    expected = 84 + 50 * int.from_bytes(data[80:84], "little")  # a header and the triangles
+    if data.lstrip()[:5].lower() == b"solid" and len(data) != expected:
+        return "" if b"endsolid" in data.lower() else "truncated: its text has no 'endsolid'; export it again"
+    if len(data) != expected:
+        return f"truncated or no STL: got {len(data)} bytes where its header tells of {expected}; export it again"
+    return ""
 
 
 def _wrong_obj(data: bytes) -> str:
@@ -47,15 +51,14 @@ def _wrong_obj(data: bytes) -> str:
 def _wrong_glb(data: bytes) -> str:
     if data.lstrip()[:1] == b"{":
         return "glTF as text, must be a binary GLB file; export it as .glb"
-    if data[:4] != b"glTF" or len(data) < GLB_HEADER + CHUNK_HEADER:
+    begin = 20  # after the header of the file (12 bytes) and that of the first part (8), which tells its size
+    if data[:4] != b"glTF" or len(data) < begin:
         return "no GLB file: it does not begin with 'glTF'; give it the extension of its format, or export it as GLB"
-    version, length = (int.from_bytes(data[k : k + 4], "little") for k in (4, 8))
+    version, length, size = (int.from_bytes(data[k : k + 4], "little") for k in (4, 8, 12))
     if version != 2:
         return f"got version {version} of glTF, must be 2; export it again"
     if length > len(data):
         return f"truncated: got {len(data)} bytes where its header tells of {length}; export it again"
-    size = int.from_bytes(data[GLB_HEADER : GLB_HEADER + 4], "little")
-    begin = GLB_HEADER + CHUNK_HEADER
     try:
         said = json.loads(data[begin : begin + size])
     except (ValueError, RecursionError):
@@ -72,7 +75,7 @@ def _wrong_json(said: dict[str, Any]) -> str:
     parts = [part for mesh in _objects(said, "meshes") for part in _objects(mesh, "primitives")]
     if not parts:
         return "no mesh in it, only a scene without shapes; export it with its meshes"
-    if not any(part.get("mode", STRIPS) in range(STRIPS, STRIPS + 3) for part in parts):
+    if not any(part.get("mode", 4) in (4, 5, 6) for part in parts):  # triangles, strips and fans of triangles
         return "no triangles in it, only points or lines; export its surface"
     if not all("POSITION" in part["attributes"] for part in parts if isinstance(part.get("attributes"), dict)):
         return "a mesh in it has no positions (POSITION); export it again"

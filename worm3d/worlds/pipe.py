@@ -15,7 +15,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import kernels, pipe_table
 from worm3d.worlds.base import World
-from worm3d.worlds.centreline import Centreline
+from worm3d.worlds.centreline import ROUNDING, Centreline
 from worm3d.worlds.kernels import Formula, WorldKernel
 from worm3d.worlds.pipe_formula import Bends, piece, pipe, place
 from worm3d.worlds.plane import Patch, patches_of
@@ -27,15 +27,6 @@ Form = tuple[Bends, int, bool, bool]
 MOST_GIVEN = 8
 """Largest number of pieces of a centre line that one formula compares; the nearest of more pieces is looked up in a
 table."""
-
-CERTAIN = 1e-12
-"""Distance from a plane at which rounding cannot change the side, as a fraction of the line's extent plus 1 m."""
-
-PLACES = 2_000_000
-"""Number of pairs of place and piece whose distances are computed at once."""
-
-BENT = 1e-9
-"""Slack in comparing places along the pipe [m]."""
 
 STEEP = np.deg2rad(60.0)
 """Slope beyond which a worm on a stretch is put on the centre line, not on the bottom [rad]."""
@@ -88,10 +79,9 @@ class Pipe(World, ReadOnly):
     ) -> None:
         line = centreline if isinstance(centreline, Centreline) else Centreline.through(centreline)
         wide = radius if isinstance(radius, Profile) else arguments.number("radius", radius, "m", gt=0.0)
-        given = {"start_wall": start_wall, "end_wall": end_wall}
-        walls = {name: arguments.flag(name, wall) for name, wall in given.items()}
-        for name, value in {"centreline": line, "radius": wide, "patches": patches_of(patches), **walls}.items():
-            object.__setattr__(self, name, value)
+        walls = {"start_wall": start_wall, "end_wall": end_wall}
+        vars(self).update({name: arguments.flag(name, wall) for name, wall in walls.items()})
+        vars(self).update(centreline=line, radius=wide, patches=patches_of(patches))
         if any(np.isfinite(patch.across).any() for patch in self.patches):
             raise ValueError("patches: got an `across`; in a pipe a patch goes all the way round, give `along` only")
         self._require_room_in_bends()
@@ -108,7 +98,7 @@ class Pipe(World, ReadOnly):
                 "pipe, must be below the bend's radius"
             )
         for low, high in self.profile.changes:
-            within = (line.curvature > 0.0) & (low < line.ends - BENT) & (high > begins + BENT)
+            within = (line.curvature > 0.0) & (low < line.ends - ROUNDING) & (high > begins + ROUNDING)
             if within.any():
                 k = int(np.argmax(within))
                 raise ValueError(
@@ -118,12 +108,9 @@ class Pipe(World, ReadOnly):
 
     def _require_straight_ends(self) -> None:
         line = self.centreline
-        for name, closed, k, s in (
-            ("start_wall", self.start_wall, 0, 0.0),
-            ("end_wall", self.end_wall, -1, line.total),
-        ):
-            if closed and (line.curvature[k] > 0.0 or line.length[k] < 2.0 * self.radius_at(s)):
-                wide = 2.0 * self.radius_at(s)
+        for name, k, s in (("start_wall", 0, 0.0), ("end_wall", -1, line.total)):
+            wide = 2.0 * self.radius_at(s)
+            if getattr(self, name) and (line.curvature[k] > 0.0 or line.length[k] < wide):
                 raise ValueError(
                     f"{name}: the pipe must be straight there for at least its diameter, {wide:g} m; add a Straight"
                 )
@@ -153,8 +140,7 @@ class Pipe(World, ReadOnly):
     def _wall(self) -> tuple[Form, FloatArray]:
         """Return the form of the wall, as `pipe` has it, and the parameters of `pipe` after the centre line's."""
         wall = self.profile.pieces()[:1] if self.profile.constant else self.profile.pieces()
-        largest = np.finfo(float).max  # in place of infinity
-        grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
+        grips = [np.nan_to_num([*patch.along, patch.grip]) for patch in self.patches]  # the largest number for infinity
         form = _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall)
         return form, np.concatenate([wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
 
@@ -164,14 +150,10 @@ class Pipe(World, ReadOnly):
         begins = line.ends - line.length
         table = np.column_stack([line.start, line.tangent, line.normal, begins, line.curvature])
         if line.curvature[0] > 0.0:
-            first = table[0].copy()
-            first[10] = 0.0
-            table = np.vstack([first, table])
+            table = np.vstack([[*table[0, :-1], 0.0], table])
         if line.curvature[-1] > 0.0:
-            (end, tangent), last = line.at(line.total), table[-1].copy()
-            last[:3], last[3:6], last[9], last[10] = end, tangent, line.total, 0.0
-            last[6:9] = _normal_to(tangent)
-            table = np.vstack([table, last])
+            end, tangent = line.at(line.total)
+            table = np.vstack([table, [*end, *tangent, *_normal_to(tangent), line.total, 0.0]])
         return table
 
     def kernel(self) -> WorldKernel:
@@ -188,33 +170,31 @@ class Pipe(World, ReadOnly):
         form, parameters = self._wall()
         one, line, reach = kernels.kernel(piece(*form)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
-        pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
-        places = (pieces.ctypes.data, planes.ctypes.data, one.address)
-        own = [pipe_table.NO_PIECE, *kernels.halves(*places), len(line), reach]
-        numbers = np.concatenate([pieces[0], parameters, [reach], own])
-        table = kernels.by_hand(pipe_table.pipe)
-        return WorldKernel(table.address, numbers, (table, one, pieces, planes))
+        certain = 1e-12 * (1.0 + float(np.abs(line[:, :3]).max()))  # beyond this, rounding cannot change the side
+        pieces = np.column_stack([line, _between(planes, certain)])
+        places = kernels.halves(pieces.ctypes.data, planes.ctypes.data, one.address)
+        numbers = [*pieces[0], *parameters, reach, pipe_table.NO_PIECE, *places, len(line), reach]
+        return kernels.kernel_by_hand(pipe_table.pipe, numbers, (one, pieces, planes))
 
     def along(self, points: FloatArray) -> FloatArray:
         """Return distances along the centre line for the places nearest to points (..., 3), shape (...,) [m]."""
         flat, pieces = arguments.array("points", np.reshape(points, (-1, 3)), ("P", 3), least=0), self._pieces()
-        at_once = max(1, PLACES // len(pieces))
+        at_once = max(1, 2_000_000 // len(pieces))  # pairs of place and piece: they have to fit into memory
         found = [_along(flat[k : k + at_once], pieces) for k in range(0, len(flat), at_once)]
         return np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
 
     def course(self, points: FloatArray, joints: FloatArray) -> FloatArray:
         """Return distances of points (K, 3) along the centre line, towards the head of joints (N+1, 3), shape (K,)."""
         tail, head = self.along(joints[[0, -1]])
-        towards: FloatArray = np.sign(head - tail) * self.along(points)
-        return towards
+        return np.asarray(np.sign(head - tail) * self.along(points))
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, in a straight pipe without the component along the pipe, shape (3,) [m/s^2]."""
         if self.uneven:
-            return np.array(gravity, dtype=float)
+            return super().pressing(gravity)
         t = self.centreline.tangent[0]
-        pressing: FloatArray = gravity - (gravity @ t) * t
-        small = float(np.linalg.norm(pressing)) <= 1e-12 * float(np.linalg.norm(gravity))
+        pressing = np.asarray(gravity - (gravity @ t) * t)
+        small = np.linalg.norm(pressing) <= 1e-12 * np.linalg.norm(gravity)
         return np.zeros(3) if small else pressing
 
     def placed(
@@ -238,9 +218,7 @@ class Pipe(World, ReadOnly):
         turned = np.cos(azimuth)
         if abs(turned) < 1.0 - 1e-9:
             raise ValueError(f"azimuth: got {azimuth!r} rad, must be 0 (along the pipe) or pi (back) in a pipe")
-        return _placed_in(
-            self.centreline, self.radius_at, float(np.sign(turned)) * along, float(position[0]), clearance
-        )
+        return _placed_in(self, float(np.sign(turned)) * along, float(position[0]), clearance)
 
 
 def _bent(curvature: FloatArray) -> tuple[bool, ...]:
@@ -259,8 +237,7 @@ def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
     ahead, beyond = (np.sum((points[i] - pieces[n, :3]) * pieces[n, 3:6], axis=1) for n in (k, after))
     between = ((ahead >= 0.0) | (k == 0)) & ((beyond < 0.0) | (k == after))
     order = np.lexsort((np.where(between, square, np.inf), i))
-    found: FloatArray = s[order][np.unique(i[order], return_index=True)[1]]
-    return found
+    return np.asarray(s[order][np.unique(i[order], return_index=True)[1]])
 
 
 def _between(planes: FloatArray, margin: float) -> FloatArray:
@@ -272,39 +249,34 @@ def _between(planes: FloatArray, margin: float) -> FloatArray:
     return np.column_stack([begins, ends])
 
 
-def _placed_in(
-    line: Centreline, radius_at: Callable[[FloatArray], FloatArray], along: FloatArray, tail: float, clearance: float
-) -> tuple[FloatArray, FloatArray]:
+def _placed_in(pipe: Pipe, along: FloatArray, tail: float, clearance: float) -> tuple[FloatArray, FloatArray]:
     """Return joints (N+1, 3) and directors (N, 3); `along` is negative if the head points back."""
-    sample = tail + along
-    narrow = float(np.min(radius_at(sample)))
+    narrow, line = float(np.min(pipe.radius_at(tail + along))), pipe.centreline
     if clearance > narrow:
         raise ValueError(
             f"the pipe is narrower than the worm: a radius of {narrow:.4g} m leaves no room for it; make the pipe "
             "wider, or the worm thinner (half_height, chamber_offset)"
         )
-    steep = bool(np.max(np.abs(line.at(sample)[1][:, 2])) > np.sin(STEEP))
+    steep = bool(np.max(np.abs(line.at(tail + along)[1][:, 2])) > np.sin(STEEP))
 
     def on_path(s: float) -> FloatArray:
         point, tangent = line.at(s)
         if steep:
             return point
         up = UP - tangent[2] * tangent
-        below: FloatArray = point - (radius_at(np.array(s)) - clearance) * up / np.linalg.norm(up)
-        return below
+        return np.asarray(point - (pipe.radius_at(s) - clearance) * up / np.linalg.norm(up))
 
     joints = _spaced(on_path, along, tail)
     edges = np.diff(joints, axis=0)
     tangents = edges / np.linalg.norm(edges, axis=1)[:, None]
-    return joints, _carried(tangents) if steep else _level(tangents)
+    return joints, _carried(tangents) if steep else np.array([_normal_to(t) for t in tangents])
 
 
 def _normal_to(tangent: FloatArray) -> FloatArray:
     """Return a level unit vector normal to a tangent, along y for a vertical tangent, shape (3,)."""
     level = np.cross(UP, tangent)
     size = float(np.linalg.norm(level))
-    normal: FloatArray = level / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
-    return normal
+    return level / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
 
 
 def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: float) -> FloatArray:
@@ -323,10 +295,6 @@ def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: flo
         s = scipy.optimize.brentq(too_far, s, s + reach, xtol=1e-15, rtol=1e-14)
         joints.append(on_path(s))
     return np.array(joints)
-
-
-def _level(tangents: FloatArray) -> FloatArray:
-    return np.array([_normal_to(t) for t in tangents])
 
 
 def _carried(tangents: FloatArray) -> FloatArray:

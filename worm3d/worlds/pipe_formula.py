@@ -46,6 +46,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from worm3d.worlds.kernels import ON_AXIS, rows
+
 Bends = tuple[bool, ...]
 
 PIECE = 11
@@ -60,9 +62,6 @@ WALL = 5
 
 GRIP = 3
 """Numbers of a stretch with another friction: from, to, multiplier."""
-
-ON_AXIS = 1e-30
-"""Square of the distance below which a point on the centre line has no direction to the wall [m^2]."""
 
 OUT_OF_QUESTION = 1e30
 """Squared distance assigned to a piece if the point does not lie between the piece's end planes [m^2]."""
@@ -142,13 +141,6 @@ class _Chain(NamedTuple):
         return found if any(self.bent) else ca.vertcat(found[:-1], 0.0)
 
 
-class _Tube(NamedTuple):
-    surface: Surface
-    s: ca.SX
-    d: ca.SX
-    tangent: ca.SX
-
-
 @cache
 def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
     """Return the rows of a world for a point and the parameters of a pipe.
@@ -157,8 +149,8 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
     a constant radius. The first and the last piece are infinite. `stretches` is the number of stretches with another
     friction. There may be walls across the ends.
     """
-    inputs, rows, _ = _world(bent, bent_walls, stretches, at_start, at_end)
-    return ca.Function("pipe", list(inputs), [rows])
+    x, given, found, _ = _world(bent, bent_walls, stretches, at_start, at_end)
+    return ca.Function("pipe", [x, given], [found])
 
 
 @cache
@@ -170,36 +162,33 @@ def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca
     last.
     """
     inside, reach = ca.SX.sym("between", BETWEEN), ca.SX.sym("reach")
-    (x, given), rows, tube = _world((True,), bent_walls, stretches, at_start, at_end)
+    x, given, found, d = _world((True,), bent_walls, stretches, at_start, at_end)
     begins = ca.dot(x - given[:3], given[3:6]) > inside[0]
     ends = ca.dot(x, inside[1:4]) < inside[4]
-    known = ca.logic_and(ca.logic_and(begins, ends), tube.d < reach)
-    marked = ca.copysign(rows[-1], ca.if_else(known, 1.0, -1.0))
+    known = ca.logic_and(ca.logic_and(begins, ends), d < reach)
+    marked = ca.copysign(found[-1], ca.if_else(known, 1.0, -1.0))
     inputs = ca.vertcat(given[:PIECE], inside, given[PIECE:], reach)
-    return ca.Function("pipe_piece", [x, inputs], [ca.vertcat(rows[:-1], marked)])
+    return ca.Function("pipe_piece", [x, inputs], [ca.vertcat(found[:-1], marked)])
 
 
 def _world(
     bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool
-) -> tuple[tuple[ca.SX, ca.SX], ca.SX, _Tube]:
-    """Return point and parameters, the rows of the world, and the point's place in the pipe."""
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return point and parameters, the rows of the world, and the point's distance from the centre line."""
     x, line = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
     wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
     ends = ca.SX.sym("ends", 2)
-    tube = _tube(x, _Chain(line, bent), _Chain(wall, bent_walls))
-    surface = tube.surface
+    surface, s, d, tangent = _tube(x, _Chain(line, bent), _Chain(wall, bent_walls))
     if at_start:
-        surface = _closed(surface, Surface(tube.s - ends[0], tube.tangent, ca.SX.zeros(3, 3)))
+        surface = _closed(surface, Surface(s - ends[0], tangent, ca.SX.zeros(3, 3)))
     if at_end:
-        surface = _closed(surface, Surface(ends[1] - tube.s, -tube.tangent, ca.SX.zeros(3, 3)))
+        surface = _closed(surface, Surface(ends[1] - s, -tangent, ca.SX.zeros(3, 3)))
     grip = ca.SX(1.0)
     for k in range(stretches):
-        inside = ca.logic_and(tube.s >= grips[0, k], tube.s < grips[1, k])
+        inside = ca.logic_and(s >= grips[0, k], s < grips[1, k])
         grip = ca.if_else(inside, grips[2, k], grip)
-    H = surface.H
-    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
-    rows = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
-    return (x, ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))), rows, tube
+    given = ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))
+    return x, given, rows(*surface, grip), d
 
 
 @cache
@@ -210,7 +199,8 @@ def place() -> ca.Function:
     return ca.Function("place", [x, row], [row[9] + _way(c), _excess(c) ** 2 + c.Z**2])
 
 
-def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
+def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> tuple[Surface, ca.SX, ca.SX, ca.SX]:
+    """Return the wall, the place along the centre line, the distance from that line, and the tangent there."""
     piece = line.nearest(_local, x)
     c, t, n = _local(x, piece), piece[3:6], piece[6:9]
     T, outward = _tangent_and_outward(c, t, n)
@@ -222,7 +212,7 @@ def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
     around, along = ca.cross(T, e), N[1] * T - N[0] * e
     bent = ca.fmin(0.0, ca.dot(normal, outward) * c.kappa / _stretch(c))
     H = -N[1] / d * around @ around.T + ca.fmin(0.0, bulge) * along @ along.T + bent * T @ T.T
-    return _Tube(Surface(g, normal, H), s, d, T)
+    return Surface(g, normal, H), s, d, T
 
 
 def _local(x: ca.SX, piece: ca.SX) -> Local:

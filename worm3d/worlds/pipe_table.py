@@ -31,7 +31,6 @@ TABLE_ROWS = 9
 where the pieces begin (normal and distance from the origin, a row each) and of the formula's kernel (2 each); number of
 pieces; reach [m]."""
 
-_LAST, _PIECES, _PLANES, _KERNEL, _COUNT, _REACH = 0, 1, 3, 5, 7, 8
 _GRIP = kernels.WORLD_ROWS - 1
 
 
@@ -86,17 +85,13 @@ def _square(pieces: FloatArray, k: int, p: FloatArray, lane: int) -> float:
 @inner
 def _nearest(pieces: FloatArray, planes: FloatArray, p: FloatArray, lane: int) -> int:
     """Return the nearest of the pieces between whose end planes a point lies."""
-    last, found, nearest, begun = len(pieces) - 1, -1, -1.0, True
+    last, found, nearest, begun = len(pieces) - 1, -1, 0.0, True
     for k in range(last + 1):
         ended = k < last and _ahead(planes, k + 1, p, lane) >= 0.0
         if begun and not ended:
-            if found < 0:
-                found = k
-            else:
-                nearest = _square(pieces, found, p, lane) if nearest < 0.0 else nearest
-                square = _square(pieces, k, p, lane)
-                if square < nearest:
-                    found, nearest = k, square
+            square = _square(pieces, k, p, lane)
+            if found < 0 or square < nearest:
+                found, nearest = k, square
         begun = ended
     return found
 
@@ -122,10 +117,9 @@ def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> No
 @inner
 def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> bool:
     """Search the pieces of the uncertain points among some lanes; return whether a piece differs from the last one."""
-    count = int(p[own + _COUNT, 0])
-    pieces = kernels.doubles(kernels.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), count, PIECE_ROWS)
-    planes = kernels.doubles(kernels.address(p[own + _PLANES, 0], p[own + _PLANES + 1, 0]), len(pieces), 4)
-    reach, last, changed = p[own + _REACH, 0], own + _LAST, False
+    count = int(p[own + 7, 0])
+    pieces, planes = kernels.table(p, own + 1, count, PIECE_ROWS), kernels.table(p, own + 3, count, 4)
+    reach, last, changed = p[own + 8, 0], own, False
     for lane in range(first, end):
         if signs[lane] >= 0:
             continue
@@ -150,7 +144,7 @@ def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, 
         return SHAPES_FIT
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     given = kernels.doubles(inputs, own, lanes_in)
-    formula, signs = kernels.address(p[own + _KERNEL, 0], p[own + _KERNEL + 1, 0]), _signs(outputs, lanes_out)
+    formula, signs = kernels.address(p[own + 5, 0], p[own + 6, 0]), _signs(outputs, lanes_out)
     evaluate(formula, given, out, count)
     if not _any_negative(signs, count):
         return SHAPES_FIT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -15,7 +15,7 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import read_only
 from worm3d.values.spelling import Spelled
 from worm3d.worlds.base import World
-from worm3d.worlds.kernels import Formula, WorldKernel
+from worm3d.worlds.kernels import Formula, WorldKernel, rows
 
 MOST_PATCHES = 1000
 """Largest number of patches: the formula takes three seconds to compile, and the time grows with the square of the
@@ -43,9 +43,8 @@ class Patch(Spelled):
         for name in ("along", "across"):
             side = arguments.floats(name, getattr(self, name))
             if side.shape != (2,) or not side[0] < side[1]:
-                raise ValueError(
-                    f"{name}: got {arguments.shown(getattr(self, name))}, must be (from, to) with from < to"
-                )
+                given = arguments.shown(getattr(self, name))
+                raise ValueError(f"{name}: got {given}, must be (from, to) with from < to")
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,8 @@ class Plane(World):
     """
 
     flat: ClassVar[bool] = True
+    uneven = False
+    """Gravity across the plane presses the worm, and gravity along the plane does not."""
 
     slope: float = 0.0
     heading: float = 0.0
@@ -73,33 +74,28 @@ class Plane(World):
         arguments.number("heading", self.heading, "rad")
         object.__setattr__(self, "patches", patches_of(self.patches))
 
-    @property
+    @cached_property
     def axes(self) -> FloatArray:
         """Rows: steepest ascent, left of the ascent, and outward normal, shape (3, 3)."""
-        return _axes(self.slope, self.heading)
-
-    @property
-    def uneven(self) -> bool:
-        """False: gravity across the plane presses the worm, and gravity along the plane does not."""
-        return False
+        up, turn = (np.array([np.cos(a), np.sin(a)]) for a in (self.slope, self.heading))
+        ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
+        left = np.array([-turn[1], turn[0], 0.0])
+        return np.asarray(read_only(np.array([ascent, left, np.cross(ascent, left)])))
 
     def symbolic(self) -> Formula:
         """Return the world's rows as a function of a point and parameters, and the parameters."""
-        largest = np.finfo(float).max  # in place of infinity
-        rectangles = [np.clip([*p.along, *p.across], -largest, largest) for p in self.patches]
-        patches = [np.append(rectangle, p.grip) for rectangle, p in zip(rectangles, self.patches, strict=True)]
-        return _function(len(self.patches)), np.concatenate([self.axes.ravel(), *patches])
+        # The largest number takes the place of infinity.
+        patches = [np.nan_to_num([*p.along, *p.across, p.grip]) for p in self.patches]
+        return _function(len(patches)), np.concatenate([self.axes.ravel(), *patches])
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        distance: FloatArray = np.asarray(points) @ self.axes[2]
-        return distance
+        return np.asarray(np.asarray(points) @ self.axes[2])
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return the part of gravity normal to the plane, 0 if pointing away from the plane, shape (3,) [m/s^2]."""
         normal = self.axes[2]
-        pressing: FloatArray = min(0.0, float(gravity @ normal)) * normal
-        return pressing
+        return np.asarray(min(0.0, float(gravity @ normal)) * normal)
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
@@ -116,15 +112,6 @@ class Plane(World):
         return joints, np.cross(normal, tangent)
 
 
-@lru_cache(maxsize=100)
-def _axes(slope: float, heading: float) -> FloatArray:
-    up, turn = (np.array([np.cos(a), np.sin(a)]) for a in (slope, heading))
-    ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
-    left = np.array([-turn[1], turn[0], 0.0])
-    axes: FloatArray = read_only(np.array([ascent, left, np.cross(ascent, left)]))
-    return axes
-
-
 @documented
 @dataclass(frozen=True)
 class ClampedGround(World, name="clamped"):
@@ -138,6 +125,8 @@ class ClampedGround(World, name="clamped"):
 
     clamped: ClassVar[bool] = True
     flat: ClassVar[bool] = True
+    uneven = False
+    """The worm does not rest on contacts."""
 
     velocity_threshold: float = parameter(
         1e-6, meaning="speed below which there is no friction, eps of (P10)", unit="m/s", ge=0
@@ -146,18 +135,9 @@ class ClampedGround(World, name="clamped"):
     def __post_init__(self) -> None:
         check(self)
 
-    @property
-    def uneven(self) -> bool:
-        """False: the worm does not rest on contacts."""
-        return False
-
     def kernel(self) -> WorldKernel:
         """Return the level plane, for distances in records; no contact acts."""
         return Plane().kernel()
-
-    def distance(self, points: FloatArray) -> FloatArray:
-        """Return the height of points of shape (..., 3) above the level of the joints, shape (...,) [m]."""
-        return np.asarray(points)[..., 2]
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return zero: the clamped worm does not rest on contacts."""
@@ -178,8 +158,7 @@ def patches_of(given: Any) -> tuple[Patch, ...]:
     ValueError
         Another type, an item that is no patch, or too many patches.
     """
-    if not isinstance(given, list | tuple):
-        raise ValueError(f"patches: got {type(given).__name__}, must be a tuple of worm3d.Patch")
+    arguments.instance("patches", given, list | tuple, "a tuple of worm3d.Patch")
     if len(given) > MOST_PATCHES:
         raise ValueError(
             f"patches: got {len(given)}, must be at most {MOST_PATCHES}; take fewer and larger ones, or a Heightfield "
@@ -198,8 +177,8 @@ def _function(patches: int) -> ca.Function:
         a = areas[5 * k : 5 * k + 5]
         inside = _between(ca.dot(u, x), a[0], a[1]) * _between(ca.dot(v, x), a[2], a[3])
         grip = ca.if_else(inside, a[4], grip)
-    rows = ca.vertcat(ca.dot(n, x), n, ca.SX.zeros(6), grip)
-    return ca.Function("plane", [x, ca.vertcat(axes, areas)], [ca.densify(rows)])
+    found = rows(ca.dot(n, x), n, ca.SX.zeros(3, 3), grip)
+    return ca.Function("plane", [x, ca.vertcat(axes, areas)], [found])
 
 
 def _between(value: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:

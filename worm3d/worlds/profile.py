@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
-
-MIN_ROUNDED_ANGLE = 1e-9
-"""Angle of a corner below which the corner is not rounded [rad]."""
+from worm3d.worlds.centreline import ROUNDING
 
 MOST_PLACES = 200
 """Largest number of places: the formula takes two seconds to compile, and the time grows with the square of the
@@ -49,13 +47,9 @@ class Profile(ReadOnly):
     rounding: float | None = None
 
     def __init__(self, along: ArrayLike, radius: ArrayLike, rounding: float | None = None) -> None:
-        object.__setattr__(self, "along", arguments.array("along", along, ("K",)))
-        object.__setattr__(self, "radius", arguments.array("radius", radius, ("K",), gt=0.0))
         given = None if rounding is None else arguments.number("rounding", rounding, "m", gt=0.0)
-        object.__setattr__(self, "rounding", given)
-        self._check()
-
-    def _check(self) -> None:
+        places, radii = arguments.array("along", along, ("K",)), arguments.array("radius", radius, ("K",), gt=0.0)
+        vars(self).update(along=places, radius=radii, rounding=given)
         if self.along.shape != self.radius.shape or not (np.diff(self.along) > 0.0).all():
             raise ValueError(
                 f"along, radius: got {arguments.shown(self.along)} and {arguments.shown(self.radius)}, must be as "
@@ -112,8 +106,7 @@ class Profile(ReadOnly):
         # On an arc sin(direction) = sin(direction_0) + kappa (s - s0), and r = r0 + (cos_0 - cos)/kappa.
         turned = sine + kappa * (s - s0)
         level = np.sqrt(np.maximum(1.0 - turned**2, 0.0))
-        radius: FloatArray = np.where(kappa == 0.0, r0 + (s - s0) * sine / cosine, r0 + (cosine - level) / safe)
-        return radius
+        return np.asarray(np.where(kappa == 0.0, r0 + (s - s0) * sine / cosine, r0 + (cosine - level) / safe))
 
     def _corners(self) -> list[tuple[tuple[float, float], tuple[float, float], float, float, float]]:
         """Return where each rounded corner begins and ends (s, rho), the direction before and after, and the radius."""
@@ -124,13 +117,13 @@ class Profile(ReadOnly):
         for k in range(len(s)):
             before, after = float(direction[k]), float(direction[k + 1])
             turn = abs(after - before)
-            if turn < MIN_ROUNDED_ANGLE:
+            if turn < ROUNDING:
                 continue
             room = min(sides[k], sides[k + 1]) / 2.0 / np.tan(turn / 2.0)
             wanted = 10.0 * float(r.max()) if self.rounding is None else self.rounding
             size = float(min(room, wanted))
             arm = size * np.tan(turn / 2.0)
-            begin = (float(s[k] - arm * np.cos(before)), float(r[k] - arm * np.sin(before)))
-            end = (float(s[k] + arm * np.cos(after)), float(r[k] + arm * np.sin(after)))
+            begin = float(s[k] - arm * np.cos(before)), float(r[k] - arm * np.sin(before))
+            end = float(s[k] + arm * np.cos(after)), float(r[k] + arm * np.sin(after))
             found.append((begin, end, before, after, size))
         return found

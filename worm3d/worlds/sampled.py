@@ -19,9 +19,9 @@ from itertools import product
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from worm3d.machine.compiled import inner, njit
+from worm3d.machine.compiled import njit
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray, IntArray, SingleArray
 from worm3d.values.read_only import ReadOnly
@@ -31,9 +31,6 @@ from worm3d.worlds.kernels import WorldKernel, looked_up
 
 FIT_TOLERANCE = 0.1
 """e of (WM3), in cells; the errors between the samples and the error of (WM1) add up to as much."""
-
-SWEEPS = 10
-"""Largest number of sweeps: a few corners cannot meet the tolerance, and exceed it only slightly."""
 
 FITTED = 1.25
 """Distance from the surface within which the spline is fitted between the nodes, in cells."""
@@ -49,24 +46,11 @@ and a file twice as large."""
 MOST_NODES = 8_000_000
 """Largest number of nodes of a grid: 32 MB to store, and ten times as much while the grid is filled."""
 
-COARSER = 1.05
-"""Factor between one trial cell size and the next."""
-
-FEWEST_CELLS = 4
-"""Smallest number of cells of a sampled distance along each axis."""
-
-SPLINE_PADDING = 14
-"""Number of nodes added on each side while the spline of a sampled distance is computed, so that the ends of the spline
-have no effect."""
-
 AT_ONCE = 200_000
 """Largest number of points in one call of a distance function."""
 
 STEEPNESS = (0.8, 1.25)
 """Range of the gradient's length next to the surface; a tenth of the places may lie below, and a tenth above."""
-
-MAX_GRADIENT_LENGTH = 1.75
-"""Greatest length of the gradient anywhere next to the surface; differences of a true distance stay below 3^(1/2)."""
 
 Shift = tuple[float, ...]
 """Fractions of a cell along x, y and z, each from 0 to 1."""
@@ -94,34 +78,23 @@ class GridWorld(World, ReadOnly):
     """Whether the world continues straight beyond the grid; otherwise there is nothing beyond the grid."""
 
     @property
-    def first(self) -> FloatArray:
-        """Place of the grid's first node, shape (3,) [m]."""
-        return self.grid.first
-
-    @property
     def side(self) -> float:
         """1 where negative distances are solid, -1 where positive ones are."""
         return 1.0
 
     def kernel(self, band: float = sampled_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, which reads the spline where a coefficient is less than `band` cells."""
-        c, spline, code = (
-            self.grid.coefficients,
-            sampled_kernel.spline_kernel(),
-            kernels.by_hand(sampled_kernel.sampled),
-        )
+        grid, spline = self.grid, sampled_kernel.spline_kernel()
         # Working memory of this kernel only: other kernels may run at the same time.
         work = np.zeros((sampled_kernel.WORK_ROWS, sampled_kernel.TOGETHER))
-        parameters = [
-            *kernels.halves(c.ctypes.data, work.ctypes.data, spline.address),
-            *(*c.shape, *self.first, self.grid.cell, self.side, self.grip, band, self.straight),
-        ]
-        return WorldKernel(code.address, np.array(parameters, dtype=float), (code, c, work, spline))
+        places = kernels.halves(grid.coefficients.ctypes.data, work.ctypes.data, spline.address)
+        box = (*grid.coefficients.shape, *grid.first, grid.cell)
+        parameters = [*places, *box, self.side, self.grip, band, self.straight]
+        return kernels.kernel_by_hand(sampled_kernel.sampled, parameters, (grid, work, spline))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        distance: FloatArray = looked_up(self.kernel(np.inf), points)[0]
-        return distance
+        return np.asarray(looked_up(self.kernel(np.inf), points)[0])
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
         """Return the unit vector from tail to head of joints (N+1, 3): the worm lies along the surface."""
@@ -132,10 +105,9 @@ class GridWorld(World, ReadOnly):
 
         The result is the highest ground, or the lowest ground where positive distances are solid.
         """
-        z = self.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
-        columns = np.concatenate(
-            [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
-        )
+        z = self.grid.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
+        columns = np.empty((len(places), len(z), 3))
+        columns[:, :, :2], columns[:, :, 2] = places[:, None], z
         g = self.distance(columns)
         enters = (g[:, :-1] < 0.0) & (g[:, 1:] >= 0.0)
         highest, lowest = enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1), np.argmax(enters, axis=1)
@@ -173,16 +145,12 @@ class SampledWorld(GridWorld):
                 "((x, y, z), (x, y, z)), each of the second above that of the first [m]"
             )
         cell = _spacing(high - low, spacing)
-        size = node_counts(high - low, cell)
-        sides = [low[d] + cell * np.arange(float(size[d])) for d in range(3)]
-        points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1)
-        distance = _asked(f, points.reshape(-1, 3)).reshape(size) / cell
+        points = _nodes(low, high, cell)
+        distance = _asked(f, points.reshape(-1, 3)).reshape(points.shape[:3]) / cell
         _require_a_distance(distance, cell)
         # Reflection continues the distances without a kink; one node beyond the bounds is kept, so that they count.
-        spline = scipy.ndimage.spline_filter(
-            np.pad(distance, SPLINE_PADDING, mode="reflect", reflect_type="odd"), order=3
-        )
-        beyond = SPLINE_PADDING - 1
+        padded = np.pad(distance, kernels.SPLINE_PADDING, mode="reflect", reflect_type="odd")
+        spline, beyond = scipy.ndimage.spline_filter(padded, order=3), kernels.SPLINE_PADDING - 1
         coefficients = np.ascontiguousarray(spline[beyond:-beyond, beyond:-beyond, beyond:-beyond])
         fit(coefficients, [_samples(f, distance, low, cell, shift) for shift in product((0.0, 0.5), repeat=3)])
         return cls(Grid(coefficients.astype(np.float32), low - cell, cell), float(grip))
@@ -195,12 +163,17 @@ class SampledWorld(GridWorld):
         flat = places.reshape(-1, 3)
         low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
         cell = coarsened(high - low, float((high - low).max()) / NODES_KEPT, NODES_KEPT)
-        sides = [low[d] + cell * np.arange(float(n)) for d, n in enumerate(node_counts(high - low, cell))]
-        distance = np.nan_to_num(world.distance(np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1))) / cell
+        distance = np.nan_to_num(world.distance(_nodes(low, high, cell))) / cell
         return cls(Grid(scipy.ndimage.spline_filter(distance, order=3).astype(np.float32), low, cell))
 
 
 World.sampled = SampledWorld.of
+
+
+def _nodes(low: FloatArray, high: FloatArray, cell: float) -> FloatArray:
+    """Return the nodes of a grid over a box, shape (A, B, C, 3) [m]."""
+    sides = [begin + cell * np.arange(float(n)) for begin, n in zip(low, node_counts(high - low, cell), strict=True)]
+    return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1)
 
 
 def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, int, int]:
@@ -215,18 +188,18 @@ def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, i
 def coarsened(sides: FloatArray, cell: float, most: int, margin: int = 0) -> float:
     """Return a cell size, at least `cell` [m], for which a grid has at most `most` nodes."""
     while np.prod([float(n) for n in node_counts(sides, cell, margin)]) > most:
-        cell *= COARSER
+        cell *= 1.05
     return cell
 
 
 def _spacing(sides: FloatArray, spacing: float | None) -> float:
+    largest = float(sides.min()) / 4.0
     if spacing is None:
-        return min(coarsened(sides, float(sides.max()) / NODES, NODES), float(sides.min()) / FEWEST_CELLS)
+        return min(coarsened(sides, float(sides.max()) / NODES, NODES), largest)
     cell = arguments.number("spacing", spacing, "m", gt=0.0)
-    if cell > float(sides.min()) / FEWEST_CELLS:
+    if cell > largest:
         raise ValueError(
-            f"spacing: got {cell:g} m, must be at most {float(sides.min()) / FEWEST_CELLS:.3g} m, a quarter of the "
-            "shortest side of the bounds"
+            f"spacing: got {cell:g} m, must be at most {largest:.3g} m, a quarter of the shortest side of the bounds"
         )
     count = float(np.prod(sides / cell + 1.0))
     if count > MOST_NODES:
@@ -261,6 +234,8 @@ def _asked(f: Callable[[FloatArray], ArrayLike], points: FloatArray) -> FloatArr
 
 def _require_a_distance(distance: FloatArray, cell: float) -> None:
     """Raise ValueError if there is no surface, or if the gradient next to the surface is far from a unit vector."""
+    import scipy  # slow to import, and rarely needed
+
     solid = distance < 0.0
     if solid.all() or not solid.any():
         sign, nearest = ("negative", distance.max()) if solid.any() else ("positive", distance.min())
@@ -268,23 +243,17 @@ def _require_a_distance(distance: FloatArray, cell: float) -> None:
             f"f: is {sign} everywhere in the bounds (at best {cell * nearest:.3g} m): no surface is there; it must be "
             "positive in free space and negative inside the solid, and the bounds must hold some of both"
         )
-    steepness = np.sqrt(np.sum(np.square(np.gradient(distance)), axis=0))[_next_to_surface(solid)]
+    cross = scipy.ndimage.generate_binary_structure(3, 1)
+    near = scipy.ndimage.binary_dilation(solid, cross) & scipy.ndimage.binary_dilation(~solid, cross)
+    steepness = np.sqrt(np.sum(np.square(np.gradient(distance)), axis=0))[near]
     low, high = np.quantile(steepness, (0.1, 0.9))
-    if low < STEEPNESS[0] or high > STEEPNESS[1] or steepness.max() > MAX_GRADIENT_LENGTH:
+    # Differences of a true distance stay below 3^(1/2).
+    if low < STEEPNESS[0] or high > STEEPNESS[1] or steepness.max() > 1.75:
         raise ValueError(
             f"f: is no distance: next to its surface it changes by {steepness.min():.3g} to {steepness.max():.3g} m "
             f"per metre ({low:.3g} to {high:.3g} but for a tenth of the places each), must be 1; divide it by the "
             "length of its gradient, or, where the surface is finer than the grid, take a smaller spacing"
         )
-
-
-def _next_to_surface(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which nodes have a neighbour on the other side of the surface."""
-    import scipy  # slow to import, and rarely needed
-
-    cross = scipy.ndimage.generate_binary_structure(3, 1)
-    near: NDArray[np.bool_] = scipy.ndimage.binary_dilation(solid, cross) & scipy.ndimage.binary_dilation(~solid, cross)
-    return near
 
 
 def _samples(
@@ -302,19 +271,18 @@ def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, Float
 
     Each group of samples has the shift from the nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
     """
-    for _ in range(SWEEPS):
-        missed = [
-            _sweep(coefficients, shift, np.ascontiguousarray(nodes), distance) for shift, nodes, distance in samples
-        ]
-        if not any(missed):
+    for _ in range(10):  # sweeps: a few corners cannot meet the tolerance, and exceed it only slightly
+        missed = 0
+        for shift, nodes, distance in samples:
+            missed += _sweep(coefficients, _weights(shift), np.ascontiguousarray(nodes), distance)
+        if not missed:
             return
 
 
 @njit
-def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -> int:
+def _sweep(c: FloatArray, w: FloatArray, nodes: IntArray, distance: FloatArray) -> int:
     """Apply (WM3) to each sample, and return the number of samples that needed a change."""
-    w, missed = _weights(shift), 0
-    square = np.sum(w * w)
+    missed, square = 0, np.sum(w * w)
     for m in range(len(nodes)):
         i, j, k = nodes[m, 0] - 1, nodes[m, 1] - 1, nodes[m, 2] - 1
         r = -distance[m]
@@ -332,13 +300,7 @@ def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -
     return missed
 
 
-@inner
 def _weights(shift: Shift) -> FloatArray:
     """Return the weights of the coefficients about a place between nodes, shape (4, 4, 4)."""
-    along, across, up = kernels.cubic(shift[0])[0], kernels.cubic(shift[1])[0], kernels.cubic(shift[2])[0]
-    w = np.empty((4, 4, 4))
-    for a in range(4):
-        for b in range(4):
-            for d in range(4):
-                w[a, b, d] = along[a] * across[b] * up[d]
-    return w
+    along, across, up = (np.array(kernels.cubic(t)[0]) for t in shift)
+    return np.asarray(along[:, None, None] * across[:, None] * up)

@@ -32,12 +32,6 @@ from worm3d.values.arrays import FloatArray, SingleArray
 from worm3d.worlds import kernels
 from worm3d.worlds.kernels import Jet
 
-NARROW = 0.1
-"""w of (WM1), in cells."""
-
-SIDE = 4
-"""Number of coefficients about a point along each axis."""
-
 CONTACT = 2.8
 """Distance in cells up to which the spline is read. A point beyond is at least a cell from the surface, as the node
 before the point is at most sqrt(3) away."""
@@ -45,21 +39,9 @@ before the point is at most sqrt(3) away."""
 TOGETHER = 16
 """Number of points evaluated together: a multiple of every vector length, and few enough for the nearest cache."""
 
-ROWS_IN, ROWS_OUT = 3 + 17, 11
-"""Rows of the inputs: point; addresses of coefficients, of working memory and of the spline's kernel (2 each), nodes
-along each axis, first node, cell, side of the solid, grip, `CONTACT`, and whether the world continues straight beyond
-the grid. Rows of the outputs."""
-
-_COEFFICIENTS, _WORK, _SPLINE, _NODES, _FIRST, _CELL, _SIDE, _GRIP, _CONTACT = 3, 5, 7, 9, 12, 15, 16, 17, 18
-_STRAIGHT = 19
-
-SPLINE_IN, SPLINE_OUT = SIDE**3 + 3, 10
-"""Coefficients, contiguous along z, and the place between the middle coefficients along each axis; see `Jet`."""
-
-WORK_ROWS = SPLINE_IN + SPLINE_OUT + 1
-"""Rows of the working memory, `TOGETHER` columns: inputs and outputs of the spline, and the lanes of the points."""
-
-_PLACE, _OUT, _LANE = SIDE**3, SPLINE_IN, SPLINE_IN + SPLINE_OUT
+WORK_ROWS = 78
+"""Rows of the working memory, `TOGETHER` columns: coefficients about a point (64, contiguous along z), place between
+the middle ones along each axis (3), the `Jet` (10), and the lane of the point."""
 
 Nodes = tuple[int, int, int]
 Cell = tuple[int, float, float, float]
@@ -86,8 +68,8 @@ def _collect(work: FloatArray, n: int, c: SingleArray, nodes: Nodes, at: Cell, l
                 work[row, column] = c[first]
                 row += one
                 first += one
-    work[_PLACE, n], work[_PLACE + 1, n], work[_PLACE + 2, n] = at[1], at[2], at[3]
-    work[_LANE, n] = lane
+    work[64, n], work[65, n], work[66, n] = at[1], at[2], at[3]
+    work[WORK_ROWS - 1, n] = lane
 
 
 @inner
@@ -126,46 +108,43 @@ def _beyond(jet: Jet, nodes: Nodes, x: float, y: float, z: float, straight: floa
 @inner
 def _place(p: FloatArray, k: int) -> tuple[float, float, float]:
     """Return the place of a point in nodes."""
-    share = 1.0 / p[_CELL, 0]
-    return (
-        (p[0, k] - p[_FIRST, 0]) * share,
-        (p[1, k] - p[_FIRST + 1, 0]) * share,
-        (p[2, k] - p[_FIRST + 2, 0]) * share,
-    )
+    share = 1.0 / p[15, 0]
+    return (p[0, k] - p[12, 0]) * share, (p[1, k] - p[13, 0]) * share, (p[2, k] - p[14, 0]) * share
 
 
 @inner
 def _write(p: FloatArray, out: FloatArray, k: int, jet: Jet, nodes: Nodes) -> None:
     x, y, z = _place(p, k)
-    cell, side = p[_CELL, 0], p[_SIDE, 0]
-    kernels.write(out, k, _beyond(jet, nodes, x, y, z, p[_STRAIGHT, 0]), side * cell, side, side / cell, p[_GRIP, 0])
+    cell, side, grip, straight = p[15, 0], p[16, 0], p[17, 0], p[19, 0]
+    kernels.write(out, k, _beyond(jet, nodes, x, y, z, straight), side * cell, side, side / cell, grip)
 
 
 @inner
 def _read(p: FloatArray, out: FloatArray, work: FloatArray, n: int, nodes: Nodes) -> None:
     """Read the spline for the points collected, and write their rows."""
-    found = work[_OUT:_LANE]
-    evaluate(kernels.address(p[_SPLINE, 0], p[_SPLINE + 1, 0]), work[:_OUT], found, n)
+    found = work[67:77]
+    evaluate(kernels.address(p[7, 0], p[8, 0]), work[:67], found, n)
     for m in range(n):
-        jet = (
-            *(found[0, m], found[1, m], found[2, m], found[3, m]),
-            *(found[4, m], found[5, m], found[6, m], found[7, m], found[8, m], found[9, m]),
-        )
-        _write(p, out, int(work[_LANE, m]), jet, nodes)
+        gradient = found[1, m], found[2, m], found[3, m]
+        hessian = found[4, m], found[5, m], found[6, m], found[7, m], found[8, m], found[9, m]
+        _write(p, out, int(work[WORK_ROWS - 1, m]), (found[0, m], *gradient, *hessian), nodes)
 
 
 def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Evaluate `count` points; the kernel of a `GridWorld`."""
-    if rows_in != ROWS_IN or rows_out != ROWS_OUT or not 0 <= count <= min(lanes_in, lanes_out):
+    """Evaluate `count` points; the kernel of a `GridWorld`.
+
+    Rows of the inputs after the point: addresses of coefficients, of working memory and of the spline's kernel (2
+    each), nodes along each axis, first node, cell, side of the solid, grip, `CONTACT`, and whether the world continues
+    straight beyond the grid.
+    """
+    if rows_in != 20 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
-    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     if count == 0:
         return SHAPES_FIT
-    nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0]), int(p[_NODES + 2, 0])
-    place = kernels.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0])
-    c = kernels.singles(place, nodes[0] * nodes[1] * nodes[2])
-    work = kernels.doubles(kernels.address(p[_WORK, 0], p[_WORK + 1, 0]), WORK_ROWS, TOGETHER)
-    side, contact, collected = p[_SIDE, 0], p[_CONTACT, 0], 0
+    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
+    nodes = int(p[9, 0]), int(p[10, 0]), int(p[11, 0])
+    c = kernels.singles(kernels.address(p[3, 0], p[4, 0]), nodes[0] * nodes[1] * nodes[2])
+    work, side, contact, collected = kernels.table(p, 5, WORK_ROWS, TOGETHER), p[16, 0], p[18, 0], 0
     for k in range(count):
         if not kernels.repeats(p, k):
             x, y, z = _place(p, k)
@@ -185,20 +164,15 @@ def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: in
     return SHAPES_FIT
 
 
-def _cubic(t: ca.SX) -> list[ca.SX]:
-    """Return the weights of (WS1) and their first and second derivatives with respect to t, shape (4,) each."""
-    formula: Any = kernels.cubic  # arithmetic only, for symbols as for numbers
-    return [ca.vertcat(*weights) for weights in formula(t)]
-
-
 def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return value, gradient and Hessian of the spline, contracted along z, y and x."""
-    x, y, z = (_cubic(place[k]) for k in range(3))
-    rows = ca.reshape(coefficients, SIDE, SIDE**2).T  # (x, y) by z
-    along_z = [ca.reshape(rows @ w, SIDE, SIDE).T for w in z]  # x by y
+    cubic: Any = kernels.cubic  # arithmetic only, for symbols as for numbers
+    x, y, z = ([ca.vertcat(*weights) for weights in cubic(place[k])] for k in range(3))
+    rows = ca.reshape(coefficients, 4, 16).T  # (x, y) by z
+    along_z = [ca.reshape(rows @ w, 4, 4).T for w in z]  # x by y
     along_y = {(j, k): along_z[k] @ y[j] for j in range(3) for k in range(3 - j)}
 
-    def contracted(i: int, j: int, k: int) -> ca.SX:
+    def contracted(i: int, j: int, k: int) -> Any:
         """Return the derivative of order i, j, k along the axes."""
         return ca.dot(x[i], along_y[j, k])
 
@@ -210,15 +184,15 @@ def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _distance(value: ca.SX, gradient: ca.SX) -> ca.SX:
-    """Return g of (WM1)."""
-    phi = 1.0 / (1.0 + (value / NARROW) ** 2) ** 2
+    """Return g of (WM1) with w = 0.1 cells."""
+    phi = 1.0 / (1.0 + (value / 0.1) ** 2) ** 2
     return value * (1.0 + (1.0 / ca.fmax(ca.norm_2(gradient), 0.5) - 1.0) * phi)
 
 
 @cache
 def spline_kernel() -> Kernel:
     """Return the compiled spline."""
-    coefficients, place, d, v = ca.SX.sym("c", SIDE**3), ca.SX.sym("t", 3), ca.SX.sym("d"), ca.SX.sym("v", 3)
+    coefficients, place, d, v = ca.SX.sym("c", 64), ca.SX.sym("t", 3), ca.SX.sym("d"), ca.SX.sym("v", 3)
     g = _distance(d, v)
     g_d, g_v = ca.gradient(g, d), ca.gradient(g, v)
     value, gradient, hessian = _spline(coefficients, place)

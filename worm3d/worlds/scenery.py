@@ -1,6 +1,7 @@
 """Meshes of worlds for pictures: the part of a world that surrounds the worm.
 
-A world without a function under `@scenery.register` is drawn from the signed distance.
+A world without a function under `@scenery.register` is drawn from the signed distance. Plane, terrain, mesh and pipe
+are drawn up to a body length beyond the worm.
 """
 
 from __future__ import annotations
@@ -18,20 +19,14 @@ from worm3d.worlds.base import World
 from worm3d.worlds.heightfield import Heightfield
 from worm3d.worlds.mesh import Mesh
 from worm3d.worlds.pipe import Pipe
-from worm3d.worlds.plane import ClampedGround, Patch, Plane
+from worm3d.worlds.plane import ClampedGround, Plane
 from worm3d.worlds.union import Union
-
-DRAWN_MARGIN = 1.0
-"""Distance beyond the worm up to which the world is drawn, in body lengths."""
 
 TILE = 0.1
 """Approximate side of a tile of the ground in body lengths; the side is 1, 2 or 5 times a power of ten [m]."""
 
-MOST_TILES = 3000
-"""Largest number of tiles of a ground."""
-
-FINEST, MOST_CELLS = 0.02, 200_000
-"""Smallest spacing of the grid for drawing a distance, in body lengths, and largest number of cells of the grid."""
+FINEST = 0.02
+"""Smallest spacing of the grid for drawing a distance, in body lengths."""
 
 MOST_FACES = 40_000
 """Largest number of faces of a mesh that is drawn directly; a larger mesh is drawn from the signed distance."""
@@ -42,30 +37,8 @@ SLIPPERY_PATCH: Colour = (0.62, 0.78, 0.92)
 ROUGH_PATCH: Colour = (0.72, 0.60, 0.45)
 """Colour of patches with more friction than the rest."""
 
-PIPE_STRETCH_SAMPLES = 300
-"""Number of the worm's places that determine the drawn stretch of a pipe."""
-
-RINGS_PER_BAND, PIPE_SIDES = 5, 40
-"""Rings of corners in a band of a pipe, and corners of a ring."""
-
-OPACITY = 0.3
-"""Opacity of a pipe's wall."""
-
-MAX_EDGE_TRIANGLE = 0.008
-"""Longest side of triangles next to an edge where worlds meet, in body lengths, so that the edge looks clean."""
-
-UNION_OPACITY = 0.5
-"""Highest opacity of a union: the inside of one world may lie below another world."""
-
-MOST_STEPS = 80
-"""Largest number of steps to the ground; on a plane of 60 degrees each step covers half of the remaining distance, at
-80 degrees a sixth."""
-
-GROUND_TOLERANCE = 1e-6
-"""Distance below which a place counts as on the ground, in body lengths."""
-
-MAX_GROUND_DISTANCE = 1.0
-"""Greatest distance of a place from the ground below or above it, in body lengths."""
+PIPE_SIDES = 40
+"""Number of corners of a ring of a pipe."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +66,9 @@ def scenery(world: World | None, window: Window) -> Scenery:
     """Return the scenery of a world around the worm."""
     if world is None:
         return Scenery()
-    low, high = window.points.min(axis=0), window.points.max(axis=0)
-    margin = 0.3 * DRAWN_MARGIN * window.body_length
-    low, high = low - margin, high + margin
+    low, high = _limits(window.points, 0.3 * window.body_length)
     tile = tile_size(window.body_length, (high - low)[:2])
-    finest = max(FINEST * window.body_length, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
+    finest = max(FINEST * window.body_length, float(np.prod(high - low) / 200_000) ** (1.0 / 3.0))  # most cells
     # The corners of a level surface lie in the middle of cells; on this grid they meet at the edges of tiles.
     spacing = tile / max(np.floor(tile / finest), 1.0)
     low = tile * np.floor(low / tile) - 0.5 * spacing
@@ -106,16 +77,20 @@ def scenery(world: World | None, window: Window) -> Scenery:
     mesh = isosurface(distance, low, spacing)
     if not len(mesh.faces):
         return Scenery()
-    covers = bool((distance[:, :, -1] < 0.0).any())  # the surface would hide the worm from above
-    if covers:
+    if (distance[:, :, -1] < 0.0).any():  # the surface would hide the worm from above
         return Scenery((WorldMesh("wall", mesh.vertices, mesh.faces, PIPE, 0.35),))
     terrain = WorldMesh("terrain", mesh.vertices, mesh.faces, GROUND)
     return Scenery(chequered(terrain, tile, together=2))
 
 
+def _limits(places: FloatArray, margin: float) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest coordinates of places, with a margin [m]."""
+    return places.min(axis=0) - margin, places.max(axis=0) + margin
+
+
 def tile_size(body_length: float, sides: FloatArray) -> float:
-    """Return the side of a tile for a ground of these sides, shape (2,) [m]."""
-    return rounded_up(max(TILE * body_length, float(np.sqrt(sides.prod() / MOST_TILES))))
+    """Return the side of a tile for a ground of these sides, shape (2,), with at most 3000 tiles [m]."""
+    return rounded_up(max(TILE * body_length, float(np.sqrt(sides.prod() / 3000))))
 
 
 @scenery.register
@@ -135,59 +110,34 @@ def _floor(world: Plane, window: Window, opacity: float) -> tuple[WorldMesh, ...
     tile = tile_size(window.body_length, high - low)
     low, high = 2.0 * tile * np.floor(low / (2.0 * tile)), 2.0 * tile * np.ceil(high / (2.0 * tile))
     ascent, left, normal = world.axes
-    middle = 0.5 * (low + high)
-    return plane(
-        middle[0] * ascent + middle[1] * left,
-        normal,
-        length=float(high[0] - low[0]),
-        width=float(high[1] - low[1]),
-        tile=tile,
-        along=ascent,
-        opacity=opacity,
-    )
+    middle, (length, width) = 0.5 * (low + high), map(float, high - low)
+    centre = middle[0] * ascent + middle[1] * left
+    return plane(centre, normal, length=length, width=width, tile=tile, along=ascent, opacity=opacity)
 
 
 def _extent(world: Plane, window: Window) -> tuple[FloatArray, FloatArray]:
     """Return the limits of the drawn part of a plane, along the ascent and to the left, each of shape (2,) [m]."""
-    places = window.points @ world.axes[:2].T
-    margin = DRAWN_MARGIN * window.body_length
-    return places.min(axis=0) - margin, places.max(axis=0) + margin
+    return _limits(window.points @ world.axes[:2].T, window.body_length)
 
 
-def _patches(world: Plane, window: Window) -> tuple[WorldMesh, ...]:
-    low, high = _extent(world, window)
-    drawn = (_patch(k, patch, world, low, high, window) for k, patch in enumerate(world.patches))
-    return tuple(mesh for mesh in drawn if mesh is not None)
-
-
-def _patch(
-    number: int, patch: Patch, world: Plane, low: FloatArray, high: FloatArray, window: Window
-) -> WorldMesh | None:
-    """Return a patch as a sheet on the ground, later patches above earlier patches; None if out of sight."""
-    begin = np.maximum(low, [patch.along[0], patch.across[0]])
-    end = np.minimum(high, [patch.along[1], patch.across[1]])
-    if not (begin < end).all():
-        return None
-    above = 1e-3 * (number + 1) * window.body_length
-    corners = np.array([[x, y, above] for x, y in zip(*_around(begin, end), strict=True)])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    return WorldMesh(
-        f"friction x {patch.grip:g}",
-        corners @ world.axes,
-        faces,
-        SLIPPERY_PATCH if patch.grip < 1.0 else ROUGH_PATCH,
-        0.7,
-    )
-
-
-def _around(begin: FloatArray, end: FloatArray) -> tuple[list[float], list[float]]:
-    return [begin[0], end[0], end[0], begin[0]], [begin[1], begin[1], end[1], end[1]]
+def _patches(world: Plane, window: Window) -> list[WorldMesh]:
+    """Return patches as sheets on the ground, later patches above earlier patches."""
+    (x, y), (x_end, y_end) = _extent(world, window)
+    sheets = []
+    for number, patch in enumerate(world.patches):
+        x_0, x_1 = max(x, patch.along[0]), min(x_end, patch.along[1])
+        y_0, y_1 = max(y, patch.across[0]), min(y_end, patch.across[1])
+        if x_0 < x_1 and y_0 < y_1:
+            z = 1e-3 * (number + 1) * window.body_length
+            corners = np.array([[x_0, y_0, z], [x_1, y_0, z], [x_1, y_1, z], [x_0, y_1, z]]) @ world.axes
+            faces, colour = np.array([[0, 1, 2], [0, 2, 3]]), SLIPPERY_PATCH if patch.grip < 1.0 else ROUGH_PATCH
+            sheets.append(WorldMesh(f"friction x {patch.grip:g}", corners, faces, colour, 0.7))
+    return sheets
 
 
 @scenery.register
 def _heightfield(world: Heightfield, window: Window) -> Scenery:
-    margin = DRAWN_MARGIN * window.body_length
-    low, high = window.points.min(axis=0)[:2] - margin, window.points.max(axis=0)[:2] + margin
+    low, high = _limits(window.points[:, :2], window.body_length)
     tile = tile_size(window.body_length, high - low)
     low, high = tile * np.floor(low / tile), tile * np.ceil(high / tile)
     parts = int(np.ceil(tile / max(min(FINEST * window.body_length, world.spacing), 0.1 * tile)))
@@ -199,8 +149,7 @@ def _heightfield(world: Heightfield, window: Window) -> Scenery:
 @scenery.register
 def _mesh(world: Mesh, window: Window) -> Scenery:
     vertices, faces = world.triangles()
-    margin = DRAWN_MARGIN * window.body_length
-    low, high = window.points.min(axis=0) - margin, window.points.max(axis=0) + margin
+    low, high = _limits(window.points, window.body_length)
     corners = vertices[faces]
     near = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
     if near.sum() > MOST_FACES:
@@ -215,20 +164,18 @@ def _mesh(world: Mesh, window: Window) -> Scenery:
 
 @scenery.register
 def _pipe(world: Pipe, window: Window) -> Scenery:
-    some = window.points[:: max(len(window.points) // PIPE_STRETCH_SAMPLES, 1)]
-    along = world.along(some)
-    margin = DRAWN_MARGIN * window.body_length
-    begin, end = float(along.min()) - margin, float(along.max()) + margin
+    some = window.points[:: max(len(window.points) // 300, 1)]  # enough to find the stretch
+    begin, end = map(float, _limits(world.along(some), window.body_length))
     begin = max(begin, 0.0) if world.start_wall else begin
     end = min(end, world.centreline.total) if world.end_wall else end
     band = rounded_up(TILE * window.body_length)
-    count = RINGS_PER_BAND * max(int(np.ceil((end - begin) / band)), 1) + 1
+    count = 5 * max(int(np.ceil((end - begin) / band)), 1) + 1  # rings of corners
     # The positions of the bands do not depend on the worm.
     s = np.linspace(band * np.floor(begin / band) if not world.start_wall else begin, end, count)
     points, radius = world.centreline.at(s)[0], world.radius_at(s)
     walls = [(k, s[k]) for k, closed in ((0, world.start_wall), (-1, world.end_wall)) if closed]
     caps = tuple(_cap(world, points[k], place, float(radius[k])) for k, place in walls)
-    return Scenery((*banded_pipe(points, radius, band=band, sides=PIPE_SIDES, opacity=OPACITY), *caps), points)
+    return Scenery((*banded_pipe(points, radius, band=band, sides=PIPE_SIDES, opacity=0.3), *caps), points)
 
 
 def _cap(world: Pipe, middle: FloatArray, place: float, radius: float) -> WorldMesh:
@@ -239,7 +186,7 @@ def _cap(world: Pipe, middle: FloatArray, place: float, radius: float) -> WorldM
     rim = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across
     corner = np.arange(PIPE_SIDES)
     faces = np.stack([np.full(PIPE_SIDES, PIPE_SIDES), corner, (corner + 1) % PIPE_SIDES], axis=1)
-    return WorldMesh("end of the pipe", np.vstack([rim, middle]), faces, PIPE, OPACITY)
+    return WorldMesh("end of the pipe", np.vstack([rim, middle]), faces, PIPE, 0.3)
 
 
 @scenery.register
@@ -248,14 +195,17 @@ def _union(world: Union, window: Window) -> Scenery:
     meshes = []
     for k, part in enumerate(parts):
         others = [other for j, other in enumerate(world.worlds) if j != k]
-        cut = (_cut(mesh, others, MAX_EDGE_TRIANGLE * window.body_length) for mesh in part.meshes)
+        cut = (_cut(mesh, others, 0.008 * window.body_length) for mesh in part.meshes)
         meshes += [mesh for mesh in cut if len(mesh.faces)]
     lines = [part.centreline for part in parts if part.centreline is not None]
     return Scenery(tuple(meshes), lines[0] if lines else None)
 
 
 def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
-    """Return a mesh without the parts in the free space of other worlds."""
+    """Return a mesh without the parts in the free space of other worlds, which may lie below it and show through.
+
+    Triangles next to an edge where worlds meet have sides of at most `fine`, so that the edge looks clean [m].
+    """
     vertices, faces = mesh.vertices, mesh.faces
     while len(faces) < 100_000:
         near = np.abs([other.distance(vertices[faces].mean(axis=1)) for other in others]).min(axis=0, initial=np.inf)
@@ -266,7 +216,7 @@ def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
         vertices, faces = _quartered(vertices, faces, coarse)
     middle = vertices[faces].mean(axis=1)
     free = np.any([other.distance(middle) > 0.0 for other in others], axis=0) if others else np.zeros(len(faces), bool)
-    return replace(mesh, vertices=vertices, faces=faces[~free], opacity=min(mesh.opacity, UNION_OPACITY))
+    return replace(mesh, vertices=vertices, faces=faces[~free], opacity=min(mesh.opacity, 0.5))
 
 
 def _quartered(
@@ -285,23 +235,21 @@ def on_ground(world: World | None, places: FloatArray, body_length: float, above
     """Return places, shape (..., 3), moved along z on to the world; places without ground nearby stay [m].
 
     Each step moves a place down by the distance from the world, which never leads beyond the nearest surface ("sphere
-    tracing", Hart 1996, The Visual Computer 12, 527); a place below the ground moves up.
+    tracing", Hart 1996, The Visual Computer 12, 527); a place below the ground moves up. On a plane of 60 degrees a
+    step covers half of the remaining distance, at 80 degrees a sixth. The ground is nearby within a body length.
 
     The results lie `above` the ground [m], so that lines are visible.
     """
-    result = np.array(places, dtype=float)
-    if world is None:
-        return result
-    moving = result.reshape(-1, 3).copy()
-    searched = np.arange(len(moving))
-    for _ in range(MOST_STEPS):
-        distance = world.distance(moving[searched])
-        far = np.abs(distance) > GROUND_TOLERANCE * body_length
-        moving[searched[far], 2] -= distance[far]
-        gone = np.abs(moving[searched, 2] - result.reshape(-1, 3)[searched, 2]) > MAX_GROUND_DISTANCE * body_length
-        found = searched[~far & ~gone]
-        result.reshape(-1, 3)[found] = moving[found] + [0.0, 0.0, above]
-        searched = searched[far & ~gone]
-        if not len(searched):
+    result = np.array(places, dtype=float).reshape(-1, 3)
+    moving, searched = result.copy(), np.arange(len(result))
+    for _ in range(80):
+        if world is None or not len(searched):
             break
-    return result
+        distance = world.distance(moving[searched])
+        far = np.abs(distance) > 1e-6 * body_length
+        moving[searched[far], 2] -= distance[far]
+        near = np.abs(moving[searched, 2] - result[searched, 2]) <= body_length
+        found = searched[~far & near]
+        result[found] = moving[found] + [0.0, 0.0, above]
+        searched = searched[far & near]
+    return result.reshape(np.shape(places))

@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from worm3d.values import arguments, regular_file
 from worm3d.values.arrays import FloatArray
 
-STONES = 4.0
-"""Number of stones per area of the square around a stone: the stones overlap, and little ground is left between."""
-
 MOST_STONES = 100_000
 """Largest number of stones in rubble: a few seconds."""
 
@@ -56,8 +53,7 @@ def nodes(length: float, width: float, spacing: float) -> tuple[FloatArray, Floa
 def sinusoid(x: FloatArray, y: FloatArray, amplitude: float, wavelength: float, azimuth: float = 0.0) -> FloatArray:
     """Return waves with crests across an azimuth, and a crest at the origin, shape (A, B) [m]."""
     along = x[:, None] * np.cos(azimuth) + y * np.sin(azimuth)
-    heights: FloatArray = amplitude * np.cos(2.0 * np.pi * along / wavelength)
-    return heights
+    return np.asarray(amplitude * np.cos(2.0 * np.pi * along / wavelength))
 
 
 def steps(x: FloatArray, y: FloatArray, height: float, tread: float, ramp: float) -> FloatArray:
@@ -75,7 +71,7 @@ def rubble(x: FloatArray, y: FloatArray, height: float, size: float, seed: int) 
     """
     rng = np.random.default_rng(seed)
     area = (x[-1] - x[0] + 2.0 * size) * (y[-1] - y[0] + 2.0 * size)
-    stones = STONES * area / (4.0 * size**2)
+    stones = area / size**2  # four in the square around a stone: they overlap, and little ground is left between
     if not stones <= MOST_STONES:
         raise ValueError(
             f"size: got {size!r} m, which makes {stones:.3g} stones, at most {MOST_STONES:.0g} are allowed; take "
@@ -96,8 +92,7 @@ def rubble(x: FloatArray, y: FloatArray, height: float, size: float, seed: int) 
 def _near(side: FloatArray, at: float, reach: float) -> NDArray[np.intp]:
     """Return the indices of growing places that lie within a reach."""
     first, last = np.searchsorted(side, (at - reach, at + reach))
-    found: NDArray[np.intp] = first + np.flatnonzero(np.abs(side[first:last] - at) < reach)
-    return found
+    return np.asarray(first + np.flatnonzero(np.abs(side[first:last] - at) < reach))
 
 
 def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
@@ -118,14 +113,7 @@ def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
             f"low, high: got {low!r}, {high!r} m, must be finite heights of black and white, low below high"
         )
     name = Path(path).name
-    try:
-        content = regular_file.read(path, LARGEST_FILE)
-    except FileNotFoundError:
-        raise ValueError(f"heightfield image {name!r}: there is no such file; give the path of a PNG") from None
-    except OSError as error:
-        raise ValueError(
-            f"heightfield image {name!r}: cannot be read ({error.strerror}); check the path and its permissions"
-        ) from None
+    content = regular_file.content(path, LARGEST_FILE, "heightfield image")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -133,10 +121,10 @@ def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
                 require_few(*picture.size)
                 deep = picture.mode.startswith(("I", "F"))
                 grey = np.asarray(picture if deep else picture.convert("L"), dtype=float)
-    except UnidentifiedImageError:
-        raise _no_picture(name, f"it is none of {', '.join(FORMATS)}") from None
     except Exception as error:  # readers raise many kinds of errors
-        raise _no_picture(name, arguments.shown(str(error))) from None
+        unknown = isinstance(error, UnidentifiedImageError)
+        why = f"it is none of {', '.join(FORMATS)}" if unknown else arguments.shown(str(error))
+        raise _no_picture(name, why) from None
     if not np.isfinite(grey).all():
         raise _no_picture(name, "it has values that are not finite")
     if grey.max() == grey.min():

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from worm3d.machine.codegen import evaluate
@@ -23,7 +22,7 @@ from worm3d.worlds import kernels
 from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
 from worm3d.worlds.foot import Foot
-from worm3d.worlds.kernels import Formula, WorldKernel
+from worm3d.worlds.kernels import WorldKernel
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
@@ -31,20 +30,10 @@ from worm3d.worlds.profile import Profile
 MOST_WORLDS = 100
 """Largest number of worlds in a union: every world is evaluated at each point."""
 
-
 TOGETHER = 528
 """Number of points evaluated at once: a multiple of every vector length, and no power of 2, which would put rows on the
 same lines of the cache. With more points, several points of a worm share the data that a world keeps for a point, which
 takes time."""
-
-ROWS_IN = 3 + 3
-"""Rows of the inputs: point; address (2) and number of the rows of `MEMBER`."""
-
-MEMBER = 7
-"""Numbers of a world: addresses of kernel, inputs and outputs (2 each), `TOGETHER` columns; number of its inputs."""
-
-_MEMBERS, _COUNT = 3, 5
-_KERNEL, _INPUTS, _OUTPUTS, _ROWS = 0, 2, 4, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,33 +77,24 @@ class Union(World, ReadOnly):
         """Whether a worm without friction would slide away under `pressing` alone."""
         return len(self.worlds) > 1 or self.worlds[0].uneven
 
-    def symbolic(self) -> Formula | None:
-        """Return the world's rows as a function of a point and parameters, and the parameters; None without formula."""
-        each = [formula for formula in (world.symbolic() for world in self.worlds) if formula is not None]
-        if len(each) < len(self.worlds):
-            return None
-        x = ca.SX.sym("x", 3)
-        given = [ca.SX.sym("parameters", len(parameters)) for _, parameters in each]
-        rows = [function(x, p) for (function, _), p in zip(each, given, strict=True)]
-        greatest = rows[0]
-        for other in rows[1:]:
-            greatest = ca.if_else(other[0] > greatest[0], other, greatest)
-        function = ca.Function("union", [x, ca.vertcat(*given)], [greatest])
-        return function, np.concatenate([parameters for _, parameters in each])
-
     def kernel(self) -> WorldKernel:
-        """Return the compiled world: one kernel of all formulas, else the worlds' kernels one after the other."""
-        whole = self.symbolic()
-        return _joined([_kernel(world) for world in self.worlds]) if whole is None else kernels.compiled(*whole)
+        """Return the compiled world, with memory for itself only: other kernels may run at the same time."""
+        several = [_kernel(world) for world in self.worlds]
+        memory = [kernels.inputs_of(kernel, TOGETHER) for kernel in several]
+        outputs = np.zeros((kernels.WORLD_ROWS, TOGETHER))
+        members = np.empty((len(several), 7))
+        for member, kernel, inputs in zip(members, several, memory, strict=True):
+            member[:] = *kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), len(inputs)
+        parameters = [*kernels.halves(members.ctypes.data), len(members)]
+        return kernels.kernel_by_hand(union, parameters, (members, memory, outputs, several))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        greatest: FloatArray = np.max([world.distance(points) for world in self.worlds], axis=0)
-        return greatest
+        return np.asarray(np.max([world.distance(points) for world in self.worlds], axis=0))
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, or the part of gravity that presses a worm to a single world, shape (3,) [m/s^2]."""
-        return np.array(gravity, dtype=float) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
+        return super().pressing(gravity) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
 
     def bumps(self, within: float) -> float:
         """Return the greatest height of bumps narrower than a distance in any of the worlds [m]."""
@@ -133,67 +113,40 @@ def _kernel(world: World) -> WorldKernel:
     return world.kernel() if formula is None else kernels.compiled(*formula)
 
 
-def _joined(several: Sequence[WorldKernel]) -> WorldKernel:
-    memory = [_memory(kernel) for kernel in several]
-    members = np.array([_member(kernel, *arrays) for kernel, arrays in zip(several, memory, strict=True)])
-    parameters, code = np.array([*kernels.halves(members.ctypes.data), len(members)]), kernels.by_hand(union)
-    return WorldKernel(code.address, parameters, (code, members, memory, several))
-
-
-def _memory(kernel: WorldKernel) -> tuple[FloatArray, FloatArray]:
-    """Return memory for inputs and outputs of a world, for one kernel only: other kernels may run at the same time."""
-    inputs = np.zeros((3 + len(kernel.parameters), TOGETHER))
-    inputs[3:] = kernel.parameters[:, None]
-    return inputs, np.zeros((kernels.WORLD_ROWS, TOGETHER))
-
-
-def _member(kernel: WorldKernel, inputs: FloatArray, outputs: FloatArray) -> list[float]:
-    """Return a row of `MEMBER`."""
-    return [*kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), float(len(inputs))]
-
-
 @inner
 def _ask(member: FloatArray, p: FloatArray, first: int, count: int) -> FloatArray:
-    """Return the rows of a world at some points, shape (11, `TOGETHER`)."""
-    inputs = kernels.doubles(kernels.address(member[_INPUTS], member[_INPUTS + 1]), int(member[_ROWS]), TOGETHER)
-    outputs = kernels.doubles(kernels.address(member[_OUTPUTS], member[_OUTPUTS + 1]), kernels.WORLD_ROWS, TOGETHER)
+    """Return the rows of a world at some points, shape (11, `TOGETHER`).
+
+    The numbers of a world are addresses of the kernel, its inputs and its outputs (2 each), and its number of inputs.
+    """
+    inputs = kernels.doubles(kernels.address(member[2], member[3]), int(member[6]), TOGETHER)
+    outputs = kernels.doubles(kernels.address(member[4], member[5]), kernels.WORLD_ROWS, TOGETHER)
     for d in range(3):
         for k in range(count):
             inputs[d, k] = p[d, first + k]
-    evaluate(kernels.address(member[_KERNEL], member[_KERNEL + 1]), inputs, outputs, count)
+    evaluate(kernels.address(member[0], member[1]), inputs, outputs, count)
     return outputs
 
 
-@inner
-def _keep(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
-    """Write the rows of a world."""
-    for r in range(kernels.WORLD_ROWS):
-        for k in range(count):
-            out[r, first + k] = rows[r, k]
-
-
-@inner
-def _keep_greater(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
-    """Write the rows of a world where the distance is greater than for the worlds before."""
-    for k in range(count):
-        if rows[0, k] > out[0, first + k]:
-            for r in range(kernels.WORLD_ROWS):
-                out[r, first + k] = rows[r, k]
-
-
 def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Evaluate `count` points; the kernel of `Union`."""
-    if rows_in != ROWS_IN or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
+    """Evaluate `count` points; the kernel of `Union`.
+
+    Rows of the inputs after the point: address of the numbers of the worlds (2), and number of worlds.
+    """
+    if rows_in != 6 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
     if count == 0:
         return SHAPES_FIT
     p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
-    members = kernels.doubles(kernels.address(p[_MEMBERS, 0], p[_MEMBERS + 1, 0]), int(p[_COUNT, 0]), MEMBER)
+    members = kernels.table(p, 3, int(p[5, 0]), 7)
     for first in range(0, count, TOGETHER):
         some = min(TOGETHER, count - first)
-        _keep(_ask(members[0], p, first, some), out, first, some)
-        for m in range(1, len(members)):
-            _keep_greater(_ask(members[m], p, first, some), out, first, some)
+        for m in range(len(members)):
+            rows = _ask(members[m], p, first, some)
+            for k in range(some):
+                if m == 0 or rows[0, k] > out[0, first + k]:
+                    for r in range(kernels.WORLD_ROWS):
+                        out[r, first + k] = rows[r, k]
     return SHAPES_FIT
 
 
@@ -235,20 +188,16 @@ def slope_into_pipe(
     ValueError
         A pipe that would leave the hill, or arguments that `Plane`, `Foot`, `Centreline` or `Pipe` refuse.
     """
-    slope = arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
-    for name, value, unit in (("mouth", mouth, "m"), ("tilt", tilt, "rad"), ("heading", heading, "rad")):
-        arguments.number(name, value, unit)
-    if not isinstance(radius, Profile):
-        arguments.number("radius", radius, "m", gt=0.0)
+    plane = Plane(slope, heading)
+    mouth, tilt = arguments.number("mouth", mouth, "m"), arguments.number("tilt", tilt, "rad")
+    wide = float(radius.at(0.0)) if isinstance(radius, Profile) else arguments.number("radius", radius, "m", gt=0.0)
     name, steepest = ("slope", slope) if face is None else ("face", arguments.number("face", face, "rad"))
     if not tilt < steepest:
         raise ValueError(
             f"tilt: got {tilt!r} rad, must be less than the {name} ({steepest!r} rad): the pipe leads into the hill"
         )
-    plane = Plane(slope, heading)
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     up = np.cos(tilt) * np.array([0.0, 0.0, 1.0]) - np.sin(tilt) * ahead
-    wide = float(radius.at(0.0)) if isinstance(radius, Profile) else radius
     hill = plane if face is None else Foot(slope, face, mouth + wide, heading)
     line = Centreline.of(pieces, start=mouth * plane.axes[0] + wide * up, heading=heading, tilt=tilt)
     return Union([hill, Pipe(line, radius)])
