@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
@@ -39,7 +38,7 @@ from worm3d.recorded.series import (
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core, CoreMemory
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import run
 from worm3d.values.arrays import FloatArray
 
 STATE_PREFIX = "actuator_"
@@ -253,13 +252,12 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
 @njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Compute momentum, angular momentum and centre of mass of all mass points."""
-    points, nodes = matrix(core.block, a.POINT_IN), matrix(core.block, a.NODE_IN)
+    points = matrix(core.block, a.POINT_IN).shape[1]
     fill(momentum, 0.0)
     fill(com, 0.0)
-    out = matrix(core.block, a.MOMENTA_OUT)
-    evaluate_kernel(kernel(core, a.POINT_MOMENTA), points, out, points.shape[1])
-    _add_sums(core, points.shape[1], momentum, com)
-    evaluate_kernel(kernel(core, a.NODE_MOMENTA), nodes, out, core.n + 1)
+    run(core, a.POINT_MOMENTA, a.POINT_IN, a.MOMENTA_OUT, points)
+    _add_sums(core, points, momentum, com)
+    run(core, a.NODE_MOMENTA, a.NODE_IN, a.MOMENTA_OUT, core.n + 1)
     _add_sums(core, core.n + 1, momentum, com)
     for d in range(3):
         com[d] /= vector(core.block, a.NUMBERS_)[a.MASS]
