@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from worm3d.measures.spread import UNEVEN_GROUND_ADVICE, rough
 from worm3d.measures.table import NoValueError, measure
-from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, along_the_ground, distance, way
+from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, along_the_ground, distance, distance_of
 from worm3d.recorded.energy import TERMS, Energy
 from worm3d.recorded.estimate import ErrorEstimate
 from worm3d.recorded.finished import FinishedRun
+from worm3d.values.arrays import FloatArray
 from worm3d.values.period_means import SHORT_RUN, averaged, path_length
 
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
@@ -40,9 +40,7 @@ def _duration(result: FinishedRun) -> float:
 
 @measure("distance_m", "displacement of the centre of mass along the heading at the start")
 def _distance(result: FinishedRun) -> float:
-    if np.isnan(distance(result)):
-        raise NoValueError(NO_HEADING)
-    return distance(result)
+    return _forward(result, result.com)
 
 
 @measure("path_length_m", "length of the path of the centre of mass, averaged over a period")
@@ -59,10 +57,7 @@ def _mean_speed(result: FinishedRun) -> float:
         window = round(result.period / float(result.time[1] - result.time[0]))
     if not 1 <= window < len(result.time):
         raise NoValueError(_no_mean(result))
-    ends = way(averaged(result.com, window)[[0, -1]], result.joints[0], result.world)
-    if ends is None:
-        raise NoValueError(NO_HEADING)
-    return float(ends[-1] - ends[0]) / float(result.time[-1] - result.time[window - 1])
+    return _forward(result, averaged(result.com, window)) / float(result.time[-1] - result.time[window - 1])
 
 
 @measure("heading_change_deg", "turn to the left over the run")
@@ -104,21 +99,25 @@ def _iterations(result: FinishedRun) -> float:
     return float(result.newton_iterations.sum()) / solved
 
 
-ERROR_MEASURES = {
-    "distance_error_m": ("what the distance may be off by", lambda error: error.distance),
-    "heading_error_deg": ("what the turn may be off by", lambda error: float(np.rad2deg(error.heading))),
-    "work_error_J": ("what the net work of the actuators may be off by", lambda error: error.work),
-}
-
-
-def _error(result: FinishedRun, of: Callable[[ErrorEstimate], float]) -> float:
+def _error(result: FinishedRun) -> ErrorEstimate:
     if result.error_estimate is None:
         raise NoValueError(f"{FIXED}; {UNEVEN_GROUND_ADVICE}" if rough(result) else FIXED)
-    return of(result.error_estimate)
+    return result.error_estimate
 
 
-for _name, (_meaning, _of) in ERROR_MEASURES.items():
-    measure(_name, _meaning)(partial(_error, of=_of))
+@measure("distance_error_m", "what the distance may be off by")
+def _distance_error(result: FinishedRun) -> float:
+    return _error(result).distance
+
+
+@measure("heading_error_deg", "what the turn may be off by")
+def _heading_error(result: FinishedRun) -> float:
+    return float(np.rad2deg(_error(result).heading))
+
+
+@measure("work_error_J", "what the net work of the actuators may be off by")
+def _work_error(result: FinishedRun) -> float:
+    return _error(result).work
 
 
 @measure("real_time_factor", "simulated time over computing time")
@@ -142,9 +141,8 @@ def _share(result: FinishedRun, name: str) -> float:
 
 
 for _term in ("work_contract_positive", "work_contract_p11", "work_friction_p13"):
-    measure(f"{_term}_J", str(Energy.__dataclass_fields__[_term].metadata["series"].meaning))(
-        partial(_total, term=_term)
-    )
+    _meaning = str(Energy.__dataclass_fields__[_term].metadata["series"].meaning)
+    measure(f"{_term}_J", _meaning)(partial(_total, term=_term))
 
 
 @measure("halved_steps", "steps that were taken in parts")
@@ -181,10 +179,7 @@ def _settling(result: FinishedRun) -> float:
 def _distance_with_load(result: FinishedRun) -> float:
     if not result.worm.load_mass.any():
         raise NoValueError(NO_PAYLOAD)
-    ends = way(result.com_with_load[[0, -1]], result.joints[0], result.world)
-    if ends is None:
-        raise NoValueError(NO_HEADING)
-    return float(ends[-1] - ends[0])
+    return _forward(result, result.com_with_load)
 
 
 @measure("cost_of_transport_with_load", "net work of the actuators over weight and distance of worm and payloads")
@@ -193,6 +188,14 @@ def _cost_with_load(result: FinishedRun) -> float:
     if moved <= NO_WAY * result.worm.length:
         raise NoValueError(f"worm and payloads made no way forward ({moved:.4g} m)")
     return _cost(result) * carried(result) / (both * float(np.linalg.norm(result.gravity)) * moved)
+
+
+def _forward(result: FinishedRun, com: FloatArray) -> float:
+    """Return the distance from the first to the last row of a centre of mass, along the heading at the start [m]."""
+    made = distance_of(com, result.joints[0], result.world)
+    if np.isnan(made):
+        raise NoValueError(NO_HEADING)
+    return made
 
 
 def carried(result: FinishedRun) -> float:

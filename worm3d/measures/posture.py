@@ -22,9 +22,6 @@ moments 18 on rubble and 30 in a tunnel."""
 MIN_SIDE_TIME = 0.5
 """Shortest time on the side that counts, so that a rocking worm does not count [s]."""
 
-GROUND = 0.5
-"""Smallest cosine between a normal and up for which a surface is ground: a pipe's wall beside the worm is no ground."""
-
 
 def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
     """Return the roll of a worm to its left, the median of the segments, at rows of a result, (T,) [rad].
@@ -38,7 +35,8 @@ def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
     middle = joints[:1].mean(axis=1) if result.world.flat else (joints[:, 1:] + joints[:, :-1]) / 2.0
     normal = np.broadcast_to(_normals(result.world, middle, result.worm.length), directors.shape)
     load = result.normal_load[rows].sum(axis=(1, 2)) + result.joint_load[rows].sum(axis=1)
-    seen = (load > 0.0) & (normal @ (-result.gravity / weight) > GROUND).all(axis=1)
+    level = normal @ (-result.gravity / weight) > 0.5  # a pipe's wall beside the worm is no ground
+    seen = (load > 0.0) & level.all(axis=1)
     sine = (directors[seen] * normal[seen]).sum(axis=-1)
     rolls[seen] = -np.median(np.arcsin(np.clip(sine, -1.0, 1.0)), axis=1)
     return rolls

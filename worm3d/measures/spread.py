@@ -19,10 +19,6 @@ UNEVEN_GROUND_ADVICE = (
     "on uneven ground every stone decides, and a single distance means little: take the mean over "
     f"{MIN_STARTS} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
 )
-ROUGH_FROM = 0.01
-"""Height of bumps, as a fraction of the length of a segment, from which ground is uneven in this sense."""
-SHIFT = 1e-3
-"""Largest distance between starts, as a fraction of the body length; a worm can feel only much larger lengths."""
 
 
 @with_fields
@@ -54,9 +50,9 @@ class Spread:
 
 
 def rough(result: FinishedRun) -> bool:
-    """Return whether the ground of a run has bumps within a segment length, so that the start decides the distance."""
+    """Return whether the ground has bumps of 1 % of a segment length, so that the start decides the distance."""
     length = result.worm.l0
-    return result.world is not None and result.world.bumps(length) > ROUGH_FROM * length
+    return result.world is not None and result.world.bumps(length) > 0.01 * length
 
 
 def scattered(state: State, count: int = MIN_STARTS, within: float | None = None, seed: int = 0) -> list[State]:
@@ -67,7 +63,7 @@ def scattered(state: State, count: int = MIN_STARTS, within: float | None = None
     state : State
     count : int
     within : float, optional
-        Largest shift along x and y [m]; a thousandth of the length of the body if left out.
+        Largest shift along x and y [m]; a thousandth of the length of the body if left out, which no worm feels.
     seed : int
 
     Raises
@@ -77,7 +73,7 @@ def scattered(state: State, count: int = MIN_STARTS, within: float | None = None
     """
     arguments.whole("count", count)
     length = float(np.linalg.norm(np.diff(state.joints, axis=0), axis=1).sum())
-    most = SHIFT * length if within is None else within
+    most = 1e-3 * length if within is None else within
     arguments.number("within", most, "m", gt=0.0)
     shifts = np.random.default_rng(seed).uniform(-most, most, (count, 3)) * [1.0, 1.0, 0.0]
     return [state.with_changes(joints=state.joints + shift) for shift in shifts]

@@ -7,8 +7,8 @@ period to period by the largest modulus of the multipliers that the start excite
 
     return_map_radius = exp(slope of log |x_(k+1) - x_k| over k, least squares)                          (J7)
 
-over the later half of the differences above rounding, `REPEATS`, and at least two differences; 0 if there is at most
-one difference.
+over the later half of the differences above rounding, 1e-10 (rms over the joints), and at least two differences; 0 if
+there is at most one difference.
 
 **Response.** Let w(t) be the distance in the period before t (at rest before the start), and D the value of w in the
 last waves:
@@ -27,12 +27,8 @@ from worm3d.measures.way import along_the_ground
 from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray, IntArray
 
-REPEATS = 1e-10
-"""Change of shape from period to period that counts as rounding, rms over the joints [body lengths]."""
 RISEN = 0.9
 """Share of a new speed or heading at which a worm has responded."""
-ROWS_IN_A_PIPE = 32
-"""Rows of a period at which the position along a pipe is computed, which takes long."""
 FEW_PERIODS = "the run has fewer than three whole periods"
 UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
 
@@ -66,7 +62,7 @@ def shapes(result: FinishedRun, rows: IntArray) -> FloatArray:
 def decay(changes: FloatArray) -> float:
     """Return the factor (J7) of the changes of shape, (K, N+1, 3); 0 if at most one change is above rounding."""
     size = np.sqrt((changes**2).sum(axis=2).mean(axis=1))
-    large = np.flatnonzero(size > REPEATS)
+    large = np.flatnonzero(size > 1e-10)
     if len(large) < 2:
         return 0.0
     later = large[-max(2, (len(large) + 1) // 2) :]
@@ -91,7 +87,7 @@ def _response(result: FinishedRun) -> float:
         way = along_the_ground(result)
     else:
         assert result.world is not None
-        rows = slice(None, None, max(1, int(period / (ROWS_IN_A_PIPE * (time[1] - time[0])))))
+        rows = slice(None, None, max(1, int(period / (32 * (time[1] - time[0])))))  # a course takes long to compute
         course = result.world.course(result.com[rows], result.joints[0])
         assert course is not None
         time, way = time[rows], course[:, None]

@@ -33,14 +33,18 @@ def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray 
     if np.isnan(azimuth):
         return None
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    forward: FloatArray = level / np.linalg.norm(level) if world is None else world.forward(joints, level)
-    return com @ forward
+    return com @ (level / np.linalg.norm(level) if world is None else world.forward(joints, level))
 
 
 @kept
 def distance(result: FinishedRun) -> float:
     """Return the forward displacement of the centre of mass, as defined in `way` [m]; NaN for a vertical body."""
-    ends = way(result.com[[0, -1]], result.joints[0], result.world)
+    return distance_of(result.com, result.joints[0], result.world)
+
+
+def distance_of(com: FloatArray, joints: FloatArray, world: World | None) -> float:
+    """Return the forward displacement from the first to the last of centres of mass [m]; NaN for a vertical body."""
+    ends = way(com[[0, -1]], joints, world)
     return float("nan") if ends is None else float(ends[-1] - ends[0])
 
 

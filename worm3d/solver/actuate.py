@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import actuator, joint, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import copy, fill, matrix, vector
 from worm3d.solver.block import rows as fields
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import run
 from worm3d.values.arrays import FloatArray
 
 _COMMANDED, _FORCE, _DT, _LENGTH_N = segment.SEGMENT_LAYOUT.firsts("commanded", "force", "dt", "length_n")
@@ -46,8 +45,8 @@ def actuate(core: Core, command: FloatArray, dt: float) -> None:
     fill(fields(block, a.JOINT_IN, _JOINT_DT, 1), dt)
     copy(fields(block, a.SEGMENT_IN, _LENGTH_N, 2), fields(block, a.LENGTHS, 0, 2))
     chambers, hinges = matrix(block, a.STARTED_ACTUATORS), matrix(block, a.HINGE_OUT)
-    evaluate_kernel(kernel(core, a.ACTUATOR_START), rows, chambers, n)
-    evaluate_kernel(kernel(core, a.HINGE_START), joints, hinges, n - 1)
+    run(core, a.ACTUATOR_START, a.ACTUATED, a.STARTED_ACTUATORS, n)
+    run(core, a.HINGE_START, a.HINGED, a.HINGE_OUT, n - 1)
     for i in range(n):
         for side in range(2):
             k = 2 * i + side

@@ -32,9 +32,12 @@ from worm3d.recorded import series
 from worm3d.recorded.energy import TERMS
 from worm3d.solver.block import Block, Memory, Plan
 from worm3d.values.arrays import FloatArray
+from worm3d.worlds.kernels import WORLD_ROWS
 
-WORLD_ROWS = 11
-"""Outputs of a world: distance, gradient (3), curvature (6), grip."""
+SHAPE = Layout({"lengths": 2, "tangent": 3, "director": 3, "points": 3 * POINTS_PER_SEGMENT})
+"""Outputs of the kernel segment_shape."""
+POINT_FORCES = Layout({"f": 3, "phi": 1, "load": 1, "f_ahead": 3, "K": 9})
+"""Outputs of the kernel point_stiffness; point_force has the outputs before "f_ahead"."""
 
 
 class KernelRow(NamedTuple):
@@ -158,19 +161,15 @@ class Sizes(NamedTuple):
     loads: tuple[type[Load], ...]
     """External loads on the joints."""
 
-    def of(self, name: str) -> int:
-        """Return one of these sizes, or a derived size."""
-        derived = _derived(self)
-        return derived[name] if name in derived else int(getattr(self, name))
-
 
 @cache
-def _derived(sizes: Sizes) -> dict[str, int]:
-    """Return the derived sizes by name."""
+def _extents(sizes: Sizes) -> dict[str, Any]:
+    """Return the sizes and the derived sizes by name."""
     size = BLOCK_SIZE * (sizes.n + 1)
     parts = sizes.chamber, sizes.hysteresis
     chamber, hinge = 2 * actuator.ACTUATORS_PER_SEGMENT * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
     return {
+        **sizes._asdict(),
         "chamber_rows": actuator.chambers(*parts).rows,
         "hinge_rows": actuator.hinges(sizes.hinge).rows,
         "medium_rows": medium.layout(sizes.medium).rows,
@@ -196,7 +195,7 @@ def _derived(sizes: Sizes) -> dict[str, int]:
 
 
 Extent = int | str | Layout
-"""A number of rows or columns, the name of one of the `Sizes`, or a layout, whose rows have names."""
+"""A number of rows or columns, the name of a size in `_extents`, or a layout, whose rows have names."""
 
 
 class ArrayRow(NamedTuple):
@@ -223,7 +222,7 @@ class ArrayRow(NamedTuple):
 def _extent(extent: Extent, sizes: Sizes) -> int:
     if isinstance(extent, Layout):
         return extent.rows
-    return sizes.of(extent) if isinstance(extent, str) else extent
+    return int(_extents(sizes)[extent]) if isinstance(extent, str) else extent
 
 
 ARRAYS: dict[str, ArrayRow] = {}
@@ -250,9 +249,8 @@ BANDED_JACOBIAN = _array("band", "band_rows", BAND_COLUMNS)
 FACTOR = _array("factor", "band_rows", BAND_COLUMNS)  # factors of the linear solver
 # inputs of the segment's kernels
 SEGMENT_IN = _array("segment_in", segment.SEGMENT_LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
-# f (3), potential, load, f foreseen (3), K (9)
-POINT_OUT = _array("point_out", 17, "points", inside=("segment_in", "f"))
-POINT_ANEW = _array("point_anew", 17, "points")  # the same for changed contacts, with the change of K
+POINT_OUT = _array("point_out", POINT_FORCES, "points", inside=("segment_in", "f"))
+POINT_ANEW = _array("point_anew", POINT_FORCES, "points")  # the same for changed contacts, with the change of K
 SEGMENT_OUT = _array("segment_out", 1 + segment.COORDINATES + segment.COORDINATES**2, "lanes")
 # gradients and Hessians of the segments, one segment after the other
 SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES + segment.COORDINATES**2)
@@ -264,14 +262,13 @@ JACOBIANS = _array("jacobians", "lanes", 3 * POINTS_PER_SEGMENT * segment.COORDI
 # 1 if the derivatives of a slot (last row: of all slots, in "points_jacobian") of a vector of segments are newer than
 # the Jacobian
 DERIVATIVES_KNOWN = _array("known", POINTS_PER_SEGMENT + 1, "vectors")
-# chamber lengths (2), tangent (3), director (3), points (24)
-SEGMENT_SHAPE_OUT = _array("rest", 8 + 3 * POINTS_PER_SEGMENT, "lanes")
+SEGMENT_SHAPE_OUT = _array("rest", SHAPE, "lanes")
 # inputs of the point's kernels
 POINT_IN = _array(
     "point_in",
     point.POINT_LAYOUT,
     "points",
-    inside=("rest", 8),
+    inside=("rest", "points"),
     remembered=("anchor", "load_n", "load_m", "pull", "pull_m"),
 )
 # the same memory with the lanes of segments, row 8 r + slot

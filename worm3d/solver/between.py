@@ -23,11 +23,9 @@ from worm3d.solver.records import BEFORE, CURVED, NOW, REGIONS, SUMS, gather, re
 @inner
 def keep(records: Block, to: int) -> None:
     """Copy the regions that fill rows: to `BEFORE` at the start of a step, to `NOW` at the end."""
-    at = address(records, to, 0)
     for r in range(matrix(records, REGIONS).shape[0]):
-        here, size = _region(records, r)
-        vectors.move(at, here, size)
-        at += 8 * size
+        here, size, at = _region(records, r)
+        vectors.move(address(records, to, 0) + 8 * at, here, size)
 
 
 @inner
@@ -37,32 +35,28 @@ def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
         record(core, records, row)
         return
     keep(records, NOW)
-    before, now, at = vector(records, BEFORE), vector(records, NOW), 0
+    before, now = vector(records, BEFORE), vector(records, NOW)
     regions = matrix(records, REGIONS).shape[0]
     _bend(core, a.JOINTS, a.JOINT_VELOCITY, share, h)
     _bend(core, a.POINTS_PAST, a.POINT_VELOCITY, share, h)
-    for r in range(regions):
-        here, size = _region(records, r)
-        if r >= CURVED:
-            values = carray(doubles_at(here), (size,))
-            combine(values, 1.0 - share, before[at : at + size], share, values)
-        at += size
+    for r in range(CURVED, regions):
+        here, size, at = _region(records, r)
+        values = carray(doubles_at(here), (size,))
+        combine(values, 1.0 - share, before[at : at + size], share, values)
     gather(core, records, row)
-    at = 0
     for r in range(regions):
-        here, size = _region(records, r)
+        here, size, at = _region(records, r)
         if r >= regions - SUMS:  # this share of the sums is already in a row
             values = carray(doubles_at(here), (size,))
             for sums in (before, now):
                 combine(sums[at : at + size], 1.0, sums[at : at + size], -1.0, values)
         vectors.move(here, address(records, NOW, 0) + 8 * at, size)
-        at += size
 
 
 @inner
 def _region(records: Block, r: int) -> NDArray[np.int64]:
-    """Return begin and size of a region."""
-    return integers(address(records, REGIONS, r), 2)
+    """Return begin and size of a region, and where the copies of the region begin."""
+    return integers(address(records, REGIONS, r), 3)
 
 
 @inner

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from worm3d.machine.codegen import evaluate
 from worm3d.machine.compiled import inner
 from worm3d.machine.writer import DOUBLE, Writer, on_addresses
 from worm3d.solver.arrays import COUNTERS, HANDLE, Core
-from worm3d.solver.block import Block, integers
+from worm3d.solver.block import Block, integers, matrix
 
 
 @on_addresses(float)
@@ -32,6 +33,12 @@ def opened(handle: int) -> Core:
 def kernel(core: Core, k: int) -> int:
     """Return the address of a kernel or entry, one of `worm3d.solver.arrays.KERNELS`."""
     return int(integers(core.kernels, k + 1)[k])
+
+
+@inner
+def run(core: Core, k: int, given: int, out: int, count: int, first: int = 0) -> None:
+    """Run a kernel on `count` lanes, from lane `first` on, of an array of inputs and an array of outputs."""
+    evaluate(kernel(core, k), matrix(core.block, given), matrix(core.block, out), count, first)
 
 
 @inner

@@ -22,7 +22,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver import loads
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, copy, fill, matrix, rows, vector
-from worm3d.solver.entry import call, count, kernel, opened
+from worm3d.solver.entry import call, count, kernel, opened, run
 from worm3d.values.arrays import FloatArray
 
 _Q, _LINK, _T_REF = segment.SEGMENT_LAYOUT.firsts("q", "link", "t_ref")
@@ -33,16 +33,10 @@ _BOTH = joint.COORDINATES
 _ROOTS = 4 * joint.ROW
 MIN_CHAMBER_LENGTH = 1e-4
 """Shortest possible length of a chamber, as a fraction of the link length."""
-LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
-"""Rows of "rest"."""
+LENGTHS, TANGENT, DIRECTOR = a.SHAPE.firsts("lengths", "tangent", "director")
+PHI, LOAD_ROW, _AHEAD, STIFFNESS = a.POINT_FORCES.firsts("phi", "load", "f_ahead", "K")
 NO_HESSIAN, WHOLE_HESSIAN, EXACT_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY, CHOICES = range(6)
 """Choices for the outputs of `evaluate`, and the number of choices."""
-PHI, LOAD_ROW = 3, 4
-"""Rows of "point_out"."""
-STIFFNESS, _ROWS = 8, 17
-"""First row of K in "point_out" (K has the last rows), and the number of all rows."""
-_FORCES = 5
-"""Number of rows of "point_out" written by point_force."""
 
 
 @inner
@@ -67,7 +61,7 @@ def place(core: Core, x: FloatArray) -> bool:
     """Compute points and distances at x; return whether the linkages can have this shape."""
     segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_SHAPE_OUT)
     to_segments(core, _Q, x.ctypes.data)
-    evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
+    run(core, a.SEGMENT_SHAPE, a.SEGMENT_IN, a.SEGMENT_SHAPE_OUT, core.n)
     for i in range(core.n):
         link, turned = segment_in[_LINK, i], 0.0
         for d in range(3):
@@ -78,10 +72,15 @@ def place(core: Core, x: FloatArray) -> bool:
                 return False
         if not turned > -0.9:
             return False
-    world_in = matrix(core.block, a.WORLD_IN)
-    copy(rows(core.block, a.WORLD_IN, 0, 3), rows(core.block, a.POINT_IN, 0, 3))
-    evaluate_kernel(kernel(core, a.WORLD), world_in, matrix(core.block, a.WORLD_OUT), world_in.shape[1])
+    find_distances(core)
     return True
+
+
+@inner
+def find_distances(core: Core) -> None:
+    """Run the kernel of the world for all points."""
+    copy(rows(core.block, a.WORLD_IN, 0, 3), rows(core.block, a.POINT_IN, 0, 3))
+    run(core, a.WORLD, a.WORLD_IN, a.WORLD_OUT, matrix(core.block, a.WORLD_IN).shape[1])
 
 
 @njit
@@ -127,7 +126,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     if hessian == WHOLE_HESSIAN:
         evaluate_kernel(kernel(core, a.JOINT_ROOTS), joint_in, joint_out[: 1 + _ROOTS], n - 1)
     elif hessian == EXACT_HESSIAN:
-        evaluate_kernel(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
+        run(core, a.JOINT_HESSIAN, a.JOINT_IN, a.JOINT_OUT, n - 1)
     else:
         evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + joint.ROW], n - 1)
     _segments(core, hessian)
@@ -164,10 +163,10 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
         free = coupled and open_at(core, first)
         if hessian in (NO_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
-            evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.VECTOR_WIDTH, first)
+            evaluate_kernel(kernel(core, which), point_in, out[:_AHEAD], vectors.VECTOR_WIDTH, first)
             continue
         which = a.POINT_FREE_STIFFNESS if free else a.POINT_AHEAD
-        evaluate_kernel(kernel(core, which), point_in, out, vectors.VECTOR_WIDTH, first)
+        run(core, which, a.POINT_IN, a.POINT_OUT, vectors.VECTOR_WIDTH, first)
         if not free:
             beyond = first + core.n - first % lanes
             for k in range(first, first + vectors.VECTOR_WIDTH):
@@ -178,11 +177,11 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
 @inner
 def _segments(core: Core, hessian: int) -> None:
     """Run the segments' kernel, and fill the requested part of the band."""
-    segment_in, segment_out = matrix(core.block, a.ACTUATED), matrix(core.block, a.SEGMENT_OUT)
     if hessian in (NO_HESSIAN, LOCAL_HESSIAN):
-        evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
+        gradient = matrix(core.block, a.SEGMENT_OUT)[: 1 + _OWN]
+        evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), matrix(core.block, a.ACTUATED), gradient, core.n)
     else:
-        evaluate_kernel(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
+        run(core, a.SEGMENT_HESSIAN, a.ACTUATED, a.SEGMENT_OUT, core.n)
         _fill_band(core, hessian == EXACT_HESSIAN)
     if hessian != NO_HESSIAN:
         _exchange(core)
@@ -247,11 +246,8 @@ def hold(core: Core, in_band: bool) -> None:
 def _fill_band(core: Core, exact: bool) -> None:
     """Assemble the band from the contributions of joints, masses of joints and segments."""
     band = matrix(core.block, a.BANDED_JACOBIAN)
-    inertia, drag, pitch = (
-        vector(core.block, a.JOINT_INERTIA),
-        vector(core.block, a.JOINT_DRAG),
-        band.shape[1] - 1,
-    )
+    inertia, drag, pitch = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG), band.shape[1] - 1
+    of_joints = matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS
     vectors.clear(address(core.block, a.BANDED_JACOBIAN, 0), band.size)
     for j in range(core.n + 1):
         for d in range(3):
@@ -259,14 +255,7 @@ def _fill_band(core: Core, exact: bool) -> None:
     for first in range(0, core.n, vectors.VECTOR_WIDTH):
         _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, 0, _OWN * (1 + _OWN))
     for first in range(0, core.n - 1, vectors.VECTOR_WIDTH):
-        _transpose(
-            core,
-            a.JOINT_OUT,
-            a.JOINT_BLOCKS,
-            first,
-            0,
-            matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS,
-        )
+        _transpose(core, a.JOINT_OUT, a.JOINT_BLOCKS, first, 0, of_joints)
     for begin in range(2):  # overlapping blocks would wait for each other
         for i in range(begin, core.n, 2):
             own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
@@ -285,13 +274,11 @@ def _fill_band(core: Core, exact: bool) -> None:
 def _exchange(core: Core) -> None:
     """Exchange the contributions to the band of the contacts marked in "changed"."""
     changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.DERIVATIVES_KNOWN)
-    point_in, lanes = matrix(core.block, a.POINT_IN), len(changed) // POINTS_PER_SEGMENT
+    lanes = len(changed) // POINTS_PER_SEGMENT
     for first in range(0, len(changed), vectors.VECTOR_WIDTH):
         if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * first, 0.0) != 0:
             continue
-        evaluate_kernel(
-            kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.VECTOR_WIDTH, first
-        )
+        run(core, a.POINT_STIFFNESS, a.POINT_IN, a.POINT_ANEW, vectors.VECTOR_WIDTH, first)
         if known[first // lanes, first % lanes // vectors.VECTOR_WIDTH] == 0.0:
             _differentiate(core, first // lanes, first % lanes)
         for k in range(first, first + vectors.VECTOR_WIDTH):
@@ -304,9 +291,8 @@ def _differentiate(core: Core, slot: int, first: int) -> None:
     """Compute the derivatives of one point of each segment in a vector of segments."""
     known, v = matrix(core.block, a.DERIVATIVES_KNOWN), first // vectors.VECTOR_WIDTH
     if known[POINTS_PER_SEGMENT, v] == 0.0:
-        segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.VECTOR_WIDTH, core.n - first)
-        out = matrix(core.block, a.POINTS_JACOBIAN)
-        evaluate_kernel(kernel(core, a.SEGMENT_JACOBIAN), segment_in, out, count, first)
+        count = min(vectors.VECTOR_WIDTH, core.n - first)
+        run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
     _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * _OWN * slot, 3 * _OWN * (slot + 1))
     known[POINTS_PER_SEGMENT, v], known[slot, v] = 1.0, 1.0
 
@@ -317,7 +303,7 @@ def _exchange_one(core: Core, k: int) -> None:
     old, new = matrix(core.block, a.POINT_OUT), matrix(core.block, a.POINT_ANEW)
     lanes = old.shape[1] // POINTS_PER_SEGMENT
     slot, i = k // lanes, k % lanes
-    for r in range(STIFFNESS, _ROWS):
+    for r in range(STIFFNESS, old.shape[0]):
         new[r, k], old[r, k] = new[r, k] - old[r, k], new[r, k]
     jacobian = address(core.block, a.JACOBIANS, i) + 8 * 3 * _OWN * slot
     more = address(core.block, a.POINT_ANEW, STIFFNESS) + 8 * k

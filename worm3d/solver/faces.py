@@ -9,7 +9,7 @@ from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, matrix
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import kernel, run
 
 FACES = 6
 """Number of the tail face among the points of a segment; the head face follows."""
@@ -26,12 +26,10 @@ def turn_faces(core: Core) -> None:
     The new points are placed; the distances still belong to the old points, a second-order difference in the roll of a
     step.
     """
-    radii = matrix(core.block, a.SEGMENT_IN)[_RADIUS : _RADIUS + 2]
+    radii = matrix(core.block, a.SEGMENT_IN)[_RADIUS : _RADIUS + 2]  # of the worm's ends
     for first in range(0, core.n, vectors.VECTOR_WIDTH):
-        for i in range(first, min(first + vectors.VECTOR_WIDTH, core.n)):
-            if radii[0, i] > 0.0 or radii[1, i] > 0.0:
-                _turn(core, first)
-                break
+        if radii[0, first] > 0.0 or radii[1, min(first + vectors.VECTOR_WIDTH, core.n) - 1] > 0.0:
+            _turn(core, first)
 
 
 @inner
@@ -50,7 +48,7 @@ def _turn(core: Core, first: int) -> None:
     for r in range(4):
         here = address(block, a.SEGMENT_OUT, r) + 8 * first
         vectors.move(address(block, a.SEGMENT_IN, _RIM + r) + 8 * first, here, count)
-    evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segments, matrix(block, a.SEGMENT_SHAPE_OUT), count, first)
+    run(core, a.SEGMENT_SHAPE, a.SEGMENT_IN, a.SEGMENT_SHAPE_OUT, count, first)
     for face in range(2):
         for i in range(first, first + count):
             if segments[_RADIUS + face, i] > 0.0:

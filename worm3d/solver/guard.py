@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import joint, point, segment
@@ -13,7 +12,7 @@ from worm3d.recorded.status import Status
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import matrix, rows, total, vector
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import kernel, run
 from worm3d.solver.evaluate import LENGTHS, TANGENT
 from worm3d.values.arrays import FloatArray
 
@@ -49,22 +48,18 @@ def guard(core: Core) -> int:
 def actuators_start_finite(core: Core) -> bool:
     """Return whether all known outputs of the actuators at the start of a step are finite."""
     block = core.block
-    value = (
-        total(vector(block, a.ACTUATOR_COMMANDS))
-        + total(vector(block, a.GIVEN))
-        + total(rows(block, a.SEGMENT_IN, _REST, 2))
-    )
-    return bool(np.isfinite(value + _sum(matrix(block, a.HINGE_OUT), core.n - 1)))
+    value = total(vector(block, a.ACTUATOR_COMMANDS)) + total(vector(block, a.GIVEN))
+    value += total(rows(block, a.SEGMENT_IN, _REST, 2)) + _sum(matrix(block, a.HINGE_OUT), core.n - 1)
+    return bool(np.isfinite(value))
 
 
 @inner
 def _actuators_end_finite(core: Core) -> bool:
     """Return whether the outputs, states and energies of the chambers' actuators at the end of the step are finite."""
-    end, out = kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATOR_OUT)
-    if end == 0:
+    if kernel(core, a.ACTUATOR_END) == 0:
         return True
-    evaluate_kernel(end, matrix(core.block, a.ACTUATED), out, core.n)
-    return bool(np.isfinite(_sum(out, core.n)))
+    run(core, a.ACTUATOR_END, a.ACTUATED, a.ACTUATOR_OUT, core.n)
+    return bool(np.isfinite(_sum(matrix(core.block, a.ACTUATOR_OUT), core.n)))
 
 
 @inner
@@ -85,10 +80,8 @@ def _folded(core: Core) -> bool:
         cosine = 0.0
         for d in range(3):
             cosine += rest[TANGENT + d, i] * rest[TANGENT + d, i + 1]
-        if (
-            cosine <= 0.0
-            or abs(0.5 * (x[BLOCK_SIZE * i + 4] + x[BLOCK_SIZE * i + 9]) + joints[_HINGE, i]) >= 0.5 * np.pi
-        ):
+        asked = 0.5 * (x[BLOCK_SIZE * i + 4] + x[BLOCK_SIZE * i + 9]) + joints[_HINGE, i]
+        if cosine <= 0.0 or abs(asked) >= 0.5 * np.pi:
             return True
     return False
 

@@ -43,7 +43,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, fill, matrix, rows, vector
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import kernel, run
 from worm3d.solver.evaluate import LOAD_ROW, to_joints, to_segments
 from worm3d.values.arrays import FloatArray
 
@@ -100,7 +100,7 @@ def prepare(core: Core) -> None:
     combine(vector(block, a.STEP_CHANGE)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
     to_segments(core, _DQ, address(block, a.STEP_CHANGE, 0))
     to_joints(core, _JOINT_DQ, address(block, a.STEP_CHANGE, 0))
-    evaluate_kernel(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
+    run(core, a.SEGMENT_LEDGER, a.SEGMENT_IN, a.SEGMENT_LEDGER_, n)
     point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
     for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD_ROW, 1)):
         here = address(block, a.POINT_OUT, source)
@@ -108,11 +108,11 @@ def prepare(core: Core) -> None:
     regimes.look(core, a.POINT_TOUCHES)
     for first in range(0, point_in.shape[1], vectors.VECTOR_WIDTH):
         which = a.POINT_AFTER if regimes.seen(core, first) else a.POINT_FREE_AFTER
-        evaluate_kernel(kernel(core, which), point_in, matrix(block, a.AFTER_OUT), vectors.VECTOR_WIDTH, first)
+        run(core, which, a.POINT_IN, a.AFTER_OUT, vectors.VECTOR_WIDTH, first)
     for j in range(n + 1):
         for d in range(3):
             nodes[d, j] = x[BLOCK_SIZE * j + d]
-    evaluate_kernel(kernel(core, a.NODE_AFTER), nodes, matrix(block, a.NODE_OUT), n + 1)
+    run(core, a.NODE_AFTER, a.NODE_IN, a.NODE_OUT, n + 1)
 
 
 @inner
@@ -126,9 +126,7 @@ def add(core: Core, terms: FloatArray) -> None:
     evaluate_kernel(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
     _collect(core, a.SEGMENT_LEDGER_, n, _OF_SEGMENT, terms)
     if kernel(core, a.ACTUATOR_END) != 0:
-        evaluate_kernel(
-            kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATED), matrix(core.block, a.ACTUATOR_OUT), n
-        )
+        run(core, a.ACTUATOR_END, a.ACTUATED, a.ACTUATOR_OUT, n)
         _collect(core, a.ACTUATOR_OUT, n, _OF_ACTUATOR, terms)
     _collect(core, a.JOINT_OUT, n - 1, _OF_JOINT, terms)
     _collect(core, a.NODE_OUT, n + 1, _OF_NODE, terms)

@@ -15,7 +15,7 @@ from worm3d.recorded.energy import TERMS
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import matrix, vector
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import kernel, run
 from worm3d.values.arrays import FloatArray
 
 _DT, _SPAN, _RATIO, _LANDS = (list(load.SHARED_INPUTS).index(name) for name in ("dt", "span", "ratio", "lands"))
@@ -81,16 +81,13 @@ def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
 @inner
 def add(core: Core, x: FloatArray, in_band: bool) -> float:
     """Add the loads to the gradient, and perhaps the band; return the potential of the loads."""
-    at, gradient, band = (
-        vector(core.block, a.LOADED),
-        vector(core.block, a.GRADIENT),
-        matrix(core.block, a.BANDED_JACOBIAN),
-    )
-    given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(at)
+    at, out = vector(core.block, a.LOADED), matrix(core.block, a.LOAD_OUT)
+    gradient, band, count = vector(core.block, a.GRADIENT), matrix(core.block, a.BANDED_JACOBIAN), len(at)
     _place(core, x, 0.0, x)
     if in_band:
-        evaluate_kernel(kernel(core, a.LOAD_HESSIAN), given, out, 1)
+        run(core, a.LOAD_HESSIAN, a.LOAD_IN, a.LOAD_OUT, 1)
     else:
+        given = matrix(core.block, a.LOAD_IN)
         evaluate_kernel(kernel(core, a.LOAD_GRADIENT), given, out[: 1 + 3 * count], 1)
     for k in range(count):
         for d in range(3):
@@ -123,7 +120,7 @@ def finish(core: Core, terms: FloatArray) -> None:
     x, nodes = vector(core.block, a.X), matrix(core.block, a.NODE_IN)
     given[_LANDS, 0] = nodes[_NODE_LANDS, 0]
     _place(core, x, 0.0, x)
-    evaluate_kernel(kernel(core, a.LOAD_AFTER), given, out, 1)
+    run(core, a.LOAD_AFTER, a.LOAD_IN, a.LOAD_ENDS, 1)
     for k in range(len(_OF_LOAD)):
         terms[_OF_LOAD[k]] += out[k, 0]
     for k in range(len(kept)):

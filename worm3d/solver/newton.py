@@ -157,17 +157,14 @@ def _follow(core: Core, whole: int) -> bool:
     Jacobian a body near the limit point reaches another solution of the step. `whole` is the kind of later new
     Jacobians, WHOLE_HESSIAN or EXACT_HESSIAN.
     """
-    x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    length, tolerance = (
-        vector(core.block, a.NUMBERS_)[a.BODY_LENGTH],
-        vector(core.block, a.NUMBERS_)[a.NEWTON_TOLERANCE],
-    )
+    x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
+    l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]
     size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, EXACT_HESSIAN, 0, 0, 1.0, NO_EVENT
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
-        far = max(far, STRAY_STEP * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
+        far = max(far, STRAY_STEP * l0) if far > 0.0 else size
         strays += size > far
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
@@ -195,7 +192,7 @@ def _follow(core: Core, whole: int) -> bool:
         since = moved + (0.0 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else since)
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
-        if slow or turned or since > KEPT_JACOBIAN_MOTION * vector(core.block, a.NUMBERS_)[a.L0]:
+        if slow or turned or since > KEPT_JACOBIAN_MOTION * l0:
             hessian = whole
         else:
             hessian = NO_HESSIAN if news == NO_EVENT else LOCAL_HESSIAN

@@ -12,11 +12,11 @@ from worm3d.solver import arrays as a
 from worm3d.solver.actuate import actuate
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import copy, fill, matrix, rows, vector
-from worm3d.solver.entry import call, kernel, opened
-from worm3d.solver.evaluate import place
+from worm3d.solver.entry import call, kernel, opened, run
+from worm3d.solver.evaluate import find_distances, place
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NOT_FINITE, OK, actuators_start_finite
-from worm3d.solver.step import step
+from worm3d.solver.step import step, straighten
 from worm3d.values.arrays import FloatArray
 
 _T_REF, _D_REF, _RIM, _DQ = segment.SEGMENT_LAYOUT.firsts("t_ref", "d_ref", "rim", "dq")
@@ -58,10 +58,8 @@ def _put(core: Core, rate: FloatArray) -> None:
         turn_faces(core)
     _place(core)
     _set_rates(core, rate)
-    segments = matrix(block, a.SEGMENT_IN)
-    ledger, joint_out = matrix(block, a.SEGMENT_LEDGER_), matrix(block, a.JOINT_OUT)
-    evaluate_kernel(kernel(core, a.SEGMENT_LEDGER), segments, ledger, n)
-    evaluate_kernel(kernel(core, a.JOINT_ANGLES), matrix(block, a.JOINT_IN), joint_out[:4], n - 1)
+    run(core, a.SEGMENT_LEDGER, a.SEGMENT_IN, a.SEGMENT_LEDGER_, n)
+    evaluate_kernel(kernel(core, a.JOINT_ANGLES), matrix(block, a.JOINT_IN), matrix(block, a.JOINT_OUT)[:4], n - 1)
     copy(rows(block, a.POINTS_PAST, 0, 3), rows(block, a.POINT_IN, _X, 3))
     copy(rows(block, a.POINT_VELOCITY, 0, 3), rows(block, a.POINT_IN, _FIRST, 3))
     copy(rows(block, a.LENGTHS, 0, 2), rows(block, a.SEGMENT_SHAPE_OUT, 0, 2))
@@ -84,18 +82,13 @@ def _orient(core: Core, i: int) -> None:
     """Set the tangent of a segment, and make the director a unit vector across the segment, the origin of roll."""
     x, segments = vector(core.block, a.X), matrix(core.block, a.SEGMENT_IN)
     x[BLOCK_SIZE * i + 3] = 0.0
-    square, along, size = 0.0, 0.0, 0.0
+    square = 0.0
     for d in range(3):
         segments[_T_REF + d, i] = x[BLOCK_SIZE * (i + 1) + d] - x[BLOCK_SIZE * i + d]
         square += segments[_T_REF + d, i] ** 2
     for d in range(3):
         segments[_T_REF + d, i] /= np.sqrt(square)
-        along += segments[_D_REF + d, i] * segments[_T_REF + d, i]
-    for d in range(3):
-        segments[_D_REF + d, i] -= along * segments[_T_REF + d, i]
-        size += segments[_D_REF + d, i] ** 2
-    for d in range(3):
-        segments[_D_REF + d, i] /= np.sqrt(size)
+    straighten(core, i)
 
 
 @inner
@@ -119,7 +112,7 @@ def _set_rates(core: Core, rate: FloatArray) -> None:
 def _place(core: Core) -> None:
     """Evaluate points, angles and distances at x."""
     block, x = core.block, vector(core.block, a.X)
-    segments, joints, world_in = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN), matrix(block, a.WORLD_IN)
+    segments, joints = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN)
     for i in range(core.n - 1):
         for r in range(joint.COORDINATES):
             joints[_J_Q + r, i] = x[BLOCK_SIZE * i + r]
@@ -127,8 +120,7 @@ def _place(core: Core) -> None:
             joints[_J_T + d, i], joints[_J_T + 3 + d, i] = segments[_T_REF + d, i], segments[_T_REF + d, i + 1]
             joints[_J_D + d, i], joints[_J_D + 3 + d, i] = segments[_D_REF + d, i], segments[_D_REF + d, i + 1]
     if not place(core, x):  # compute distances also for a shape that no step accepts
-        copy(rows(block, a.WORLD_IN, 0, 3), rows(block, a.POINT_IN, 0, 3))
-        evaluate_kernel(kernel(core, a.WORLD), world_in, matrix(block, a.WORLD_OUT), world_in.shape[1])
+        find_distances(core)
 
 
 @inner

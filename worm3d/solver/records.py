@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from itertools import accumulate
 from math import prod
 from typing import Any, NamedTuple
 
@@ -18,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
@@ -39,7 +39,7 @@ from worm3d.recorded.series import (
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core, CoreMemory
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import run
 from worm3d.values.arrays import FloatArray
 
 STATE_PREFIX = "actuator_"
@@ -81,7 +81,7 @@ class _Form(NamedTuple):
     own: NDArray[np.bool_]
     """Whether the source of an entry is in the records."""
     regions: NDArray[np.int64]
-    """Regions, from the core's memory."""
+    """Begin of each region in the core's memory, size, and begin in the copies of the regions."""
 
 
 @lru_cache
@@ -92,7 +92,7 @@ def _form(sizes: a.Sizes, parts: tuple[Any, ...], clamped: bool, rows: int, betw
     core = a.plan(sizes).places()
     pieces = {name: _pieces(series, clamped, sizes.n, core) for name, series in declared.items()}
     pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
-    regions = np.array(_regions(declared, clamped, sizes.n, core) if between else [], dtype=np.int64).reshape(-1, 2)
+    regions = np.array(_regions(declared, clamped, sizes.n, core) if between else [], dtype=np.int64).reshape(-1, 3)
     total = int(regions[:, 1].sum())
     kept = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE), regions.shape, (1, total), (1, total)]
     kept += [(rows, prod(shape)) for shape in shapes.values()]
@@ -131,7 +131,7 @@ class Records:
         plan[:] = form.entries
         plan[:, 0] += np.where(form.own, here, there)
         plan[:, 1] += here
-        own["regions"].view(np.int64)[:] = form.regions + np.array([there, 0])
+        own["regions"].view(np.int64)[:] = form.regions + np.array([there, 0, 0])
 
     def arrays(self, rows: slice = slice(None)) -> dict[str, FloatArray]:
         """Return views of rows of each series, and of the energy ledger, by name."""
@@ -172,8 +172,8 @@ def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]
 
 def _regions(
     declared: Mapping[str, Series], clamped: bool, n: int, core: Mapping[str, list[int]]
-) -> list[tuple[int, int]]:
-    """Return begin and size of each part of the core that fills rows: positions first, sums last."""
+) -> list[tuple[int, int, int]]:
+    """Return begin, size and place in copies of each part of the core that fills rows: positions first, sums last."""
     first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS_PER_SEGMENT), ("terms", 0, 1)]
     found = dict.fromkeys([*first, ("joint_velocity", 0, 3), ("point_velocity", 0, 3)])
     for series in declared.values():
@@ -184,7 +184,9 @@ def _regions(
         elif source.array in core:
             found[source.array, 0, 1] = None
     parts = [part for part in found if part[0] != "slid"] + last
-    return [(8 * (core[name][0] + row * core[name][2]), count * core[name][2]) for name, row, count in parts]
+    begins = [8 * (core[name][0] + row * core[name][2]) for name, row, _ in parts]
+    sizes = [count * core[name][2] for name, _, count in parts]
+    return list(zip(begins, sizes, accumulate(sizes, initial=0), strict=False))
 
 
 def _source(series: Series, clamped: bool) -> Source:
@@ -253,13 +255,12 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
 @njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Compute momentum, angular momentum and centre of mass of all mass points."""
-    points, nodes = matrix(core.block, a.POINT_IN), matrix(core.block, a.NODE_IN)
+    points = matrix(core.block, a.POINT_IN).shape[1]
     fill(momentum, 0.0)
     fill(com, 0.0)
-    out = matrix(core.block, a.MOMENTA_OUT)
-    evaluate_kernel(kernel(core, a.POINT_MOMENTA), points, out, points.shape[1])
-    _add_sums(core, points.shape[1], momentum, com)
-    evaluate_kernel(kernel(core, a.NODE_MOMENTA), nodes, out, core.n + 1)
+    run(core, a.POINT_MOMENTA, a.POINT_IN, a.MOMENTA_OUT, points)
+    _add_sums(core, points, momentum, com)
+    run(core, a.NODE_MOMENTA, a.NODE_IN, a.MOMENTA_OUT, core.n + 1)
     _add_sums(core, core.n + 1, momentum, com)
     for d in range(3):
         com[d] /= vector(core.block, a.NUMBERS_)[a.MASS]

@@ -12,14 +12,14 @@ from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
-from worm3d.solver.entry import kernel
+from worm3d.solver.entry import kernel, run
 from worm3d.solver.evaluate import open_at, to_segments
 from worm3d.values.arrays import FloatArray
 
 _LOAD_N, _REGIME, _STIFFNESS, _LIMIT_RATIO = point.POINT_LAYOUT.firsts("load_n", "regime", "stiffness", "limit_ratio")
 _DQ, _FIRST, _FRICTION = segment.SEGMENT_LAYOUT.first("dq"), *point.POINT_LAYOUT.firsts("first", "pull")
 _FORESEEN, _ERROR = point.POINT_LAYOUT.firsts("foreseen", "error")
-Y, EXCESS, TOUCHING_DEPTH, PREDICTED_FRICTION, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = 0, 2, 3, 4, 7, 8, 9, 10, 11
+Y, _, EXCESS, TOUCHING_DEPTH, PREDICTED_FRICTION, _, _, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = range(12)
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5
@@ -60,28 +60,21 @@ def _take_predicted_friction(core: Core) -> None:
 def evaluate_yielding(core: Core) -> None:
     """Fill "yielding_out" for the x of the last evaluation."""
     fill(rows(core.block, a.POINT_IN, _FIRST, 3), 0.0)
-    p = matrix(core.block, a.POINT_IN)
-    evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+    run(core, a.POINT_YIELDING, a.POINT_IN, a.YIELDING_OUT, matrix(core.block, a.POINT_IN).shape[1])
 
 
 @inner
 def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
     """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of this prediction [m]."""
-    p, segments, moved = (
-        matrix(core.block, a.POINT_IN),
-        matrix(core.block, a.SEGMENT_IN),
-        vector(core.block, a.STEP_CHANGE),
-    )
+    p, moved = matrix(core.block, a.POINT_IN), vector(core.block, a.STEP_CHANGE)
     combine(moved[: len(step)], -1.0, step, 0.0, step)
     to_segments(core, _DQ, address(core.block, a.STEP_CHANGE, 0))
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
-    evaluate_kernel(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
+    run(core, a.SEGMENT_MOTION, a.SEGMENT_IN, a.FIRST, core.n)
     look(core, a.POINT_NEAR)
     for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if seen(core, first):
-            evaluate_kernel(
-                kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), vectors.VECTOR_WIDTH, first
-            )
+            run(core, a.POINT_YIELDING, a.POINT_IN, a.YIELDING_OUT, vectors.VECTOR_WIDTH, first)
         else:
             for row in range(3):
                 here = address(core.block, a.POINT_IN, _FRICTION + row) + 8 * first

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.friction import RESTING_PENETRATION
 from worm3d.physics.kernels import actuator, inertia, joint, medium, node, point, segment
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, loads
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
-from worm3d.solver.entry import call, kernel, opened
+from worm3d.solver.entry import call, kernel, opened, run
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, TANGENT, place
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NO_CONVERGENCE, OK, TOO_COARSE, guard
@@ -69,15 +69,15 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
     solved = solve_clamped(core, dt) if clamped else _solve_contact(core)
     end = guard(core) if solved else NO_CONVERGENCE
     if end == OK and not _fine(core):
-        copy(vector(core.block, a.X), vector(core.block, a.X_N))
-        copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
-        copy(rows(core.block, a.POINT_IN, _FRICTION, 2), vector(core.block, a.PULL_N))
-        return TOO_COARSE
+        end = TOO_COARSE
     if end != OK:
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
-        fill(vector(core.block, a.LAST), 0.0)
-        fill(vector(core.block, a.CURVE), 0.0)
+        if end == TOO_COARSE:
+            copy(rows(core.block, a.POINT_IN, _FRICTION, 2), vector(core.block, a.PULL_N))
+        else:
+            fill(vector(core.block, a.LAST), 0.0)
+            fill(vector(core.block, a.CURVE), 0.0)
         return end
     fronts.keep(core)
     ledger.prepare(core)
@@ -179,7 +179,7 @@ def _begin_medium(core: Core, dt: float, ratio: float) -> None:
         bent = ratio * (rate - ratio * (now - before) / dt)  # half of l'' dt
         given[medium.STRAIN, i] = (now + (rate + bent) * dt) / l0 - 1.0
         given[medium.RATE, i] = (rate + 2.0 * bent) / l0
-    evaluate_kernel(kernel(core, a.MEDIUM_RESISTANCE), given, matrix(block, a.RESISTANCE), core.n)
+    run(core, a.MEDIUM_RESISTANCE, a.MEDIUM_IN, a.RESISTANCE, core.n)
     resistance, drag = vector(block, a.RESISTANCE), vector(block, a.DRAG)
     fill(drag, 0.0)
     for i in range(core.n):
@@ -189,11 +189,9 @@ def _begin_medium(core: Core, dt: float, ratio: float) -> None:
 
 @inner
 def _begin_joints(core: Core, dt: float, span: float, ratio: float) -> None:
-    nodes = matrix(core.block, a.NODE_IN)
-    fill(nodes[_N_DT], dt)
-    fill(nodes[_N_SPAN], span)
-    fill(nodes[_N_RATIO], ratio)
-    evaluate_kernel(kernel(core, a.NODE_START), nodes, matrix(core.block, a.NODE_PRESETS), core.n + 1)
+    for row, value in ((_N_DT, dt), (_N_SPAN, span), (_N_RATIO, ratio)):
+        fill(rows(core.block, a.NODE_IN, row, 1), value)
+    run(core, a.NODE_START, a.NODE_IN, a.NODE_PRESETS, core.n + 1)
 
 
 @inner
@@ -211,24 +209,21 @@ def _begin_strains(core: Core, dt: float, span: float, ratio: float) -> None:
             for d in range(3):
                 here = address(block, a.SEGMENT_IN, source + d) + 8 * k
                 vectors.move(address(block, a.JOINT_IN, to + 3 * k + d), here, core.n - 1)
-    evaluate_kernel(kernel(core, a.JOINT_START), matrix(block, a.JOINT_IN), matrix(block, a.JOINT_PRESETS), core.n - 1)
+    run(core, a.JOINT_START, a.JOINT_IN, a.JOINT_PRESETS, core.n - 1)
 
 
 @inner
 def _begin_points(core: Core, dt: float, span: float, ratio: float) -> None:
     """Freeze the tangents and the other memory of contacts at the start of the step, and preset the inertia."""
-    p, lanes = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_SHAPE_OUT).shape[1]
-    fill(p[_P_DT], dt)
-    fill(p[_P_SPAN], span)
-    fill(p[_P_RATIO], ratio)
+    lanes = matrix(core.block, a.SEGMENT_SHAPE_OUT).shape[1]
+    for row, value in ((_P_DT, dt), (_P_SPAN, span), (_P_RATIO, ratio)):
+        fill(rows(core.block, a.POINT_IN, row, 1), value)
     for row in range(6):  # tangent and director follow each other in both arrays
-        here, to = (
-            address(core.block, a.SEGMENT_SHAPE_OUT, TANGENT + row),
-            address(core.block, a.POINT_IN, _OF_SEGMENT + row),
-        )
+        here = address(core.block, a.SEGMENT_SHAPE_OUT, TANGENT + row)
+        to = address(core.block, a.POINT_IN, _OF_SEGMENT + row)
         for i in range(0, lanes, vectors.VECTOR_WIDTH):
             vectors.repeat_8(to + 8 * i, lanes, here + 8 * i)
-    evaluate_kernel(kernel(core, a.POINT_START), p, matrix(core.block, a.STARTED), p.shape[1])
+    run(core, a.POINT_START, a.POINT_IN, a.STARTED, POINTS_PER_SEGMENT * lanes)
 
 
 @inner
@@ -301,12 +296,19 @@ def _carry_directors(core: Core) -> None:
     """Make tangents and directors at the end of the step the reference of the next step, orthonormal again."""
     rest, segments = matrix(core.block, a.SEGMENT_SHAPE_OUT), matrix(core.block, a.SEGMENT_IN)
     for i in range(core.n):
-        along, square = 0.0, 0.0
         for d in range(3):
-            along += rest[TANGENT + d, i] * rest[DIRECTOR + d, i]
-        for d in range(3):
-            segments[_T_REF + d, i] = rest[TANGENT + d, i]
-            segments[_D_REF + d, i] = rest[DIRECTOR + d, i] - along * rest[TANGENT + d, i]
-            square += segments[_D_REF + d, i] ** 2
-        for d in range(3):
-            segments[_D_REF + d, i] /= np.sqrt(square)
+            segments[_T_REF + d, i], segments[_D_REF + d, i] = rest[TANGENT + d, i], rest[DIRECTOR + d, i]
+        straighten(core, i)
+
+
+@inner
+def straighten(core: Core, i: int) -> None:
+    """Make the reference director of a segment a unit vector across the reference tangent."""
+    segments, along, square = matrix(core.block, a.SEGMENT_IN), 0.0, 0.0
+    for d in range(3):
+        along += segments[_D_REF + d, i] * segments[_T_REF + d, i]
+    for d in range(3):
+        segments[_D_REF + d, i] -= along * segments[_T_REF + d, i]
+        square += segments[_D_REF + d, i] ** 2
+    for d in range(3):
+        segments[_D_REF + d, i] /= np.sqrt(square)
