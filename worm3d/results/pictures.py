@@ -121,9 +121,10 @@ def show(
     height : int
         Height of the cell [pixels].
     """
-    from worm3d.viewer import html
+    from worm3d.viewer.html import NotebookView, html
 
-    return html.show(frames_of(result, fps=fps, reference=reference, horizon=horizon), height=height, skin=skin)
+    frames = frames_of(result, fps=fps, reference=reference, horizon=horizon)
+    return NotebookView(html(frames, skin=skin), height)
 
 
 def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
@@ -135,13 +136,13 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
 
         write_html(frames, path, skin=skin, title=title)
     elif ending == ".png":
-        from worm3d.viewer.figure import write_png
+        from worm3d.viewer.figure import figure
 
-        write_png(frames, path, nearest(frames.time, at))
+        figure(frames, nearest(frames.time, at))[0].savefig(path, dpi=150)
     elif ending == ".glb":
-        from worm3d.viewer.meshes import export_glb
+        from worm3d.viewer.meshes import glb
 
-        export_glb(frames, nearest(frames.time, at), path)
+        path.write_bytes(glb(frames, nearest(frames.time, at)))
     else:
         from worm3d.viewer.movie import write_movie
 
