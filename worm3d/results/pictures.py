@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,7 +46,6 @@ SERIES = (
 )
 """Series of a result that pictures show."""
 
-OBSTACLE_COLOUR = (1.0, 0.5, 0.05)
 ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 
 
@@ -96,7 +95,8 @@ def draw(
     arguments.instance("result", result, Recorded, "a worm3d.Result")
     arguments.instance("path", path, str | PathLike, "the path of a file")
     path = Path(path)
-    require_ending(path)
+    if path.suffix.lower() not in ENDINGS:
+        raise ValueError(f"picture file: got {path.name!r}, the ending must be one of {', '.join(ENDINGS)}")
     shown = frames_of(result, fps=fps, at=at, reference=reference, horizon=horizon)
     write(shown, path, at=at, skin=skin, title=title)
 
@@ -128,8 +128,7 @@ def show(
 
 
 def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
-    """Write all frames in the format of the file ending; parameters and errors as in `draw`."""
-    require_ending(path)
+    """Write all frames in the format of the file ending, one of `ENDINGS`; parameters and errors as in `draw`."""
     ending = path.suffix.lower()
     if ending == ".html":
         from worm3d.viewer import write_html
@@ -150,12 +149,6 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
         write_movie(frames, path, fps=fps)
 
 
-def require_ending(path: Path) -> None:
-    """Raise ValueError for a file ending that is not in `ENDINGS`."""
-    if path.suffix.lower() not in ENDINGS:
-        raise ValueError(f"picture file: got {path.name!r}, the ending must be one of {', '.join(ENDINGS)}")
-
-
 def nearest(time: FloatArray, at: float | None) -> int:
     """Return the index of the instant nearest to `at` [s]; the last index if `at` is None.
 
@@ -172,19 +165,10 @@ def nearest(time: FloatArray, at: float | None) -> int:
     return int(np.abs(time - at).argmin())
 
 
-def frames_of(
-    result: FinishedRun,
-    *,
-    fps: float | None = None,
-    at: float | None = None,
-    reference: ArrayLike | None = None,
-    horizon: ArrayLike | None = None,
-) -> Frames:
-    """Return a result as plain arrays for pictures; parameters as in `draw`; the instants include `at`."""
+def frames_of(result: FinishedRun, **shown: Any) -> Frames:
+    """Return a result as plain arrays for pictures; `shown` are the arguments of `arrays` by name."""
     series = {name: getattr(result, name) for name in SERIES}
-    return arrays(
-        series, result.worm, result.world, result.period, fps=fps, at=at, reference=reference, horizon=horizon
-    )
+    return arrays(series, result.worm, result.world, result.period, **shown)
 
 
 def arrays(
@@ -248,7 +232,7 @@ def _prisms(feet: Sequence[FloatArray], worm: Worm) -> list[WorldMesh]:
     """Return obstacles on outlines of shape (P, 3) [m], as high as the worm at rest."""
     height = np.array([0.0, 0.0, 2.0 * float(np.max(worm.half_height))])
     meshes = [rings_mesh(np.array([foot, foot + height])) for foot in feet]
-    return [WorldMesh(f"obstacle {k}", *mesh, OBSTACLE_COLOUR, 0.5) for k, mesh in enumerate(meshes)]
+    return [WorldMesh(f"obstacle {k}", *mesh, colour=(1.0, 0.5, 0.05), opacity=0.5) for k, mesh in enumerate(meshes)]
 
 
 def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:

@@ -17,10 +17,9 @@ from worm3d.running.run import Observer, Run
 from worm3d.running.start import Placed, place
 from worm3d.values.arrays import FloatArray
 
-USUAL = 0.01
 STEP_ERROR = 4e-7
-"""Allowed error of a step at the usual accuracy, as a fraction of the body length. The allowed error is proportional to
-the square of the accuracy: if contacts land and slide, the error of a run falls with the square root of the allowed
+"""Allowed error of a step at an accuracy of 0.01, as a fraction of the body length. The allowed error is proportional
+to the square of the accuracy: if contacts land and slide, the error of a run falls with the square root of the allowed
 error."""
 FINEST = 1e-12
 """Smallest allowed error of a step, as a fraction of the body length: rounding shows below this value."""
@@ -72,7 +71,7 @@ def begin(
     if accuracy is None:
         run = Run(problem, placing)
         return lambda: run.finish(*observed(run))
-    share = STEP_ERROR * (accuracy / USUAL) ** 2
+    share = STEP_ERROR * (accuracy / 0.01) ** 2
     allowed = [
         max(FINEST, share * FINER ** (COARSER_RUNS - k)) * problem.worm.length
         for k in range(COARSER_RUNS + MAX_REFINEMENTS + 1)

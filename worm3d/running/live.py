@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from worm3d.results.result import Result
 
 
-DRAWN_DISTANCE = 3.0
-"""Distance from the start up to which the world is drawn [body lengths]."""
-
 Horizon = Callable[[float, FloatArray], FloatArray | None]
 """Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
 
@@ -113,7 +110,7 @@ class Live(Spelled):
     def _begin(self, run: Run) -> None:
         self.close()
         start = run.result(Status.DONE)
-        corners = start.com[0] + DRAWN_DISTANCE * start.worm.length * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]])
+        corners = start.com[0] + 3.0 * start.worm.length * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]])
         places = np.concatenate([corners, start.points[0].reshape(-1, 3)])
         weight = start.worm.mass * float(np.linalg.norm(start.gravity))
         self._view = LiveView(

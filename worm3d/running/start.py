@@ -38,15 +38,6 @@ Settling = Callable[[Problem, State], Rested]
 """Function with the parameters and the return value of `settle`."""
 
 
-class _Method(NamedTuple):
-    mu: float
-    """Coefficient of friction."""
-    rate: float
-    """Number of time steps in a `Plant.natural_time`."""
-    steps: int
-    """Largest number of steps."""
-
-
 STICKING_RATE = 100.0 * float(np.sqrt(1.0 / 9.81))
 """Number of time steps in a `Plant.natural_time` on uneven worlds: steps of 0.01 s for the default worm.
 
@@ -55,12 +46,9 @@ move the pose by up to 1.2e-2 and 1.7e-3 of the body length, on rubble and in be
 another.
 """
 
-SLIDING = _Method(0.0, STICKING_RATE / 100.0, 200)
-"""Method for even worlds."""
-
-STICKING_METHODS = tuple(_Method(mu, STICKING_RATE, 1000) for mu in (3.0, 1.0, 10.0))
-"""Methods for uneven worlds, tried in turn: with too little friction a worm slides down a steep place, with too much
-friction a worm may jam in a pose that no step reaches."""
+STICKING_FRICTION = (3.0, 1.0, 10.0)
+"""Coefficients of friction on uneven worlds, tried in turn: with too little friction a worm slides down a steep place,
+with too much friction a worm may jam in a pose that no step reaches."""
 
 REST_TOLERANCE = 1e-13
 """Motion of the joints per step, as a fraction of the body length, that counts as rest."""
@@ -210,27 +198,27 @@ def settle(problem: Problem, start: State) -> Rested:
     `uneven`, the method takes short steps with contacts that stick, until the worm rests. The state has loads but no
     anchors yet (the anchors are the points of contact). The status is DONE or the reason why the worm does not rest.
     """
-    for method in STICKING_METHODS if problem.world is not None and problem.world.uneven else (SLIDING,):
-        rested = _settled(problem, start, method)
+    for mu in STICKING_FRICTION if problem.world is not None and problem.world.uneven else (0.0,):
+        rested = _settled(problem, start, mu)
         if rested.status is Status.DONE:
             break
     return rested
 
 
-def _settled(problem: Problem, start: State, method: _Method) -> Rested:
+def _settled(problem: Problem, start: State, mu: float) -> Rested:
     worm, world = problem.worm, problem.world
     assert world is not None
     if worm.loads:
         worm = replace(worm, load=tuple(each for each in worm.loads if each.acts_at_rest))
-    friction = Friction(method.mu, method.mu, method.mu, 1.0)
+    friction = Friction(mu, mu, mu, 1.0)
     plant = Plant(worm, world, friction, world.pressing(problem.weight), problem.held_mask, scale=problem.weight)
     plant.set_pose(start)
     plant.hasten(HASTE)
     command = np.zeros(5 * worm.segments)
     command[: 2 * worm.segments] = start.contraction.ravel()
-    slides, rest = method.mu == 0.0, REST_TOLERANCE * worm.length
-    dt = plant.natural_time / method.rate
-    end, moved, _ = settle_core(plant.core, command, dt, method.steps, slides, rest, np.inf)
+    slides, rest = mu == 0.0, REST_TOLERANCE * worm.length
+    rate, steps = (STICKING_RATE / 100.0, 200) if slides else (STICKING_RATE, 1000)
+    end, moved, _ = settle_core(plant.core, command, plant.natural_time / rate, steps, slides, rest, np.inf)
     if end != OK:
         status = GUARDED[end]
         unsettled = status is Status.NO_CONVERGENCE

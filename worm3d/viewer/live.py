@@ -21,9 +21,6 @@ STARTUP = 60.0
 """Longest start of a server [s]: 1 s on an idle machine; a busy machine takes many times as long. Half would give up on
 busy machines; double would make the user wait for a server that has stopped."""
 
-REFRESH = 500
-"""Number of frames after which coloured pieces are sent again."""
-
 UNANSWERED = 200
 """Largest number of unanswered commands at a time; the server drops answers beyond a thousand."""
 
@@ -98,7 +95,7 @@ class LiveView:
             self._window.send(recorder.stand(frames.axes, frames.body_length))
         for part in parts:
             # The server keeps every colour it receives until the piece is placed again.
-            stale = part.tint is not None and self._shown % REFRESH == 0
+            stale = part.tint is not None and self._shown % 500 == 0
             if stale or part.path not in self._placed:
                 self._window.send(*recorder.place(part))
             self._window.send(*recorder.move(part))

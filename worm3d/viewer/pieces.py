@@ -36,8 +36,6 @@ ON_TOP = ("forces", "anchors", "horizon")
 
 FULLNESS = 0.74
 """Ratio of the semi-axes of a chamber's ellipsoid to half the diagonals of its linkage; 0.71 touches the links."""
-FACE_THICKNESS = 0.05
-"""Thickness of the discs at the ends, relative to the radius, outwards beyond the face that touches."""
 ARROW = 0.2
 """Approximate length of the arrow of `Scales.force` in body lengths; the length is 1, 2 or 5 times a power of ten
 [m]."""
@@ -126,7 +124,7 @@ def _faces(frames: Frames, body: Body) -> list[Piece]:
     """Return the discs across the tail and the head that the worm stands on."""
     if frames.face_radius is None:
         return []
-    discs = (shapes.disc(radius, FACE_THICKNESS * radius) for radius in frames.face_radius)
+    discs = (shapes.disc(radius, 0.05 * radius) for radius in frames.face_radius)
     outwards = body.t[:, [0, -1]] * [[-1.0], [1.0]]
     return _pieces(
         "faces",

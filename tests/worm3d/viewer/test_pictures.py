@@ -170,8 +170,11 @@ def test_other_endings_and_a_missing_ffmpeg_are_named(
 def test_an_mp4_is_written_where_ffmpeg_is_found(short: Frames, tmp_path: Path) -> None:
     movie.write_movie(short, tmp_path / "worm.mp4", fps=10)
     assert (tmp_path / "worm.mp4").read_bytes()[4:8] == b"ftyp"
-    with pytest.raises(OSError, match=r"ffmpeg could not write .*nowhere"):
+    with pytest.raises(FileNotFoundError, match="nowhere"):
         movie.write_movie(short, tmp_path / "nowhere" / "worm.mp4")
+    (tmp_path / "folder.mp4").mkdir()
+    with pytest.raises(OSError, match=r"ffmpeg could not write .*folder\.mp4: "):
+        movie.write_movie(short, tmp_path / "folder.mp4")
 
 
 def test_links_and_chambers_are_closed_meshes_around_the_worm(short: Frames) -> None:
