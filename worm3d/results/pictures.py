@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 FPS = 25.0
 """Largest number of frames per second of a page or a movie, and of the live view in real time."""
 
-MOST_SEGMENTS = 12_000
-"""Largest number of segments in all frames of a page together: longer runs and worms get fewer frames per second."""
-
 PATH_ABOVE, TRAIL_ABOVE = 0.004, 0.008
 """Heights above the ground of the drawn path to follow and of the trail of the centre of mass [body lengths]."""
 
@@ -240,7 +237,8 @@ def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | N
     if len(time) < 2:
         return list(range(len(time)))
     if fps is None:
-        fps = min(FPS, MOST_SEGMENTS / segments / float(time[-1] - time[0]))
+        # A page has at most 12 000 segments in all frames together.
+        fps = min(FPS, 12_000 / segments / float(time[-1] - time[0]))
     return sorted({*instants(time, fps), nearest(time, at)})
 
 

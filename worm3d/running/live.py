@@ -37,12 +37,6 @@ FASTEST = 1e6
 """Largest speed (simulated time over real time) that shows all rows in turn; a higher speed shows only the latest
 row."""
 
-MOST_STEPS = 50
-"""Approximate number of steps between two pictures of a run at full speed.
-
-A controlled run is slower and shows every row.
-"""
-
 
 class Live(Spelled):
     """Shows runs in a browser; use the object in a `with` statement, which closes the port and the process.
@@ -104,7 +98,8 @@ class Live(Spelled):
                 self.close()
 
         rows = self.speed / (FPS * run.dt * run.every)  # between two pictures
-        most = 1.0 if run.driver.controller is not None else MOST_STEPS / run.every + 1.0
+        # A controlled run is slower and shows every row; another run shows a picture about every 50 steps at least.
+        most = 1.0 if run.driver.controller is not None else 50 / run.every + 1.0
         return Observer(look, run.every * round(min(max(rows, 1.0), most)))
 
     def _begin(self, run: Run) -> None:

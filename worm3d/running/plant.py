@@ -284,13 +284,8 @@ class Plant:
             return
         constants = ContactConstants.of(self.worm, self.friction, self._weight)
         damping = TANGENTIAL_DAMPING_RATIO * constants.damping
-        given = {
-            "gravity": self.gravity[:, None],
-            "stiffness": constants.stiffness,
-            "damping": damping,
-            "touches": float(self.touches),
-        }
-        self._put(rows, "load_in", 1, given)
+        self._put(rows, "load_in", 1, {"gravity": self.gravity[:, None], "touches": float(self.touches)})
+        self._put(rows, "load_in", 1, {"stiffness": constants.stiffness, "damping": damping})
         for k, each in enumerate(loads):
             self._put(rows, "load_in", 1, each.values(self.worm), f"{k}_")
         self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]
@@ -422,13 +417,16 @@ class Plant:
             memory=self.memory() | more,
         )
 
+    def _distances(self) -> FloatArray:
+        """Return the distance of each contact point from the world, infinite for inactive points, shape (8, N) [m]."""
+        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
+        return np.where(active, self._point_row("distance")[0, :, : self.n], np.inf)
+
     def gap(self) -> float:
         """Return the least distance of an active contact point from the world, infinite without such a point [m]."""
-        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
-        return float(np.min(self._point_row("distance")[0, :, : self.n][active], initial=np.inf))
+        return float(self._distances().min())
 
     def depth(self) -> FloatArray:
         """Return the depth of each active contact point in the world, shape (8, N) [m]."""
-        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
-        depth: FloatArray = np.where(active, np.maximum(0.0, -self._point_row("distance")[0, :, : self.n]), 0.0)
+        depth: FloatArray = np.maximum(0.0, -self._distances())
         return depth

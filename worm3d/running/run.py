@@ -37,11 +37,8 @@ MAX_HALVINGS = 6
 NEVER = 2**62
 """Ticks between two rows if no row is written."""
 
-CHUNK = 50
-"""Steps taken at once if commands or forces are requested one by one."""
-
 MAX_STEPS_UNOBSERVED = 1000
-"""Steps taken at once if commands are known ahead and no forces are requested."""
+"""Steps taken at once if commands are known ahead and no forces are requested; otherwise 50."""
 
 BEAT = 0.1
 """Time between the instants at which a run with adaptive steps can be observed or divided [s]."""
@@ -176,7 +173,7 @@ class Run:
         """Return the number of steps to the next observer's turn, or the largest number of steps at once if less."""
         known = self.driver.tabular and self.external_force is None
         turns = (observer.every - self.done % observer.every for observer in observers)
-        most = min(MAX_STEPS_UNOBSERVED if known else CHUNK, *turns, self.steps)
+        most = min(MAX_STEPS_UNOBSERVED if known else 50, *turns, self.steps)
         return most + -(self.first + self.done + most) % self.beat  # up to the end of a beat
 
     def _seen(self, observers: tuple[Observer, ...]) -> Status:

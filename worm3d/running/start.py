@@ -64,21 +64,15 @@ kg/(s Pa) come to rest in the same pose within 4e-13 m. With a factor of 1, valv
 rest.
 """
 
-HOLDING_STEPS = 2000
-"""Largest number of steps for a worm to come to rest with the friction of the run."""
-
 SLIDES = 0.03
-"""Largest motion of a held worm in these steps, as a fraction of the body length; a longer slide belongs to the run."""
-
-TOUCHING_GAP = 1e-6
-"""Largest gap that may be rounding, as a fraction of the body length: a closer contact point touches the world."""
+"""Largest motion of a held worm before rest, as a fraction of the body length; a longer slide belongs to the run."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Largest depth of a contact point at the start, as a fraction of the segment length."""
 
-LIMIT_ANGLES, LIMIT_ROUNDS = 65, 5
-"""Numbers of angles and rounds in the search for the limit point. Each round lies between the neighbours of the best
-angle. The angle is accurate to 1e-7 and the weight to 1e-14, since the weight has a maximum there."""
+LIMIT_ANGLES = 65
+"""Number of angles in each of five rounds of the search for the limit point. Each round lies between the neighbours of
+the best angle. The angle is accurate to 1e-7 and the weight to 1e-14, since the weight has a maximum there."""
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
 """Status for each way that a step can end (`worm3d.solver.guard`)."""
@@ -103,7 +97,7 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
 def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
     commanded = l0 * (1.0 - contraction)
     low, high = float(elements.hinge_angle(ca.SX(a), ca.SX(commanded))), np.pi
-    for _ in range(LIMIT_ROUNDS):
+    for _ in range(5):
         place = np.linspace(low, high, LIMIT_ANGLES)
         carried = _carried()(place[None], k, k_apex, a, l0, commanded).full()[0]
         best = int(np.argmax(carried))
@@ -238,7 +232,7 @@ def hold(plant: Plant) -> bool:
     plant.hasten(HASTE)
     rest, far = REST_TOLERANCE * length, SLIDES * length
     dt = plant.natural_time / STICKING_RATE
-    end, moved, away = settle_core(plant.core, command, dt, HOLDING_STEPS, False, rest, far)
+    end, moved, away = settle_core(plant.core, command, dt, 2000, False, rest, far)
     holds = end == OK and moved < REST_TOLERANCE_LOOSE * length and away <= far
     if not holds:
         plant.remember(before)
@@ -276,8 +270,9 @@ def touches(plant: Plant, start: State) -> bool:
     worm, height = plant.worm, np.asarray(plant.worm.half_height)
     half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
     contracted = np.sqrt(np.maximum(worm.link_length[:, None] ** 2 - half**2, 0.0))
+    rounding = 1e-6 * worm.length
     grown = float(np.max(contracted - height[:, None], initial=0.0))
-    return plant.gap() <= max(grown + TOUCHING_GAP * worm.length, float(height.max()) if start.laid else 0.0)
+    return plant.gap() <= max(grown + rounding, float(height.max()) if start.laid else 0.0)
 
 
 def place(problem: Problem, settling: Settling = settle) -> Placed:

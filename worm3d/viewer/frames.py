@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.period_means import integrals
 from worm3d.values.read_only import read_only
 from worm3d.viewer.world import WorldMesh
 
@@ -161,13 +162,10 @@ class Frames:
         """Return means of values, shape (T,), over half a `period` to both sides; equally less near the ends."""
         ends = np.minimum(self.time - self.time[0], self.time[-1] - self.time)
         half = np.minimum(ends, 0.5 * (self.period or 0.0))
-        inside = half > 0.0
-        if not inside.any():
+        if not half.any():
             return values
-        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(self.time)
-        integral = np.concatenate([[0.0], np.cumsum(steps)])
-        after, before = (np.interp(self.time + side * half, self.time, integral) for side in (1.0, -1.0))
-        return np.where(inside, (after - before) / np.where(inside, 2.0 * half, 1.0), values)
+        after, before = (integrals(values[:, None], self.time, self.time + side * half)[:, 0] for side in (1.0, -1.0))
+        return np.where(half > 0.0, (after - before) / np.maximum(2.0 * half, 1e-300), values)
 
     def take(self, indices: Sequence[int]) -> Frames:
         """Return some of the frames, in the order of `indices`, which must increase."""

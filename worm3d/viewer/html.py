@@ -40,7 +40,7 @@ def write_html(
     Parameters
     ----------
     frames : Frames
-        Frames to show, with straight motion in between; `Frames.at_rate` selects fewer frames.
+        Frames to show, with straight motion in between; `Frames.take` selects fewer frames.
     path : str or Path
         File to write; an existing file is replaced.
     skin : bool

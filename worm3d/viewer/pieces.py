@@ -34,8 +34,6 @@ LAYERS: dict[str, tuple[str, Colour]] = {
 ON_TOP = ("forces", "anchors", "horizon")
 """Layers whose pieces are visible through everything else."""
 
-FULLNESS = 0.74
-"""Ratio of the semi-axes of a chamber's ellipsoid to half the diagonals of its linkage; 0.71 touches the links."""
 ARROW = 0.2
 """Approximate length of the arrow of `Scales.force` in body lengths; the length is 1, 2 or 5 times a power of ten
 [m]."""
@@ -109,7 +107,8 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
     """Return an ellipsoid for each chamber, with the long axis y along t, x to the left, z down."""
     count, segments = strain.shape[:2]
     meshes = dict.fromkeys((f"{i:02d}-{side}" for i in range(segments) for side in "LR"), shapes.ball())
-    half = FULLNESS * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
+    # Of half the diagonals of the linkage; 0.71 touches the links.
+    half = 0.74 * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
     return _pieces(
         "chambers",
         meshes,

@@ -28,11 +28,6 @@ RINGS = 6
 """Rings between neighbouring sections."""
 RING_CORNERS = 28
 """Corners of a ring: the halves have 14 each."""
-WAIST = 0.68
-"""Size of a section at a joint relative to the neighbouring segments; only the joint itself touches there."""
-WAIST_OFFSET = 0.9
-"""Distance between the chambers at a joint relative to the neighbouring segments."""
-
 PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + RING_CORNERS // 2 for corner in _HALF)]
 """Corners of a ring of a coarser skin, which include the corners at apexes."""
 
@@ -123,7 +118,8 @@ def _at_joints(frames: Frames) -> FloatArray:
     middles = 0.5 * (joints[:, 1:] + joints[:, :-1])
     across = (frames.apexes - middles[:, :, None]).reshape(*frames.directors.shape[:2], 2, 3, 3)
     centre = 0.5 * (across[:, :, :, :1] + across[:, :, :, 1:2])
-    thin = (WAIST * (across - centre) + WAIST_OFFSET * centre).reshape(frames.apexes.shape)
+    # At a joint the worm is thinner, and its chambers are closer together; only the joint itself touches there.
+    thin = (0.68 * (across - centre) + 0.9 * centre).reshape(frames.apexes.shape)
     between = np.concatenate([thin[:, :1], 0.5 * (thin[:, 1:] + thin[:, :-1]), thin[:, -1:]], axis=1)
     if frames.face_radius is not None:
         between[:, [0, -1]] = frames.face_radius[:, None, None] * _discs(frames)

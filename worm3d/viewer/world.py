@@ -98,12 +98,10 @@ def _sides(normal: FloatArray, along: FloatArray | None) -> FloatArray:
     return np.stack([first, np.cross(n, first)])
 
 
-def pipe(
-    centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32, colour: Colour = PIPE, opacity: float = 0.25
-) -> WorldMesh:
+def pipe(centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32, opacity: float = 0.25) -> WorldMesh:
     """Return the wall of a pipe along a centre line (P, 3), with one radius or one at each point, (P,) [m]."""
     mesh = tube(np.asarray(centreline, dtype=float), radius, sides=sides, capped=False)
-    return WorldMesh("pipe", mesh.vertices, mesh.faces, colour, opacity)
+    return WorldMesh("pipe", mesh.vertices, mesh.faces, PIPE, opacity)
 
 
 def banded_pipe(
@@ -138,9 +136,7 @@ def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[Wo
     )
 
 
-def heightfield(
-    x: FloatArray, y: FloatArray, z: FloatArray, *, colour: Colour = GROUND, opacity: float = 1.0
-) -> WorldMesh:
+def heightfield(x: FloatArray, y: FloatArray, z: FloatArray, *, opacity: float = 1.0) -> WorldMesh:
     """Return the surface z(x, y), shape (A, B), over a grid of x (A,) and y (B,) [m]."""
     grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
     if np.shape(z) != grid_x.shape:
@@ -150,7 +146,7 @@ def heightfield(
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
     halves = [np.stack(corners, axis=-1) for corners in ((a, b, c), (a, c, d))]
     faces = np.stack(halves, axis=-2).reshape(-1, 3)  # halves of a square follow each other
-    return WorldMesh("heightfield", vertices, faces, colour, opacity)
+    return WorldMesh("heightfield", vertices, faces, GROUND, opacity)
 
 
 def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
