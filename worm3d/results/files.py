@@ -64,9 +64,6 @@ KEPT_MARGIN = 0.4
 """Distance around a worm within which a user's own world is stored [body lengths]. Pictures show 0.3 body lengths. With
 half the margin the rim is visible; with double the margin the cells are a third wider."""
 
-IN_TEXT = 16
-"""Largest size of an array in the text; larger arrays are variables."""
-
 
 def save(result: FinishedRun, path: str | PathLike[str]) -> None:
     """Write a result; see `Result.save`."""
@@ -248,7 +245,7 @@ def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
-        if value.size <= IN_TEXT:
+        if value.size <= 16:  # larger arrays are variables
             return {"array": value.tolist(), "type": value.dtype.str}
         arrays.append(value.astype(np.uint8) if value.dtype == bool else value)
         return {"array": len(arrays) - 1, "type": value.dtype.str}

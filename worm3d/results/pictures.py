@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 FPS = 25.0
 """Largest number of frames per second of a page or a movie, and of the live view in real time."""
 
-MOST_SEGMENTS = 12_000
-"""Largest number of segments in all frames of a page together: longer runs and worms get fewer frames per second."""
-
 PATH_ABOVE, TRAIL_ABOVE = 0.004, 0.008
 """Heights above the ground of the drawn path to follow and of the trail of the centre of mass [body lengths]."""
 
@@ -46,7 +43,6 @@ SERIES = (
 )
 """Series of a result that pictures show."""
 
-OBSTACLE_COLOUR = (1.0, 0.5, 0.05)
 ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 
 
@@ -96,7 +92,8 @@ def draw(
     arguments.instance("result", result, Recorded, "a worm3d.Result")
     arguments.instance("path", path, str | PathLike, "the path of a file")
     path = Path(path)
-    require_ending(path)
+    if path.suffix.lower() not in ENDINGS:
+        raise ValueError(f"picture file: got {path.name!r}, the ending must be one of {', '.join(ENDINGS)}")
     shown = frames_of(result, fps=fps, at=at, reference=reference, horizon=horizon)
     write(shown, path, at=at, skin=skin, title=title)
 
@@ -121,38 +118,32 @@ def show(
     height : int
         Height of the cell [pixels].
     """
-    from worm3d.viewer import html
+    from worm3d.viewer.html import NotebookView, html
 
-    return html.show(frames_of(result, fps=fps, reference=reference, horizon=horizon), height=height, skin=skin)
+    frames = frames_of(result, fps=fps, reference=reference, horizon=horizon)
+    return NotebookView(html(frames, skin=skin), height)
 
 
 def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
-    """Write all frames in the format of the file ending; parameters and errors as in `draw`."""
-    require_ending(path)
+    """Write all frames in the format of the file ending, one of `ENDINGS`; parameters and errors as in `draw`."""
     ending = path.suffix.lower()
     if ending == ".html":
         from worm3d.viewer import write_html
 
         write_html(frames, path, skin=skin, title=title)
     elif ending == ".png":
-        from worm3d.viewer.figure import write_png
+        from worm3d.viewer.figure import figure
 
-        write_png(frames, path, nearest(frames.time, at))
+        figure(frames, nearest(frames.time, at))[0].savefig(path, dpi=150)
     elif ending == ".glb":
-        from worm3d.viewer.meshes import export_glb
+        from worm3d.viewer.meshes import glb
 
-        export_glb(frames, nearest(frames.time, at), path)
+        path.write_bytes(glb(frames, nearest(frames.time, at)))
     else:
         from worm3d.viewer.movie import write_movie
 
         fps = 1.0 / float(np.median(np.diff(frames.time))) if len(frames) > 1 else FPS
         write_movie(frames, path, fps=fps)
-
-
-def require_ending(path: Path) -> None:
-    """Raise ValueError for a file ending that is not in `ENDINGS`."""
-    if path.suffix.lower() not in ENDINGS:
-        raise ValueError(f"picture file: got {path.name!r}, the ending must be one of {', '.join(ENDINGS)}")
 
 
 def nearest(time: FloatArray, at: float | None) -> int:
@@ -171,19 +162,10 @@ def nearest(time: FloatArray, at: float | None) -> int:
     return int(np.abs(time - at).argmin())
 
 
-def frames_of(
-    result: FinishedRun,
-    *,
-    fps: float | None = None,
-    at: float | None = None,
-    reference: ArrayLike | None = None,
-    horizon: ArrayLike | None = None,
-) -> Frames:
-    """Return a result as plain arrays for pictures; parameters as in `draw`; the instants include `at`."""
+def frames_of(result: FinishedRun, **shown: Any) -> Frames:
+    """Return a result as plain arrays for pictures; `shown` are the arguments of `arrays` by name."""
     series = {name: getattr(result, name) for name in SERIES}
-    return arrays(
-        series, result.worm, result.world, result.period, fps=fps, at=at, reference=reference, horizon=horizon
-    )
+    return arrays(series, result.worm, result.world, result.period, **shown)
 
 
 def arrays(
@@ -247,7 +229,7 @@ def _prisms(feet: Sequence[FloatArray], worm: Worm) -> list[WorldMesh]:
     """Return obstacles on outlines of shape (P, 3) [m], as high as the worm at rest."""
     height = np.array([0.0, 0.0, 2.0 * float(np.max(worm.half_height))])
     meshes = [rings_mesh(np.array([foot, foot + height])) for foot in feet]
-    return [WorldMesh(f"obstacle {k}", *mesh, OBSTACLE_COLOUR, 0.5) for k, mesh in enumerate(meshes)]
+    return [WorldMesh(f"obstacle {k}", *mesh, colour=(1.0, 0.5, 0.05), opacity=0.5) for k, mesh in enumerate(meshes)]
 
 
 def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:
@@ -255,7 +237,8 @@ def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | N
     if len(time) < 2:
         return list(range(len(time)))
     if fps is None:
-        fps = min(FPS, MOST_SEGMENTS / segments / float(time[-1] - time[0]))
+        # A page has at most 12 000 segments in all frames together.
+        fps = min(FPS, 12_000 / segments / float(time[-1] - time[0]))
     return sorted({*instants(time, fps), nearest(time, at)})
 
 

@@ -17,14 +17,10 @@ from worm3d.running.run import Observer, Run
 from worm3d.running.start import Placed, place
 from worm3d.values.arrays import FloatArray
 
-USUAL = 0.01
 STEP_ERROR = 4e-7
-"""Allowed error of a step at the usual accuracy, as a fraction of the body length. The allowed error is proportional to
-the square of the accuracy: if contacts land and slide, the error of a run falls with the square root of the allowed
+"""Allowed error of a step at an accuracy of 0.01, as a fraction of the body length. The allowed error is proportional
+to the square of the accuracy: if contacts land and slide, the error of a run falls with the square root of the allowed
 error."""
-FINEST = 1e-12
-"""Smallest allowed error of a step, as a fraction of the body length: rounding shows below this value."""
-
 FINER = 4.0
 """Ratio of the allowed errors of a step in two successive runs."""
 COARSER_RUNS, MAX_REFINEMENTS = 2, 4
@@ -45,8 +41,6 @@ ESTIMATE_SAFETY_FACTOR = 2.0
 """Least ratio of the requested error to the estimate; a run is refined until then, and errors are rarely larger."""
 OF_THE_COMPUTATION = frozenset({"real_time_factor", "newton_iterations_mean", "halved_steps"})
 """Numbers of a summary that describe the computation; they have no error estimate."""
-LEAST_WAY = 0.1
-"""Smallest reference distance of an accuracy, as a fraction of the body length."""
 
 
 def begin(
@@ -72,9 +66,10 @@ def begin(
     if accuracy is None:
         run = Run(problem, placing)
         return lambda: run.finish(*observed(run))
-    share = STEP_ERROR * (accuracy / USUAL) ** 2
+    share = STEP_ERROR * (accuracy / 0.01) ** 2
+    # Below 1e-12 of the body length rounding shows in the errors of steps.
     allowed = [
-        max(FINEST, share * FINER ** (COARSER_RUNS - k)) * problem.worm.length
+        max(1e-12, share * FINER ** (COARSER_RUNS - k)) * problem.worm.length
         for k in range(COARSER_RUNS + MAX_REFINEMENTS + 1)
     ]
     coarsest = Run(problem, placing, allowed[0])
@@ -94,7 +89,7 @@ def begin(
                 found.append(_measured(result))
                 summaries.append(result.summary())
             if may_be_it and len(found) > 1:
-                asked = accuracy * max(abs(float(found[-1][0, -1])), LEAST_WAY * problem.worm.length)
+                asked = accuracy * max(abs(float(found[-1][0, -1])), 0.1 * problem.worm.length)
                 distance, heading, work = _errors_on_the_way(found, asked, problem)
                 figures = _errors_of_figures(summaries, accuracy)
                 estimate = ErrorEstimate(distance, heading, work, asked, most, int(run.solves), k + 1, figures)

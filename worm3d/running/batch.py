@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -22,8 +21,8 @@ from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.worlds import World
 
-MOST_THREADS = 1024
-"""Largest number of threads."""
+OF_EACH_RUN = ("worm", "world", "ground", "actuation", "external_force", "state")
+"""Arguments that may be lists, with one value for each run."""
 
 
 @spelled
@@ -72,37 +71,16 @@ def simulate_batch(
     ValueError
         The lists have different lengths, or `simulate` refuses an argument; raised before any run begins.
     """
-    arguments.whole("threads", threads, le=MOST_THREADS)
-    each: dict[str, Any] = {
-        "worm": worm,
-        "world": world,
-        "ground": ground,
-        "actuation": actuation,
-        "external_force": external_force,
-        "state": state,
-    }
+    given = dict(locals())  # all arguments by name
+    arguments.whole("threads", given.pop("threads"), le=1024)
+    each = {name: given.pop(name) for name in OF_EACH_RUN}
     count = _count(each)
-    given: dict[str, Any] = {
-        name: value if isinstance(value, list | tuple) else [value] * count for name, value in each.items()
-    }
-
-    shared: dict[str, Any] = {
-        "duration": duration,
-        "dt": dt,
-        "integrator": integrator,
-        "gravity": gravity,
-        "held": held,
-        "record_every": record_every,
-        "settle_first": settle_first,
-        "tolerance": tolerance,
-        "accuracy": accuracy,
-    }
+    own = {name: value if isinstance(value, list | tuple) else [value] * count for name, value in each.items()}
     places = Places()
 
     def prepared(k: int) -> Callable[[], Result]:
-        own = {name: values[k] for name, values in given.items()}
         try:
-            return begin(Problem(**own, **shared), places.place)
+            return begin(Problem(**{name: values[k] for name, values in own.items()}, **given), places.place)
         except (StateError, LimitPointError) as error:
             raise type(error)(f"run {k}: {error}") from error
         except ValueError as error:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 import warnings
+import webbrowser
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -22,15 +23,12 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 from worm3d.viewer.live import LiveView
-from worm3d.viewer.pieces import rounded_up
+from worm3d.viewer.pieces import Scales, rounded_up
 from worm3d.worlds.scenery import Window, scenery
 
 if TYPE_CHECKING:
     from worm3d.results.result import Result
 
-
-DRAWN_DISTANCE = 3.0
-"""Distance from the start up to which the world is drawn [body lengths]."""
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
 """Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
@@ -38,12 +36,6 @@ Horizon = Callable[[float, FloatArray], FloatArray | None]
 FASTEST = 1e6
 """Largest speed (simulated time over real time) that shows all rows in turn; a higher speed shows only the latest
 row."""
-
-MOST_STEPS = 50
-"""Approximate number of steps between two pictures of a run at full speed.
-
-A controlled run is slower and shows every row.
-"""
 
 
 class Live(Spelled):
@@ -87,7 +79,8 @@ class Live(Spelled):
         arguments.number("speed", speed, gt=0.0, infinite=True, allowed=above)
         arguments.flag("open_browser", open_browser)
         arguments.function("began", began, "a function of the address")
-        self.speed, self.open_browser, self.began, self.address = speed, open_browser, began, address
+        self.speed = min(speed, FASTEST)
+        self.open_browser, self.began, self.address = open_browser, began, address
         self.horizon = horizon
         self._view: LiveView | None = None
         self._rows = 0
@@ -104,23 +97,24 @@ class Live(Spelled):
                 warnings.warn(f"{error}; the run goes on unseen", RuntimeWarning, stacklevel=2)
                 self.close()
 
-        rows = min(self.speed, FASTEST) / (FPS * run.dt * run.every)  # between two pictures
-        most = 1.0 if run.driver.controller is not None else MOST_STEPS / run.every + 1.0
+        rows = self.speed / (FPS * run.dt * run.every)  # between two pictures
+        # A controlled run is slower and shows every row; another run shows a picture about every 50 steps at least.
+        most = 1.0 if run.driver.controller is not None else 50 / run.every + 1.0
         return Observer(look, run.every * round(min(max(rows, 1.0), most)))
 
     def _begin(self, run: Run) -> None:
         self.close()
         start = run.result(Status.DONE)
-        corners = start.com[0] + DRAWN_DISTANCE * start.worm.length * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]])
+        corners = start.com[0] + 3.0 * start.worm.length * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]])
         places = np.concatenate([corners, start.points[0].reshape(-1, 3)])
         weight = start.worm.mass * float(np.linalg.norm(start.gravity))
         self._view = LiveView(
             scenery(start.world, Window(places, start.worm.length)).meshes,
             address=self.address,
-            strain_limit=max(start.worm.stroke[1], 0.05),
-            force_scale=rounded_up(max(0.5 * weight, 1e-9)),
-            open_browser=self.open_browser,
+            scales=Scales(strain=max(start.worm.stroke[1], 0.05), force=rounded_up(max(0.5 * weight, 1e-9))),
         )
+        if self.open_browser:
+            webbrowser.open(self._view.url, new=2)
         self._rows, self._clock = 0, time.monotonic() - float(start.time[0]) / self.speed
         self._show(start)
         self.began(self._view.url)
@@ -131,7 +125,7 @@ class Live(Spelled):
         if self._view is None or not rows:
             return
         new = {name: getattr(result, name)[rows.start :] for name in pictures.SERIES}
-        frames = pictures.arrays(new, result.worm, None, result.period, fps=FPS / min(self.speed, FASTEST))
+        frames = pictures.arrays(new, result.worm, None, result.period, fps=FPS / self.speed)
         for k in range(len(frames)):
             wait = self._clock + float(frames.time[k]) / self.speed - time.monotonic()
             if wait > 0.0:

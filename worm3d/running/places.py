@@ -16,9 +16,9 @@ from worm3d.worlds import World
 
 T = TypeVar("T")
 
-MAX_WORMS_KEPT, MAX_SEGMENTS_KEPT = 16, 100
-"""Number of worms kept for later runs of this process, and number of segments of the largest kept worm. The largest
-kept worm takes 2 MB, and its run takes much longer than placing."""
+MAX_SEGMENTS_KEPT = 100
+"""Segments of the largest worm kept for later runs of this process: it takes 2 MB, and its run takes much longer than
+placing."""
 
 
 class _Once(Generic[T]):
@@ -85,7 +85,7 @@ def _content(parts: tuple[object, ...]) -> Hashable:
         return object()
 
 
-_kept = Places(MAX_WORMS_KEPT)
+_kept = Places(16)
 
 
 def place_kept(problem: Problem) -> Placed:

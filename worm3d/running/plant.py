@@ -204,6 +204,11 @@ class Plant:
         )
         self.arrays["stuck"][:] = 1.0
 
+    def _put(self, rows: Layout, array: str, count: int, values: Mapping[str, Any], prefix: str = "") -> None:
+        """Write values by name to the first `count` lanes of an array."""
+        for name, value in values.items():
+            rows.of(prefix + name, self.arrays[array])[:, :count] = value
+
     def _segment_row(self, name: str) -> FloatArray:  # (size, N)
         return segment.SEGMENT_LAYOUT.of(name, self.arrays["segment_in"])[:, : self.n]
 
@@ -227,8 +232,7 @@ class Plant:
             "commanded": worm.l0,
             "commanded_n": worm.l0,
         }
-        for name, value in rows.items():
-            self._segment_row(name)[:] = value
+        self._put(segment.SEGMENT_LAYOUT, "segment_in", self.n, rows)
         if worm.end_faces:
             self._segment_row("radius")[0, 0], self._segment_row("radius")[1, -1] = h0[0], h0[-1]
 
@@ -263,18 +267,16 @@ class Plant:
         worm, n = self.worm, self.n
         chambers, hinges = self._layouts()
         friction = {HYSTERESIS_PREFIX + name: value for name, value in worm.hysteresis.parameters().items()}
-        for name, value in {**worm.actuator.values(worm, hinge=False), **friction}.items():
-            chambers.of(actuator.ACTUATOR_PREFIX + name, self.arrays["actuated"])[:, :n] = value
-        for name, value in worm.hinge_actuator.values(worm, hinge=True).items():
-            hinges.of(actuator.ACTUATOR_PREFIX + name, self.arrays["hinged"])[:, : n - 1] = value
+        own = {**worm.actuator.values(worm, hinge=False), **friction}
+        self._put(chambers, "actuated", n, own, actuator.ACTUATOR_PREFIX)
+        self._put(hinges, "hinged", n - 1, worm.hinge_actuator.values(worm, hinge=True), actuator.ACTUATOR_PREFIX)
         self.hasten(1.0)
 
     def _fill_medium(self) -> None:
-        rows, values = medium.layout(type(self.worm.medium)), self.worm.medium.parameters()
+        rows = medium.layout(type(self.worm.medium))
         if rows.rows:
             self.arrays["medium_in"][medium.SHARE, : self.n] = self.worm.drag / self.n
-            for name, value in values.items():
-                rows.of(medium.MEDIUM_PREFIX + name, self.arrays["medium_in"])[:, : self.n] = value
+            self._put(rows, "medium_in", self.n, self.worm.medium.parameters(), medium.MEDIUM_PREFIX)
 
     def _fill_external_loads(self) -> None:
         loads, rows = self.worm.loads, load.layout(*map(type, self.worm.loads))
@@ -282,13 +284,10 @@ class Plant:
             return
         constants = ContactConstants.of(self.worm, self.friction, self._weight)
         damping = TANGENTIAL_DAMPING_RATIO * constants.damping
-        given: dict[str, Any] = {"gravity": self.gravity, "stiffness": constants.stiffness, "damping": damping}
-        given["touches"] = float(self.touches)
-        given |= {
-            f"{k}_{name}": value for k, each in enumerate(loads) for name, value in each.values(self.worm).items()
-        }
-        for name, value in given.items():
-            rows.of(name, self.arrays["load_in"])[:, 0] = value
+        self._put(rows, "load_in", 1, {"gravity": self.gravity[:, None], "touches": float(self.touches)})
+        self._put(rows, "load_in", 1, {"stiffness": constants.stiffness, "damping": damping})
+        for k, each in enumerate(loads):
+            self._put(rows, "load_in", 1, each.values(self.worm), f"{k}_")
         self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]
 
     def _begin_external_loads(self) -> None:
@@ -418,13 +417,16 @@ class Plant:
             memory=self.memory() | more,
         )
 
+    def _distances(self) -> FloatArray:
+        """Return the distance of each contact point from the world, infinite for inactive points, shape (8, N) [m]."""
+        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
+        return np.where(active, self._point_row("distance")[0, :, : self.n], np.inf)
+
     def gap(self) -> float:
         """Return the least distance of an active contact point from the world, infinite without such a point [m]."""
-        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
-        return float(np.min(self._point_row("distance")[0, :, : self.n][active], initial=np.inf))
+        return float(self._distances().min())
 
     def depth(self) -> FloatArray:
         """Return the depth of each active contact point in the world, shape (8, N) [m]."""
-        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
-        depth: FloatArray = np.where(active, np.maximum(0.0, -self._point_row("distance")[0, :, : self.n]), 0.0)
+        depth: FloatArray = np.maximum(0.0, -self._distances())
         return depth

@@ -28,17 +28,8 @@ Integrator = Literal["bdf2", "implicit_euler"]
 Force = Callable[[float], ArrayLike]
 """Time [s] -> force on each joint, shape (N+1, 3) [N]."""
 
-LARGEST_TOLERANCE = 1e-7
-"""Largest tolerance, as a fraction of the body length: contacts stick within a tenth of a micrometre."""
-
-FINEST_ACCURACY, COARSEST_ACCURACY = 1e-4, 0.1
-"""Range of `accuracy`: below, rounding shows in the errors of single steps; above, a run is meaningless."""
-
 SHORTEST_STEP = 1e-6
 """Shortest time step [s]: in shorter steps Newton does not reach rounding and needs a hundred times the iterations."""
-
-FARTHEST = 1e10
-"""Largest distance of a state from time 0, in time steps: at later times rounding makes the steps unequal."""
 
 
 @with_fields
@@ -135,7 +126,8 @@ class Problem(Spelled):
                 f"record_every: got {arguments.shown(self.record_every)}, must divide the {self.steps} time steps of "
                 "the run: its end is kept"
             )
-        if self.state is not None and abs(self.state.time) > FARTHEST * self.dt:
+        # At later times rounding makes the steps unequal.
+        if self.state is not None and abs(self.state.time) > 1e10 * self.dt:
             raise ValueError(
                 f"state: its time of {self.state.time:g} s is too far from 0 for steps of {self.dt:g} s, must be nearer"
             )
@@ -166,9 +158,9 @@ class Problem(Spelled):
         self._check_resolved()
         arguments.whole("record_every", self.record_every)
         arguments.choice("integrator", self.integrator, get_args(Integrator))
-        arguments.number("tolerance", self.tolerance, "body lengths", ge=MIN_NEWTON_TOLERANCE, le=LARGEST_TOLERANCE)
+        arguments.number("tolerance", self.tolerance, "body lengths", ge=MIN_NEWTON_TOLERANCE, le=1e-7)
         if self.accuracy is not None:
-            arguments.number("accuracy", self.accuracy, ge=FINEST_ACCURACY, le=COARSEST_ACCURACY)
+            arguments.number("accuracy", self.accuracy, ge=1e-4, le=0.1)
             if self.integrator != "bdf2":
                 raise ValueError(f"accuracy: got one for {self.integrator!r}, must be None: only bdf2 has steps for it")
         if self.settle_first is not None:

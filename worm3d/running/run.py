@@ -37,11 +37,8 @@ MAX_HALVINGS = 6
 NEVER = 2**62
 """Ticks between two rows if no row is written."""
 
-CHUNK = 50
-"""Steps taken at once if commands or forces are requested one by one."""
-
 MAX_STEPS_UNOBSERVED = 1000
-"""Steps taken at once if commands are known ahead and no forces are requested."""
+"""Steps taken at once if commands are known ahead and no forces are requested; otherwise 50."""
 
 BEAT = 0.1
 """Time between the instants at which a run with adaptive steps can be observed or divided [s]."""
@@ -149,10 +146,6 @@ class Run:
                 status = self._seen(observers)
         return self.result(status)
 
-    def take(self) -> Status:
-        """Take the next step of a controlled run (several steps of any other run), and return the status."""
-        return self.begun if self.begun is not Status.DONE else self._chunk(self._whole(CHUNK))
-
     def follow(self, commands: Commands) -> Status:
         """Take a step for each of K external commands, which replace the run's own commands; return the status.
 
@@ -180,12 +173,8 @@ class Run:
         """Return the number of steps to the next observer's turn, or the largest number of steps at once if less."""
         known = self.driver.tabular and self.external_force is None
         turns = (observer.every - self.done % observer.every for observer in observers)
-        most = min(MAX_STEPS_UNOBSERVED if known else CHUNK, *turns, self.steps)
-        return self._whole(most)
-
-    def _whole(self, most: int) -> int:
-        """Return a number of steps, increased to reach the end of a beat."""
-        return most + -(self.first + self.done + most) % self.beat
+        most = min(MAX_STEPS_UNOBSERVED if known else 50, *turns, self.steps)
+        return most + -(self.first + self.done + most) % self.beat  # up to the end of a beat
 
     def _seen(self, observers: tuple[Observer, ...]) -> Status:
         """Call the observers whose turn has come; return the status."""
@@ -262,9 +251,7 @@ class Run:
         before, last = self.plant.memory(), self.pace[LAST]
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
         try:
-            status = self._part(command, self.done, 0.5, MAX_HALVINGS - 1)
-            if status is Status.DONE:
-                status = self._part(command, self.done + 0.5, 0.5, MAX_HALVINGS - 1)
+            status = self._halves(command, self.done, 0.5, MAX_HALVINGS - 1)
         except EXCEPTIONS as error:
             self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:
@@ -280,6 +267,11 @@ class Run:
             record(self.core, self.records.block, self.done // self.every)
         return Status.DONE
 
+    def _halves(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
+        """Take two equal parts of a step; parameters as in `_part`."""
+        status = self._part(held, begin, share, halvings)
+        return self._part(held, begin + share, share, halvings) if status is Status.DONE else status
+
     def _part(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
         """Take a part of a step; `begin` and `share` count in steps, `held` is the command of a controller."""
         t = self.time(begin + share)
@@ -291,10 +283,7 @@ class Run:
             return self._ended(end)
         if halvings == 0:
             return self._stuck()
-        status = self._part(held, begin, share / 2.0, halvings - 1)
-        if status is Status.DONE:
-            status = self._part(held, begin + share / 2.0, share / 2.0, halvings - 1)
-        return status
+        return self._halves(held, begin, share / 2.0, halvings - 1)
 
     def _stuck(self) -> Status:
         self.residual, worst = worst_residual(self.core)

@@ -38,15 +38,6 @@ Settling = Callable[[Problem, State], Rested]
 """Function with the parameters and the return value of `settle`."""
 
 
-class _Method(NamedTuple):
-    mu: float
-    """Coefficient of friction."""
-    rate: float
-    """Number of time steps in a `Plant.natural_time`."""
-    steps: int
-    """Largest number of steps."""
-
-
 STICKING_RATE = 100.0 * float(np.sqrt(1.0 / 9.81))
 """Number of time steps in a `Plant.natural_time` on uneven worlds: steps of 0.01 s for the default worm.
 
@@ -55,12 +46,9 @@ move the pose by up to 1.2e-2 and 1.7e-3 of the body length, on rubble and in be
 another.
 """
 
-SLIDING = _Method(0.0, STICKING_RATE / 100.0, 200)
-"""Method for even worlds."""
-
-STICKING_METHODS = tuple(_Method(mu, STICKING_RATE, 1000) for mu in (3.0, 1.0, 10.0))
-"""Methods for uneven worlds, tried in turn: with too little friction a worm slides down a steep place, with too much
-friction a worm may jam in a pose that no step reaches."""
+STICKING_FRICTION = (3.0, 1.0, 10.0)
+"""Coefficients of friction on uneven worlds, tried in turn: with too little friction a worm slides down a steep place,
+with too much friction a worm may jam in a pose that no step reaches."""
 
 REST_TOLERANCE = 1e-13
 """Motion of the joints per step, as a fraction of the body length, that counts as rest."""
@@ -76,21 +64,15 @@ kg/(s Pa) come to rest in the same pose within 4e-13 m. With a factor of 1, valv
 rest.
 """
 
-HOLDING_STEPS = 2000
-"""Largest number of steps for a worm to come to rest with the friction of the run."""
-
 SLIDES = 0.03
-"""Largest motion of a held worm in these steps, as a fraction of the body length; a longer slide belongs to the run."""
-
-TOUCHING_GAP = 1e-6
-"""Largest gap that may be rounding, as a fraction of the body length: a closer contact point touches the world."""
+"""Largest motion of a held worm before rest, as a fraction of the body length; a longer slide belongs to the run."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Largest depth of a contact point at the start, as a fraction of the segment length."""
 
-LIMIT_ANGLES, LIMIT_ROUNDS = 65, 5
-"""Numbers of angles and rounds in the search for the limit point. Each round lies between the neighbours of the best
-angle. The angle is accurate to 1e-7 and the weight to 1e-14, since the weight has a maximum there."""
+LIMIT_ANGLES = 65
+"""Number of angles in each of five rounds of the search for the limit point. Each round lies between the neighbours of
+the best angle. The angle is accurate to 1e-7 and the weight to 1e-14, since the weight has a maximum there."""
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
 """Status for each way that a step can end (`worm3d.solver.guard`)."""
@@ -115,7 +97,7 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
 def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
     commanded = l0 * (1.0 - contraction)
     low, high = float(elements.hinge_angle(ca.SX(a), ca.SX(commanded))), np.pi
-    for _ in range(LIMIT_ROUNDS):
+    for _ in range(5):
         place = np.linspace(low, high, LIMIT_ANGLES)
         carried = _carried()(place[None], k, k_apex, a, l0, commanded).full()[0]
         best = int(np.argmax(carried))
@@ -210,27 +192,27 @@ def settle(problem: Problem, start: State) -> Rested:
     `uneven`, the method takes short steps with contacts that stick, until the worm rests. The state has loads but no
     anchors yet (the anchors are the points of contact). The status is DONE or the reason why the worm does not rest.
     """
-    for method in STICKING_METHODS if problem.world is not None and problem.world.uneven else (SLIDING,):
-        rested = _settled(problem, start, method)
+    for mu in STICKING_FRICTION if problem.world is not None and problem.world.uneven else (0.0,):
+        rested = _settled(problem, start, mu)
         if rested.status is Status.DONE:
             break
     return rested
 
 
-def _settled(problem: Problem, start: State, method: _Method) -> Rested:
+def _settled(problem: Problem, start: State, mu: float) -> Rested:
     worm, world = problem.worm, problem.world
     assert world is not None
     if worm.loads:
         worm = replace(worm, load=tuple(each for each in worm.loads if each.acts_at_rest))
-    friction = Friction(method.mu, method.mu, method.mu, 1.0)
+    friction = Friction(mu, mu, mu, 1.0)
     plant = Plant(worm, world, friction, world.pressing(problem.weight), problem.held_mask, scale=problem.weight)
     plant.set_pose(start)
     plant.hasten(HASTE)
     command = np.zeros(5 * worm.segments)
     command[: 2 * worm.segments] = start.contraction.ravel()
-    slides, rest = method.mu == 0.0, REST_TOLERANCE * worm.length
-    dt = plant.natural_time / method.rate
-    end, moved, _ = settle_core(plant.core, command, dt, method.steps, slides, rest, np.inf)
+    slides, rest = mu == 0.0, REST_TOLERANCE * worm.length
+    rate, steps = (STICKING_RATE / 100.0, 200) if slides else (STICKING_RATE, 1000)
+    end, moved, _ = settle_core(plant.core, command, plant.natural_time / rate, steps, slides, rest, np.inf)
     if end != OK:
         status = GUARDED[end]
         unsettled = status is Status.NO_CONVERGENCE
@@ -250,7 +232,7 @@ def hold(plant: Plant) -> bool:
     plant.hasten(HASTE)
     rest, far = REST_TOLERANCE * length, SLIDES * length
     dt = plant.natural_time / STICKING_RATE
-    end, moved, away = settle_core(plant.core, command, dt, HOLDING_STEPS, False, rest, far)
+    end, moved, away = settle_core(plant.core, command, dt, 2000, False, rest, far)
     holds = end == OK and moved < REST_TOLERANCE_LOOSE * length and away <= far
     if not holds:
         plant.remember(before)
@@ -288,8 +270,9 @@ def touches(plant: Plant, start: State) -> bool:
     worm, height = plant.worm, np.asarray(plant.worm.half_height)
     half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
     contracted = np.sqrt(np.maximum(worm.link_length[:, None] ** 2 - half**2, 0.0))
+    rounding = 1e-6 * worm.length
     grown = float(np.max(contracted - height[:, None], initial=0.0))
-    return plant.gap() <= max(grown + TOUCHING_GAP * worm.length, float(height.max()) if start.laid else 0.0)
+    return plant.gap() <= max(grown + rounding, float(height.max()) if start.laid else 0.0)
 
 
 def place(problem: Problem, settling: Settling = settle) -> Placed:

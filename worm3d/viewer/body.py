@@ -10,6 +10,7 @@ Both chambers of a segment have links of the same length a, a^2 = h_c^2 + l_c^2/
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -77,13 +78,8 @@ class Body:
         shape = (count, segments, 2, 3, 2, 3)
         across = np.stack([self.d, self.d, self.u], axis=2)[:, :, None, :, None]
         parts = [np.broadcast_to(x, shape).reshape(count, -1, 3) for x in (ends, apexes, across)]
-        names = [
-            f"{i:02d}-{side}-{apex}-{end}"
-            for i in range(segments)
-            for side in "LR"
-            for apex in ("below", "above", "outward")
-            for end in ("tail", "head")
-        ]
+        numbers = [f"{i:02d}" for i in range(segments)]
+        names = map("-".join, product(numbers, "LR", ("below", "above", "outward"), ("tail", "head")))
         rods = self._crossbars(frames.joints)
         if rods is None:
             return Bars(tuple(names), *parts)

@@ -8,9 +8,6 @@ from worm3d.values.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.world import WorldMesh
 
-PIPE_CAMERA_DISTANCE = 0.4
-"""Distance of the camera inside a pipe from the head, in body lengths."""
-
 FRONT = (0.9, 0.3)
 """Distances of the camera ahead of and above the head where there is no pipe, in body lengths."""
 
@@ -53,7 +50,7 @@ def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
     eyes = heads + size * (FRONT[0] * pointing + FRONT[1] * up)
     if frames.centreline is not None:
         for k, (head, direction) in enumerate(zip(heads, pointing, strict=True)):
-            place = _ahead_on(frames.centreline, head, direction, PIPE_CAMERA_DISTANCE * size)
+            place = _ahead_on(frames.centreline, head, direction, 0.4 * size)
             if place is not None:
                 eyes[k] = place + 0.03 * size * up[k]
     return eyes, heads

@@ -11,6 +11,9 @@ SHORT_CHAMBER: Colour = (0.78, 0.12, 0.16)
 RESTING_CHAMBER: Colour = (0.96, 0.80, 0.69)
 LONG_CHAMBER: Colour = (0.14, 0.36, 0.78)
 
+RAMP = (SHORT_CHAMBER, RESTING_CHAMBER, LONG_CHAMBER)
+"""Colours of chambers, from the shortest to the longest."""
+
 LINK: Colour = (0.27, 0.29, 0.34)
 FACE: Colour = (0.36, 0.30, 0.34)
 SKIN: Colour = (0.89, 0.58, 0.53)
@@ -35,10 +38,4 @@ def strain_colour(strain: FloatArray, limit: float) -> FloatArray:
 
 def as_hex(colour: Colour) -> str:
     """Return "#rrggbb"."""
-    return f"#{as_number(colour):06x}"
-
-
-def as_number(colour: Colour) -> int:
-    """Return 0xrrggbb."""
-    red, green, blue = (round(255 * part) for part in colour)
-    return (red << 16) + (green << 8) + blue
+    return "#" + bytes(round(255 * part) for part in colour).hex()

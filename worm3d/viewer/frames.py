@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.period_means import integrals
+from worm3d.values.read_only import read_only
 from worm3d.viewer.world import WorldMesh
 
-Shape = tuple[int | str, ...]
-"""Shape of an array: a letter is a size that is the same everywhere, and "N+1" means N plus one."""
-
-_ARRAYS: dict[str, Shape] = {
+_SHAPES: dict[str, tuple[int | str, ...]] = {
     "time": ("T",),
     "directors": ("T", "N", 3),
     "joints": ("T", "N+1", 3),
@@ -27,9 +27,10 @@ _ARRAYS: dict[str, Shape] = {
     "reference_speed": ("T",),
     "face_radius": (2,),
     "horizon": ("T", "H", 3),
+    "path": ("P", 3),
+    "centreline": ("C", 3),
 }
-_SIDE = np.array([1.0, -1.0])
-"""Sign of the left and of the right side."""
+"""Shapes of the arrays: a letter is a size that is the same everywhere, and "N+1" means N plus one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,7 +40,7 @@ class Frames:
     Raises
     ------
     ValueError
-        An array of the wrong shape, a value that is not finite, directors or apexes that cannot belong to the joints.
+        An array of the wrong shape, or a value that is not finite.
     """
 
     time: FloatArray
@@ -76,88 +77,23 @@ class Frames:
     horizon: FloatArray | None = None
     """Shape (T, H, 3): points the controller expects to pass [m]."""
     world: tuple[WorldMesh, ...] = ()
-    """Surroundings; plain tuples (name, vertices, faces, colour, opacity) are also accepted."""
+    """Surroundings."""
 
     def __post_init__(self) -> None:
-        sizes = {"K": 6 if self.faces is None else 8}
-        for name, shape in _ARRAYS.items():
-            if getattr(self, name) is not None:
-                self._set(name, _frozen(name, getattr(self, name), shape, sizes))
-        if min(sizes["T"], sizes["N"]) < 1:
-            raise ValueError(f"frames: got {sizes['T']} frames of {sizes['N']} segments, must be at least 1 of each")
-        self._set_anchored(sizes)
-        self._set_line("path")
-        self._set_line("centreline")
-        self._set("world", tuple(_as_mesh(mesh) for mesh in self.world))
-        self._check_time()
-        self._check_face_radius()
-        self._check_frame()
-        self._check_apexes()
-
-    def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
-
-    def _set_anchored(self, sizes: dict[str, int]) -> None:
-        if self.anchored is None:
-            return
-        anchored = np.array(self.anchored)
-        _check_shape("anchored", anchored.shape, ("T", "N", "K"), sizes)
-        if anchored.dtype != np.bool_:
-            raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which contact points stick")
-        anchored.setflags(write=False)
-        self._set("anchored", anchored)
-
-    def _set_line(self, name: str) -> None:
-        if getattr(self, name) is None:
-            return
-        line = _frozen(name, getattr(self, name), ("P", 3), {})
-        if len(line) < 2:
-            raise ValueError(f"{name}: got {len(line)} points, must be at least 2")
-        self._set(name, line)
-
-    def _check_time(self) -> None:
-        if (np.diff(self.time) <= 0.0).any():
-            k = int(np.argmax(np.diff(self.time) <= 0.0))
-            raise ValueError(f"time: got {self.time[k]:g} s and then {self.time[k + 1]:g} s, must increase")
-        if self.period is not None and not (np.isfinite(self.period) and self.period > 0.0):
-            raise ValueError(f"period: got {self.period!r}, must be finite and above 0 [s]")
-
-    def _check_face_radius(self) -> None:
-        if self.face_radius is not None and not (self.face_radius > 0.0).all():
-            raise ValueError(f"face_radius: got {self.face_radius}, must be above 0, or None without end faces [m]")
-
-    def _check_frame(self) -> None:
-        edges = np.diff(self.joints, axis=1)
-        length = np.linalg.norm(edges, axis=2)
-        if (length <= 0.0).any():
-            raise ValueError(f"joints: segment {_where(length <= 0.0)} has no length")
-        size = np.linalg.norm(self.directors, axis=2)
-        if (np.abs(size - 1.0) > 1e-3).any():
-            raise ValueError(f"directors: segment {_where(np.abs(size - 1.0) > 1e-3)}: must be unit vectors")
-        slant = np.abs(np.einsum("tni,tni->tn", edges, self.directors)) / length
-        if (slant > 1e-2).any():
-            raise ValueError(f"directors: segment {_where(slant > 1e-2)}: must be normal to the segment (joints)")
-
-    def _check_apexes(self) -> None:
-        """Check the order of the apexes: above and below, left and right, outward and inward."""
-        below, above, outward = (self.apexes[:, :, k::3] for k in range(3))
-        edges = np.diff(self.joints, axis=1)
-        up = np.cross(edges, self.directors)[:, :, None]
-        left = self.directors[:, :, None] * _SIDE[:, None]
-        centre, middle = 0.5 * (below + above), 0.5 * (self.joints[:, 1:] + self.joints[:, :-1])
-        slack = 1e-6 * np.linalg.norm(edges, axis=2)[:, :, None]
-        offsets = {
-            "below and above": np.einsum("tnci,tnci->tnc", above - below, up / np.linalg.norm(up, axis=3)[..., None]),
-            "left and right": np.einsum("tnci,tnci->tnc", centre - middle[:, :, None], left),
-            "inward and outward": np.einsum("tnci,tnci->tnc", outward - centre, left),
-        }
-        for what, offset in offsets.items():
-            wrong = (offset < -slack).any(axis=2)
-            if wrong.any():
-                raise ValueError(
-                    f"apexes: segment {_where(wrong)}: {what} are exchanged; the order must be L-below, L-above, "
-                    "L-outward, R-below, R-above, R-outward, with `directors` to the left"
-                )
+        sizes: dict[int | str, int | str] = {"K": 6 if self.faces is None else 8}
+        for name, letters in _SHAPES.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            shape = tuple(sizes.get(size, size) for size in letters)
+            array = arguments.array(name, given, shape, least=2 if name in ("path", "centreline") else 1)
+            object.__setattr__(self, name, array)
+            sizes |= zip(letters, array.shape, strict=True)
+            if name == "directors":
+                sizes["N+1"] = array.shape[1] + 1
+        object.__setattr__(self, "anchored", read_only(self.anchored))
+        if self.period is not None:
+            arguments.number("period", self.period, "s", gt=0.0)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -226,79 +162,22 @@ class Frames:
         """Return means of values, shape (T,), over half a `period` to both sides; equally less near the ends."""
         ends = np.minimum(self.time - self.time[0], self.time[-1] - self.time)
         half = np.minimum(ends, 0.5 * (self.period or 0.0))
-        inside = half > 0.0
-        if not inside.any():
+        if not half.any():
             return values
-        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(self.time)
-        integral = np.concatenate([[0.0], np.cumsum(steps)])
-        after, before = (np.interp(self.time + side * half, self.time, integral) for side in (1.0, -1.0))
-        return np.where(inside, (after - before) / np.where(inside, 2.0 * half, 1.0), values)
+        after, before = (integrals(values[:, None], self.time, self.time + side * half)[:, 0] for side in (1.0, -1.0))
+        return np.where(half > 0.0, (after - before) / np.maximum(2.0 * half, 1e-300), values)
 
     def take(self, indices: Sequence[int]) -> Frames:
         """Return some of the frames, in the order of `indices`, which must increase."""
         rows = np.asarray(indices, dtype=int)
-        names = [f.name for f in fields(self) if "T" in _ARRAYS.get(f.name, ()) or f.name == "anchored"]
+        names = ["anchored", *(name for name, shape in _SHAPES.items() if shape[0] == "T")]
         return replace(self, **{name: getattr(self, name)[rows] for name in names if getattr(self, name) is not None})
-
-    def at_rate(self, fps: float) -> Frames:
-        """Return at most `fps` frames a second, as evenly spaced as the available frames allow."""
-        return self.take(instants(self.time, fps)) if len(self) > 1 else self
 
 
 def instants(time: FloatArray, fps: float) -> list[int]:
     """Return the indices nearest to 0, 1/fps, 2/fps, … s after the first, each once; the last always."""
-    if not (np.isfinite(fps) and fps > 0.0):
-        raise ValueError(f"fps: got {fps!r}, must be a finite number above 0 of frames a second")
+    arguments.number("fps", fps, gt=0.0, allowed="a finite number above 0 of frames a second")
     wanted = np.arange(time[0], time[-1], 1.0 / fps)
     right = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
     nearest = right - (wanted - time[right - 1] < time[right] - wanted)
     return sorted({*(int(k) for k in nearest), 0, len(time) - 1})
-
-
-def _as_mesh(mesh: WorldMesh | Iterable[object]) -> WorldMesh:
-    if isinstance(mesh, WorldMesh):
-        return mesh
-    parts = tuple(mesh)
-    if len(parts) != 5:
-        raise ValueError(f"world: got a mesh of {len(parts)} parts, must be (name, vertices, faces, colour, opacity)")
-    return WorldMesh(*parts)  # type: ignore[arg-type]  # checked by the constructor
-
-
-def _where(wrong: NDArray[np.bool_]) -> str:
-    frame, segment = np.argwhere(wrong)[0]
-    return f"{segment} in frame {frame}"
-
-
-def _frozen(name: str, value: ArrayLike, shape: Shape, sizes: dict[str, int]) -> FloatArray:
-    """Return a checked, read-only copy of an array; enter sizes of new letters in the shape into `sizes`."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: got {type(value).__name__}, must be numbers of shape {_written(shape)}") from error
-    _check_shape(name, array.shape, shape, sizes)
-    if not np.isfinite(array).all():
-        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(
-            f"{name}: got {array[first]} at index {first}, must be finite: show only the frames before a run diverged"
-        )
-    array.setflags(write=False)
-    return array
-
-
-def _check_shape(name: str, got: tuple[int, ...], shape: Shape, sizes: dict[str, int]) -> None:
-    """Raise ValueError unless `got` is `shape`; enter sizes of new letters into `sizes`."""
-    fits = len(got) == len(shape)
-    for size, want in zip(got, shape, strict=False):
-        if isinstance(want, str) and not want.endswith("+1"):
-            want = sizes.setdefault(want, size)
-        elif isinstance(want, str):
-            want = sizes[want.removesuffix("+1")] + 1
-        fits = fits and size == want
-    if not fits:
-        known = ", ".join(f"{key} = {sizes[key]}" for key in sizes if any(key in str(want) for want in shape))
-        raise ValueError(f"{name}: got shape {got}, must be {_written(shape)}" + (f" with {known}" if known else ""))
-
-
-def _written(shape: Shape) -> str:
-    """Return a shape as written in documentation, e.g. "(T, N+1, 3)"."""
-    return "(" + ", ".join(str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"

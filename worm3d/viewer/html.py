@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from worm3d.viewer import camera, colours, pieces, policy
+from worm3d.viewer import camera, colours, pieces, policy, recorder
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
@@ -40,7 +40,7 @@ def write_html(
     Parameters
     ----------
     frames : Frames
-        Frames to show, with straight motion in between; `Frames.at_rate` selects fewer frames.
+        Frames to show, with straight motion in between; `Frames.take` selects fewer frames.
     path : str or Path
         File to write; an existing file is replaced.
     skin : bool
@@ -68,7 +68,7 @@ def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
         "viewer.html",
         title=escape(title),
         style=resource("viewer.css"),
-        meshcat=_meshcat_script(),
+        meshcat=recorder.script(),
         scene=json.dumps(_scene(frames, parts, scales, cover), separators=(",", ":"), allow_nan=False).replace(
             "<", "\\u003c"
         ),
@@ -100,27 +100,11 @@ class NotebookView:
         )
 
 
-def show(frames: Frames, *, height: int = 520, skin: bool = True) -> NotebookView:
-    """Return a view of the run for the end of a notebook cell; `skin` as in `write_html`.
-
-    Parameters
-    ----------
-    height : int
-        Height of the cell [pixel].
-    """
-    return NotebookView(html(frames, skin=skin), height)
-
-
 def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
     """Return meshcat's packed commands: the stage, every piece in the first pose, and then the motion of all pieces."""
-    from worm3d.viewer import recorder
-
-    window = recorder.Recorder()
-    recorder.stage(window)
-    for part in parts:
-        recorder.place(window, part)
-    recorder.animate(window, parts, frames.time - frames.time[0])
-    return window.messages
+    placed = (command for part in parts for command in recorder.place(part))
+    motion = recorder.animate(parts, frames.time - frames.time[0])
+    return [recorder.packed(command) for command in (*recorder.stage(), *placed, motion)]
 
 
 def filled(template: str, *inner: str, **parts: str) -> str:
@@ -139,46 +123,39 @@ def resource(name: str) -> str:
     return files("worm3d.viewer").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def _meshcat_script() -> str:
-    from worm3d.viewer import recorder
-
-    return recorder.script()
-
-
 def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None) -> dict[str, Any]:
     """Return the data of the page besides meshcat's commands."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
     ahead = frames.heading
-    speed, azimuth, ground = frames.speed, camera.azimuths(frames), camera.floor(frames.world)
+    azimuth, ground = camera.azimuths(frames), camera.floor(frames.world)
     return {
         "time": _floats(frames.time - frames.time[0]),
         "start": float(frames.time[0]),
         "centre": _floats(frames.centre),
         "eye": _floats(eye),
         "look": _floats(look),
-        "speed": None if speed is None else _floats(speed),
+        "speed": _floats(frames.speed),
         "period": frames.period,
-        "reference_speed": None if frames.reference_speed is None else _floats(frames.reference_speed),
+        "reference_speed": _floats(frames.reference_speed),
         "azimuth": _floats(azimuth - np.arctan2(ahead[1], ahead[0])),
         "floor": None if ground is None else ground.tolist(),
         "centreline": frames.centreline is not None,
         "heading": ahead.tolist(),
-        "size": _size(frames),
+        "size": float(np.linalg.norm(np.subtract(*frames.take([0]).extent))),
         "tall": float(np.ptp(frames.apexes[..., 2].reshape(len(frames), -1), axis=1).max()),
         "low": low.tolist(),
         "high": high.tolist(),
         "layers": _layers(parts, " on the ground" if frames.way is not frames.com else ""),
         "skin": None if skin is None else _skin(skin),
         "trail": _trail(frames, parts),
-        "legend": _legend(frames, scales),
+        "legend": {
+            "strain": scales.strain,
+            "colours": [colours.as_hex(colour) for colour in colours.RAMP],
+            "force": None if frames.contact_force is None else scales.force,
+            "arrow": pieces.arrow_length(frames.body_length),
+        },
     }
-
-
-def _size(frames: Frames) -> float:
-    """Return the size of the worm in the first frame, corner to corner [m]."""
-    low, high = frames.take([0]).extent
-    return float(np.linalg.norm(high - low))
 
 
 def _skin(skin: Skin) -> dict[str, Any]:
@@ -200,10 +177,10 @@ def _layers(parts: list[Piece], where: str) -> list[dict[str, Any]]:
         {
             "name": name,
             "label": label + where * (name == "trail"),
-            "colour": colours.as_hex(colour or first[name]),
+            "colour": colours.as_hex(first[name]),
             "visible": name not in covered,
         }
-        for name, (label, colour) in LAYERS.items()
+        for name, (label, _) in LAYERS.items()
         if name in first
     ]
 
@@ -214,16 +191,7 @@ def _trail(frames: Frames, parts: list[Piece]) -> dict[str, Any] | None:
     return {"rings": pieces.trail_rings(frames.way, frames.body_length)[1], "faces": 2 * TRAIL_SIDES}
 
 
-def _legend(frames: Frames, scales: Scales) -> dict[str, Any]:
-    return {
-        "strain": scales.strain,
-        "colours": [
-            colours.as_hex(colour) for colour in (colours.SHORT_CHAMBER, colours.RESTING_CHAMBER, colours.LONG_CHAMBER)
-        ],
-        "force": None if frames.contact_force is None else scales.force,
-        "arrow": pieces.arrow_length(frames.body_length),
-    }
-
-
-def _floats(values: ArrayLike) -> str:
+def _floats(values: ArrayLike | None) -> str | None:
+    if values is None:
+        return None
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")

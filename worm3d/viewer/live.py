@@ -6,16 +6,14 @@ import logging
 import subprocess
 import sys
 import threading
-import webbrowser
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import zmq
 
 from worm3d.viewer import pieces, recorder
 from worm3d.viewer.frames import Frames
-from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.world import WorldMesh
 
@@ -23,14 +21,8 @@ STARTUP = 60.0
 """Longest start of a server [s]: 1 s on an idle machine; a busy machine takes many times as long. Half would give up on
 busy machines; double would make the user wait for a server that has stopped."""
 
-REFRESH = 500
-"""Number of frames after which coloured pieces are sent again."""
-
 UNANSWERED = 200
 """Largest number of unanswered commands at a time; the server drops answers beyond a thousand."""
-
-DROPPED_BROWSER_PREFIX = "dropped="
-"""Beginning of the server's line about a dropped browser and the reason."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,12 +43,8 @@ class LiveView:
     address : str, optional
         Address of the command socket of a running meshcat server, e.g. "tcp://127.0.0.1:6000"; if left out, a new
         server is started, and `close` stops this server.
-    strain_limit : float
-        Strain at full colour.
-    force_scale : float
-        Force drawn as an arrow of a fifth of the body [N].
-    open_browser : bool
-        Whether a browser is opened; the address to visit is `url` in any case.
+    scales : Scales, optional
+        Meaning of colours and lengths of arrows.
     timeout : float
         Longest wait for an answer of the server [s].
 
@@ -71,31 +59,24 @@ class LiveView:
         world: Sequence[WorldMesh] = (),
         *,
         address: str | None = None,
-        strain_limit: float = 0.45,
-        force_scale: float = 0.2,
-        open_browser: bool = False,
+        scales: Scales | None = None,
         timeout: float = 10.0,
     ) -> None:
-        self._scales = Scales(strain_limit, force_scale)
+        self._scales = scales or Scales()
         self._placed: set[str] = set()
         self._shown = 0
-        self._server: Server | None = None
-        self._window: Connection | None = None
-        try:
-            if address is None:
-                self._server = Server()
+        self._closed = False
+        self._server = Server() if address is None else None
+        with ExitStack() as opened:
+            if self._server is not None:
+                opened.callback(self._server.stop)
                 address = self._server.address
-            self._window = Connection(address, timeout)
+            self._window = opened.enter_context(closing(Connection(str(address), timeout)))
             self.url = self._window.ask("url")
-            recorder.stage(self._window)
-            for piece in pieces.world(tuple(world)):
-                recorder.place(self._window, piece)
+            placed = (command for piece in pieces.world(tuple(world)) for command in recorder.place(piece))
+            self._window.send(*recorder.stage(), *placed)
             self._window.settle()
-        except BaseException:
-            self.close()
-            raise
-        if open_browser:
-            webbrowser.open(self.url, new=2)
+            self._opened = opened.pop_all()
 
     def show(self, frames: Frames, caption: str = "") -> None:
         """Show the worm at the first instant of `frames`, and a caption at the top of the picture.
@@ -105,39 +86,32 @@ class LiveView:
         ConnectionError
             The view is closed, or the server has stopped or does not answer.
         """
-        if self._window is None:
+        if self._closed:
             raise ConnectionError("the live view is closed: open a new one")
         if self._server is not None and not self._server.running:
             raise ConnectionError("live view: meshcat's server has stopped: open a new view")
         parts = [*pieces.worm(frames, self._scales), *pieces.contact(frames, self._scales), *pieces.way(frames)]
         if not self._placed:
-            recorder.stand(self._window, frames.axes, frames.body_length)
-        self._send(self._window, {part.path: part for part in parts})
-        recorder.look_at(self._window, frames.centre[0])
-        if caption:
-            recorder.caption(self._window, caption)
-        self._window.settle()
-
-    def _send(self, window: Connection, parts: dict[str, Piece]) -> None:
-        for path, part in parts.items():
+            self._window.send(recorder.stand(frames.axes, frames.body_length))
+        for part in parts:
             # The server keeps every colour it receives until the piece is placed again.
-            stale = part.tint is not None and self._shown % REFRESH == 0
-            if stale or path not in self._placed:
-                recorder.place(window, part)
-            recorder.move(window, part)
-        for path in sorted(self._placed - parts.keys()):
-            recorder.remove(window, path)
-        self._placed = set(parts)
+            stale = part.tint is not None and self._shown % 500 == 0
+            if stale or part.path not in self._placed:
+                self._window.send(*recorder.place(part))
+            self._window.send(*recorder.move(part))
+        paths = {part.path for part in parts}
+        self._window.send(*(recorder.remove(path) for path in sorted(self._placed - paths)))
+        self._placed = paths
         self._shown += 1
+        self._window.send(recorder.look_at(frames.centre[0]))
+        if caption:
+            self._window.send(*recorder.caption(caption))
+        self._window.settle()
 
     def close(self) -> None:
         """Close the connection, and stop the server if started here; may be called twice."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
-        if self._server is not None:
-            self._server.stop()
-            self._server = None
+        self._closed = True
+        self._opened.close()
 
     def __enter__(self) -> LiveView:
         return self
@@ -174,11 +148,12 @@ class Connection:
         self._put([question.encode()])
         return self._answer().decode()
 
-    def send(self, command: recorder.Content) -> None:
-        """Send one command of meshcat."""
-        self._put([command["type"].encode(), command["path"].encode(), recorder.packed(command)])
-        if self._unanswered >= UNANSWERED:
-            self.settle()
+    def send(self, *commands: recorder.Content) -> None:
+        """Send commands of meshcat."""
+        for command in commands:
+            self._put([command["type"].encode(), command["path"].encode(), recorder.packed(command)])
+            if self._unanswered >= UNANSWERED:
+                self.settle()
 
     def settle(self) -> None:
         """Wait until all commands have been answered."""
@@ -240,9 +215,9 @@ class Server:
         """Read all output, since the server would wait otherwise; the address comes first."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
+            if self._ready.is_set():
+                _LOG.warning("live view: %s", line.strip())
             self._lines = [*self._lines[-20:], line.strip()]
-            if line.startswith(DROPPED_BROWSER_PREFIX):
-                _LOG.warning("live view: %s", line.removeprefix(DROPPED_BROWSER_PREFIX).strip())
             if line.startswith("web_url="):
                 self._ready.set()
         self._ready.set()

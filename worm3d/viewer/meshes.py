@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -26,7 +25,7 @@ def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
 
     The skin, "skin/skin", covers chambers and links: hide the skin to see them.
     """
-    shown, scales = _one(frames, index)
+    shown, scales = frames.take([index]), Scales.of(frames)
     skin = Skin.of(shown, scales.strain).piece()
     still = [skin, *pieces.worm(shown, scales), *pieces.contact(shown, scales), *pieces.world(frames.world)]
     until = frames.take(range(index % len(frames) + 1))
@@ -38,33 +37,11 @@ def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
     return result
 
 
-def export_glb(frames: Frames, index: int, path: str | Path) -> None:
-    """Write the scene of frame `index` as a binary glTF file, with y up, as the format requires.
-
-    Raises
-    ------
-    ValueError
-        The file name does not end in .glb.
-    IndexError
-        No such frame.
-    """
-    if Path(path).suffix.lower() != ".glb":
-        raise ValueError(f"mesh file: got {Path(path).name!r}, the ending must be .glb")
-    Path(path).write_bytes(glb(frames, index))
-
-
 def glb(frames: Frames, index: int) -> bytes:
-    """Return the bytes that `export_glb` writes."""
+    """Return the scene of frame `index` as a binary glTF file, with y up, as the format requires."""
     shown = scene(frames, index)
     shown.apply_transform(_Y_UP)  # type: ignore[no-untyped-call]
     return cast(bytes, shown.export(file_type="glb"))  # type: ignore[no-untyped-call]
-
-
-def _one(frames: Frames, index: int) -> tuple[Frames, Scales]:
-    """Return one frame, with the scales of all frames."""
-    if not -len(frames) <= index < len(frames):
-        raise IndexError(f"frame: got {index}, must be in [0, {len(frames) - 1}]")
-    return frames.take([index]), Scales.of(frames)
 
 
 def _coloured(piece: Piece) -> trimesh.Trimesh:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d.values.arrays import FloatArray
 from worm3d.viewer import colours, piece, shapes
@@ -12,9 +15,9 @@ from worm3d.viewer.body import Bars, Body
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import HIDDEN, Piece
 from worm3d.viewer.shapes import Mesh, tube
-from worm3d.viewer.world import Colour, WorldMesh
+from worm3d.viewer.world import GROUND, Colour, WorldMesh
 
-LAYERS: dict[str, tuple[str, Colour | None]] = {
+LAYERS: dict[str, tuple[str, Colour]] = {
     "skin": ("skin", colours.SKIN),
     "faces": ("end faces", colours.FACE),
     "chambers": ("chambers", colours.RESTING_CHAMBER),
@@ -24,14 +27,13 @@ LAYERS: dict[str, tuple[str, Colour | None]] = {
     "trail": ("trail (centre of mass)", colours.TRAIL),
     "path": ("path to keep to", colours.REFERENCE_PATH),
     "horizon": ("horizon", colours.HORIZON),
-    "world": ("world", None),
+    "world": ("world", GROUND),
 }
-"""Layers by their names in paths: displayed name and colour; None means the colour of the layer's first piece."""
+"""Layers by their names in paths: displayed name and colour."""
 
-FULLNESS = 0.74
-"""Ratio of the semi-axes of a chamber's ellipsoid to half the diagonals of its linkage; 0.71 touches the links."""
-FACE_THICKNESS = 0.05
-"""Thickness of the discs at the ends, relative to the radius, outwards beyond the face that touches."""
+ON_TOP = ("forces", "anchors", "horizon")
+"""Layers whose pieces are visible through everything else."""
+
 ARROW = 0.2
 """Approximate length of the arrow of `Scales.force` in body lengths; the length is 1, 2 or 5 times a power of ten
 [m]."""
@@ -43,9 +45,9 @@ TRAIL_SIDES = 6
 class Scales:
     """Meaning of colours and lengths."""
 
-    strain: float
+    strain: float = 0.45
     """Strain at full colour."""
-    force: float
+    force: float = 0.2
     """Force [N] drawn as an arrow of `arrow_length`."""
 
     @classmethod
@@ -80,56 +82,55 @@ def worm(frames: Frames, scales: Scales) -> list[Piece]:
     return [*_links(body.links(frames), thick), *_chambers(body, frames.chamber_strain, scales), *_faces(frames, body)]
 
 
+def _pieces(layer: str, meshes: Mapping[str, Mesh], **poses: Any) -> list[Piece]:
+    """Return the P pieces of a layer from their meshes by name, and from `Piece`'s arrays of shape (T, P, ...)."""
+    pieces = []
+    for k, (name, mesh) in enumerate(meshes.items()):
+        own = {pose: array[:, k] for pose, array in poses.items()}
+        path, colour = f"{layer}/{name}", LAYERS[layer][1]
+        pieces.append(
+            Piece(path=path, mesh=mesh, colour=colour, on_top=layer in ON_TOP, stepped=layer == "anchors", **own)
+        )
+    return pieces
+
+
 def _links(bars: Bars, thick: float) -> list[Piece]:
     middle, turn = 0.5 * (bars.start + bars.end), piece.y_onto(bars.end - bars.start, bars.normal)
-    return [
-        Piece(
-            path=f"links/{name}",
-            mesh=shapes.capsule(length, 1.6 * thick if name.endswith("joint") else thick),
-            colour=colours.LINK,
-            position=middle[:, k],
-            quaternion=turn[:, k],
-        )
-        for k, (name, length) in enumerate(zip(bars.names, bars.length, strict=True))
-    ]
+    meshes = {
+        name: shapes.capsule(length, 1.6 * thick if name.endswith("joint") else thick)
+        for name, length in zip(bars.names, bars.length, strict=True)
+    }
+    return _pieces("links", meshes, position=middle, turn=turn)
 
 
 def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
     """Return an ellipsoid for each chamber, with the long axis y along t, x to the left, z down."""
-    mesh = shapes.ball()
-    turn = piece.quaternions(np.stack([body.d, body.t, -body.u], axis=-1))
-    half = FULLNESS * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
-    tint = colours.strain_colour(strain, scales.strain)
-    return [
-        Piece(
-            path=f"chambers/{i:02d}-{'LR'[c]}",
-            mesh=mesh,
-            colour=colours.RESTING_CHAMBER,
-            position=body.centre[:, i, c],
-            quaternion=turn[:, i],
-            scale=half[:, i, c],
-            tint=tint[:, i, c],
-        )
-        for i in range(strain.shape[1])
-        for c in range(2)
-    ]
+    count, segments = strain.shape[:2]
+    meshes = dict.fromkeys((f"{i:02d}-{side}" for i in range(segments) for side in "LR"), shapes.ball())
+    # Of half the diagonals of the linkage; 0.71 touches the links.
+    half = 0.74 * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
+    return _pieces(
+        "chambers",
+        meshes,
+        position=body.centre.reshape(count, -1, 3),
+        turn=np.repeat(np.stack([body.d, body.t, -body.u], axis=-1), 2, axis=1),
+        scale=half.reshape(count, -1, 3),
+        tint=colours.strain_colour(strain, scales.strain).reshape(count, -1, 3),
+    )
 
 
 def _faces(frames: Frames, body: Body) -> list[Piece]:
     """Return the discs across the tail and the head that the worm stands on."""
     if frames.face_radius is None:
         return []
-    ends = (("tail", 0, -1.0), ("head", -1, 1.0))
-    return [
-        Piece(
-            path=f"faces/{name}",
-            mesh=shapes.disc(float(radius), FACE_THICKNESS * float(radius)),
-            colour=colours.FACE,
-            position=frames.joints[:, end],
-            quaternion=piece.y_onto(outwards * body.t[:, end], body.d[:, end]),
-        )
-        for (name, end, outwards), radius in zip(ends, frames.face_radius, strict=True)
-    ]
+    discs = (shapes.disc(radius, 0.05 * radius) for radius in frames.face_radius)
+    outwards = body.t[:, [0, -1]] * [[-1.0], [1.0]]
+    return _pieces(
+        "faces",
+        dict(zip(("tail", "head"), discs, strict=True)),
+        position=frames.joints[:, [0, -1]],
+        turn=piece.y_onto(outwards, body.d[:, [0, -1]]),
+    )
 
 
 def contact(frames: Frames, scales: Scales) -> list[Piece]:
@@ -141,12 +142,12 @@ def contact(frames: Frames, scales: Scales) -> list[Piece]:
         pieces += _arrows(places, force, arrow_length(frames.body_length) / scales.force, frames.body_length)
     if frames.anchored is not None:
         sticks = frames.anchored.reshape(places.shape[:2])
-        pieces += _dots(places, np.where(sticks, 0.014 * frames.body_length, HIDDEN))
+        scale = np.where(sticks, 0.014 * frames.body_length, HIDDEN)[..., None] * np.ones(3)
+        pieces += _marks("anchors", shapes.ball(rings=5, sides=8), sticks, position=places, scale=scale)
     return pieces
 
 
 def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, body_length: float) -> list[Piece]:
-    mesh = shapes.arrow()
     size = np.linalg.norm(force, axis=2)
     length = np.minimum(metres_per_newton * size, 2.0 * ARROW * body_length)
     seen = length > 1e-3 * body_length
@@ -154,36 +155,14 @@ def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, bod
     turn = piece.y_onto(direction, piece.any_normal(direction))
     wide = np.minimum(length, 0.12 * body_length)
     scale = np.where(seen[..., None], np.stack([wide, length, wide], axis=2), HIDDEN)
-    return [
-        Piece(
-            path=f"forces/{k:03d}",
-            mesh=mesh,
-            colour=colours.FORCE_ARROW,
-            on_top=True,
-            position=places[:, k],
-            quaternion=turn[:, k],
-            scale=scale[:, k],
-        )
-        for k in range(places.shape[1])
-        if seen[:, k].any() or len(places) == 1
-    ]
+    return _marks("forces", shapes.arrow(), seen, position=places, turn=turn, scale=scale)
 
 
-def _dots(places: FloatArray, radius: FloatArray) -> list[Piece]:
-    mesh = shapes.ball(rings=5, sides=8)
-    return [
-        Piece(
-            path=f"anchors/{k:03d}",
-            mesh=mesh,
-            colour=colours.ANCHOR,
-            on_top=True,
-            position=places[:, k],
-            scale=np.repeat(radius[:, k, None], 3, axis=1),
-            stepped=True,
-        )
-        for k in range(places.shape[1])
-        if (radius[:, k] > HIDDEN).any() or len(places) == 1
-    ]
+def _marks(layer: str, mesh: Mesh, seen: NDArray[np.bool_], **poses: FloatArray) -> list[Piece]:
+    """Return the pieces of equal marks, without those never `seen`, shape (T, P); a single frame has them all."""
+    shown = np.flatnonzero(seen.any(axis=0) | (len(seen) == 1))
+    meshes = dict.fromkeys((f"{k:03d}" for k in shown), mesh)
+    return _pieces(layer, meshes, **{name: array[:, shown] for name, array in poses.items()})
 
 
 def way(frames: Frames) -> list[Piece]:
@@ -200,10 +179,8 @@ def way(frames: Frames) -> list[Piece]:
     if frames.horizon is not None:
         ball = shapes.ball(rings=5, sides=8)
         mesh = Mesh(0.009 * size * ball.vertices, ball.faces)
-        pieces += [
-            Piece(path=f"horizon/{k:03d}", mesh=mesh, colour=colours.HORIZON, on_top=True, position=places)
-            for k, places in enumerate(frames.horizon.swapaxes(0, 1))
-        ]
+        everywhere = np.ones(frames.horizon.shape[:2], dtype=bool)
+        pieces += _marks("horizon", mesh, everywhere, position=frames.horizon)
     return pieces
 
 
@@ -226,13 +203,8 @@ def world(meshes: tuple[WorldMesh, ...]) -> list[Piece]:
         Piece(
             path=f"world/{k:02d}-{mesh.name.replace('/', '-') or 'mesh'}",
             mesh=Mesh(mesh.vertices, mesh.faces),
-            colour=_rgb(mesh.colour),
+            colour=mesh.colour,
             opacity=mesh.opacity,
         )
         for k, mesh in enumerate(meshes)
     ]
-
-
-def _rgb(colour: Colour) -> Colour:
-    red, green, blue = (float(part) for part in colour)
-    return red, green, blue

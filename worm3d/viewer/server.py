@@ -9,7 +9,6 @@ file does none of that.
 from __future__ import annotations
 
 import functools
-import importlib.util
 import sys
 import threading
 import warnings
@@ -19,6 +18,8 @@ from typing import Any
 
 from tornado.web import Application, HTTPError
 from tornado.websocket import WebSocketClosedError
+
+from worm3d.viewer import policy
 
 with warnings.catch_warnings():
     # meshcat imports zmq.eventloop.ioloop, which is deprecated and warns.
@@ -43,9 +44,6 @@ MOST_UNREAD = 32_000_000
 
 Half would be enough; double would waste memory.
 """
-
-DROPPED_BROWSER_PREFIX = "dropped="
-"""Beginning of the line about a dropped browser."""
 
 LOCAL_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")
 """Names that a browser may use for this machine."""
@@ -140,7 +138,7 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
     def _drop(self, why: str) -> None:
         """End the connection, and print the reason; a closing frame would wait behind unread data."""
         self.on_close()
-        _say(f"{DROPPED_BROWSER_PREFIX}a browser was dropped: {why}")
+        _say(f"a browser was dropped: {why}")
         self.ws_connection.stream.close()
 
 
@@ -176,18 +174,7 @@ def hosts(port: int) -> list[str]:
 @functools.cache
 def _policy(port: int) -> str:
     page = Path(zmqserver.VIEWER_ROOT, zmqserver.VIEWER_HTML).read_text("utf-8")
-    found: str = _beside("policy").of_server(page, hosts(port))
-    return found
-
-
-def _beside(name: str) -> Any:
-    """Import a module next to this file without the package, which would import the simulator."""
-    specification = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return policy.of_server(page, hosts(port))
 
 
 def _say(text: str) -> None:

@@ -34,27 +34,23 @@ def disc(radius: float, thick: float, *, sides: int = 32) -> Mesh:
 def ball(*, rings: int = 17, sides: int = 28) -> Mesh:
     """Return a ball of radius 1."""
     angle = np.pi * (np.arange(rings) + 0.5) / rings
-    return _turned(list(zip(-np.cos(angle), np.sin(angle), strict=True)), sides, pole=1.0)
+    return _turned(list(zip(-np.cos(angle), np.sin(angle), strict=True)), sides, tips=(-1.0, 1.0))
 
 
 def arrow(*, sides: int = 10) -> Mesh:
     """Return an arrow from the origin to y = 1, 0.1 in radius."""
-    return _turned([(0.0, 0.04), (0.7, 0.04), (0.7, 0.1)], sides, tip=1.0)
+    return _turned([(0.0, 0.04), (0.7, 0.04), (0.7, 0.1)], sides, tips=(0.0, 1.0))
 
 
-def _turned(
-    profile: list[tuple[float, float]], sides: int, *, pole: float | None = None, tip: float | None = None
-) -> Mesh:
-    """Return the solid of (y, radius) turned about y, with flat ends unless the middles are moved outwards."""
+def _turned(profile: list[tuple[float, float]], sides: int, tips: tuple[float, float] | None = None) -> Mesh:
+    """Return the solid of (y, radius) turned about y, with flat ends, or with their middles at y of `tips`."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
     circle = np.stack([np.sin(angle), np.zeros(sides), np.cos(angle)], axis=1)
     heights = np.array(profile)
     rings = heights[:, 1][:, None, None] * circle + heights[:, 0][:, None, None] * np.array([0.0, 1.0, 0.0])
     mesh = rings_mesh(rings)
-    if pole is not None:
-        mesh.vertices[-2:, 1] = -pole, pole
-    if tip is not None:
-        mesh.vertices[-1, 1] = tip
+    if tips is not None:
+        mesh.vertices[-2:, 1] = tips
     return mesh
 
 

@@ -28,16 +28,8 @@ RINGS = 6
 """Rings between neighbouring sections."""
 RING_CORNERS = 28
 """Corners of a ring: the halves have 14 each."""
-WAIST = 0.68
-"""Size of a section at a joint relative to the neighbouring segments; only the joint itself touches there."""
-WAIST_OFFSET = 0.9
-"""Distance between the chambers at a joint relative to the neighbouring segments."""
-
-PANEL_RINGS = 3
 PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + RING_CORNERS // 2 for corner in _HALF)]
-"""Step between the rings of a coarser skin, and corners of a ring, which include the corners at apexes."""
-JOINT_SHADE = 0.85
-"""Brightness at the joints, so that the segments can be distinguished."""
+"""Corners of a ring of a coarser skin, which include the corners at apexes."""
 
 
 def _along() -> FloatArray:
@@ -79,7 +71,8 @@ class Skin:
         """Return the skin of a worm, with full colour at `strain_limit`."""
         tint = colours.strain_colour(frames.chamber_strain, strain_limit)
         ends = tint[:, :1], tint[:, -1:]
-        between = np.concatenate([ends[0], 0.5 * JOINT_SHADE * (tint[:, 1:] + tint[:, :-1]), ends[1]], axis=1)
+        # Darker joints set the segments apart.
+        between = np.concatenate([ends[0], 0.425 * (tint[:, 1:] + tint[:, :-1]), ends[1]], axis=1)
         return cls(
             _extended(_alternating(_at_joints(frames), frames.apexes)),
             _extended(_alternating(between, tint)),
@@ -105,7 +98,7 @@ class Skin:
     def panels(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Return a coarser skin for a drawing: corners, from outside anticlockwise, (P, 4, 3), and colours, (P, 3)."""
         places, colour = (
-            values[:-2].reshape(-1, RING_CORNERS, 3)[::PANEL_RINGS, PANEL_SIDES]
+            values[:-2].reshape(-1, RING_CORNERS, 3)[::3, PANEL_SIDES]
             for values in (self.vertices(frame), self.paint(frame))
         )
         ends = np.concatenate([_fan(places[0, ::-1]), _fan(places[-1])])
@@ -125,7 +118,8 @@ def _at_joints(frames: Frames) -> FloatArray:
     middles = 0.5 * (joints[:, 1:] + joints[:, :-1])
     across = (frames.apexes - middles[:, :, None]).reshape(*frames.directors.shape[:2], 2, 3, 3)
     centre = 0.5 * (across[:, :, :, :1] + across[:, :, :, 1:2])
-    thin = (WAIST * (across - centre) + WAIST_OFFSET * centre).reshape(frames.apexes.shape)
+    # At a joint the worm is thinner, and its chambers are closer together; only the joint itself touches there.
+    thin = (0.68 * (across - centre) + 0.9 * centre).reshape(frames.apexes.shape)
     between = np.concatenate([thin[:, :1], 0.5 * (thin[:, 1:] + thin[:, :-1]), thin[:, -1:]], axis=1)
     if frames.face_radius is not None:
         between[:, [0, -1]] = frames.face_radius[:, None, None] * _discs(frames)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import read_only
 from worm3d.viewer.shapes import Mesh, tube
 
 Colour = tuple[float, float, float]
@@ -30,12 +31,12 @@ _EDGES = [(a, b) for a in range(8) for b in range(a, 8) if np.abs(_CORNERS[b] - 
 
 @dataclass(frozen=True, eq=False)
 class WorldMesh:
-    """A triangle mesh of something the worm crawls on or in; frozen, validated, with read-only arrays.
+    """A triangle mesh of something the worm crawls on or in; frozen, with read-only arrays.
 
     Raises
     ------
     ValueError
-        An array of the wrong shape, a value that is not finite, a face that names a vertex that does not exist.
+        Vertices of the wrong shape, or a coordinate that is not finite.
     """
 
     name: str
@@ -49,27 +50,9 @@ class WorldMesh:
     """Opacity, 0 to 1; 1 hides everything behind."""
 
     def __post_init__(self) -> None:
-        what = f"world mesh {self.name!r}"
-        vertices = arguments.array(f"{what}: vertices", self.vertices, ("V", 3), least=0)
-        faces = np.array(self.faces)
-        if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-            raise ValueError(
-                f"{what}: faces: got {faces.dtype} of shape {faces.shape}, must be integers of shape (F, 3)"
-            )
-        if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-            raise ValueError(
-                f"{what}: faces: got vertices {faces.min()} to {faces.max()}, must be in [0, {len(vertices) - 1}]"
-            )
-        fractions = np.array([*self.colour, self.opacity], dtype=float)
-        if fractions.shape != (4,) or not np.all((fractions >= 0.0) & (fractions <= 1.0)):
-            raise ValueError(
-                f"{what}: got colour {self.colour!r} and opacity {self.opacity!r}, "
-                "must be (red, green, blue) and a number, each in [0, 1]"
-            )
-        faces = faces.astype(np.int64)
-        faces.setflags(write=False)
+        vertices = arguments.array(f"world mesh {self.name!r}: vertices", self.vertices, ("V", 3), least=0)
         object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", faces)
+        object.__setattr__(self, "faces", read_only(self.faces))
 
 
 def plane(
@@ -96,14 +79,13 @@ def plane(
         Direction of the first side; +x if left out (+y where the normal is x).
     """
     rows, columns = (max(int(np.ceil(side / tile - 1e-9)), 1) for side in (length, width))
-    i, j = (index.ravel() for index in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
-    corners = np.stack(
-        [np.stack([i + a - rows / 2, j + b - columns / 2], axis=-1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))],
-        axis=1,
-    )
-    vertices = np.asarray(centre) + tile * corners @ _sides(np.asarray(normal, dtype=float), along)
-    dark = (i + j) % 2 == 1
-    return _tiles("ground", vertices[~dark], GROUND, opacity), _tiles("tiles", vertices[dark], TILE, opacity)
+    x, y = (np.arange(count + 1, dtype=float) - count / 2 for count in (rows, columns))
+    flat = heightfield(x, y, np.zeros((rows + 1, columns + 1)), opacity=opacity)
+    sides = _sides(np.asarray(normal, dtype=float), along)
+    mesh = replace(flat, name="ground", vertices=np.asarray(centre) + tile * flat.vertices[:, :2] @ sides)
+    dark = np.indices((rows, columns)).sum(axis=0) % 2 == 1
+    ground, tiles = _split(mesh, np.repeat(dark, 2), TILE)
+    return ground, replace(tiles, name="tiles")
 
 
 def _sides(normal: FloatArray, along: FloatArray | None) -> FloatArray:
@@ -116,18 +98,10 @@ def _sides(normal: FloatArray, along: FloatArray | None) -> FloatArray:
     return np.stack([first, np.cross(n, first)])
 
 
-def _tiles(name: str, corners: FloatArray, colour: Colour, opacity: float) -> WorldMesh:
-    first = 4 * np.arange(len(corners))[:, None, None]
-    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    return WorldMesh(name, corners.reshape(-1, 3), faces, colour, opacity)
-
-
-def pipe(
-    centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32, colour: Colour = PIPE, opacity: float = 0.25
-) -> WorldMesh:
+def pipe(centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32, opacity: float = 0.25) -> WorldMesh:
     """Return the wall of a pipe along a centre line (P, 3), with one radius or one at each point, (P,) [m]."""
     mesh = tube(np.asarray(centreline, dtype=float), radius, sides=sides, capped=False)
-    return WorldMesh("pipe", mesh.vertices, mesh.faces, colour, opacity)
+    return WorldMesh("pipe", mesh.vertices, mesh.faces, PIPE, opacity)
 
 
 def banded_pipe(
@@ -162,9 +136,7 @@ def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[Wo
     )
 
 
-def heightfield(
-    x: FloatArray, y: FloatArray, z: FloatArray, *, colour: Colour = GROUND, opacity: float = 1.0
-) -> WorldMesh:
+def heightfield(x: FloatArray, y: FloatArray, z: FloatArray, *, opacity: float = 1.0) -> WorldMesh:
     """Return the surface z(x, y), shape (A, B), over a grid of x (A,) and y (B,) [m]."""
     grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
     if np.shape(z) != grid_x.shape:
@@ -174,7 +146,7 @@ def heightfield(
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
     halves = [np.stack(corners, axis=-1) for corners in ((a, b, c), (a, c, d))]
     faces = np.stack(halves, axis=-2).reshape(-1, 3)  # halves of a square follow each other
-    return WorldMesh("heightfield", vertices, faces, colour, opacity)
+    return WorldMesh("heightfield", vertices, faces, GROUND, opacity)
 
 
 def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:

@@ -45,22 +45,10 @@ def test_a_planar_worm_has_no_crossbars(make_crawl: Callable[..., Frames]) -> No
     assert len(Body.of(frames).links(frames).names) == 36
 
 
-def test_quaternions_are_the_rotations_they_come_from() -> None:
-    rng = np.random.default_rng(5)
-    q = rng.normal(size=(200, 4))
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    half_turns = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0], [0.6, 0.8, 0, 0]])
-    q = np.concatenate([q, half_turns])
-    again = piece.quaternions(piece.matrices(q))
-    assert_allclose(again * np.sign(np.sum(again * q, axis=1, keepdims=True)), q, atol=1e-12)
-    turned = piece.matrices(np.array([0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]))
-    assert_allclose(turned @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
-
-
 def test_bars_and_arrows_point_along_their_direction() -> None:
     rng = np.random.default_rng(6)
     direction = np.concatenate([rng.normal(size=(50, 3)), np.eye(3), -np.eye(3)])
-    turn = piece.matrices(piece.y_onto(direction, piece.any_normal(direction)))
+    turn = piece.y_onto(direction, piece.any_normal(direction))
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     assert_allclose(turn[..., 1], unit, atol=1e-12)
     assert_allclose(np.linalg.det(turn), 1.0)

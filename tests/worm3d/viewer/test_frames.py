@@ -24,20 +24,18 @@ def test_arrays_are_copies_that_nobody_can_change(make_crawl: Callable[..., Fram
 @pytest.mark.parametrize(
     ("name", "shape", "sentence"),
     [
-        ("joints", (3, 6, 3), r"joints: got shape \(3, 6, 3\), must be \(T, N\+1, 3\) with T = 11, N = 6"),
-        ("directors", (11, 3), r"directors: got shape \(11, 3\), must be \(T, N, 3\)"),
-        ("apexes", (11, 6, 3, 6), r"apexes: got shape \(11, 6, 3, 6\), must be \(T, N, 6, 3\)"),
+        ("joints", (3, 6, 3), r"joints: got shape \(3, 6, 3\), must be \(11, 7, 3\)"),
+        ("directors", (11, 3), r"directors: got shape \(11, 3\), must be \(11, N, 3\)"),
+        ("apexes", (11, 6, 3, 6), r"apexes: got shape \(11, 6, 3, 6\), must be \(11, 6, 6, 3\)"),
         ("chamber_strain", (11, 6), r"chamber_strain: got shape"),
         ("contact_force", (11, 6, 3), r"contact_force: got shape"),
-        ("com", (11, 2), r"com: got shape \(11, 2\), must be \(T, 3\)"),
-        ("horizon", (10, 4, 3), r"horizon: got shape \(10, 4, 3\), must be \(T, H, 3\)"),
+        ("com", (11, 2), r"com: got shape \(11, 2\), must be \(11, 3\)"),
+        ("horizon", (10, 4, 3), r"horizon: got shape \(10, 4, 3\), must be \(11, H, 3\)"),
         ("path", (4, 2), r"path: got shape \(4, 2\), must be \(P, 3\)"),
-        ("path", (1, 3), r"path: got 1 points, must be at least 2"),
-        ("anchored", (11, 6, 6), r"anchored: got float64, must be bool"),
-        ("anchored", (11, 6), r"anchored: got shape"),
-        ("faces", (11, 6, 3), r"faces: got shape \(11, 6, 3\), must be \(T, N, 2, 3\)"),
-        ("faces", (11, 6, 2, 3), r"contact_force: got shape \(11, 6, 6, 3\), must be \(T, N, K, 3\) with K = 8"),
-        ("centreline", (1, 3), r"centreline: got 1 points, must be at least 2"),
+        ("path", (1, 3), r"path: got shape \(1, 3\), must be \(P, 3\) with P of at least 2"),
+        ("faces", (11, 6, 3), r"faces: got shape \(11, 6, 3\), must be \(11, 6, 2, 3\)"),
+        ("faces", (11, 6, 2, 3), r"contact_force: got shape \(11, 6, 6, 3\), must be \(11, 6, 8, 3\)"),
+        ("centreline", (1, 3), r"centreline: got shape \(1, 3\), must be \(C, 3\) with C of at least 2"),
     ],
 )
 def test_a_wrong_shape_is_named(
@@ -49,42 +47,22 @@ def test_a_wrong_shape_is_named(
 
 @pytest.mark.parametrize("name", ["time", "joints", "apexes", "directors", "chamber_strain", "contact_force", "com"])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_what_is_not_finite_is_refused_with_its_place(make_crawl: Callable[..., Frames], name: str, bad: float) -> None:
+def test_what_is_not_finite_is_refused(make_crawl: Callable[..., Frames], name: str, bad: float) -> None:
     frames = make_crawl(duration=1.0, fps=10.0)
     array = np.array(getattr(frames, name))
     array.reshape(11, -1)[7, -1] = bad
-    with pytest.raises(ValueError, match=rf"{name}: got {bad} at index \(7.*must be finite.*before a run diverged"):
+    with pytest.raises(ValueError, match=rf"{name}: got {bad}, every value must be finite"):
         replace(frames, **{name: array})
 
 
 def test_what_is_not_numbers_is_refused(make_crawl: Callable[..., Frames]) -> None:
-    with pytest.raises(ValueError, match=r"com: got str, must be numbers of shape \(T, 3\)"):
+    with pytest.raises(ValueError, match=r"com: got 'here', must be numbers"):
         make_crawl(duration=1.0, com="here")
 
 
-def test_time_has_to_increase(make_crawl: Callable[..., Frames]) -> None:
-    with pytest.raises(ValueError, match=r"time: got 1 s and then 1 s, must increase"):
-        make_crawl(duration=1.0, fps=2.0, time=np.array([0.0, 1.0, 1.0]))
-    with pytest.raises(ValueError, match=r"period: got 0.0, must be finite and above 0"):
+def test_a_period_is_above_0(make_crawl: Callable[..., Frames]) -> None:
+    with pytest.raises(ValueError, match=r"period: got 0.0 s, must be finite and above 0"):
         make_crawl(duration=1.0, period=0.0)
-
-
-def test_exchanged_sides_are_told_apart(make_crawl: Callable[..., Frames]) -> None:
-    frames = make_crawl(duration=1.0, fps=10.0)
-    with pytest.raises(ValueError, match=r"segment 0 in frame 0: below and above are exchanged; the order must be"):
-        replace(frames, apexes=frames.apexes[:, :, [1, 0, 2, 4, 3, 5]])
-    with pytest.raises(ValueError, match="left and right are exchanged"):
-        replace(frames, apexes=frames.apexes[:, :, [3, 4, 5, 0, 1, 2]])
-    with pytest.raises(ValueError, match="exchanged"):
-        replace(frames, directors=-frames.directors)
-    with pytest.raises(ValueError, match=r"directors: segment 0 in frame 0: must be unit vectors"):
-        replace(frames, directors=2.0 * frames.directors)
-    tangents = np.diff(frames.joints, axis=1)
-    tangents /= np.linalg.norm(tangents, axis=2, keepdims=True)
-    with pytest.raises(ValueError, match=r"directors: segment 0 in frame 0: must be normal to the segment"):
-        replace(frames, directors=tangents)
-    with pytest.raises(ValueError, match=r"joints: segment 0 in frame 0 has no length"):
-        replace(frames, joints=np.zeros_like(frames.joints))
 
 
 def test_the_planar_worm_has_coinciding_sides(make_crawl: Callable[..., Frames]) -> None:
@@ -108,37 +86,19 @@ def test_heading_is_horizontal_and_left_is_left(make_crawl: Callable[..., Frames
 
 
 def test_taken_frames_are_spread_evenly_and_keep_both_ends(make_crawl: Callable[..., Frames]) -> None:
-    frames = make_crawl(duration=2.0, fps=100.0)
-    some = frames.at_rate(25.0)
-    assert len(some) == 51
-    assert_allclose(np.diff(some.time), 0.04)
-    assert frames.at_rate(1e6).time.shape == frames.time.shape
+    time = make_crawl(duration=2.0, fps=100.0).time
+    assert_allclose(np.diff(time[instants(time, 25.0)]), 0.04)
+    assert len(instants(time, 1e6)) == len(time)
     assert instants(np.array([0.0, 0.5, 0.6]), 1.0) == [0, 2]
-    assert len(frames.take([3]).at_rate(25.0)) == 1
+    assert instants(np.array([1.0]), 25.0) == [0]
     for fps in (0.0, np.nan):
         with pytest.raises(ValueError, match=r"fps: got .*, must be a finite number above 0"):
-            frames.at_rate(fps)
-
-
-def test_world_meshes_may_be_plain_tuples(make_crawl: Callable[..., Frames]) -> None:
-    triangle = ("wall", np.eye(3), np.array([[0, 1, 2]]), (1.0, 0.0, 0.0), 0.5)
-    (mesh,) = make_crawl(duration=1.0, world=[triangle]).world
-    assert isinstance(mesh, WorldMesh)
-    assert mesh.opacity == 0.5
-    with pytest.raises(ValueError, match=r"world: got a mesh of 2 parts, must be \(name, vertices, faces, colour"):
-        make_crawl(duration=1.0, world=[triangle[:2]])
+            instants(time, fps)
 
 
 def test_a_bad_world_mesh_is_named() -> None:
-    vertices, faces = np.eye(3), np.array([[0, 1, 2]])
-    with pytest.raises(ValueError, match=r"world mesh 'a': faces: got vertices 0 to 3, must be in \[0, 2\]"):
-        WorldMesh("a", vertices, np.array([[0, 1, 3]]))
-    with pytest.raises(ValueError, match=r"world mesh 'a': faces: got float64 of shape \(1, 3\), must be integers"):
-        WorldMesh("a", vertices, faces.astype(float))
     with pytest.raises(ValueError, match=r"world mesh 'a': vertices: got nan"):
-        WorldMesh("a", vertices * np.nan, faces)
-    with pytest.raises(ValueError, match=r"world mesh 'a': got colour .* and opacity 2.0"):
-        WorldMesh("a", vertices, faces, opacity=2.0)
+        WorldMesh("a", np.eye(3) * np.nan, np.array([[0, 1, 2]]))
 
 
 def test_a_plane_lies_where_it_should_and_faces_up() -> None:

@@ -182,7 +182,7 @@ def test_the_server_does_not_survive_its_parent(tmp_path: Path) -> None:
 
 
 def test_the_notebook_shows_the_page_without_a_server(short: Frames) -> None:
-    view = html.show(short, height=300)
+    view = html.NotebookView(html.html(short), height=300)
     cell = view._repr_html_()
     source = re.search(r'srcdoc="([^"]*)"', cell)
     assert source is not None

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib import pyplot as plt
+from matplotlib.quiver import Quiver
 from matplotlib.text import Text
 from numpy.testing import assert_allclose
 from PIL import Image
@@ -27,7 +28,8 @@ def reddish(picture: np.ndarray) -> int:
 
 
 def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> None:
-    figure, (side, top) = drawing.write_png(short, tmp_path / "worm.png", 10)
+    figure, (side, top) = drawing.figure(short, 10)
+    figure.savefig(tmp_path / "worm.png")
     assert side.figure is top.figure is figure
     assert (side.get_ylabel(), top.get_xlabel(), top.get_ylabel()) == (
         "z [m]",
@@ -104,7 +106,7 @@ def test_the_worm_is_drawn_with_what_faces_the_viewer(make_crawl: Callable[..., 
     assert_allclose(volume / 6.0, whole, rtol=0.05, err_msg="the panels are closed and look outwards")
     assert (paint[-16:] == colours.FACE).all()
     ahead = Projection(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
-    shapes, seen = stage.outlines(ahead, 20)
+    shapes, seen = ahead.seen(corners, paint)
     assert len(shapes) == len(seen) < len(corners)
     head = np.abs(seen[-8:] / seen[-8:, :1] - np.array(colours.FACE) / colours.FACE[0]).max()
     assert head < 1e-9, "the head's end face is next to who looks from ahead"
@@ -113,9 +115,12 @@ def test_the_worm_is_drawn_with_what_faces_the_viewer(make_crawl: Callable[..., 
     assert (area > -1e-6).all()
 
 
-def test_arrows_have_the_length_of_what_they_stand_for() -> None:
-    (arrow,) = SIDE.arrows(np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 2.0]]), 0.1)
-    assert_allclose(arrow[3], [0.0, 2.0])
+def test_arrows_have_the_length_of_what_they_stand_for(short: Frames) -> None:
+    stage = drawing.Stage(short)
+    stage.draw(10)
+    (arrows,) = (each for each in stage.axes[0].collections if isinstance(each, Quiver))
+    assert short.contact_force is not None
+    assert_allclose(arrows.V, short.contact_force[10, ..., 2].ravel() * 0.2 / stage.scales.force)
 
 
 def test_the_world_is_cut_where_the_worm_is() -> None:
@@ -127,15 +132,11 @@ def test_the_world_is_cut_where_the_worm_is() -> None:
     assert not len(SIDE.cut(wall.vertices, wall.faces, np.array([0.0, 1.0, 0.5])))
 
 
-def test_a_frame_that_does_not_exist_is_named(short: Frames, tmp_path: Path) -> None:
-    with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
+def test_a_frame_that_does_not_exist_is_refused(short: Frames) -> None:
+    with pytest.raises(IndexError):
         drawing.figure(short, 21)
-    with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
+    with pytest.raises(IndexError):
         meshes.scene(short, 21)
-    with pytest.raises(ValueError, match=r"picture file: got 'worm.jpeg', the ending must be .png"):
-        drawing.write_png(short, tmp_path / "worm.jpeg")
-    with pytest.raises(ValueError, match=r"mesh file: got 'worm.obj', the ending must be .glb"):
-        meshes.export_glb(short, 0, tmp_path / "worm.obj")
 
 
 def test_a_gif_plays_in_real_time_and_the_worm_moves(short: Frames, tmp_path: Path) -> None:
@@ -151,16 +152,6 @@ def test_a_gif_plays_in_real_time_and_the_worm_moves(short: Frames, tmp_path: Pa
     assert min(reddish(frame) for frame in frames) > 1000
     changed = (np.abs(frames[0].astype(int) - frames[1]).max(axis=2) > 40).mean()
     assert 0.005 < changed < 0.3
-
-
-def test_a_movie_frame_is_what_the_figure_shows(short: Frames) -> None:
-    stage = drawing.Stage(short)
-    *_, drawn = movie.pictures(stage, [0, 3, 12])
-    figure, _ = drawing.figure(short, 12)
-    figure.canvas.draw()
-    wanted = np.asarray(figure.canvas.buffer_rgba())[..., :3]
-    # Only what lies on top of axes' edges is drawn in another order.
-    assert (np.abs(drawn.astype(int) - wanted).max(axis=2) > 40).mean() < 1e-3
 
 
 def test_other_endings_and_a_missing_ffmpeg_are_named(
@@ -179,8 +170,11 @@ def test_other_endings_and_a_missing_ffmpeg_are_named(
 def test_an_mp4_is_written_where_ffmpeg_is_found(short: Frames, tmp_path: Path) -> None:
     movie.write_movie(short, tmp_path / "worm.mp4", fps=10)
     assert (tmp_path / "worm.mp4").read_bytes()[4:8] == b"ftyp"
-    with pytest.raises(OSError, match=r"ffmpeg could not write .*nowhere"):
+    with pytest.raises(FileNotFoundError, match="nowhere"):
         movie.write_movie(short, tmp_path / "nowhere" / "worm.mp4")
+    (tmp_path / "folder.mp4").mkdir()
+    with pytest.raises(OSError, match=r"ffmpeg could not write .*folder\.mp4: "):
+        movie.write_movie(short, tmp_path / "folder.mp4")
 
 
 def test_links_and_chambers_are_closed_meshes_around_the_worm(short: Frames) -> None:
@@ -199,7 +193,7 @@ def test_links_and_chambers_are_closed_meshes_around_the_worm(short: Frames) -> 
 
 
 def test_a_glb_has_y_up_and_names(short: Frames, tmp_path: Path) -> None:
-    meshes.export_glb(short, 20, tmp_path / "worm.glb")
+    (tmp_path / "worm.glb").write_bytes(meshes.glb(short, 20))
     scene = trimesh.load_scene(tmp_path / "worm.glb")
     names = set(scene.graph.nodes_geometry)
     assert {"links/00-L-below-tail", "chambers/05-R", "trail/com", "path/reference", "world/00-ground"} <= names
@@ -210,7 +204,7 @@ def test_a_glb_has_y_up_and_names(short: Frames, tmp_path: Path) -> None:
 
 def test_a_glb_has_the_skin_in_its_colours(short: Frames, tmp_path: Path) -> None:
     frames = replace(short, face_radius=np.array([0.05, 0.05]))
-    meshes.export_glb(frames, 20, tmp_path / "worm.glb")
+    (tmp_path / "worm.glb").write_bytes(meshes.glb(frames, 20))
     scene = trimesh.load_scene(tmp_path / "worm.glb")
     assert {"skin/skin", "faces/tail", "faces/head"} <= set(scene.graph.nodes_geometry)
     skin = scene.geometry["skin/skin"]
