@@ -74,13 +74,10 @@ class TravellingWave(Gait, name="travelling_wave"):
         """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
         kx = 2.0 * np.pi / self.wavelength * (np.arange(segments) + 0.5) / segments
         wt = 2.0 * np.pi / self.period * times[:, None]
-        match self.direction:
-            case "direct":
-                wave = np.sin(kx - wt)
-            case "retrograde":
-                wave = np.sin(kx + wt)
-            case "standing":
-                wave = np.sin(kx) * np.cos(wt)
+        if self.direction == "standing":
+            wave = np.sin(kx) * np.cos(wt)
+        else:
+            wave = np.sin(kx - wt if self.direction == "direct" else kx + wt)
         return np.maximum(0.0, wave) if self.rectified else wave
 
 

@@ -55,10 +55,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from control.gaits.gait import Body, Gait, half_cosine
+from control.gaits.gait import Body, ExtendingGait, Gait, half_cosine, longer
 from worm3d import Commands
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
 
 INSTANTS_PER_STEP, COARSE_INSTANTS = 16, 4
 """Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
@@ -111,7 +111,7 @@ class Plan(NamedTuple):
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class PlannedTurn(Gait, name="planned_turn"):
+class PlannedTurn(ExtendingGait, name="planned_turn"):
     """Waves that turn the worm and let standing segments keep their places, (N1) to (N3).
 
     Each wave turns the worm by `turn` until the `total` is reached; then the worm goes straight on.
@@ -134,30 +134,15 @@ class PlannedTurn(Gait, name="planned_turn"):
         left_out="it turns on and on",
     )
     swinging: int = parameter(2, meaning="number of segments that are extended at a time", ge=1)
-    extension: float = parameter(
-        -1 / 3,
-        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
-        ge=-1,
-        le=0,
-        allowed="a number in [-1, 0]",
-    )
-
-    def __post_init__(self) -> None:
-        check(self)
-
+    extension: float = longer(-1 / 3)
     turning = (*Gait.turning, "turn", "total")
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-        return self.extension < 0.0
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s] in a straight wave, (K, segments), in [extension, 1]."""
         extended = np.zeros((len(times), segments))
         for wave, tau in _waves(times / self.period * segments, segments):
             extended += _extended(np.where(wave >= 0, tau, 0.0), segments, self.swinging)
-        return 1.0 - (1.0 - self.extension) * extended
+        return self.activation_of(extended)
 
     def require_body(self, segments: int) -> None:
         """Raise ValueError if the gait does not fit a body with this number of segments."""
