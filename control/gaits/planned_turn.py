@@ -64,16 +64,12 @@ INSTANTS_PER_STEP, COARSE_INSTANTS = 16, 4
 """Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
 their places by 1e-4 of a segment's length, 4e-4 with half as many instants. `COARSE_INSTANTS` are enough to find the
 length of the step."""
-NEWTON_STEPS = 12
-"""Newton steps of (N3); 6 are enough for turns of 20 degrees."""
 LARGEST_CHANGE = 0.6
 """Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
 """Greatest gap at which tail and head count as joined [body lengths]."""
 SHORTENING_CANDIDATES = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
 """Candidate shares by which a turning step is shorter than a straight step: the first share within reach is refined."""
-SHORTENING_BISECTIONS = 12
-"""Number of bisections of the interval before that share."""
 
 
 class Reach(NamedTuple):
@@ -196,8 +192,7 @@ def _waves(tau: FloatArray, segments: int) -> list[tuple[FloatArray, FloatArray]
 def _extended(tau: FloatArray, segments: int, swinging: int) -> FloatArray:
     """Return the share of extension of each segment at K instants of a wave, (N2), shape (K, N)."""
     since = tau[:, None] - np.arange(segments)[::-1]
-    extended: FloatArray = half_cosine(since) - half_cosine(since - swinging)
-    return extended
+    return np.asarray(half_cosine(since) - half_cosine(since - swinging))
 
 
 @lru_cache(maxsize=64)
@@ -212,7 +207,7 @@ def plan(reach: Reach, turn: float) -> Plan | None:
     if first is None:
         return None
     low, high = (0.0, *SHORTENING_CANDIDATES)[first : first + 2]
-    for _ in range(SHORTENING_BISECTIONS):
+    for _ in range(12):
         middle = (low + high) / 2.0
         low, high = (low, middle) if _fits(reach, turn, (1.0 - middle) * straight) else (middle, high)
     return _joined(reach, turn, (1.0 - high) * straight, INSTANTS_PER_STEP)
@@ -237,7 +232,7 @@ def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None
         for begin, side in ((n, -1.0), (0, 1.0))
     )
     shape = straight
-    for _ in range(NEWTON_STEPS):
+    for _ in range(12):  # 6 are enough for turns of 20 degrees
         gap, slope = _gap(shape, tail, head)
         back, weighted = straight - shape, slope * give[:, None]
         missing = gap + np.einsum("kij,kj->ki", slope, back)

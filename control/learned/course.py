@@ -68,5 +68,4 @@ def _integral(w: FloatArray, y: FloatArray, ends: FloatArray) -> FloatArray:
     whole = np.vstack([np.zeros(2), np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(w)[:, None], axis=0)])
     k = np.clip(np.searchsorted(w, ends, side="right") - 1, 0, len(w) - 2)
     part, width = (ends - w[k])[:, None], (w[k + 1] - w[k])[:, None]
-    inside: FloatArray = whole[k] + part * y[k] + 0.5 * part**2 * (y[k + 1] - y[k]) / width
-    return inside
+    return np.asarray(whole[k] + part * y[k] + 0.5 * part**2 * (y[k + 1] - y[k]) / width)

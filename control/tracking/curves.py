@@ -66,8 +66,7 @@ class Curve(Spelled, ABC):
         nodes, known = self._nodes[1], self._headings
         near = np.interp(inside, nodes, known)
         turned: FloatArray = azimuth + 2.0 * np.pi * np.round((near - azimuth) / (2.0 * np.pi))
-        whole: FloatArray = turned + laps * (known[-1] - known[0])
-        return whole
+        return np.asarray(turned + laps * (known[-1] - known[0]))
 
     def curvature(self, s: ArrayLike) -> FloatArray:
         """Return the curvatures at arc lengths of shape (...), positive to the left, (L1) [1/m]."""
@@ -165,8 +164,7 @@ class Curve(Spelled, ABC):
         half = (end - begin) / 2.0
         places = begin[:, None] + half[:, None] * (1.0 + GAUSS[0])
         speed = np.linalg.norm(self.derivatives(places.ravel())[1], axis=1).reshape(places.shape)
-        ways: FloatArray = half * (speed @ GAUSS[1])
-        return ways
+        return np.asarray(half * (speed @ GAUSS[1]))
 
     def _parameter(self, s: FloatArray) -> FloatArray:
         """Return the parameters of arc lengths, shape (K,): a cubic between nodes, then a step of Newton's method."""
@@ -175,8 +173,7 @@ class Curve(Spelled, ABC):
         k = np.clip(np.searchsorted(nodes, u, side="right") - 1, 0, len(nodes) - 2)
         missing = s - lengths[k] - self._ways(nodes[k], u)
         speed = np.linalg.norm(self.derivatives(u)[1], axis=1)
-        inside: FloatArray = np.clip(u + missing / speed, 0.0, nodes[-1])
-        return inside
+        return np.asarray(np.clip(u + missing / speed, 0.0, nodes[-1]))
 
     @cached_property
     def _places(self) -> FloatArray:
@@ -198,5 +195,4 @@ class Curve(Spelled, ABC):
 
 
 def _unit(vector: FloatArray) -> FloatArray:
-    unit: FloatArray = vector / np.linalg.norm(vector, axis=-1)[..., None]
-    return unit
+    return np.asarray(vector / np.linalg.norm(vector, axis=-1)[..., None])

@@ -315,8 +315,7 @@ def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
     begins = [motion.time[0], *(t for t in steps if t <= motion.time[-1])]
     first = np.interp(begins, motion.time, motion.waves - motion.waves[0])
     since = np.searchsorted(np.asarray(begins) + TIME_ROUNDING, window.time, side="left") - 1
-    beyond: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED_PERIODS - 1e-9
-    return beyond
+    return np.asarray(window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED_PERIODS - 1e-9)
 
 
 class _Window:
@@ -343,8 +342,7 @@ class _Window:
         share = (self.began - self._all[k]).reshape(-1, *(1,) * (values.ndim - 1))
         part = share * (values[k] + self.at_begin(values)) / 2
         length = (self.time - self.began).reshape(share.shape)
-        mean: FloatArray = (total[self.rows] - total[k] - part) / length
-        return mean
+        return np.asarray((total[self.rows] - total[k] - part) / length)
 
 
 def _rms(values: FloatArray) -> float:

@@ -26,11 +26,11 @@ LEAST_GAP = 1.0
 """Least time between the waves [s]."""
 MAX_DELAY, MAX_REVERSE_DELAY = 0.4, 0.1
 """Longest delay of neighbouring bands with the wave, and against it [s]."""
-QUIET_DEVIATIONS, MIN_PAUSE = 1.0, 1.5
-"""A pause is a time of at least MIN_PAUSE [s] in which all bands stay within QUIET_DEVIATIONS robust deviations:
-flashes stop a larva for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
-RESAMPLED, CONFIDENCE = 2000, 0.9
-"""Number of bootstrap samples and level of the intervals."""
+MIN_PAUSE = 1.5
+"""A pause is a time of at least MIN_PAUSE [s] in which all bands stay within a robust deviation: flashes stop a larva
+for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
+INTERVAL = (50.0 * (1.0 - 0.9), 50.0 * (1.0 + 0.9))
+"""Percentiles at the ends of all sampling intervals, which hold 90 %."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,7 @@ class Waves:
     @property
     def delays(self) -> FloatArray:
         """Delay of each band behind the middle band in each wave [s], shape (K, bands)."""
-        delays: FloatArray = self.times - self.times[:, [self.middle]]
-        return delays
+        return np.asarray(self.times - self.times[:, [self.middle]])
 
     def median(self) -> FloatArray:
         """Return the median delay of each band [s], shape (bands,)."""
@@ -67,10 +66,9 @@ class Waves:
     def interval(self, seed: int = 0) -> FloatArray:
         """Return the bootstrap interval of each median delay, waves drawn with replacement [s], shape (2, bands)."""
         random, delays = np.random.default_rng(seed), self.delays
-        draws = random.integers(0, len(delays), (RESAMPLED, len(delays)))
+        draws = random.integers(0, len(delays), (2000, len(delays)))
         medians = np.array([median_of(delays[draw]) for draw in draws])
-        ends: FloatArray = np.nanpercentile(medians, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)], axis=0)
-        return ends
+        return np.asarray(np.nanpercentile(medians, INTERVAL, axis=0))
 
 
 def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
@@ -105,7 +103,7 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
             _follow(scaled, wave, k, middle, side, (round(MAX_DELAY / dt), round(MAX_REVERSE_DELAY / dt)))
         times.append(time[0] + dt * wave)
     starts = np.array([wave[middle] for wave in times])
-    calm = np.abs(scaled).max(axis=1) < QUIET_DEVIATIONS
+    calm = np.abs(scaled).max(axis=1) < 1.0
     periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < MIN_PAUSE]
     if len(times) < 4 or len(periods) < 3:
         raise ValueError(

@@ -81,14 +81,11 @@ class SHC(FeedbackGait, name="shc"):
         ValueError
             Fewer than three nodes or more than segments, arrays that do not fit, or too much noise.
         """
-        from control.gaits.shc.cycle import MIN_CYCLE_NODES, Cycle
+        from control.gaits.shc.cycle import Cycle
 
         nodes = self.nodes or segments
-        if not MIN_CYCLE_NODES <= nodes <= segments:
-            raise ValueError(
-                f"nodes: got {nodes}, must be {MIN_CYCLE_NODES} or more, and not more than the worm's {segments} "
-                "segments"
-            )
+        if not 3 <= nodes <= segments:
+            raise ValueError(f"nodes: got {nodes}, must be 3 or more, and not more than the worm's {segments} segments")
         if self.breadth >= nodes:
             raise ValueError(f"breadth: got {self.breadth}, must be below the {nodes} nodes of the cycle")
         along = self.order(segments)[:nodes]
@@ -138,8 +135,7 @@ class Turns:
         part = min(max(place - self._taken + 1.0, 0.0), 1.0)
         share = ((1.0 - part) * self._before + part * walk.states) / walk.cycle.beta
         reached = np.sum([np.roll(share, -k) for k in range(self._gait.breadth)], axis=0)
-        activation: FloatArray = np.clip(reached, 0.0, 1.0)[self._node]
-        return activation
+        return np.asarray(np.clip(reached, 0.0, 1.0)[self._node])
 
     def _push(self, felt: Felt) -> FloatArray:
         """Return the input of each node by (SH6), shape (n,)."""
@@ -151,5 +147,4 @@ class Turns:
         if "contact_load" in felt:
             gain += gait.load_gain * (felt["contact_load"].sum(axis=1) >= gait.load_threshold)
         done = np.bincount(self._node, gain, cycle.nodes) / np.bincount(self._node, minlength=cycle.nodes)
-        push: FloatArray = np.roll(done * cycle.alpha * self._walk.states / cycle.beta, 1) * cycle.beta
-        return push
+        return np.asarray(np.roll(done * cycle.alpha * self._walk.states / cycle.beta, 1) * cycle.beta)
