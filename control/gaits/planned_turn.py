@@ -80,11 +80,6 @@ class Reach(NamedTuple):
     contracted: float
     extended: float
 
-    @property
-    def longest_step(self) -> float:
-        """The step s of a straight wave [body lengths]."""
-        return self.swinging * (self.extended - self.contracted)
-
 
 class Plan(NamedTuple):
     """A wave at instants tau = 0, 1/INSTANTS_PER_STEP, ... N + n: M of them."""
@@ -142,7 +137,7 @@ class PlannedTurn(ExtendingGait, name="planned_turn"):
 
     def require_body(self, segments: int) -> None:
         """Raise ValueError if the gait does not fit a body with this number of segments."""
-        self._plan(self.turn, self._reach(segments, (-np.inf, np.inf)))
+        plan(self._reach(segments, (-np.inf, np.inf)), self.turn)
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
         """Return the commands to `worm` at K times [s]: lengths and bends as planned."""
@@ -152,7 +147,7 @@ class PlannedTurn(ExtendingGait, name="planned_turn"):
             turns = self._turn_of(wave)
             for turn in np.unique(turns[wave >= 0]):
                 rows = (wave >= 0) & (turns == turn)
-                longer, bent = self._plan(float(turn), reach).at(tau[rows])
+                longer, bent = plan(reach, float(turn)).at(tau[rows])
                 lengths[rows] += longer
                 bends[rows] += bent
         given = self.applied((1.0 - n * lengths) / self.amplitude, worm)
@@ -172,16 +167,6 @@ class PlannedTurn(ExtendingGait, name="planned_turn"):
         least, greatest = max(self.amplitude * self.extension, stroke[0]), min(self.amplitude, stroke[1])
         return Reach(segments, self.swinging, (1.0 - greatest) / segments, (1.0 - least) / segments)
 
-    def _plan(self, turn: float, reach: Reach) -> Plan:
-        found = plan(reach, turn)
-        if found is None:
-            raise ValueError(
-                f"turn: got {turn:.4g} rad ({np.degrees(turn):.4g} degrees), must be less: {reach.swinging} swinging "
-                f"segments of {reach.contracted:.4g} "
-                f"to {reach.extended:.4g} body lengths cannot turn the worm so far in a wave"
-            )
-        return found
-
 
 def _waves(tau: FloatArray, segments: int) -> list[tuple[FloatArray, FloatArray]]:
     """Return, for the latest and the previous wave at K instants [steps], the number from 0 on and the elapsed time."""
@@ -196,11 +181,28 @@ def _extended(tau: FloatArray, segments: int, swinging: int) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def plan(reach: Reach, turn: float) -> Plan | None:
-    """Return the wave with the longest step that turns a worm by an angle [rad]; None for an angle out of reach."""
-    straight = reach.longest_step
-    if turn == 0.0:
-        return _joined(reach, turn, straight, INSTANTS_PER_STEP)
+def plan(reach: Reach, turn: float) -> Plan:
+    """Return the wave with the longest step that turns a worm by an angle [rad].
+
+    Raises
+    ------
+    ValueError
+        The angle is out of reach.
+    """
+    straight = reach.swinging * (reach.extended - reach.contracted)
+    shorter = 0.0 if turn == 0.0 else _shortening(reach, turn, straight)
+    found = None if shorter is None else _joined(reach, turn, (1.0 - shorter) * straight, INSTANTS_PER_STEP)
+    if found is None:
+        raise ValueError(
+            f"turn: got {turn:.4g} rad ({np.degrees(turn):.4g} degrees), must be less: {reach.swinging} swinging "
+            f"segments of {reach.contracted:.4g} to {reach.extended:.4g} body lengths cannot turn the worm so far in a "
+            "wave"
+        )
+    return found
+
+
+def _shortening(reach: Reach, turn: float, straight: float) -> float | None:
+    """Return the least share by which a turning step is shorter than a straight step; None if no step is in reach."""
     # From above: the shape of a chain that is pressed far together is not the wanted shape.
     fitting = (k for k, share in enumerate(SHORTENING_CANDIDATES) if _fits(reach, turn, (1.0 - share) * straight))
     first = next(fitting, None)
@@ -210,7 +212,7 @@ def plan(reach: Reach, turn: float) -> Plan | None:
     for _ in range(12):
         middle = (low + high) / 2.0
         low, high = (low, middle) if _fits(reach, turn, (1.0 - middle) * straight) else (middle, high)
-    return _joined(reach, turn, (1.0 - high) * straight, INSTANTS_PER_STEP)
+    return high
 
 
 def _fits(reach: Reach, turn: float, step: float) -> bool:

@@ -117,12 +117,8 @@ class Polynomial:
 
     def within(self, ranges: Ranges) -> Polynomial:
         """Return the nearest polynomial on other ranges, by least squares on a grid of these ranges."""
-        axes = (
-            np.linspace(*ranges.amplitude, 9),
-            np.linspace(*ranges.frequency, 9),
-            np.linspace(0.0, ranges.steering, 17),
-        )
-        where = np.column_stack([axis.ravel() for axis in np.meshgrid(*axes)])
+        spans = (*ranges.amplitude, 9), (*ranges.frequency, 9), (0.0, ranges.steering, 17)
+        where = np.column_stack([axis.ravel() for axis in np.meshgrid(*(np.linspace(*span) for span in spans))])
         return self if ranges == self.ranges else fit(ranges, self.parity, where, self(*where.T))
 
     def rise(self, begin: float, end: float) -> Polynomial:
@@ -232,9 +228,8 @@ def _of_steering(parity: Parity, s: Any) -> dict[int, Any]:
     """Return S_k of scaled steering, (I1), by k."""
     powers = {k: s**k for k in DEGREES[parity]}
     if parity == "odd":
-        powers[STICKING_TERM] = (
-            ca.tanh(s / STICKING_STEERING) if isinstance(s, ca.SX) else np.tanh(s / STICKING_STEERING)
-        )
+        tanh = ca.tanh if isinstance(s, ca.SX) else np.tanh
+        powers[STICKING_TERM] = tanh(s / STICKING_STEERING)
     return powers
 
 

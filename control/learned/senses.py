@@ -45,8 +45,6 @@ FADING = 10.0
 """Time constant of the means that fade [s]."""
 MIN_REFERENCE_SPEED = 1e-3
 """Least reference speed for relative errors [body lengths/s]."""
-LAG = 0.5
-"""Lag of a mean over a wave [waves]."""
 
 
 class Senses:
@@ -72,8 +70,7 @@ class Senses:
             if name not in QUANTITIES or not QUANTITIES[name].exists(worm):
                 known = ", ".join(name for name, each in QUANTITIES.items() if each.exists(worm))
                 raise ValueError(f"channels: got {name!r}, must be among {known}")
-        self._length, self._reference = worm.length, reference
-        self._actions = actions
+        self._length, self._reference, self._actions = worm.length, reference, actions
         self._shapes = {name: QUANTITIES[name].shape(worm) for name in channels}
         self.size = BASE_OBSERVATION_SIZE + actions + sum(int(np.prod(shape)) for shape in self._shapes.values())
         self.reset()
@@ -130,9 +127,9 @@ class Senses:
         self._near = s = float(path.project(motion.place, self._near))
         # The velocity's middle lies a quarter of a wave behind the place, which lies half a wave behind the worm.
         way = 0.0 if velocity is None else float(np.hypot(*velocity)) * motion.wave
-        heading, before = path.heading(s - 0.5 * LAG * way * np.array([0.0, 1.0])).tolist()
+        heading, before = path.heading(s - 0.25 * way * np.array([0.0, 1.0])).tolist()
         fast, course = along(velocity, before)
-        ahead = path.curvature(s + LAG * way + self._length * CURVATURE_DISTANCES)
+        ahead = path.curvature(s + 0.5 * way + self._length * CURVATURE_DISTANCES)
         return speed, fast, float(offset(path, motion.place, s, heading)), course, ahead
 
 
