@@ -14,7 +14,6 @@ from control.tracking.obstacles import Obstacle, nearest
 from control.tracking.paths import Path, SplinePath
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
-from worm3d.values.read_only import read_only
 
 
 class Body(NamedTuple):
@@ -60,11 +59,6 @@ class Detour(SplinePath):
     """Greatest offsets of the middle to the left and right of the way, then of the body, [m], shape (4, P)."""
     unknown: tuple[Obstacle, ...] = field(kw_only=True, default=())
     """Obstacles that the worm detects only nearby."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("along", "aside", "bounds"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def bounds_at(self, s: FloatArray) -> FloatArray:
         """Return the bounds at arc lengths (K,) of the way [m], shape (4, K)."""

@@ -198,6 +198,7 @@ class SplinePath(ReadOnly, Curve, Path):
     def __post_init__(self) -> None:
         closed = arguments.flag("closed", self.closed)
         object.__setattr__(self, "points", _points(self.points, 3 if closed else 2, closed=closed))
+        super().__post_init__()
 
     def knots(self) -> FloatArray:
         """Return the sums of the chords; see `Curve`."""

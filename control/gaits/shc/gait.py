@@ -98,10 +98,7 @@ class SHC(FeedbackGait, name="shc"):
                     "segments"
                 )
             own[name] = np.broadcast_to(given, segments)[along]
-        try:
-            return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
-        except ValueError as error:
-            raise ValueError(f"saddle_{error}" if str(error).startswith("noise") else str(error)) from None
+        return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
 
     def order(self, segments: int) -> IntArray:
         """Return the segments in the direction of the wave, shape (segments,)."""
