@@ -39,7 +39,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from control.gaits.gait import Body, Direction, Gait, half_cosine, longer
+from control.gaits.gait import Body, Direction, Gait, direction_of_waves, half_cosine, longer
 from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -65,9 +65,7 @@ class Discrete(Gait, name="discrete"):
     moving: float = parameter(1.0, meaning="share of a step for which segments change their state", gt=0, le=1)
     bend: float = parameter(1.0, meaning="activation of the shorter side of a bent segment", ge=0, le=1)
     relaxed: float = longer(0.0, "a relaxed side")
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: the pattern moves towards the tail; direct: towards the head"
-    )
+    direction: Direction = direction_of_waves()
 
     @property
     def lengthens(self) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.gaits.gait import Direction, ExtendingGait, half_cosine
+from control.gaits.gait import Direction, ExtendingGait, direction_of_waves, half_cosine
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
@@ -30,10 +30,7 @@ class ExtensionWave(ExtendingGait, name="extension_wave"):
     waves: float = parameter(1.0, meaning="number of waves on the body", gt=0)
     moving: float = parameter(0.5, meaning="share of the period for which a segment is not contracted", gt=0, le=1)
     held: float = parameter(1 / 3, meaning="share of that time for which it is wholly extended", ge=0, lt=1)
-    direction: Direction = parameter(
-        "retrograde",
-        meaning="retrograde: waves run from head to tail, and the worm towards its head; direct: both turn",
-    )
+    direction: Direction = direction_of_waves()
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1]."""

@@ -146,6 +146,12 @@ class Gait(Spelled, ABC):
         return Commands(np.clip(self.amplitude * chambers, *worm.stroke), hinge, self.force * chambers)
 
 
+def direction_of_waves(default: Direction = "retrograde") -> Any:
+    """Return the field of the direction in which contractions pass along the body."""
+    meaning = "retrograde: waves run from head to tail, as in earthworms; direct: from tail to head, as in larvae"
+    return parameter(default, meaning=meaning)
+
+
 def longer(default: float, what: str = "an extended segment") -> Any:
     """Return the field of the activation of a segment, or of one of its sides, that is longer than at rest."""
     meaning = f"activation of {what}, -0.5 lengthens it by half the amplitude"

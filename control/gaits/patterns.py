@@ -27,6 +27,7 @@ from control.gaits.gait import Body as Body
 from control.gaits.gait import BoundGait as BoundGait
 from control.gaits.gait import Direction as Direction
 from control.gaits.gait import Gait as Gait
+from control.gaits.gait import direction_of_waves
 from control.gaits.gait import half_cosine as half_cosine
 from worm3d.values import time_steps
 from worm3d.values.arrays import FloatArray
@@ -110,9 +111,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
         key="pulse",
     )
     alternating: bool = parameter(True, meaning="whether odd segments lengthen instead (step 4)")
-    direction: Direction = parameter(
-        "direct", meaning="direct, the paper's order in our numbering, activates tail to head, retrograde head to tail"
-    )
+    direction: Direction = direction_of_waves("direct")
     impulse: float = parameter(
         0.01, meaning="duration of the dirac pulse: the time step, so that it acts in one step", unit="s", gt=0
     )

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from control.gaits.gait import Direction, Gait, for_segments, joined
+from control.gaits.gait import Direction, Gait, direction_of_waves, for_segments, joined
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
@@ -42,9 +42,7 @@ class _Shaped(Gait):
 
     period: float = parameter(2.0, meaning="duration after which the gait repeats", unit="s", gt=0, aka=("T_wave_s",))
     waves: float = parameter(1.0, meaning="number of waves on the body", ge=0, aka=("number_of_waves",))
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: waves run from head to tail, as in earthworms; direct: from tail to head"
-    )
+    direction: Direction = direction_of_waves()
     phase: float | FloatArray = parameter(0.0, meaning="phase by which each is ahead, in periods", each="side")
     rectified: bool = parameter(True, meaning="whether segments only contract, max(0, A), never lengthen")
 

@@ -18,11 +18,12 @@ observation, clipped to [-2, 2], is:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, tau
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from control.gaits.steering import GaitParameters
 from control.learned.course import Course
 from control.sensing.sensors import QUANTITIES, Measurement
 from control.tracking.paths import offset
@@ -83,15 +84,18 @@ class Senses:
         self._near: float | None = None
         self._means, self._seen_at = np.zeros(2), float("nan")
 
-    def take(self, t: float, measurement: Measurement, waves: float, frequency: float) -> None:
-        """Take a measurement that passed `control.sensing.gate`, at time t [s], phase [waves] and frequency [Hz]."""
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
+        """Take a measurement that passed `control.sensing.gate`, at time t [s] and phase [rad] of a wave."""
         if measurement.com is not None and isfinite(measurement.com_time):
-            age = t - measurement.com_time
-            self._course.add(waves - frequency * age, measurement.com_time, measurement.com[:2])
+            waves = phase / tau - parameters.frequency * (t - measurement.com_time)
+            self._course.add(waves, measurement.com_time, measurement.com[:2])
         for name, latest in self._latest.items():
             sample = measurement[name].value if name in measurement else None
             if sample is not None:
                 self._latest[name] = np.where(np.isfinite(sample), sample, latest)
+
+    def estimate(self, _: float) -> None:
+        """Return no estimate; a controller with these senses decides without estimates."""
 
     def acted(self, action: FloatArray, waves: float) -> None:
         """Record the action (A,) from this phase [waves] on."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
-from control.gaits.gait import Body, Direction
+from control.gaits.gait import Body, Direction, direction_of_waves
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
@@ -41,9 +41,7 @@ class LarvaEI(FeedbackGait, name="larva_ei"):
         unit="s",
         gt=0,
     )
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: waves run from head to tail; direct: from tail to head, as in larvae"
-    )
+    direction: Direction = direction_of_waves()
     feeling_threshold: float = parameter(
         0.75,
         meaning="shortening of a segment that is felt, as a share of the amplitude; below about 0.7 quick worms stay "

@@ -27,7 +27,7 @@ from functools import lru_cache
 import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
-from control.gaits.gait import Body, Direction
+from control.gaits.gait import Body, Direction, direction_of_waves
 from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -57,9 +57,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
     """Waves of a chain of excitatory and inhibitory neurons, trained on larvae."""
 
     period: float = parameter(2.0, meaning="pace: time between two waves where nothing is felt", unit="s", gt=0, le=1e3)
-    direction: Direction = parameter(
-        "direct", meaning="end that begins the waves, direct the tail, as larvae crawl forward; retrograde the head"
-    )
+    direction: Direction = direction_of_waves("direct")
     asymmetry: float = parameter(
         0.0, meaning="input to the left side, as much less to the right", ge=-1, le=1, allowed="a number in [-1, 1]"
     )

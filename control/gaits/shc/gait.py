@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
-from control.gaits.gait import Body, Direction
+from control.gaits.gait import Body, Direction, direction_of_waves
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.parameters import documented, parameter
 
@@ -39,9 +39,7 @@ class SHC(FeedbackGait, name="shc"):
     period: float = parameter(
         2.0, meaning="mean time between two contractions of a segment, without feedback", unit="s", gt=0
     )
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: the segments are active from head to tail; direct: from tail to head"
-    )
+    direction: Direction = direction_of_waves()
     nodes: int = parameter(
         0,
         meaning="nodes of the cycle, 3 or more; there are segments/nodes waves on the body; 0: a node a segment",
