@@ -60,10 +60,9 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
-INSTANTS_PER_STEP, COARSE_INSTANTS = 16, 4
+INSTANTS_PER_STEP = 16
 """Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
-their places by 1e-4 of a segment's length, 4e-4 with half as many instants. `COARSE_INSTANTS` are enough to find the
-length of the step."""
+their places by 1e-4 of a segment's length, 4e-4 with half as many instants."""
 LARGEST_CHANGE = 0.6
 """Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
@@ -217,7 +216,7 @@ def _shortening(reach: Reach, turn: float, straight: float) -> float | None:
 
 def _fits(reach: Reach, turn: float, step: float) -> bool:
     """Return whether a wave of a given turn and step is within reach."""
-    found = _joined(reach, turn, step, COARSE_INSTANTS)
+    found = _joined(reach, turn, step, 4)  # instants in a step; these are enough to find the length of the step
     return found is not None and found.lengthened.max() <= reach.extended - reach.contracted + JOINED
 
 

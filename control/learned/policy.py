@@ -24,8 +24,6 @@ from worm3d.values.spelling import Spelled
 
 SHIPPED_POLICY = Path(__file__).with_name("policy.npz")
 """The policy that comes with the program."""
-LARGEST_FILE = 100_000_000
-"""Largest file of a policy [byte]; a policy with two layers of 1000 has 8 MB."""
 ABOUT = "about"
 """Name of the text in a file that says how the policy was trained."""
 
@@ -103,7 +101,7 @@ class Policy(Spelled):
             The file cannot be read, holds no policy, or is damaged.
         """
         try:
-            data = regular_file.read(path, LARGEST_FILE)
+            data = regular_file.read(path, 100_000_000)  # a policy with two layers of 1000 has 8 MB
         except OSError as error:
             raise ValueError(f"{path}: cannot be read: {error.strerror or error}") from error
         try:

@@ -125,11 +125,8 @@ class Curve(Spelled, ABC):
     def _beside(self, k: int) -> tuple[float, float]:
         """Return the parameters of the nodes before and after node k, continued beyond the ends of a closed curve."""
         nodes = self._nodes[0]
-        if self.closed and k == 0:
-            return float(nodes[-2] - nodes[-1]), float(nodes[1])
-        if self.closed and k == len(nodes) - 1:
-            return float(nodes[-2]), float(nodes[-1] + nodes[1])
-        return float(nodes[max(k - 1, 0)]), float(nodes[min(k + 1, len(nodes) - 1)])
+        first, last = (nodes[-2] - nodes[-1], nodes[-1] + nodes[1]) if self.closed else nodes[[0, -1]]
+        return float(nodes[k - 1] if k else first), float(nodes[k + 1] if k < len(nodes) - 1 else last)
 
     def _inside(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return arc lengths clipped to the ends, the excess beyond the ends, and the laps of a closed curve."""

@@ -23,11 +23,6 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
-SPINE_PARTS = 500
-"""Largest number of parts of a wall's spine. The parts are as long as the wall's radius, so that the limit reduces the
-memory only of walls more than 500 times as long as thick; half the limit makes contact with walls of half that length
-less exact."""
-
 
 def seen_from() -> Any:
     """Return the field of the distance of sight of an obstacle."""
@@ -110,8 +105,8 @@ class Wall(Obstacle):
 
     @property
     def spine(self) -> FloatArray:
-        """Points of the middle line; see `Obstacle`."""
-        count = min(int(np.ceil(self.length / self.radius)), SPINE_PARTS)
+        """Points of the middle line, as far apart as the radius; farther in walls that are 500 times as long."""
+        count = min(int(np.ceil(self.length / self.radius)), 500)
         along = self.length * (np.arange(count + 1) / count - 0.5)
         return np.column_stack([self.x + along * np.cos(self.azimuth), self.y + along * np.sin(self.azimuth)])
 

@@ -162,7 +162,9 @@ def look_ahead(
     turned = _on_turn(turned, float(path.heading(progress)), azimuth)
     speed, follows = speed_at(reference, ends, along, able), bool(abs(turned[0] - azimuth) < AWAY)
     way = speed * step / able.length
-    return Preview(speed, point, turned, follows, True, progress, *bounds(reference, along), way, reference.walled)
+    left, right, room_left, room_right = bounds(reference, along)
+    limits = left, right, room_left, room_right
+    return Preview(speed, point, turned, follows, True, progress, *limits, way, reference.walled)
 
 
 def bounds(reference: Reference, s: FloatArray) -> FloatArray:

@@ -45,7 +45,7 @@ def test_times_between_saddles(given: Mapping[str, Any]) -> None:
     mean, error, deviation = sampled(cycle)
     assert_allclose(cycle.formula_period / cycle.nodes, mean, rtol=0.03)
     assert_allclose(cycle.mean_period / cycle.nodes, mean, rtol=0.002, atol=3.0 * error)
-    assert_allclose(deviation, cycle.deviations[0], rtol=0.07)
+    assert_allclose(deviation, np.pi / (2.0 * np.sqrt(2.0) * cycle.leaving[0]), rtol=0.07)
 
 
 def test_period_grows_with_the_logarithm_of_the_noise() -> None:

@@ -47,8 +47,6 @@ some of the profile (`control.gaits.neural.shared`), but not each single constan
 FASTEST = 1.5
 """Period below which all time constants are shortened alike [s]: this is the fastest pace of third-instar larvae, and
 the exponent is not known beyond."""
-MOST_RATIO = 1000.0
-"""Largest ratio of the period to the shortest time constant."""
 
 
 @documented
@@ -152,10 +150,10 @@ def pace(
     ValueError
         The network makes no waves, or no waves of this period.
     """
-    if min(tau_e) < period / MOST_RATIO:
+    if min(tau_e) < period / 1000.0:
         raise ValueError(
-            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a {MOST_RATIO:g}th of it: the "
-            "time steps follow it"
+            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a 1000th of it: the time steps "
+            "follow it"
         )
     drives = np.zeros((len(tau_e), 2))
     drives[source] = drive

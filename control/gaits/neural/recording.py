@@ -2,16 +2,16 @@
 
 A trough is a minimum below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation of the
 measured values; values of exactly 0 were not measured), or below two thirds of the band's deepest value, if that is
-less, and LEAST_GAP from deeper troughs. If nearly all values of a band have one sign, as for a length, the values are
-taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A wave is a
-trough of the middle band and, from band to band outwards, the deepest trough within MAX_DELAY in the direction of the
-wave, or a little in the other direction.
+less, and LEAST_GAP from deeper troughs. If less than 5 % of the values of a band have one sign, as for a length, the
+values are taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A
+wave is a trough of the middle band and, from band to band outwards, the deepest trough within MAX_DELAY in the
+direction of the wave, or a little in the other direction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,6 @@ from worm3d.values.arrays import FloatArray
 
 DEPTH = 2.0
 """Depth of a trough, in robust standard deviations; 1.5 or 3 change no median delay by more than 7 ms."""
-ONE_SIDED = 0.05
-"""Share of values of the rarer sign below which a band is taken relative to its median."""
 LEAST_GAP = 1.0
 """Least time between the waves [s]."""
 MAX_DELAY, MAX_REVERSE_DELAY = 0.4, 0.1
@@ -129,7 +127,7 @@ def _scaled(values: FloatArray) -> FloatArray:
             continue
         middle = np.median(measured)
         share = np.mean(measured < 0.0)
-        base = middle if min(share, 1.0 - share) < ONE_SIDED else 0.0
+        base = middle if min(share, 1.0 - share) < 0.05 else 0.0
         spread = min(1.4826 * np.median(np.abs(measured - middle)), (base - measured.min()) / (1.5 * DEPTH))
         if spread > 0.0:
             scaled[:, j] = np.where(column != 0.0, column - base, 0.0) / spread
@@ -170,11 +168,7 @@ def _refined(x: FloatArray, k: int) -> float:
 
 def _longest(flags: NDArray[np.bool_]) -> int:
     """Return the length of the longest run of true flags."""
-    longest = run = 0
-    for flag in flags:
-        run = run + 1 if flag else 0
-        longest = max(longest, run)
-    return longest
+    return max((len([*run]) for flag, run in groupby(flags) if flag), default=0)
 
 
 def median_of(values: FloatArray) -> FloatArray:

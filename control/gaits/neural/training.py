@@ -39,8 +39,6 @@ COUPLINGS = (1.8, 2.0, 2.2)
 burst without input."""
 DIFFERENCE_STEPS = (3e-2, 5e-3)
 """Relative steps of the differences in the two rounds of a search: the second begins where the first ends."""
-FIT_NOISE = 0.15
-"""Relative noise of the fit, 1.5 times the noise that a network should tolerate, so that failures show early."""
 CARRIED = 4.0
 """Weight of the share that fails: one failure in four counts as much as a delay that is wrong by a frame."""
 
@@ -125,7 +123,8 @@ def fit(
             found = least_squares(terms, at, bounds=bounds, diff_step=difference, args=(base,), max_nfev=40)
             at, squares = found.x, 2.0 * float(found.cost)
         gait = gait_at(at, base)
-        share = carrying(gait, segments, FIT_NOISE, draws=60, seed=1)
+        # 1.5 times the noise that a network should tolerate, so that failures show early.
+        share = carrying(gait, segments, noise=0.15, draws=60, seed=1)
         cost = squares + (CARRIED * (1.0 - share)) ** 2
         if cost < best.cost:
             best = Training(replace(gait, period=targets[0].period), cost, share, 0)

@@ -49,8 +49,6 @@ DELTA = 0.1
 """Share of beta at which a passage ends and a transition begins; the transition ends at 1 - DELTA."""
 EARLY = 1e-6
 """Share c of beta at which the path to the next saddle begins in (SH5); the error of (SH5) is proportional to c."""
-LEAST_EXCURSION = 20.0
-"""Least 2 e^gamma_E lam_u (DELTA beta/eps)^2 for which (SH3) holds within 0.5 % of 1/lam_u."""
 BLOCK_STEPS = 4096
 """Number of steps, and of random numbers, in a block."""
 
@@ -82,7 +80,8 @@ class Cycle:
         for name, (value, least) in given.items():
             object.__setattr__(self, name, arguments.array(name, value, (n,), fill=True, gt=least))
         object.__setattr__(self, "noise", float(noise))
-        excursion = np.sqrt(2.0 * np.exp(np.euler_gamma) * self.leaving / LEAST_EXCURSION)
+        # (SH3) holds within 0.5 % of 1/lam_u if 2 e^gamma_E lam_u (DELTA beta/eps)^2 is at least 20.
+        excursion = np.sqrt(2.0 * np.exp(np.euler_gamma) * self.leaving / 20.0)
         most = float(np.min(DELTA * np.roll(self.beta, -1) * excursion))
         if not 0.0 < self.noise <= most:
             raise ValueError(
@@ -129,11 +128,6 @@ class Cycle:
     def mean_period(self) -> float:
         """Mean period in the limit of small noise, the sum of `mean_times` [s]."""
         return float(self.mean_times.sum())
-
-    @property
-    def deviations(self) -> FloatArray:
-        """Standard deviation of the time at each saddle, shape (n,) [s]."""
-        return np.asarray(np.pi / (2.0 * np.sqrt(2.0) * self.leaving))
 
     def lasting(self, period: float) -> Cycle:
         """Return the same cycle in another unit of time, with the given mean period [s]."""

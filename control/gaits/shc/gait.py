@@ -24,6 +24,7 @@ import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
 from control.gaits.gait import Body, Direction, direction_of_waves
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.parameters import documented, parameter
 
@@ -89,13 +90,8 @@ class SHC(FeedbackGait, name="shc"):
         along = self.order(segments)[:nodes]
         own = {}
         for name in ("alpha", "beta", "nu"):
-            given = np.asarray(getattr(self, name))
-            if given.ndim and given.shape != (segments,):
-                raise ValueError(
-                    f"{name}: got shape {given.shape}, must be a number, or one for each of the worm's {segments} "
-                    "segments"
-                )
-            own[name] = np.broadcast_to(given, segments)[along]
+            arguments.require_count(name, getattr(self, name), segments)
+            own[name] = np.broadcast_to(getattr(self, name), segments)[along]
         return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
 
     def order(self, segments: int) -> IntArray:
