@@ -32,16 +32,13 @@ bent by 0.56 to 1.1 rad in an arc, at both ends, or at the head."""
 ASIDE = 0.05
 """Angle of a bent body's motion to the left of the chord, over the bend, (CP3): 0.046 to 0.049 on circles of 0.6 and
 1.5 body lengths with the bend of `control.chambers.controller` (seed 10), up to 0.07 for bends of 1.2 rad."""
-STEERING_CANDIDATES = 65
-"""Number of values of the steering among which (CP2) is solved."""
-COMMAND_SMOOTHING = 0.5
-"""Number of waves after which the commands beside the wave have covered 63 % of a change."""
 
 
 class BodyWave(WaveGenerator):
     """Wave at run time, with the commands of `beyond` added to chambers and hinges.
 
-    `beyond` holds contractions, left before right, and hinges [rad], shape (3 N - 1,).
+    `beyond` holds contractions, left before right, and hinges [rad], shape (3 N - 1,); after half a wave the commands
+    have covered 63 % of a change of `beyond`.
 
     Parameters
     ----------
@@ -50,16 +47,11 @@ class BodyWave(WaveGenerator):
     found : SteeringMap
         Effect of the wave on the worm.
     worm : Worm
-    smoothing : float
-        Number of waves after which the commands have covered 63 % of a change of `beyond`.
     """
 
-    def __init__(
-        self, wave: WaveGenerator, found: SteeringMap, worm: Worm, smoothing: float = COMMAND_SMOOTHING
-    ) -> None:
-        self._found, self._worm, self._smoothing = found, worm, smoothing
-        greatest = found.ranges.steering
-        self._steerings = np.linspace(-greatest, greatest, STEERING_CANDIDATES)
+    def __init__(self, wave: WaveGenerator, found: SteeringMap, worm: Worm) -> None:
+        self._found, self._worm, greatest = found, worm, found.ranges.steering
+        self._steerings = np.linspace(-greatest, greatest, 65)
         super().__init__(wave.schedule, worm, wave.blend)
 
     def reset(self) -> None:
@@ -71,7 +63,7 @@ class BodyWave(WaveGenerator):
 
     def step(self, dt: float, target: GaitParameters) -> Command:
         """Return the command after another `dt` [s] of approaching `target` and `beyond`."""
-        n, left_over = self._worm.segments, np.exp(-dt * target.frequency / self._smoothing)
+        n, left_over = self._worm.segments, np.exp(-dt * target.frequency / 0.5)
         self.given = self.beyond + (self.given - self.beyond) * left_over
         hinge, contraction = self.given[2 * n :], self.given[: 2 * n].reshape(2, n).T
         bends = self._worm.l0 * (contraction[:, 0] - contraction[:, 1]) / (2.0 * self._worm.chamber_offset)

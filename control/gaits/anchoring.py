@@ -25,27 +25,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from control.gaits.gait import Direction, Gait, half_cosine
+from control.gaits.gait import Direction, ExtendingGait, half_cosine
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class TwoAnchor(Gait, name="two_anchor"):
+class TwoAnchor(ExtendingGait, name="two_anchor"):
     """Two anchors in turn, as in inchworms and burrowing earthworms; the gait climbs pipes of any tilt.
 
     The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is more
     than the pipe's wall allows, so that anchored segments press the wall.
     """
 
-    extension: float = parameter(
-        -0.5,
-        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
-        ge=-1,
-        le=0,
-        allowed="a number in [-1, 0]",
-    )
     period: float = parameter(6.0, meaning="duration of the whole sequence", unit="s", gt=0)
     anchors: int = parameter(1, meaning="segments of each anchor; those between them are the body", ge=1)
     direction: Direction = parameter(
@@ -57,11 +50,6 @@ class TwoAnchor(Gait, name="two_anchor"):
     """Parts of the period in which this group lets go (extends) and contracts again."""
     BODY: ClassVar[tuple[int, int]] = (1, 4)
     FRONT: ClassVar[tuple[int, int]] = (0, 2)
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-        return self.extension < 0.0
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1].
@@ -84,7 +72,7 @@ class TwoAnchor(Gait, name="two_anchor"):
     def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
         """Return the activation of a group, 1 until the group lets go and after its contraction, shape (K,)."""
         extended = half_cosine(part - release) - half_cosine(part - anchor) + float(anchor < release)
-        return 1.0 - (1.0 - self.extension) * extended
+        return self.activation_of(extended)
 
 
 @documented

@@ -39,7 +39,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from control.gaits.gait import Body, Direction, Gait, half_cosine
+from control.gaits.gait import Body, Direction, Gait, direction_of_waves, half_cosine, longer
 from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -64,28 +64,13 @@ class Discrete(Gait, name="discrete"):
     first: Literal["left", "right"] = parameter("left", meaning="bends that come first, from the tail, in the pattern")
     moving: float = parameter(1.0, meaning="share of a step for which segments change their state", gt=0, le=1)
     bend: float = parameter(1.0, meaning="activation of the shorter side of a bent segment", ge=0, le=1)
-    relaxed: float = parameter(
-        0.0,
-        meaning="activation of a relaxed side, -0.5 lengthens it by half the amplitude",
-        ge=-1,
-        le=0,
-        allowed="a number in [-1, 0]",
-    )
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: the pattern moves towards the tail; direct: towards the head"
-    )
+    relaxed: float = longer(0.0, "a relaxed side")
+    direction: Direction = direction_of_waves()
 
     @property
     def lengthens(self) -> bool:
         """Whether the activation falls below 0 at some time."""
         return self.relaxed < 0.0
-
-    @property
-    def family(self) -> str:
-        """Name of the gait's kind of motion: rectilinear, sidewinding or circular."""
-        if self.left_bends != self.right_bends:
-            return "circular"
-        return "sidewinding" if self.left_bends else "rectilinear"
 
     def pattern(self, segments: int) -> NDArray[np.int64]:
         """Return the state of each segment at time 0, whole numbers, shape (segments,).
@@ -114,9 +99,8 @@ class Discrete(Gait, name="discrete"):
         ValueError
             See `pattern`.
         """
-        low, short, bent = self.relaxed, 1.0, self.bend
-        sides = np.array([[low, low], [short, short], [bent, low], [low, bent]])
-        return self._blended(sides, times, segments)
+        low, bent = self.relaxed, self.bend
+        return self._blended(np.array([[low, low], [1.0, 1.0], [bent, low], [low, bent]]), times, segments)
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
         """Return the commands to `worm` at K times [s]."""
@@ -129,9 +113,8 @@ class Discrete(Gait, name="discrete"):
         # Rounding must not decide the step of a time.
         passed = times / self.period * steps + 1e-9
         step = np.floor(passed)
-        moved = np.outer(step, [self.shift]).astype(int) * (1 if self.direction == "retrograde" else -1)
         way = self.shift if self.direction == "retrograde" else -self.shift
+        moved = (way * step).astype(int)[:, None]
         now, then = (of_state[pattern[(np.arange(segments) + at) % segments]] for at in (moved, moved + way))
         done = half_cosine((passed - step) / self.moving).reshape(-1, *[1] * (now.ndim - 1))
-        blended: FloatArray = now + done * (then - now)
-        return blended
+        return np.asarray(now + done * (then - now))

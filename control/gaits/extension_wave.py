@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.gaits.gait import Direction, Gait, half_cosine
+from control.gaits.gait import Direction, ExtendingGait, direction_of_waves, half_cosine
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class ExtensionWave(Gait, name="extension_wave"):
+class ExtensionWave(ExtendingGait, name="extension_wave"):
     """Waves of extension along an otherwise contracted body, as in mesh worm robots.
 
     The n x m patterns of these robots, with n segments in each of m waves, have `moving` = n m/N and `waves` = m. With
@@ -30,22 +30,7 @@ class ExtensionWave(Gait, name="extension_wave"):
     waves: float = parameter(1.0, meaning="number of waves on the body", gt=0)
     moving: float = parameter(0.5, meaning="share of the period for which a segment is not contracted", gt=0, le=1)
     held: float = parameter(1 / 3, meaning="share of that time for which it is wholly extended", ge=0, lt=1)
-    extension: float = parameter(
-        -0.5,
-        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
-        ge=-1,
-        le=0,
-        allowed="a number in [-1, 0]",
-    )
-    direction: Direction = parameter(
-        "retrograde",
-        meaning="retrograde: waves run from head to tail, and the worm towards its head; direct: both turn",
-    )
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-        return self.extension < 0.0
+    direction: Direction = direction_of_waves()
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1]."""
@@ -54,4 +39,4 @@ class ExtensionWave(Gait, name="extension_wave"):
         phase = np.mod(times[:, None] / self.period - self.waves * order / segments, 1.0) / self.moving
         ramp = 0.5 * (1.0 - self.held)
         extended = half_cosine(phase / ramp) - half_cosine((phase - 1.0 + ramp) / ramp)
-        return 1.0 - (1.0 - self.extension) * extended
+        return self.activation_of(extended)

@@ -40,6 +40,8 @@ Felt = Mapping[str, FloatArray]
 
 A sample is kept until the next sample arrives. A value is 0 before the first sample, and until the first finite number.
 """
+Commanding = Callable[[float, Felt], Command]
+"""Gait during one run: time [s], which ascends, and felt samples -> command."""
 
 
 class Memory(Protocol):
@@ -98,7 +100,7 @@ class FeedbackGait(Gait):
         """Return the actuation of `worm`: a `Feedback` if the gait senses, else a `BoundGait`."""
         self.require_stroke(worm.stroke)
         if self.senses:
-            return Feedback(worm, self.senses, partial(_Activating, self, worm))
+            return Feedback(worm, self.senses, partial(commanding, self, worm))
         self.require_body(worm.segments)
         played = Played(partial(self.start, worm))
         return BoundGait(lambda times: self.applied(played(times), worm), self.require_steps)
@@ -129,13 +131,6 @@ class Played:
         return self._given
 
 
-class Commanding(Protocol):
-    """Memory of a run that returns whole commands."""
-
-    def command(self, t: float, felt: Felt) -> Command:
-        """Advance to time t [s], as a `Memory` does, and return the command."""
-
-
 class Feedback:
     """Gait that senses, as the controller of one worm.
 
@@ -145,7 +140,7 @@ class Feedback:
     senses : tuple of str
         Sensed channels.
     begin : callable
-        Returns a fresh `Commanding` for a run.
+        Returns a fresh `Commanding` of a run.
 
     Raises
     ------
@@ -163,7 +158,7 @@ class Feedback:
 
     def reset(self) -> None:
         """Restart with a fresh memory that has felt nothing."""
-        self._memory = self._begin()
+        self._command = self._begin()
         self.felt = {name: np.zeros(QUANTITIES[name].shape(self._worm)) for name in self._senses}
 
     def step(self, t: float, measurement: Measurement | Observation | None) -> Command:
@@ -176,7 +171,7 @@ class Feedback:
         """
         if measurement is not None:
             self.felt = {name: latest(name, measurement, before) for name, before in self.felt.items()}
-        return self._memory.command(t, self.felt)
+        return self._command(t, self.felt)
 
     def __call__(self, t: float) -> Command:
         """Return the initial command of a run that begins at time t [s]."""
@@ -196,24 +191,18 @@ def latest(name: str, measurement: Measurement | Observation, before: FloatArray
     return before if value is None else np.where(np.isfinite(value), value, before)
 
 
-class _Activating:
-    """Memory of a gait whose activations are applied like the activations of any gait."""
+def commanding(gait: Gait, worm: Any) -> Commanding:
+    """Return any gait, sensing or not, for one run of a worm."""
+    if not isinstance(gait, FeedbackGait):
+        bound = gait.bind(worm)
+        return lambda t, felt: bound(t)
+    gait.require_stroke(worm.stroke)
+    memory = gait.start(worm)
 
-    def __init__(self, gait: FeedbackGait, worm: Body) -> None:
-        gait.require_stroke(worm.stroke)
-        self._gait, self._worm, self._memory = gait, worm, gait.start(worm)
+    def command(t: float, felt: Felt) -> Command:
+        return Command(*(each[0] for each in gait.applied(memory.step(t, felt)[None], worm)))
 
-    def command(self, t: float, felt: Felt) -> Command:
-        given = self._gait.applied(self._memory.step(t, felt)[None], self._worm)
-        return Command(*(each[0] for each in given))
-
-
-def commanding(gait: Gait, worm: Any) -> Callable[[float, Felt], Command]:
-    """Return any gait, sensing or not, as a function for one run of a worm: time [s] and felt samples -> command."""
-    if isinstance(gait, FeedbackGait):
-        return _Activating(gait, worm).command
-    bound = gait.bind(worm)
-    return lambda t, felt: bound(t)
+    return command
 
 
 class _Segments(NamedTuple):

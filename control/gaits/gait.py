@@ -20,7 +20,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -72,9 +72,7 @@ class Gait(Spelled, ABC):
         unit="rad",
     )
     force: float = parameter(
-        0.0,
-        meaning="force of a chamber at activation 1, beside its contraction; positive contracts",
-        unit="N",
+        0.0, meaning="force of a chamber at activation 1, beside its contraction; positive contracts", unit="N"
     )
     name: ClassVar[str] = ""
     turning: ClassVar[tuple[str, ...]] = ("bias", "hinge")
@@ -104,8 +102,7 @@ class Gait(Spelled, ABC):
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], the mean of its sides, shape (segments,)."""
-        activation: FloatArray = sides(self.activations(np.array([t]), segments))[0].mean(axis=-1)
-        return activation
+        return np.asarray(sides(self.activations(np.array([t]), segments))[0].mean(axis=-1))
 
     def require_body(self, segments: int) -> None:
         """Raise ValueError if the gait does not fit a body with this number of segments."""
@@ -147,6 +144,35 @@ class Gait(Spelled, ABC):
         chambers = activation * np.array([1.0 + self.bias, 1.0 - self.bias])
         hinge = self.hinge * np.maximum(0.0, activation[:, 1:].mean(axis=-1))
         return Commands(np.clip(self.amplitude * chambers, *worm.stroke), hinge, self.force * chambers)
+
+
+def direction_of_waves(default: Direction = "retrograde") -> Any:
+    """Return the field of the direction in which contractions pass along the body."""
+    meaning = "retrograde: waves run from head to tail, as in earthworms; direct: from tail to head, as in larvae"
+    return parameter(default, meaning=meaning)
+
+
+def longer(default: float, what: str = "an extended segment") -> Any:
+    """Return the field of the activation of a segment, or of one of its sides, that is longer than at rest."""
+    meaning = f"activation of {what}, -0.5 lengthens it by half the amplitude"
+    return parameter(default, meaning=meaning, ge=-1, le=0, allowed="a number in [-1, 0]")
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class ExtendingGait(Gait):
+    """A gait whose segments are contracted, or extended beyond their length at rest."""
+
+    extension: float = longer(-0.5)
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.extension < 0.0
+
+    def activation_of(self, extended: FloatArray) -> FloatArray:
+        """Return the activations of segments at given shares of their extension, from 1 down to `extension`."""
+        return 1.0 - (1.0 - self.extension) * extended
 
 
 class BoundGait:

@@ -27,6 +27,7 @@ from control.gaits.gait import Body as Body
 from control.gaits.gait import BoundGait as BoundGait
 from control.gaits.gait import Direction as Direction
 from control.gaits.gait import Gait as Gait
+from control.gaits.gait import direction_of_waves
 from control.gaits.gait import half_cosine as half_cosine
 from worm3d.values import time_steps
 from worm3d.values.arrays import FloatArray
@@ -74,13 +75,10 @@ class TravellingWave(Gait, name="travelling_wave"):
         """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
         kx = 2.0 * np.pi / self.wavelength * (np.arange(segments) + 0.5) / segments
         wt = 2.0 * np.pi / self.period * times[:, None]
-        match self.direction:
-            case "direct":
-                wave = np.sin(kx - wt)
-            case "retrograde":
-                wave = np.sin(kx + wt)
-            case "standing":
-                wave = np.sin(kx) * np.cos(wt)
+        if self.direction == "standing":
+            wave = np.sin(kx) * np.cos(wt)
+        else:
+            wave = np.sin(kx - wt if self.direction == "direct" else kx + wt)
         return np.maximum(0.0, wave) if self.rectified else wave
 
 
@@ -113,9 +111,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
         key="pulse",
     )
     alternating: bool = parameter(True, meaning="whether odd segments lengthen instead (step 4)")
-    direction: Direction = parameter(
-        "direct", meaning="direct, the paper's order in our numbering, activates tail to head, retrograde head to tail"
-    )
+    direction: Direction = direction_of_waves("direct")
     impulse: float = parameter(
         0.01, meaning="duration of the dirac pulse: the time step, so that it acts in one step", unit="s", gt=0
     )

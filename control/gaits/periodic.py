@@ -30,15 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from control.gaits.gait import Direction, Gait, for_segments, joined
+from control.gaits.gait import Direction, Gait, direction_of_waves, for_segments, joined
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
-
-MIN_SPLINE_VALUES = 3
-"""Least number of values of a spline."""
-
-SAMPLES_PER_VALUE = 64
-"""Number of places between two values of a spline in the search for the least value."""
 
 
 @documented
@@ -48,9 +42,7 @@ class _Shaped(Gait):
 
     period: float = parameter(2.0, meaning="duration after which the gait repeats", unit="s", gt=0, aka=("T_wave_s",))
     waves: float = parameter(1.0, meaning="number of waves on the body", ge=0, aka=("number_of_waves",))
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: waves run from head to tail, as in earthworms; direct: from tail to head"
-    )
+    direction: Direction = direction_of_waves()
     phase: float | FloatArray = parameter(0.0, meaning="phase by which each is ahead, in periods", each="side")
     rectified: bool = parameter(True, meaning="whether segments only contract, max(0, A), never lengthen")
 
@@ -110,18 +102,19 @@ class Spline(_Shaped, name="spline"):
     def __post_init__(self) -> None:
         super().__post_init__()
         shape = np.shape(self.values)
-        if not (shape and shape[-1] >= MIN_SPLINE_VALUES):
+        if not (shape and shape[-1] >= 3):
             raise ValueError(
-                f"values: got shape {shape}, must be a list of at least {MIN_SPLINE_VALUES} numbers, or such a list or "
-                "a pair of them, left and right, for each segment"
+                f"values: got shape {shape}, must be a list of at least 3 numbers, or such a list or a pair of them, "
+                "left and right, for each segment"
             )
 
     @property
     def lengthens(self) -> bool:
         """Whether the activation falls below 0 at some time."""
-        samples = np.linspace(0.0, 1.0, SAMPLES_PER_VALUE * np.shape(self.values)[-1] + 1)
-        curves = np.reshape(self.values, (-1, np.shape(self.values)[-1]))
-        return not self.rectified and bool((_periodic_spline(curves, samples[:, None]) < 0.0).any())
+        count = np.shape(self.values)[-1]
+        places = np.linspace(0.0, 1.0, 64 * count + 1)  # 64 from value to value
+        curves = np.reshape(self.values, (-1, count))
+        return not self.rectified and bool((_periodic_spline(curves, places[:, None]) < 0.0).any())
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], in [-1, 1]; shape as of `Gait.activations`."""
@@ -148,13 +141,10 @@ def _periodic_spline(values: FloatArray, phase: FloatArray) -> FloatArray:
 
     def at(table: FloatArray, knot: NDArray[np.int64]) -> FloatArray:
         """Return the number of each curve's table at a knot."""
-        wide = np.broadcast_to(table, (*np.broadcast_shapes(table.shape[:-1], knot.shape), count))
-        found: FloatArray = np.take_along_axis(wide, np.broadcast_to(knot, wide.shape[:-1])[..., None], axis=-1)
-        return found[..., 0]
+        wide, knots = np.broadcast_arrays(table, knot[..., None])
+        return np.take_along_axis(wide, knots[..., :1], axis=-1)[..., 0]
 
     second = (first + 1) % count
     straight = before * at(values, first) + after * at(values, second)
-    curved: FloatArray = (
-        straight + ((before**3 - before) * at(bends, first) + (after**3 - after) * at(bends, second)) / 6.0
-    )
-    return curved
+    curved = (before**3 - before) * at(bends, first) + (after**3 - after) * at(bends, second)
+    return np.asarray(straight + curved / 6.0)

@@ -55,25 +55,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from control.gaits.gait import Body, Gait, half_cosine
+from control.gaits.gait import Body, ExtendingGait, Gait, half_cosine, longer
 from worm3d import Commands
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
 
-INSTANTS_PER_STEP, COARSE_INSTANTS = 16, 4
+INSTANTS_PER_STEP = 16
 """Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
-their places by 1e-4 of a segment's length, 4e-4 with half as many instants. `COARSE_INSTANTS` are enough to find the
-length of the step."""
-NEWTON_STEPS = 12
-"""Newton steps of (N3); 6 are enough for turns of 20 degrees."""
+their places by 1e-4 of a segment's length, 4e-4 with half as many instants."""
 LARGEST_CHANGE = 0.6
 """Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
 """Greatest gap at which tail and head count as joined [body lengths]."""
 SHORTENING_CANDIDATES = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
 """Candidate shares by which a turning step is shorter than a straight step: the first share within reach is refined."""
-SHORTENING_BISECTIONS = 12
-"""Number of bisections of the interval before that share."""
 
 
 class Reach(NamedTuple):
@@ -83,11 +78,6 @@ class Reach(NamedTuple):
     swinging: int
     contracted: float
     extended: float
-
-    @property
-    def longest_step(self) -> float:
-        """The step s of a straight wave [body lengths]."""
-        return self.swinging * (self.extended - self.contracted)
 
 
 class Plan(NamedTuple):
@@ -111,7 +101,7 @@ class Plan(NamedTuple):
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class PlannedTurn(Gait, name="planned_turn"):
+class PlannedTurn(ExtendingGait, name="planned_turn"):
     """Waves that turn the worm and let standing segments keep their places, (N1) to (N3).
 
     Each wave turns the worm by `turn` until the `total` is reached; then the worm goes straight on.
@@ -134,34 +124,19 @@ class PlannedTurn(Gait, name="planned_turn"):
         left_out="it turns on and on",
     )
     swinging: int = parameter(2, meaning="number of segments that are extended at a time", ge=1)
-    extension: float = parameter(
-        -1 / 3,
-        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
-        ge=-1,
-        le=0,
-        allowed="a number in [-1, 0]",
-    )
-
-    def __post_init__(self) -> None:
-        check(self)
-
+    extension: float = longer(-1 / 3)
     turning = (*Gait.turning, "turn", "total")
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-        return self.extension < 0.0
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s] in a straight wave, (K, segments), in [extension, 1]."""
         extended = np.zeros((len(times), segments))
         for wave, tau in _waves(times / self.period * segments, segments):
             extended += _extended(np.where(wave >= 0, tau, 0.0), segments, self.swinging)
-        return 1.0 - (1.0 - self.extension) * extended
+        return self.activation_of(extended)
 
     def require_body(self, segments: int) -> None:
         """Raise ValueError if the gait does not fit a body with this number of segments."""
-        self._plan(self.turn, self._reach(segments, (-np.inf, np.inf)))
+        plan(self._reach(segments, (-np.inf, np.inf)), self.turn)
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
         """Return the commands to `worm` at K times [s]: lengths and bends as planned."""
@@ -171,7 +146,7 @@ class PlannedTurn(Gait, name="planned_turn"):
             turns = self._turn_of(wave)
             for turn in np.unique(turns[wave >= 0]):
                 rows = (wave >= 0) & (turns == turn)
-                longer, bent = self._plan(float(turn), reach).at(tau[rows])
+                longer, bent = plan(reach, float(turn)).at(tau[rows])
                 lengths[rows] += longer
                 bends[rows] += bent
         given = self.applied((1.0 - n * lengths) / self.amplitude, worm)
@@ -191,16 +166,6 @@ class PlannedTurn(Gait, name="planned_turn"):
         least, greatest = max(self.amplitude * self.extension, stroke[0]), min(self.amplitude, stroke[1])
         return Reach(segments, self.swinging, (1.0 - greatest) / segments, (1.0 - least) / segments)
 
-    def _plan(self, turn: float, reach: Reach) -> Plan:
-        found = plan(reach, turn)
-        if found is None:
-            raise ValueError(
-                f"turn: got {turn:.4g} rad ({np.degrees(turn):.4g} degrees), must be less: {reach.swinging} swinging "
-                f"segments of {reach.contracted:.4g} "
-                f"to {reach.extended:.4g} body lengths cannot turn the worm so far in a wave"
-            )
-        return found
-
 
 def _waves(tau: FloatArray, segments: int) -> list[tuple[FloatArray, FloatArray]]:
     """Return, for the latest and the previous wave at K instants [steps], the number from 0 on and the elapsed time."""
@@ -211,31 +176,47 @@ def _waves(tau: FloatArray, segments: int) -> list[tuple[FloatArray, FloatArray]
 def _extended(tau: FloatArray, segments: int, swinging: int) -> FloatArray:
     """Return the share of extension of each segment at K instants of a wave, (N2), shape (K, N)."""
     since = tau[:, None] - np.arange(segments)[::-1]
-    extended: FloatArray = half_cosine(since) - half_cosine(since - swinging)
-    return extended
+    return np.asarray(half_cosine(since) - half_cosine(since - swinging))
 
 
 @lru_cache(maxsize=64)
-def plan(reach: Reach, turn: float) -> Plan | None:
-    """Return the wave with the longest step that turns a worm by an angle [rad]; None for an angle out of reach."""
-    straight = reach.longest_step
-    if turn == 0.0:
-        return _joined(reach, turn, straight, INSTANTS_PER_STEP)
+def plan(reach: Reach, turn: float) -> Plan:
+    """Return the wave with the longest step that turns a worm by an angle [rad].
+
+    Raises
+    ------
+    ValueError
+        The angle is out of reach.
+    """
+    straight = reach.swinging * (reach.extended - reach.contracted)
+    shorter = 0.0 if turn == 0.0 else _shortening(reach, turn, straight)
+    found = None if shorter is None else _joined(reach, turn, (1.0 - shorter) * straight, INSTANTS_PER_STEP)
+    if found is None:
+        raise ValueError(
+            f"turn: got {turn:.4g} rad ({np.degrees(turn):.4g} degrees), must be less: {reach.swinging} swinging "
+            f"segments of {reach.contracted:.4g} to {reach.extended:.4g} body lengths cannot turn the worm so far in a "
+            "wave"
+        )
+    return found
+
+
+def _shortening(reach: Reach, turn: float, straight: float) -> float | None:
+    """Return the least share by which a turning step is shorter than a straight step; None if no step is in reach."""
     # From above: the shape of a chain that is pressed far together is not the wanted shape.
     fitting = (k for k, share in enumerate(SHORTENING_CANDIDATES) if _fits(reach, turn, (1.0 - share) * straight))
     first = next(fitting, None)
     if first is None:
         return None
     low, high = (0.0, *SHORTENING_CANDIDATES)[first : first + 2]
-    for _ in range(SHORTENING_BISECTIONS):
+    for _ in range(12):
         middle = (low + high) / 2.0
         low, high = (low, middle) if _fits(reach, turn, (1.0 - middle) * straight) else (middle, high)
-    return _joined(reach, turn, (1.0 - high) * straight, INSTANTS_PER_STEP)
+    return high
 
 
 def _fits(reach: Reach, turn: float, step: float) -> bool:
     """Return whether a wave of a given turn and step is within reach."""
-    found = _joined(reach, turn, step, COARSE_INSTANTS)
+    found = _joined(reach, turn, step, 4)  # instants in a step; these are enough to find the length of the step
     return found is not None and found.lengthened.max() <= reach.extended - reach.contracted + JOINED
 
 
@@ -252,7 +233,7 @@ def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None
         for begin, side in ((n, -1.0), (0, 1.0))
     )
     shape = straight
-    for _ in range(NEWTON_STEPS):
+    for _ in range(12):  # 6 are enough for turns of 20 degrees
         gap, slope = _gap(shape, tail, head)
         back, weighted = straight - shape, slope * give[:, None]
         missing = gap + np.einsum("kij,kj->ki", slope, back)

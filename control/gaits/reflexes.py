@@ -31,6 +31,7 @@ To add a reflex, derive a dataclass from `Reflex` with the name for scenes, `cla
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -48,9 +49,6 @@ REFLEXES: dict[str, type[Reflex]] = {}
 
 GRAVITY = 9.81
 """Acceleration of free fall for the worm's weight, the unit of the thresholds [m/s^2]."""
-
-HOLD = 12.0
-"""Default threshold of `WallLoad`, in weights of the worm."""
 
 TOUCH = 0.25
 """Default load that counts as contact, in weights of a segment."""
@@ -89,29 +87,27 @@ class Reflex(Spelled, ABC):
         """Return a fresh memory for one run of a worm."""
 
 
-class _Segmentwise(ABC):
-    """Memory that changes the mean contraction of each segment."""
+class _Segmentwise:
+    """Memory that changes the mean contraction of each segment.
 
-    def __init__(self) -> None:
-        self._time = np.nan
+    `advanced` returns the contraction of the segments after a time [s], from the wanted contraction, both of shape
+    (N,), and the felt samples.
+    """
+
+    def __init__(self, advanced: Callable[[float, FloatArray, Felt], FloatArray]) -> None:
+        self._advanced, self._time = advanced, np.nan
 
     def step(self, t: float, wanted: FloatArray, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the contraction of the chambers, shape (N, 2)."""
         mean = wanted.mean(axis=1)
         dt = 0.0 if np.isnan(self._time) else t - self._time
         self._time = t
-        change: FloatArray = self.advanced(dt, mean, felt) - mean
-        return wanted + change[:, None]
-
-    @abstractmethod
-    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
-        """Return the contraction of the segments after a time dt [s], both of shape (N,)."""
+        return np.asarray(wanted + (self._advanced(dt, mean, felt) - mean)[:, None])
 
 
 def load_of(felt: Felt) -> FloatArray:
     """Return the load on each segment, the sum over the segment's apexes, shape (N,) [N]."""
-    total: FloatArray = felt["contact_load"].sum(axis=1)
-    return total
+    return np.asarray(felt["contact_load"].sum(axis=1))
 
 
 @documented
@@ -138,21 +134,16 @@ class WallLoad(Reflex, name="wall_load"):
 
     def start(self, worm: Worm) -> ReflexMemory:
         """Return a fresh memory for one run of a worm."""
-        load = HOLD * worm.mass * GRAVITY if self.load is None else self.load
-        return _Stopping(load, self.rate, self.recovery, worm)
+        most = 12.0 * worm.mass * GRAVITY if self.load is None else self.load
+        less = np.zeros(worm.segments)
 
+        def advanced(dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+            over = np.minimum(load_of(felt) / most - 1.0, 1.0)
+            grown = less + np.where(over >= 0.0, self.rate, self.recovery) * over * dt
+            less[:] = np.clip(grown, 0.0, np.maximum(0.0, wanted - worm.stroke[0]))
+            return wanted - less
 
-class _Stopping(_Segmentwise):
-    def __init__(self, load: float, rate: float, recovery: float, worm: Worm) -> None:
-        super().__init__()
-        self._load, self._rate, self._recovery, self._least = load, rate, recovery, worm.stroke[0]
-        self._less = np.zeros(worm.segments)
-
-    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
-        over = np.minimum(load_of(felt) / self._load - 1.0, 1.0)
-        grown = self._less + np.where(over >= 0.0, self._rate, self._recovery) * over * dt
-        self._less = np.clip(grown, 0.0, np.maximum(0.0, wanted - self._least))
-        return wanted - self._less
+        return _Segmentwise(advanced)
 
 
 @documented
@@ -174,19 +165,15 @@ class Reach(Reflex, name="reach"):
     def start(self, worm: Worm) -> ReflexMemory:
         """Return a fresh memory for one run of a worm."""
         contact = TOUCH * worm.mass * GRAVITY / worm.segments if self.contact is None else self.contact
-        return _Reaching(contact, self.most, self.time, worm.segments)
+        further = np.zeros(worm.segments)
 
+        def advanced(dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+            to_be_wide, touches = wanted > 0.0, load_of(felt) >= contact
+            way = np.where(to_be_wide, np.where(touches, 0.0, 1.0), -1.0)
+            further[:] = np.clip(further + way * dt / self.time, 0.0, self.most)
+            return np.where(to_be_wide, wanted * (1.0 + further), wanted)
 
-class _Reaching(_Segmentwise):
-    def __init__(self, contact: float, most: float, time: float, segments: int) -> None:
-        super().__init__()
-        self._contact, self._most, self._doubling, self._further = contact, most, time, np.zeros(segments)
-
-    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
-        to_be_wide, touches = wanted > 0.0, load_of(felt) >= self._contact
-        way = np.where(to_be_wide, np.where(touches, 0.0, 1.0), -1.0)
-        self._further = np.clip(self._further + way * dt / self._doubling, 0.0, self._most)
-        return np.where(to_be_wide, wanted * (1.0 + self._further), wanted)
+        return _Segmentwise(advanced)
 
 
 @documented
@@ -204,20 +191,19 @@ class Wait(Reflex, name="wait"):
 
     def start(self, worm: Worm) -> ReflexMemory:
         """Return a fresh memory for one run of a worm."""
-        return _Waiting(self, worm.segments)
+        return _Segmentwise(_Waiting(self, worm.segments))
 
 
-class _Waiting(_Segmentwise):
+class _Waiting:
     def __init__(self, asked: Wait, segments: int) -> None:
-        super().__init__()
         self._share, self._patience = asked.share, asked.patience
-        self._next = np.arange(segments) - 1 if asked.towards == "retrograde" else np.arange(segments) + 1
+        self._next = np.arange(segments) + (-1 if asked.towards == "retrograde" else 1)
         self._has_next = (self._next >= 0) & (self._next < segments)
         self._next = np.clip(self._next, 0, segments - 1)
         self._given, self._wanted = np.full(segments, -np.inf), np.full(segments, np.inf)
         self._waited, self._excess = np.zeros(segments), np.zeros(segments)
 
-    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+    def __call__(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
         reached = -felt["strain"].mean(axis=1)
         next_wanted = wanted[self._next]
         is_late = self._has_next & (next_wanted > wanted) & (reached[self._next] < self._share * next_wanted)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from control.gaits.feedback import Feedback, Felt, commanding
+from control.gaits.feedback import Commanding, Feedback, Felt, commanding
 from control.gaits.gait import Gait
 from control.gaits.reflexes import Reflex
 from worm3d import Command, Worm
@@ -60,19 +60,17 @@ class Reflexive(Spelled):
 
     def bind(self, worm: Worm) -> Feedback:
         """Return the actuation of `worm`, a controller."""
-        return Feedback(worm, self.senses, partial(_Reflexed, self, worm))
+        return Feedback(worm, self.senses, partial(self._begun, worm))
 
+    def _begun(self, worm: Worm) -> Commanding:
+        """Return the commands of one run."""
+        command, memories = commanding(self.gait, worm), [each.start(worm) for each in self.reflexes]
 
-class _Reflexed:
-    """Memory of one run."""
+        def reflexed(t: float, felt: Felt) -> Command:
+            given = command(t, felt)
+            contraction = given.contraction
+            for memory in memories:
+                contraction = memory.step(t, contraction, felt)
+            return Command(np.clip(contraction, *worm.stroke), given.hinge, given.force)
 
-    def __init__(self, asked: Reflexive, worm: Worm) -> None:
-        self._command, self._stroke = commanding(asked.gait, worm), worm.stroke
-        self._memories = [each.start(worm) for each in asked.reflexes]
-
-    def command(self, t: float, felt: Felt) -> Command:
-        given = self._command(t, felt)
-        contraction = given.contraction
-        for memory in self._memories:
-            contraction = memory.step(t, contraction, felt)
-        return Command(np.clip(contraction, *self._stroke), given.hinge, given.force)
+        return reflexed

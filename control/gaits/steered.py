@@ -26,7 +26,7 @@ from control.gaits.gait import Body, Gait
 from control.gaits.steering import GaitParameters, Schedule
 from worm3d import Commands
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
 
 
 @documented
@@ -55,9 +55,6 @@ class Steered(Schedule, Gait, name="steered"):
     bias_phase: float = parameter(
         float(np.deg2rad(140.0)), unit="rad", meaning="phase of bending by bias ahead of the contraction at f -> 0"
     )
-
-    def __post_init__(self) -> None:
-        check(self)
 
     turning = (*Gait.turning, "steering_wavelength", "hinge_phase", "bias_phase", "lead")
 

@@ -80,8 +80,6 @@ UNIT_STEERING: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bia
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
 """Default number of waves after which a parameter has covered 63 % of a change."""
-GONE = 1e-9
-"""Amplitude and hinge [rad] below which a decaying wave is dropped."""
 PACE = 0.5
 """Frequency below which a slower wave does not slow a change of parameters further [Hz], so that waves can stop and
 restart."""
@@ -138,6 +136,9 @@ class Correction(NamedTuple):
     """Phase lead of the command to each chamber, shape (N, 2) [rad]."""
 
 
+UNCORRECTED = Correction(np.ones((1, 1)), np.zeros((1, 1)))
+
+
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Schedule(Spelled):
@@ -172,11 +173,8 @@ class Schedule(Spelled):
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         back, amplitude = amplitude < 0.0, np.abs(amplitude)
         psi, bending = phase[:, None, None], phase[:, None] + 2.0 * np.pi * self.lead * frequency
-        gain: FloatArray | float = 1.0
-        shift: FloatArray | float = 0.0
-        if correction is not None:
-            gain, shift = (np.where(back[..., None], each[::-1, ::-1], each) for each in correction)
-            shift = shift.transpose(0, 2, 1)
+        gain, ahead = (np.where(back[..., None], each[::-1, ::-1], each) for each in correction or UNCORRECTED)
+        shift = ahead.transpose(0, 2, 1)
         pulse = self.pulse(psi + shift, body.segments).transpose(0, 2, 1)
         steered = self._wave(bending[:, None] + shift + self.bias_phase, self.steering_wavelength, body.segments)
         unequal = bias[..., None] * steered.transpose(0, 2, 1) * LEFT_RIGHT
@@ -294,12 +292,11 @@ class WaveGenerator(Spelled):
                 self._dying = np.array([left_over, 1.0, 1.0, left_over]) * self._dying
                 dying_rows.append(self._dying)
         self.parameters = GaitParameters(*now.tolist())
-        corrected = () if self.correction is None else (self.correction,)
-        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body, *corrected)
+        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body, self.correction)
         if self._dying is None:
             return given
-        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body, *corrected)
-        if np.abs(self._dying[[0, 3]]).max() < GONE:
+        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body, self.correction)
+        if np.abs(self._dying[[0, 3]]).max() < 1e-9:
             self._dying = None
         both = np.clip(given.contraction + other.contraction, *self._body.stroke)
         return Commands(both, given.hinge + other.hinge, given.force)

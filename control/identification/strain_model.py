@@ -20,16 +20,13 @@ from typing import Any, Self
 
 import numpy as np
 
+from control.gaits.steering import LEFT_RIGHT
 from worm3d.values.arrays import FloatArray
 
 TIME_CONSTANTS = (0.05, 0.1, 0.2)
 """Time constants T_m of a fitted model [s]; the chambers of the default worm have a lag of 0.1 s."""
 INPUTS = 8
 """Number of inputs of a chamber, in the order of `inputs`; the chamber's own command is the first."""
-SIDE = np.array([1.0, -1.0])
-"""Sign of a hinge in the strains of the left and of the right chamber."""
-PLAIN_GAIN, PLAIN_LAG = 0.9, 0.1
-"""Gain and time constant [s] of `StrainModel.plain`, the values of a chamber of the default worm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +61,10 @@ class StrainModel:
 
     @classmethod
     def plain(cls, segments: int) -> Self:
-        """Return the model of an unidentified worm: one lag of the chamber's own command."""
+        """Return the model of an unidentified worm: one lag of the chamber's own command, as in the default worm."""
         weights = np.zeros((segments, INPUTS, 1))
-        weights[:, 0] = -PLAIN_GAIN
-        return cls(np.array([PLAIN_LAG]), weights, np.zeros(segments))
+        weights[:, 0] = -0.9
+        return cls(np.array([0.1]), weights, np.zeros(segments))
 
     @classmethod
     def fit(
@@ -113,7 +110,7 @@ def inputs(contraction: FloatArray, hinge: FloatArray) -> FloatArray:
     values[..., 0], values[..., 1] = contraction, contraction[..., ::-1]
     values[..., 1:, :, 2:4] = values[..., :-1, :, :2]
     values[..., :-1, :, 4:6] = values[..., 1:, :, :2]
-    values[..., 1:, :, 6] = values[..., :-1, :, 7] = hinge[..., None] * SIDE
+    values[..., 1:, :, 6] = values[..., :-1, :, 7] = hinge[..., None] * LEFT_RIGHT
     return values
 
 

@@ -38,13 +38,9 @@ STICKING_STEERING = 0.08
 """Steering below which feet stick, s_0, as a share of the greatest."""
 MIN_WAVE_FREQUENCY = 0.01
 """Least frequency of a wave that is slower than all identified waves [Hz]."""
-STICKING_TERM = 0
-"""Marker of tanh(s/s_0) among the powers of odd quantities."""
-DEGREES: dict[Parity, dict[int, int]] = {
-    "even": dict.fromkeys((0, 2, 4), 4),
-    "odd": dict.fromkeys((STICKING_TERM, 1, 3, 5), 4),
-}
-"""Powers of the steering, and the joint degree n_k in amplitude and frequency for each power."""
+DEGREES: dict[Parity, dict[int, int]] = {"even": dict.fromkeys((0, 2, 4), 4), "odd": dict.fromkeys((0, 1, 3, 5), 4)}
+"""Powers of the steering, and the joint degree n_k in amplitude and frequency for each power; in odd quantities the
+power 0 stands for tanh(s/s_0)."""
 RIDGE = 1e-3
 """Initial information of a design or a correction, which makes the matrix invertible; small beside one run's."""
 SMOOTH = 0.7
@@ -86,10 +82,6 @@ class Ranges:
         (weak, strong), (_, fast), sharp = self.amplitude, self.frequency, self.steering
         return np.array([[weak, MIN_WAVE_FREQUENCY, -sharp], [strong, fast, sharp]])
 
-    def contain(self, amplitude: float, frequency: float, steering: float) -> bool:
-        """Return whether the surrogate holds for these parameters."""
-        return all(abs(value) <= 1.0 + 1e-9 for value in self.scaled(amplitude, frequency, steering))
-
 
 @dataclass(frozen=True)
 class Polynomial:
@@ -117,12 +109,8 @@ class Polynomial:
 
     def within(self, ranges: Ranges) -> Polynomial:
         """Return the nearest polynomial on other ranges, by least squares on a grid of these ranges."""
-        axes = (
-            np.linspace(*ranges.amplitude, 9),
-            np.linspace(*ranges.frequency, 9),
-            np.linspace(0.0, ranges.steering, 17),
-        )
-        where = np.column_stack([axis.ravel() for axis in np.meshgrid(*axes)])
+        spans = (*ranges.amplitude, 9), (*ranges.frequency, 9), (0.0, ranges.steering, 17)
+        where = np.column_stack([axis.ravel() for axis in np.meshgrid(*(np.linspace(*span) for span in spans))])
         return self if ranges == self.ranges else fit(ranges, self.parity, where, self(*where.T))
 
     def rise(self, begin: float, end: float) -> Polynomial:
@@ -147,7 +135,7 @@ class Misfit:
 
 
 def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
-    """Return the exponents (i, j, k) of the terms of (I1); an odd quantity's k = `STICKING_TERM` is no exponent."""
+    """Return the exponents (i, j, k) of the terms of (I1); an odd quantity's k = 0 is no exponent."""
     return tuple(
         (i, n - i, k) for k, degree in DEGREES[parity].items() for n in range(degree + 1) for i in range(n, -1, -1)
     )
@@ -232,9 +220,8 @@ def _of_steering(parity: Parity, s: Any) -> dict[int, Any]:
     """Return S_k of scaled steering, (I1), by k."""
     powers = {k: s**k for k in DEGREES[parity]}
     if parity == "odd":
-        powers[STICKING_TERM] = (
-            ca.tanh(s / STICKING_STEERING) if isinstance(s, ca.SX) else np.tanh(s / STICKING_STEERING)
-        )
+        tanh = ca.tanh if isinstance(s, ca.SX) else np.tanh
+        powers[0] = tanh(s / STICKING_STEERING)
     return powers
 
 

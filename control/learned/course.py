@@ -19,9 +19,6 @@ import numpy as np
 
 from worm3d.values.arrays import FloatArray
 
-SPAN = 1.5
-"""Time span of (LC1) [waves]."""
-
 
 class Motion(NamedTuple):
     """Motion of a worm, averaged over a wave."""
@@ -45,7 +42,7 @@ class Course:
         if self._samples and waves <= self._samples[-1][0]:
             return
         self._samples.append((waves, t, float(place[0]), float(place[1])))
-        while len(self._samples) > 2 and self._samples[1][0] <= waves - SPAN:
+        while len(self._samples) > 2 and self._samples[1][0] <= waves - 1.5:
             self._samples.popleft()
 
     def motion(self) -> Motion | None:
@@ -54,7 +51,7 @@ class Course:
             return None
         waves, *columns = np.array(self._samples).T
         time, places = columns[0], np.array(columns[1:]).T
-        if waves[-1] - waves[0] < SPAN:
+        if waves[-1] - waves[0] < 1.5:
             return Motion(places.mean(axis=0), None, 0.0)
         ends = waves[-1] - np.array([1.5, 1.0, 0.5, 0.0])
         a, b, c, d = _integral(waves, places, ends)
@@ -68,5 +65,4 @@ def _integral(w: FloatArray, y: FloatArray, ends: FloatArray) -> FloatArray:
     whole = np.vstack([np.zeros(2), np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(w)[:, None], axis=0)])
     k = np.clip(np.searchsorted(w, ends, side="right") - 1, 0, len(w) - 2)
     part, width = (ends - w[k])[:, None], (w[k + 1] - w[k])[:, None]
-    inside: FloatArray = whole[k] + part * y[k] + 0.5 * part**2 * (y[k + 1] - y[k]) / width
-    return inside
+    return np.asarray(whole[k] + part * y[k] + 0.5 * part**2 * (y[k + 1] - y[k]) / width)

@@ -24,10 +24,6 @@ from worm3d.values.spelling import Spelled
 
 SHIPPED_POLICY = Path(__file__).with_name("policy.npz")
 """The policy that comes with the program."""
-LARGEST_FILE = 100_000_000
-"""Largest file of a policy [byte]; a policy with two layers of 1000 has 8 MB."""
-MAX_QUOTED_CHARACTERS = 120
-"""Largest number of characters that a message quotes from a library's error."""
 ABOUT = "about"
 """Name of the text in a file that says how the policy was trained."""
 
@@ -57,10 +53,11 @@ class Policy(Spelled):
             raise ValueError(f"layers: got {sizes}, must fit to one another, (outputs, inputs) of each")
         if self.acts not in ACTS:
             raise ValueError(f"acts: got {self.acts!r}, must be one of {', '.join(ACTS)}")
-        wanted = BASE_OBSERVATION_SIZE + ACTS[self.acts].size
-        if sizes[-1][0] != ACTS[self.acts].size or self.inputs < wanted:
+        outputs = ACTS[self.acts].size
+        wanted = BASE_OBSERVATION_SIZE + outputs
+        if sizes[-1][0] != outputs or self.inputs < wanted:
             got = f"{self.inputs} inputs and {sizes[-1][0]} outputs"
-            raise ValueError(f"layers: got {got}, must be {wanted} inputs or more, and {ACTS[self.acts].size} outputs")
+            raise ValueError(f"layers: got {got}, must be {wanted} inputs or more, and {outputs} outputs")
         if not all(np.isfinite(part).all() for layer in self.layers for part in layer):
             raise ValueError("layers: got values that are not finite; the training has failed")
 
@@ -104,7 +101,7 @@ class Policy(Spelled):
             The file cannot be read, holds no policy, or is damaged.
         """
         try:
-            data = regular_file.read(path, LARGEST_FILE)
+            data = regular_file.read(path, 100_000_000)  # a policy with two layers of 1000 has 8 MB
         except OSError as error:
             raise ValueError(f"{path}: cannot be read: {error.strerror or error}") from error
         try:
@@ -112,7 +109,7 @@ class Policy(Spelled):
                 warnings.simplefilter("error")  # numpy only warns of foreign arrays, and accepts them
                 return cls(*_unpacked(data))
         except Exception as error:  # damaged zip files and arrays raise various errors
-            why = (str(error).splitlines() or [""])[0][:MAX_QUOTED_CHARACTERS]
+            why = (str(error).splitlines() or [""])[0][:120]
             raise ValueError(
                 f"{path}: is no policy of 'worm3d learn', or a damaged one ({type(error).__name__}: {why}); "
                 "take a copy of it, or train it again"

@@ -18,11 +18,12 @@ observation, clipped to [-2, 2], is:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, tau
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from control.gaits.steering import GaitParameters
 from control.learned.course import Course
 from control.sensing.sensors import QUANTITIES, Measurement
 from control.tracking.paths import offset
@@ -45,8 +46,6 @@ FADING = 10.0
 """Time constant of the means that fade [s]."""
 MIN_REFERENCE_SPEED = 1e-3
 """Least reference speed for relative errors [body lengths/s]."""
-LAG = 0.5
-"""Lag of a mean over a wave [waves]."""
 
 
 class Senses:
@@ -72,8 +71,7 @@ class Senses:
             if name not in QUANTITIES or not QUANTITIES[name].exists(worm):
                 known = ", ".join(name for name, each in QUANTITIES.items() if each.exists(worm))
                 raise ValueError(f"channels: got {name!r}, must be among {known}")
-        self._length, self._reference = worm.length, reference
-        self._actions = actions
+        self._length, self._reference, self._actions = worm.length, reference, actions
         self._shapes = {name: QUANTITIES[name].shape(worm) for name in channels}
         self.size = BASE_OBSERVATION_SIZE + actions + sum(int(np.prod(shape)) for shape in self._shapes.values())
         self.reset()
@@ -86,15 +84,18 @@ class Senses:
         self._near: float | None = None
         self._means, self._seen_at = np.zeros(2), float("nan")
 
-    def take(self, t: float, measurement: Measurement, waves: float, frequency: float) -> None:
-        """Take a measurement that passed `control.sensing.gate`, at time t [s], phase [waves] and frequency [Hz]."""
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
+        """Take a measurement that passed `control.sensing.gate`, at time t [s] and phase [rad] of a wave."""
         if measurement.com is not None and isfinite(measurement.com_time):
-            age = t - measurement.com_time
-            self._course.add(waves - frequency * age, measurement.com_time, measurement.com[:2])
+            waves = phase / tau - parameters.frequency * (t - measurement.com_time)
+            self._course.add(waves, measurement.com_time, measurement.com[:2])
         for name, latest in self._latest.items():
             sample = measurement[name].value if name in measurement else None
             if sample is not None:
                 self._latest[name] = np.where(np.isfinite(sample), sample, latest)
+
+    def estimate(self, _: float) -> None:
+        """Return no estimate; a controller with these senses decides without estimates."""
 
     def acted(self, action: FloatArray, waves: float) -> None:
         """Record the action (A,) from this phase [waves] on."""
@@ -130,9 +131,9 @@ class Senses:
         self._near = s = float(path.project(motion.place, self._near))
         # The velocity's middle lies a quarter of a wave behind the place, which lies half a wave behind the worm.
         way = 0.0 if velocity is None else float(np.hypot(*velocity)) * motion.wave
-        heading, before = path.heading(s - 0.5 * LAG * way * np.array([0.0, 1.0])).tolist()
+        heading, before = path.heading(s - 0.25 * way * np.array([0.0, 1.0])).tolist()
         fast, course = along(velocity, before)
-        ahead = path.curvature(s + LAG * way + self._length * CURVATURE_DISTANCES)
+        ahead = path.curvature(s + 0.5 * way + self._length * CURVATURE_DISTANCES)
         return speed, fast, float(offset(path, motion.place, s, heading)), course, ahead
 
 

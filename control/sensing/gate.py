@@ -26,8 +26,6 @@ SPAN = 2.0
 """Age beyond which a sample is not used, unless slower sensors are declared [s]."""
 CLOCK_TOLERANCE = 1e-6
 """Greatest lead of a time stamp over the clock that counts as rounding [s]."""
-MAX_KEPT_INSTANTS = 1000
-"""Number of kept instants of a channel beyond which old instants are dropped."""
 
 
 class Refusal(Enum):
@@ -112,7 +110,7 @@ class Gate:
 
     def _remember(self, name: str, t: float, instant: float) -> None:
         self._latest[name] = instant
-        if len(self._instants[name]) >= MAX_KEPT_INSTANTS:
+        if len(self._instants[name]) >= 1000:
             self._instants[name] = {each for each in self._instants[name] if each >= t - self._span}
         self._instants[name].add(instant)
 
@@ -143,9 +141,8 @@ class Gate:
         flat = numbers.ravel()
         if np.vdot(flat, flat) <= min(low**2, high**2):  # quick; false where any is NaN
             return value if isinstance(value, np.ndarray | float) else numbers, None
-        finite = np.isfinite(numbers)
-        right = finite & (np.where(finite, numbers, 0.0) >= low) & (np.where(finite, numbers, 0.0) <= high)
+        right = (numbers >= low) & (numbers <= high)
         if right.all():
             return numbers, None
-        refusal = Refusal.OUT_OF_RANGE if finite.all() else Refusal.NOT_FINITE
+        refusal = Refusal.OUT_OF_RANGE if np.isfinite(numbers).all() else Refusal.NOT_FINITE
         return np.where(right, numbers, np.nan) if QUANTITIES[name].is_enough(right) else None, refusal

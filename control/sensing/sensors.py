@@ -39,16 +39,6 @@ SIDE_NAMES = ("left", "right")
 """Names of the sides of a segment, in the order of arrays."""
 INSTANT_TOLERANCE = 1e-9
 """Tolerance of instants, since times are sums of time steps [s]."""
-MAX_COORDINATE = 1e7
-"""Largest possible magnitude of a coordinate, more than any grid on earth has [m]."""
-MAX_ANGULAR_RATE = 100.0
-"""Largest possible angular rate, three times the full range of usual gyroscopes of 2000 deg/s [rad/s]."""
-MAX_LOAD = 1e5
-"""Largest possible contact load per mass of the worm, ten thousand times the weight on earth [N/kg]."""
-MAX_PRESSURE = 1e9
-"""Largest possible pressure, ten times the pressure of strong hydraulics [Pa]."""
-MAX_HEADING = 1e4
-"""Largest possible magnitude of a heading; sensors may count whole turns [rad]."""
 
 
 @documented
@@ -115,13 +105,6 @@ COM = Channel(noise=0.005, rate=20.0)
 """Quality of a camera: 5 mm in each direction, 20 pictures a second."""
 HEADING_SENSOR = Channel(noise=float(np.deg2rad(1.1)))
 """Quality of a compass: 1.1 degrees."""
-ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5)))
-"""Quality of a MEMS gyroscope: 0.1 deg/s (a noise density of 0.01 deg/s/sqrt(Hz) over a bandwidth of 100 Hz), and a
-zero-rate offset of 0.5 deg/s."""
-CONTACT_LOAD = Channel(noise=0.005)
-"""Quality of force sensors in the feet: 5 mN, a sixteenth of the load on a foot of the default worm."""
-PRESSURE = Channel(noise=5.0, bias=50.0)
-"""Quality of a MEMS barometer: 5 Pa, and a constant error of 50 Pa."""
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
         "strain of the chambers",
@@ -141,7 +124,7 @@ QUANTITIES = {
         COM,
         true_value=lambda seen: seen.com,
         shape=lambda worm: (3,),
-        limits=lambda worm: (-MAX_COORDINATE, MAX_COORDINATE),
+        limits=lambda worm: (-1e7, 1e7),  # more than any grid on earth has
         mirrored=lambda value: value * [1.0, -1.0, 1.0],
         is_enough=lambda right: bool(right[:2].all()),
         standard=True,
@@ -153,36 +136,37 @@ QUANTITIES = {
         HEADING_SENSOR,
         true_value=lambda seen: np.array(seen.heading),
         shape=lambda worm: (),
-        limits=lambda worm: (-MAX_HEADING, MAX_HEADING),
+        limits=lambda worm: (-1e4, 1e4),  # sensors may count whole turns
         mirrored=lambda value: -value,
         angle=True,
     ),
     "angular_rate": Quantity(  # of each segment in its own axes: forward, left, up
         "angular rate of the segments",
         "rad/s",
-        ANGULAR_RATE,
+        # A MEMS gyroscope: 0.01 deg/s/sqrt(Hz) over a bandwidth of 100 Hz, and a zero-rate offset of 0.5 deg/s.
+        Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5))),
         true_value=lambda seen: seen.angular_velocity,
         shape=lambda worm: (worm.segments, 3),
-        limits=lambda worm: (-MAX_ANGULAR_RATE, MAX_ANGULAR_RATE),
+        limits=lambda worm: (-100.0, 100.0),  # three times the full range of usual gyroscopes, 2000 deg/s
         mirrored=lambda value: value * [-1.0, 1.0, -1.0],  # an axial vector
     ),
     "contact_load": Quantity(  # normal load of each apex, in the order of NOTATION.md
         "contact load of the apexes",
         "N",
-        CONTACT_LOAD,
+        Channel(noise=0.005),  # force sensors in the feet: a sixteenth of the load on a foot of the default worm
         true_value=lambda seen: seen.normal_load,
         shape=lambda worm: (worm.segments, 6),
-        limits=lambda worm: (-MAX_LOAD * worm.mass, MAX_LOAD * worm.mass),
+        limits=lambda worm: (-1e5 * worm.mass, 1e5 * worm.mass),  # ten thousand times the weight on earth
         mirrored=lambda value: value[:, [3, 4, 5, 0, 1, 2]],
         may_stay=np.inf,  # an apex that touches nothing bears exactly nothing
     ),
     "pressure": Quantity(  # absolute, [left, right]
         "pressure of the chambers",
         "Pa",
-        PRESSURE,
+        Channel(noise=5.0, bias=50.0),  # a MEMS barometer
         true_value=lambda seen: seen.actuator_states["pressure"],
         shape=lambda worm: (worm.segments, 2),
-        limits=lambda worm: (-MAX_PRESSURE, MAX_PRESSURE),
+        limits=lambda worm: (-1e9, 1e9),  # ten times the pressure of strong hydraulics
         mirrored=lambda value: value[:, ::-1],
         exists=lambda worm: "pressure" in type(worm.actuator).states,
     ),
@@ -311,8 +295,7 @@ class _Instrument:
         self._mirrored = sensors.mirrored
         self._random = np.random.default_rng([sensors.seed, crc32(name.encode())])
         self._bias: FloatArray | None = None
-        self._begin, self._count = float("nan"), 0
-        self._last = float("nan")
+        self._begin, self._count, self._last = float("nan"), 0, float("nan")
         self._on_the_way: deque[tuple[float, FloatArray]] = deque()
 
     def sample(self, seen: Observation) -> Sample:

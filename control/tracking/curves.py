@@ -23,12 +23,6 @@ from worm3d.values.spelling import Spelled
 
 PARTS = 16
 """Number of parts of each interval between knots."""
-MAX_PROJECTION_SHIFT = 0.125
-"""Greatest change from the previous projection, as a share of the length."""
-ALIKE = 0.01
-"""Greatest extra distance of a pass of the curve that still counts as nearest, as a share of the length."""
-MAX_PROJECTION_ITERATIONS = 20
-"""Largest number of Newton iterations; three or four are enough except at the centre of curvature."""
 GAUSS = np.polynomial.legendre.leggauss(5)
 """Points and weights of Gauss's rule on [-1, 1]."""
 
@@ -62,12 +56,10 @@ class Curve(Spelled, ABC):
         """Return the azimuths of the tangents at arc lengths of shape (...), continuous along the curve [rad]."""
         inside, _, laps = self._inside(s)
         _, d, _ = self._at(inside)
-        azimuth = np.arctan2(d[..., 1], d[..., 0])
-        nodes, known = self._nodes[1], self._headings
-        near = np.interp(inside, nodes, known)
-        turned: FloatArray = azimuth + 2.0 * np.pi * np.round((near - azimuth) / (2.0 * np.pi))
-        whole: FloatArray = turned + laps * (known[-1] - known[0])
-        return whole
+        azimuth, known = np.arctan2(d[..., 1], d[..., 0]), self._headings
+        near = np.interp(inside, self._nodes[1], known)
+        turned = azimuth + 2.0 * np.pi * np.round((near - azimuth) / (2.0 * np.pi))
+        return np.asarray(turned + laps * (known[-1] - known[0]))
 
     def curvature(self, s: ArrayLike) -> FloatArray:
         """Return the curvatures at arc lengths of shape (...), positive to the left, (L1) [1/m]."""
@@ -80,8 +72,8 @@ class Curve(Spelled, ABC):
         """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...) [m].
 
         The search covers only points within an eighth of the curve's length of the arc length `near`. Without `near`
-        the search covers all points; if the curve passes a place more than once, nearly as close, the first pass
-        counts.
+        the search covers all points; if the curve passes a place more than once, the first pass counts that is as close
+        as the closest pass, or farther by at most a hundredth of the length.
         """
         places = np.asarray(xy, dtype=float)
         flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
@@ -92,7 +84,7 @@ class Curve(Spelled, ABC):
         (nodes, lengths), (k, laps) = self._nodes, self._nearest_node(place, near)
         low, high = self._beside(k)
         u = float(nodes[k])
-        for _ in range(MAX_PROJECTION_ITERATIONS):
+        for _ in range(20):  # three or four are enough, except at the centre of curvature
             r, d, dd = (part[0] for part in self._derivatives(np.array([u])))
             speed = float(d @ d)
             change = float((r - place) @ d) / max(speed + float((r - place) @ dd), 0.1 * speed)
@@ -119,25 +111,22 @@ class Curve(Spelled, ABC):
         node = np.arange(len(chords)) + np.round(share).astype(int)
         lengths, laps = self._nodes[1][node], np.zeros(len(node))
         if near is None:
-            alike = distance <= distance.min() + ALIKE * self.length
+            alike = distance <= distance.min() + 0.01 * self.length
             first = int(np.argmax(alike))
             distance[first + int(np.argmin([*alike[first:], False])) :] = np.inf
         else:
             if self.closed:
                 laps = np.round((near - lengths) / self.length)
             inside = near if self.closed else min(max(near, 0.0), self.length)
-            distance[np.abs(lengths + laps * self.length - inside) > MAX_PROJECTION_SHIFT * self.length] = np.inf
+            distance[np.abs(lengths + laps * self.length - inside) > 0.125 * self.length] = np.inf
         k = int(np.argmin(distance))
         return int(node[k]), float(laps[k])
 
     def _beside(self, k: int) -> tuple[float, float]:
         """Return the parameters of the nodes before and after node k, continued beyond the ends of a closed curve."""
         nodes = self._nodes[0]
-        if self.closed and k == 0:
-            return float(nodes[-2] - nodes[-1]), float(nodes[1])
-        if self.closed and k == len(nodes) - 1:
-            return float(nodes[-2]), float(nodes[-1] + nodes[1])
-        return float(nodes[max(k - 1, 0)]), float(nodes[min(k + 1, len(nodes) - 1)])
+        first, last = (nodes[-2] - nodes[-1], nodes[-1] + nodes[1]) if self.closed else nodes[[0, -1]]
+        return float(nodes[k - 1] if k else first), float(nodes[k + 1] if k < len(nodes) - 1 else last)
 
     def _inside(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return arc lengths clipped to the ends, the excess beyond the ends, and the laps of a closed curve."""
@@ -165,8 +154,7 @@ class Curve(Spelled, ABC):
         half = (end - begin) / 2.0
         places = begin[:, None] + half[:, None] * (1.0 + GAUSS[0])
         speed = np.linalg.norm(self.derivatives(places.ravel())[1], axis=1).reshape(places.shape)
-        ways: FloatArray = half * (speed @ GAUSS[1])
-        return ways
+        return np.asarray(half * (speed @ GAUSS[1]))
 
     def _parameter(self, s: FloatArray) -> FloatArray:
         """Return the parameters of arc lengths, shape (K,): a cubic between nodes, then a step of Newton's method."""
@@ -175,8 +163,7 @@ class Curve(Spelled, ABC):
         k = np.clip(np.searchsorted(nodes, u, side="right") - 1, 0, len(nodes) - 2)
         missing = s - lengths[k] - self._ways(nodes[k], u)
         speed = np.linalg.norm(self.derivatives(u)[1], axis=1)
-        inside: FloatArray = np.clip(u + missing / speed, 0.0, nodes[-1])
-        return inside
+        return np.asarray(np.clip(u + missing / speed, 0.0, nodes[-1]))
 
     @cached_property
     def _places(self) -> FloatArray:
@@ -198,5 +185,4 @@ class Curve(Spelled, ABC):
 
 
 def _unit(vector: FloatArray) -> FloatArray:
-    unit: FloatArray = vector / np.linalg.norm(vector, axis=-1)[..., None]
-    return unit
+    return np.asarray(vector / np.linalg.norm(vector, axis=-1)[..., None])

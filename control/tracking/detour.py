@@ -14,10 +14,6 @@ from control.tracking.obstacles import Obstacle, nearest
 from control.tracking.paths import Path, SplinePath
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
-from worm3d.values.read_only import read_only
-
-SPOTS = 21
-"""Number of spots along the chord for the distance of the body: circles around the spots miss 0.003 of the body."""
 
 
 class Body(NamedTuple):
@@ -36,10 +32,17 @@ class Body(NamedTuple):
         return cls(worm.length, worm.chamber_offset + float(rise.max()))
 
     def clearance(self, obstacles: Sequence[Obstacle], places: FloatArray, azimuths: FloatArray) -> FloatArray:
-        """Return the distances of bodies at places (..., 2) [m] from obstacles, (...) [m]; below 0 inside."""
-        along = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
-        spots = places[..., None, :] + self.length * np.linspace(-0.5, 0.5, SPOTS)[:, None] * along[..., None, :]
+        """Return the distances of bodies at places (..., 2) [m] from obstacles, (...) [m]; below 0 inside.
+
+        The distances are those of circles around 21 spots along the chord, which miss 0.003 of the body.
+        """
+        spots = places[..., None, :] + self.length * np.linspace(-0.5, 0.5, 21)[:, None] * ahead(azimuths)[..., None, :]
         return np.asarray(nearest(obstacles, spots).min(axis=-1) - self.half_width)
+
+
+def ahead(azimuth: FloatArray) -> FloatArray:
+    """Return the unit vectors of azimuths (...) [rad], (..., 2)."""
+    return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +59,6 @@ class Detour(SplinePath):
     """Greatest offsets of the middle to the left and right of the way, then of the body, [m], shape (4, P)."""
     unknown: tuple[Obstacle, ...] = field(kw_only=True, default=())
     """Obstacles that the worm detects only nearby."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("along", "aside", "bounds"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def bounds_at(self, s: FloatArray) -> FloatArray:
         """Return the bounds at arc lengths (K,) of the way [m], shape (4, K)."""

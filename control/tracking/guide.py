@@ -123,11 +123,8 @@ class Guide:
         self._near = s = float(way.project(place, self._near))
         if sure and not self._placed:
             self._placed = True
-            aside, turned = float(offset(way, place, s)), azimuth - float(way.heading(s))
-            if (
-                abs(aside) > MAX_WAY_DISTANCE * self._body.length
-                or abs(np.arctan2(np.sin(turned), np.cos(turned))) > MAX_WAY_ANGLE
-            ):
+            aside, turned = float(offset(way, place, s)), math.remainder(azimuth - float(way.heading(s)), math.tau)
+            if abs(aside) > MAX_WAY_DISTANCE * self._body.length or abs(turned) > MAX_WAY_ANGLE:
                 self._lead_from(place, azimuth)
         near = {each: float(self._body.clearance([each], place, np.array(azimuth))) for each in way.unknown}
         seen = [each for each, clear in near.items() if clear + self._body.half_width <= each.sight]

@@ -57,9 +57,6 @@ METRICS = (
     *("joining_periods", "clearance_min_bl", BODY_CLEARANCE, "end_error_bl", "settling_periods", *RESPONSE_METRICS),
 )
 """Names of the metrics that `summary` returns."""
-EDGE_PARTS = 8
-"""Number of parts of each line of an outline: a part is 0.02 body lengths, so that an obstacle of radius 0.05 body
-lengths is at most 0.001 nearer than the reported distance."""
 STAYED = 4.0
 """Time for which a worm has to stay at the end of its path at the end of a run, three periods at 0.8 Hz [s]."""
 TOO_SHORT = f"the run is shorter than the {DROPPED_PERIODS:g} periods that are left out and one more"
@@ -132,14 +129,15 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
     window = _Window(motion)
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
+    wanted_speed = window.mean(np.asarray(reference.speed(motion.time), dtype=float))
     wanted_heading, along, longer = _course(motion, reference, window, place, heading)
-    arriving = _arriving(motion, reference, window, place)
+    arriving = _arriving(reference, window, place, wanted_speed)
     return Tracking(
         time=window.time,
         waves=window.waves,
         place=place,
         speed=longer * (velocity[:, 0] * np.cos(along) + velocity[:, 1] * np.sin(along)),
-        wanted_speed=window.mean(np.asarray(reference.speed(motion.time), dtype=float)),
+        wanted_speed=wanted_speed,
         heading=heading,
         wanted_heading=wanted_heading,
         cross_track=_offset(motion.com, reference, window),
@@ -157,14 +155,14 @@ def _course(
 
     Each of shape (K,); the factor is the ratio of the length along a rising pipe to the length seen from above.
     """
-    same = np.ones(len(place))
     if reference.path is not None:
         s = track(reference.path, place)
         azimuth = reference.path.heading(s)
         return azimuth, azimuth, lengthening(reference.path, s)
+    wanted = np.full(len(place), np.nan)
     if reference.heading is not None:
-        return window.mean(np.asarray(reference.heading(motion.time), dtype=float)), heading, same
-    return np.full(len(place), np.nan), heading, same
+        wanted = window.mean(np.asarray(reference.heading(motion.time), dtype=float))
+    return wanted, heading, np.ones(len(place))
 
 
 def _offset(places: FloatArray | None, reference: Reference, window: _Window) -> FloatArray:
@@ -188,9 +186,10 @@ def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[
 def clearances(outline: FloatArray, reference: Reference) -> FloatArray:
     """Return the distances of outlines (T, C, 2) from the nearest obstacle [m], shape (T,); below 0 inside.
 
-    The distances are evaluated at the corners and at places on the lines between the corners.
+    The distances are evaluated at the corners and at seven places on each line between two corners, 0.02 body lengths
+    apart: an obstacle of radius 0.05 body lengths is at most 0.001 nearer.
     """
-    shares = np.arange(EDGE_PARTS)[:, None] / EDGE_PARTS
+    shares = np.arange(8)[:, None] / 8
     begin, end = outline[:, :, None], np.roll(outline, -1, axis=1)[:, :, None]
     places = (begin + shares * (end - begin)).reshape(len(outline), -1, 2)
     return np.asarray(nearest(reference.obstacles, places).min(axis=1))
@@ -296,12 +295,11 @@ def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[f
     return float(off.max()) / length, ""
 
 
-def _arriving(motion: Motion, reference: Reference, window: _Window, place: FloatArray) -> Bools:
+def _arriving(reference: Reference, window: _Window, place: FloatArray, wanted: FloatArray) -> Bools:
     """Return which windows end within the distance of three periods before the end of the path, or beyond the end."""
     path = reference.path
     if path is None or not reference.ends:
         return np.zeros(len(place), dtype=bool)
-    wanted = window.mean(np.asarray(reference.speed(motion.time), dtype=float))
     near: Bools = track(path, place) >= path.length - DROPPED_PERIODS * np.abs(wanted) * (window.time - window.began)
     return np.logical_or.accumulate(near) & (wanted >= 0.0)
 
@@ -315,8 +313,7 @@ def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
     begins = [motion.time[0], *(t for t in steps if t <= motion.time[-1])]
     first = np.interp(begins, motion.time, motion.waves - motion.waves[0])
     since = np.searchsorted(np.asarray(begins) + TIME_ROUNDING, window.time, side="left") - 1
-    beyond: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED_PERIODS - 1e-9
-    return beyond
+    return np.asarray(window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED_PERIODS - 1e-9)
 
 
 class _Window:
@@ -343,8 +340,7 @@ class _Window:
         share = (self.began - self._all[k]).reshape(-1, *(1,) * (values.ndim - 1))
         part = share * (values[k] + self.at_begin(values)) / 2
         length = (self.time - self.began).reshape(share.shape)
-        mean: FloatArray = (total[self.rows] - total[k] - part) / length
-        return mean
+        return np.asarray((total[self.rows] - total[k] - part) / length)
 
 
 def _rms(values: FloatArray) -> float:

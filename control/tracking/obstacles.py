@@ -23,14 +23,6 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
-OUTLINE_CORNERS = 128
-"""Number of corners of an outline that is drawn: arcs are round to 0.03 % of their radius, with half as many corners to
-0.12 %, with twice as many to 0.01 %, which is not visible."""
-SPINE_PARTS = 500
-"""Largest number of parts of a wall's spine. The parts are as long as the wall's radius, so that the limit reduces the
-memory only of walls more than 500 times as long as thick; half the limit makes contact with walls of half that length
-less exact."""
-
 
 def seen_from() -> Any:
     """Return the field of the distance of sight of an obstacle."""
@@ -45,6 +37,9 @@ class Obstacle(Spelled, ABC):
     sight: float = math.inf
     """Distance from the obstacle's edge to the worm's middle line within which the controller detects the obstacle
     [m]."""
+
+    def __post_init__(self) -> None:
+        check(self)
 
     @property
     @abstractmethod
@@ -70,8 +65,8 @@ class Obstacle(Spelled, ABC):
         return ca.Function("distance", [x, y], [self.distance(x, y)])
 
     def outline(self) -> FloatArray:
-        """Return points around the obstacle [m], shape (K, 2), for drawing."""
-        turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE_CORNERS, endpoint=False)
+        """Return points around the obstacle [m], shape (K, 2), round to 0.03 % of the radius, for drawing."""
+        turn = np.linspace(0.0, 2.0 * np.pi, 128, endpoint=False)
         ways, spine = np.column_stack([np.cos(turn), np.sin(turn)]), self.spine
         return np.asarray(spine[np.argmax(ways @ spine.T, axis=1)] + self.radius * ways)
 
@@ -85,9 +80,6 @@ class Disc(Obstacle):
     y: float = parameter(meaning="y of its middle", unit="m")
     radius: float = parameter(meaning="distance of its edge from its middle", unit="m", gt=0)
     sight: float = seen_from()
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def spine(self) -> FloatArray:
@@ -111,13 +103,10 @@ class Wall(Obstacle):
     azimuth: float = parameter(0.0, meaning="direction of its middle line", unit="rad")
     sight: float = seen_from()
 
-    def __post_init__(self) -> None:
-        check(self)
-
     @property
     def spine(self) -> FloatArray:
-        """Points of the middle line; see `Obstacle`."""
-        count = min(int(np.ceil(self.length / self.radius)), SPINE_PARTS)
+        """Points of the middle line, as far apart as the radius; farther in walls that are 500 times as long."""
+        count = min(int(np.ceil(self.length / self.radius)), 500)
         along = self.length * (np.arange(count + 1) / count - 0.5)
         return np.column_stack([self.x + along * np.cos(self.azimuth), self.y + along * np.sin(self.azimuth)])
 

@@ -28,11 +28,6 @@ from worm3d.values.spelling import Spelled
 
 Side = Literal["left", "right"]
 
-STRAIGHT_BACK = math.pi - 0.01
-"""Turn between two straight pieces above which no arc can round the corner [rad]."""
-MOST_WAVES = 10_000
-"""Largest number of waves of an S-curve, whose length is summed up piece by piece."""
-
 
 @runtime_checkable
 class Path(Protocol):
@@ -142,9 +137,10 @@ class Circle(Spelled, Path):
         """Return the arc lengths; see `Path`. Without `near` within the first lap."""
         out = np.asarray(xy, dtype=float) - self.start - self.radius * self._inwards
         turn = np.arctan2(out @ _direction(self.azimuth), -(out @ self._inwards))
-        laps = 0.0 if near is None else np.round((near / self.radius - turn) / (2.0 * np.pi))
-        within = np.mod(turn, 2.0 * np.pi) if near is None else turn + 2.0 * np.pi * laps
-        return np.asarray(self.radius * within)
+        if near is None:
+            return np.asarray(self.radius * np.mod(turn, 2.0 * np.pi))
+        laps = np.round((near / self.radius - turn) / (2.0 * np.pi))
+        return np.asarray(self.radius * (turn + 2.0 * np.pi * laps))
 
     @property
     def _inwards(self) -> FloatArray:
@@ -171,9 +167,9 @@ class SCurve(Curve, Path):
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
         arguments.choice("towards", self.towards, get_args(Side))
-        for name in ("amplitude", "wavelength"):
-            arguments.number(name, getattr(self, name), gt=0.0)
-        arguments.number("waves", self.waves, gt=0.0, le=MOST_WAVES)
+        arguments.number("amplitude", self.amplitude, gt=0.0)
+        arguments.number("wavelength", self.wavelength, gt=0.0)
+        arguments.number("waves", self.waves, gt=0.0, le=10_000)  # the length is summed up piece by piece
 
     def knots(self) -> FloatArray:
         """Return every eighth of a wave; see `Curve`."""
@@ -202,6 +198,7 @@ class SplinePath(ReadOnly, Curve, Path):
     def __post_init__(self) -> None:
         closed = arguments.flag("closed", self.closed)
         object.__setattr__(self, "points", _points(self.points, 3 if closed else 2, closed=closed))
+        super().__post_init__()
 
     def knots(self) -> FloatArray:
         """Return the sums of the chords; see `Curve`."""
@@ -272,7 +269,7 @@ class WayPoints(PlanView):
         super().__init__(_rounded(self.points, self.radius))
 
 
-def lengthening(path: Path, s: ArrayLike) -> FloatArray:
+def lengthening(path: Path | None, s: ArrayLike) -> FloatArray:
     """Return the ratio of distance to path length at arc lengths s (...): 1 except for pipes that rise or fall."""
     rising = getattr(path, "lengthening", None)
     return np.ones(np.shape(s)) if rising is None else np.asarray(rising(s))
@@ -311,7 +308,7 @@ def _rounded(points: FloatArray, radius: float) -> Centreline:
     chords = np.diff(points, axis=0)
     length, azimuth = np.linalg.norm(chords, axis=1), np.arctan2(chords[:, 1], chords[:, 0])
     turn = np.mod(np.diff(azimuth) + np.pi, 2.0 * np.pi) - np.pi
-    if (np.abs(turn) > STRAIGHT_BACK).any():
+    if (np.abs(turn) > math.pi - 0.01).any():
         k = int(np.argmax(np.abs(turn))) + 1
         raise ValueError(f"points: the path turns back on itself at point {k}; put a point beside it to turn round")
     cut = np.concatenate([[0.0], radius * np.tan(np.abs(turn) / 2.0), [0.0]])

@@ -24,16 +24,12 @@ from control.tracking.paths import lengthening
 from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
 
-MOMENT = 0.05
-"""Time interval for the rate of a heading [s]."""
 APPROACH = 2.0
 """Time T in which the distance to the end of a path falls to 37 % [waves]: the speed lags behind by one wave."""
 TURNS_IN = 0.3
 """Distance for averaging the curvature of a path [body lengths], over which a worm turns by a right angle at best."""
 AWAY = 1.3
 """Angle between a worm and its path above which the worm turns round before following the path [rad]."""
-PLACES = 65
-"""Number of places ahead with an evaluated greatest speed."""
 
 Reach = Callable[[FloatArray], FloatArray]
 """Function of curvatures (...) [1/m] that returns the greatest speeds along such curves (...) [m/s]."""
@@ -98,7 +94,7 @@ def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = A
     begin, end = _ending(reference, along, able.wave)
     asked = np.asarray(reference.speed(t), dtype=float)
     speed = np.asarray(np.clip(asked, -np.minimum(turning, begin), np.minimum(turning, end)))
-    return speed if reference.path is None else speed / lengthening(reference.path, along)
+    return np.asarray(speed / lengthening(reference.path, along))
 
 
 def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
@@ -123,8 +119,8 @@ def _advance(reference: Reference, times: FloatArray, step: float, progress: flo
     path, straight = reference.path, float(able.reach(np.zeros(1))[0])
     asked = np.clip(asked, -straight, straight)
     back, forth = step * np.minimum(asked, 0.0).sum(), step * np.maximum(asked, 0.0).sum()
-    places = np.linspace(progress + float(back), progress + float(forth), PLACES)
-    turning, longer = _turning(reference, places, able), np.ones(PLACES) if path is None else lengthening(path, places)
+    places = np.linspace(progress + float(back), progress + float(forth), 65)
+    turning, longer = _turning(reference, places, able), lengthening(path, places)
     s, along = progress, []
     for speed in asked.tolist():
         limit, ending = float(np.interp(s, places, turning)), _ending(reference, np.array(s), able.wave)
@@ -183,7 +179,7 @@ def turn_rate(reference: Reference, t: float, progress: float, able: Ability = A
     if reference.path is not None:
         return float(reference.path.curvature(progress)) * float(speed_at(reference, t, progress, able))
     if reference.heading is not None:
-        return (float(reference.heading(t + MOMENT)) - float(reference.heading(t))) / MOMENT
+        return (float(reference.heading(t + 0.05)) - float(reference.heading(t))) / 0.05
     return 0.0
 
 

@@ -108,12 +108,11 @@ class Reference(Spelled):
     def __post_init__(self) -> None:
         if self.heading is not None and self.path is not None:
             raise ValueError("heading, path: got both, must be at most one: a path has headings of its own")
-        for name in ("speed", "heading"):
-            given = getattr(self, name)
-            if not (given is None and name == "heading"):
-                arguments.function(name, given, "a function of time: control.tracking.references.Constant(0.08)")
-        if not (self.path is None or isinstance(self.path, Path)):
-            raise ValueError(f"path: got {type(self.path).__name__}, must be a path, as control.tracking.paths.Line()")
+        profile = "a function of time: control.tracking.references.Constant(0.08)"
+        arguments.function("speed", self.speed, profile)
+        if self.heading is not None:
+            arguments.function("heading", self.heading, profile)
+        arguments.instance("path", self.path, Path | None, "a path, as control.tracking.paths.Line()")
         self._check_bounds()
 
     def _check_bounds(self) -> None:

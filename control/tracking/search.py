@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 import scipy
 
-from control.tracking.detour import Body, Detour
+from control.tracking.detour import Body, Detour, ahead
 from control.tracking.obstacles import Obstacle, nearest
 from control.tracking.paths import Path
 from control.tracking.preview import TURNS_IN
@@ -36,8 +36,6 @@ from worm3d.values.arrays import FloatArray, IntArray
 
 GRID_STEP, GRID_CELL = 0.1, 0.01
 """Spacing of the grid along and beside the path [body lengths]: slopes differ by 0.1, curvatures by 1 per length."""
-MAX_SLOPE = 8
-"""Greatest slope of a way against the path, in cells per step: 0.8. Steeper ways are not needed within 1 BL."""
 SHARPEST = 2.2
 """Greatest curvature of a way [1/body length]: on circles of 0.45 BL the offset is 0.003 BL, corners have 0.012."""
 BENDS = 0.8
@@ -59,8 +57,9 @@ OBSTACLE_RANGE = 0.3
 """Room beside the body beyond which an obstacle is no bound, and is ignored when a way is smoothed [body lengths]."""
 IPOPT_OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
 """Options of Ipopt, which takes some 20 iterations."""
-SLOPES, TURNS = np.arange(-MAX_SLOPE, MAX_SLOPE + 1), np.arange(-4, 5)
-"""Slopes of the grid [cells per step], and possible changes of a slope from step to step."""
+SLOPES, TURNS = np.arange(-8, 9), np.arange(-4, 5)
+"""Slopes of the grid against the path [cells per step], up to 0.8, and possible changes of a slope from step to step.
+Steeper ways are not needed within 1 BL."""
 CHORD = np.linspace(-0.5, 0.5, 11)
 """Spots along the chord for the search [body lengths]."""
 
@@ -154,7 +153,7 @@ class Search:
             room = np.full(aside.shape, FARTHEST)
             if not free[k]:
                 places, azimuth = self._bodies(k, aside, slopes)
-                spots = places[..., None, :] + self.unit * CHORD[:, None] * _ahead(azimuth)[..., None, :]
+                spots = places[..., None, :] + self.unit * CHORD[:, None] * ahead(azimuth)[..., None, :]
                 room = self._field(spots).min(axis=-1)
             found.append(np.where(1.0 - self.curvature[k] * aside > FOLDED, room, -np.inf))
         return found
@@ -306,10 +305,6 @@ class Search:
             and aside <= (self.corridor + GRID_CELL) * self.unit
             and sharp <= ROUNDED * max(SHARPEST, asked)
         )
-
-
-def _ahead(azimuth: FloatArray) -> FloatArray:
-    return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
 
 
 def _across(azimuth: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ import pytest
 from fuzzing import replaced
 from numpy.testing import assert_array_equal
 
-from control.sensing.gate import MAX_KEPT_INSTANTS, SPAN, Gate, Refusal
+from control.sensing.gate import SPAN, Gate, Refusal
 from control.sensing.sensors import QUANTITIES, Measurement
 from worm3d import Command, Observation, Plane, Worm, simulate
 
@@ -106,10 +106,10 @@ def test_integers_and_lists_are_numbers_too() -> None:
 
 def test_long_runs_are_remembered_only_as_far_as_it_matters() -> None:
     gate = Gate(WORM)
-    for k in range(3 * MAX_KEPT_INSTANTS):
+    for k in range(3 * 1000):
         gate(0.01 * k, replaced(GOOD, strain_time=0.01 * k, com_time=0.01 * k, heading_time=0.01 * k))
     assert gate.refused.total() == 0
-    assert max(len(instants) for instants in gate._instants.values()) <= MAX_KEPT_INSTANTS
+    assert max(len(instants) for instants in gate._instants.values()) <= 1000
 
 
 def test_every_channel_of_an_observation_passes_as_it_is() -> None:

@@ -12,11 +12,11 @@ from numpy.testing import assert_allclose
 import worm3d
 from control.gaits import LarvaEI
 from control.gaits.larva_ei.kernel import Parameters
-from control.gaits.larva_ei.network import DT, Crawling, crawling
+from control.gaits.larva_ei.network import Crawling, crawling
 
 
 @cache
-def larva(duration: float = 200.0, dt: float = DT) -> Crawling:
+def larva(duration: float = 200.0, dt: float = 1e-3) -> Crawling:
     return crawling(duration, dt=dt)
 
 
@@ -29,7 +29,7 @@ def test_published_figures() -> None:
 
 
 def test_time_step_is_short_enough() -> None:
-    coarse, fine = larva(150.0), larva(150.0, DT / 4.0)
+    coarse, fine = larva(150.0), larva(150.0, 0.25e-3)
     for figure in ("period", "speed", "peak_contraction"):
         assert_allclose(getattr(coarse, figure), getattr(fine, figure), rtol=2e-3)
 

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
+from control.gaits.steering import GaitParameters
 from control.identification import identified
 from control.learned.acts import ACTS, TRIM, TURN
 from control.learned.controller import LearnedPolicy
@@ -82,7 +83,7 @@ def senses_along(reference: Reference, place: np.ndarray, azimuth: float) -> np.
     forward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     for t in np.arange(0.0, 4.0 + 1e-9, 0.05):
         com = np.append(place, 0.0) + 0.1 * (t - 4.0 + 0.5) * forward  # at 1 Hz the mean is of half a wave ago
-        senses.take(t, Measurement(t, com=(com, t)), t, 1.0)
+        senses.take(t, Measurement(t, com=(com, t)), GaitParameters(0.2, 1.0), 2.0 * np.pi * t)
     return senses.observed(4.0)
 
 

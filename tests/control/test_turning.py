@@ -10,7 +10,7 @@ from control.estimation.reduced import STATES, ReducedModel
 from control.estimation.turning import MeanRate
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification.identified import load
-from control.sensing.sensors import ANGULAR_RATE, COM, STRAIN, Channel, Measurement, Sensors
+from control.sensing.sensors import COM, QUANTITIES, STRAIN, Channel, Measurement, Sensors
 from worm3d import Friction, Plane, Worm, simulate
 
 WORM = Worm()
@@ -93,7 +93,7 @@ def test_a_sample_makes_the_belief_likelier_that_expects_it():
 
 def estimated(gyro, offset, seconds=60.0, bias=0.02):
     """Return the estimate of a worm that its map does not know to turn, on an exact circle."""
-    sensors = {"strain": STRAIN, "com": COM} | ({"angular_rate": ANGULAR_RATE} if gyro else {})
+    sensors = {"strain": STRAIN, "com": COM} | ({"angular_rate": QUANTITIES["angular_rate"].default} if gyro else {})
     estimator = Estimator.for_sensors(WORM, MODEL, Schedule(), sensors)
     given, step, state = GaitParameters(0.3, 0.8), MODEL.step(0.05), np.zeros(STATES)
     state[[3, YAW_BIAS, 9]] = 0.09, bias, 1.0

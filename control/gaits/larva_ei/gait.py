@@ -19,16 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
-from control.gaits.gait import Body, Direction
+from control.gaits.gait import Body, Direction, direction_of_waves
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 TAU_PER_SEGMENT = 2.64
 """Time of a wave per segment, in the larva's body with eight segments or more [tau_E]."""
-LARGEST_STEP = 0.005
-"""Longest step of the network [tau_E]; half this step changes the larva's period by less than 0.1 %."""
-MIN_WAVE_SEGMENTS = 3
-"""Fewest segments that carry a wave and rest behind the wave."""
 
 
 @documented
@@ -43,9 +39,7 @@ class LarvaEI(FeedbackGait, name="larva_ei"):
         unit="s",
         gt=0,
     )
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: waves run from head to tail; direct: from tail to head, as in larvae"
-    )
+    direction: Direction = direction_of_waves()
     feeling_threshold: float = parameter(
         0.75,
         meaning="shortening of a segment that is felt, as a share of the amplitude; below about 0.7 quick worms stay "
@@ -58,10 +52,8 @@ class LarvaEI(FeedbackGait, name="larva_ei"):
 
     def require_body(self, segments: int) -> None:
         """Raise ValueError if the gait does not fit a body with this number of segments."""
-        if segments < MIN_WAVE_SEGMENTS:
-            raise ValueError(
-                f"kind: got 'larva_ei', needs {MIN_WAVE_SEGMENTS} segments or more for a wave; the worm has {segments}"
-            )
+        if segments < 3:  # those that carry the wave, and one that rests behind the wave
+            raise ValueError(f"kind: got 'larva_ei', needs 3 segments or more for a wave; the worm has {segments}")
 
     def start(self, body: Body) -> Network:
         """Return a fresh network at rest; a short input to the last segment starts the first wave."""
@@ -84,13 +76,12 @@ class Network:
 
     def step(self, t: float, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the activation of the segments, shape (N,); times ascend."""
-        from control.gaits.larva_ei.kernel import START_DRIVE, START_DURATION, advance
+        from control.gaits.larva_ei.kernel import advance
 
         contraction = np.ascontiguousarray(-felt["strain"].mean(axis=1)[self._along])
         span = 0.0 if self._time is None else (t - self._time) / self._tau
-        if (steps := int(np.ceil(span / LARGEST_STEP))) > 0:
-            drive = START_DRIVE if self._age < START_DURATION else 0.0
+        if (steps := int(np.ceil(span / 0.005))) > 0:  # half this step changes the period by less than 0.1 %
+            drive = self._p.start_drive if self._age < self._p.start_duration else 0.0
             advance(self._states, contraction, drive, self._p, span / steps, steps)
         self._time, self._age = t, self._age + span
-        activation: FloatArray = (self._states[2] / self._p.f_max)[self._along]
-        return activation
+        return np.asarray((self._states[2] / self._p.f_max)[self._along])

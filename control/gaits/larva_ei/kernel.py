@@ -52,12 +52,10 @@ class Parameters(NamedTuple):
     """Gain of the neurons."""
     g: float = 1000.0
     """Gain of muscles, feeling and lifting."""
-
-
-START_DURATION, START_DRIVE = 10.0, 0.61
-"""Duration and size of the input to the last segment that begins the first wave."""
-MAX_SWEEPS, SWEEP_TOLERANCE = 2000, 1e-12
-"""Greatest number of Gauss-Seidel sweeps of the velocities, and change of a velocity that ends the sweeps."""
+    start_duration: float = 10.0
+    """Duration of the input to the last segment that begins the first wave."""
+    start_drive: float = 0.61
+    """Size of this input."""
 
 
 @inner
@@ -116,17 +114,17 @@ def crawl(p: Parameters, dt: float, every: int, networks: FloatArray, nodes: Flo
         for i in range(n):
             drive[i] = contraction[i] - contraction[i - 1] + f[i - 1] - f[i]
             friction[i] = p.F_max * switch(p.f_half - f[i - 1], p.g) * (2.0 if i == 0 else 1.0)
-        for _ in range(MAX_SWEEPS):
+        for _ in range(2000):  # sweeps of Gauss and Seidel
             change = 0.0
             for i in range(n):
                 pull = drive[i] + p.c * (v[i - 1] + v[(i + 1) % n])
                 before, v[i] = v[i], np.sign(pull) * max(abs(pull) - friction[i], 0.0) / (2.0 * p.c)
                 change = max(change, abs(v[i] - before))
-            if change < SWEEP_TOLERANCE:
+            if change < 1e-12:
                 break
         u[:n] += dt * v
         u[n] += dt * v[0]
         contraction[:] = 1.0 - (u[:n] - u[1:])
-        fire(network, contraction, START_DRIVE if step * dt < START_DURATION else 0.0, p, dt)
+        fire(network, contraction, p.start_drive if step * dt < p.start_duration else 0.0, p, dt)
         if (step + 1) % every == 0:
             networks[step // every], nodes[step // every] = network, u

@@ -29,11 +29,6 @@ from control.gaits.larva_ei.kernel import Parameters, crawl
 from worm3d.values import arguments
 from worm3d.values.arrays import BoolArray, FloatArray
 
-DT = 1e-3
-"""Time step [tau_E]; a tenth of this step changes the period, the speed and the contraction by less than 0.1 %."""
-RECORD = 20
-"""Steps from row to row of a record."""
-
 
 @dataclass(frozen=True, eq=False)
 class Crawling:
@@ -66,8 +61,7 @@ class Crawling:
         starts = self.starts[2:]
         if len(starts) < 2:
             raise ValueError("the larva carries no waves, or the record is too short: it needs four of them")
-        rows: BoolArray = (self.time >= starts[0]) & (self.time <= starts[-1])
-        return rows
+        return np.asarray((self.time >= starts[0]) & (self.time <= starts[-1]))
 
     @property
     def period(self) -> float:
@@ -93,14 +87,18 @@ class Crawling:
 
 
 def crawling(
-    duration: float = 200.0, segments: int = 10, parameters: Parameters | None = None, dt: float = DT
+    duration: float = 200.0, segments: int = 10, parameters: Parameters | None = None, dt: float = 1e-3
 ) -> Crawling:
-    """Let the larva crawl from rest for a duration [tau_E]; a short input to the last segment begins the first wave."""
+    """Let the larva crawl from rest for a duration [tau_E]; a short input to the last segment begins the first wave.
+
+    A tenth of the time step `dt` [tau_E] changes the period, the speed and the contraction by less than 0.1 %. The
+    record has a row for every 20 steps.
+    """
     n = arguments.whole("segments", segments, ge=3)
-    p = Parameters() if parameters is None else parameters
+    p, every = parameters or Parameters(), 20
     steps = arguments.number("duration", duration, "tau_E", gt=0) / arguments.number("dt", dt, "tau_E", gt=0)
-    rows = int(steps) // RECORD
+    rows = int(steps) // every
     networks, nodes = np.empty((rows, 3, n)), np.empty((rows, n + 1))
-    crawl(p, dt, RECORD, networks, nodes)
-    time = RECORD * dt * np.arange(1.0, rows + 1.0)
+    crawl(p, dt, every, networks, nodes)
+    time = every * dt * np.arange(1.0, rows + 1.0)
     return Crawling(time, networks[:, 0], networks[:, 2], nodes, p)

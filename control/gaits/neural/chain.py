@@ -27,7 +27,7 @@ from functools import lru_cache
 import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
-from control.gaits.gait import Body, Direction
+from control.gaits.gait import Body, Direction, direction_of_waves
 from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -47,12 +47,6 @@ some of the profile (`control.gaits.neural.shared`), but not each single constan
 FASTEST = 1.5
 """Period below which all time constants are shortened alike [s]: this is the fastest pace of third-instar larvae, and
 the exponent is not known beyond."""
-REFERENCE = 2.0
-"""Period for which tau_E equals tau_e [s]."""
-MOST_RATIO = 1000.0
-"""Largest ratio of the period to the shortest time constant."""
-MAX_PERIOD_ITERATIONS, PERIOD_TOLERANCE = 20, 1e-5
-"""Greatest number of iterations of the search for tau_I, and error of the period that ends the search."""
 
 
 @documented
@@ -61,9 +55,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
     """Waves of a chain of excitatory and inhibitory neurons, trained on larvae."""
 
     period: float = parameter(2.0, meaning="pace: time between two waves where nothing is felt", unit="s", gt=0, le=1e3)
-    direction: Direction = parameter(
-        "direct", meaning="end that begins the waves, direct the tail, as larvae crawl forward; retrograde the head"
-    )
+    direction: Direction = direction_of_waves("direct")
     asymmetry: float = parameter(
         0.0, meaning="input to the left side, as much less to the right", ge=-1, le=1, allowed="a number in [-1, 1]"
     )
@@ -99,7 +91,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
         places, known = (np.arange(segments) + 0.5) / segments, np.atleast_1d(self.tau_e)
         tau_e = np.interp(places, (np.arange(len(known)) + 0.5) / len(known), known)
         slower = max(self.period, FASTEST)
-        tau_e *= (slower / REFERENCE) ** self.pace_exponent * (self.period / slower)
+        tau_e *= (slower / 2.0) ** self.pace_exponent * (self.period / slower)
         return pace(tuple(tau_e.tolist()), self.coupling, self.drive, self.inhibition, self.source, self.period)
 
     def drives(self, segments: int) -> FloatArray:
@@ -144,8 +136,7 @@ class Chain:
             advance(self._rates, *held, 1)
             self._steps += missing
         part = ahead - (self._steps - 1)
-        given: FloatArray = self._before[0] + part * (self._rates[0] - self._before[0])
-        return given
+        return np.asarray(self._before[0] + part * (self._rates[0] - self._before[0]))
 
 
 @lru_cache(maxsize=256)
@@ -159,20 +150,20 @@ def pace(
     ValueError
         The network makes no waves, or no waves of this period.
     """
-    if min(tau_e) < period / MOST_RATIO:
+    if min(tau_e) < period / 1000.0:
         raise ValueError(
-            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a {MOST_RATIO:g}th of it: the "
-            "time steps follow it"
+            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a 1000th of it: the time steps "
+            "follow it"
         )
     drives = np.zeros((len(tau_e), 2))
     drives[source] = drive
     tau_i = 0.35 * period
-    for _ in range(MAX_PERIOD_ITERATIONS):
+    for _ in range(20):
         made = chain(np.array(tau_e), tau_i, coupling, inhibition)
         found = period_of(made, drives, source)
         if not np.isfinite(found):
             break
-        if abs(found / period - 1.0) < PERIOD_TOLERANCE:
+        if abs(found / period - 1.0) < 1e-5:
             return made
         tau_i *= period / found
     raise ValueError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
@@ -64,9 +63,9 @@ def onsets(
     on : ndarray, shape (N, 2)
         Share of the time with E above `ONSET`.
     """
-    n, most = rates.shape[1], 64
-    times, counts, on = np.full((n, 2, most), np.nan), np.zeros((n, 2), np.int64), np.zeros((n, 2))
-    _find_onsets(rates, constants, drive, dt, steps, times, counts, on)
+    n = rates.shape[1]
+    times, on = np.full((n, 2, 64), np.nan), np.zeros((n, 2))
+    _find_onsets(rates, constants, drive, dt, steps, times, on)
     return times, on
 
 
@@ -78,11 +77,10 @@ def _find_onsets(
     dt: float,
     steps: int,
     times: FloatArray,
-    counts: NDArray[np.int64],
     on: FloatArray,
 ) -> None:
     n, most = rates.shape[1], times.shape[2]
-    felt, before = np.zeros((n, 2)), np.zeros((n, 2))
+    felt, before, counts = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2), np.int64)
     for step in range(steps):
         advance(rates, constants, drive, 0.0, felt, dt, 1)
         for i in range(n):

@@ -2,16 +2,16 @@
 
 A trough is a minimum below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation of the
 measured values; values of exactly 0 were not measured), or below two thirds of the band's deepest value, if that is
-less, and LEAST_GAP from deeper troughs. If nearly all values of a band have one sign, as for a length, the values are
-taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A wave is a
-trough of the middle band and, from band to band outwards, the deepest trough within MAX_DELAY in the direction of the
-wave, or a little in the other direction.
+less, and LEAST_GAP from deeper troughs. If less than 5 % of the values of a band have one sign, as for a length, the
+values are taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A
+wave is a trough of the middle band and, from band to band outwards, the deepest trough within MAX_DELAY in the
+direction of the wave, or a little in the other direction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,15 @@ from worm3d.values.arrays import FloatArray
 
 DEPTH = 2.0
 """Depth of a trough, in robust standard deviations; 1.5 or 3 change no median delay by more than 7 ms."""
-ONE_SIDED = 0.05
-"""Share of values of the rarer sign below which a band is taken relative to its median."""
 LEAST_GAP = 1.0
 """Least time between the waves [s]."""
 MAX_DELAY, MAX_REVERSE_DELAY = 0.4, 0.1
 """Longest delay of neighbouring bands with the wave, and against it [s]."""
-QUIET_DEVIATIONS, MIN_PAUSE = 1.0, 1.5
-"""A pause is a time of at least MIN_PAUSE [s] in which all bands stay within QUIET_DEVIATIONS robust deviations:
-flashes stop a larva for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
-RESAMPLED, CONFIDENCE = 2000, 0.9
-"""Number of bootstrap samples and level of the intervals."""
+MIN_PAUSE = 1.5
+"""A pause is a time of at least MIN_PAUSE [s] in which all bands stay within a robust deviation: flashes stop a larva
+for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
+INTERVAL = (50.0 * (1.0 - 0.9), 50.0 * (1.0 + 0.9))
+"""Percentiles at the ends of all sampling intervals, which hold 90 %."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,7 @@ class Waves:
     @property
     def delays(self) -> FloatArray:
         """Delay of each band behind the middle band in each wave [s], shape (K, bands)."""
-        delays: FloatArray = self.times - self.times[:, [self.middle]]
-        return delays
+        return np.asarray(self.times - self.times[:, [self.middle]])
 
     def median(self) -> FloatArray:
         """Return the median delay of each band [s], shape (bands,)."""
@@ -67,10 +64,9 @@ class Waves:
     def interval(self, seed: int = 0) -> FloatArray:
         """Return the bootstrap interval of each median delay, waves drawn with replacement [s], shape (2, bands)."""
         random, delays = np.random.default_rng(seed), self.delays
-        draws = random.integers(0, len(delays), (RESAMPLED, len(delays)))
+        draws = random.integers(0, len(delays), (2000, len(delays)))
         medians = np.array([median_of(delays[draw]) for draw in draws])
-        ends: FloatArray = np.nanpercentile(medians, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)], axis=0)
-        return ends
+        return np.asarray(np.nanpercentile(medians, INTERVAL, axis=0))
 
 
 def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
@@ -105,7 +101,7 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
             _follow(scaled, wave, k, middle, side, (round(MAX_DELAY / dt), round(MAX_REVERSE_DELAY / dt)))
         times.append(time[0] + dt * wave)
     starts = np.array([wave[middle] for wave in times])
-    calm = np.abs(scaled).max(axis=1) < QUIET_DEVIATIONS
+    calm = np.abs(scaled).max(axis=1) < 1.0
     periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < MIN_PAUSE]
     if len(times) < 4 or len(periods) < 3:
         raise ValueError(
@@ -131,7 +127,7 @@ def _scaled(values: FloatArray) -> FloatArray:
             continue
         middle = np.median(measured)
         share = np.mean(measured < 0.0)
-        base = middle if min(share, 1.0 - share) < ONE_SIDED else 0.0
+        base = middle if min(share, 1.0 - share) < 0.05 else 0.0
         spread = min(1.4826 * np.median(np.abs(measured - middle)), (base - measured.min()) / (1.5 * DEPTH))
         if spread > 0.0:
             scaled[:, j] = np.where(column != 0.0, column - base, 0.0) / spread
@@ -172,11 +168,7 @@ def _refined(x: FloatArray, k: int) -> float:
 
 def _longest(flags: NDArray[np.bool_]) -> int:
     """Return the length of the longest run of true flags."""
-    longest = run = 0
-    for flag in flags:
-        run = run + 1 if flag else 0
-        longest = max(longest, run)
-    return longest
+    return max((len([*run]) for flag, run in groupby(flags) if flag), default=0)
 
 
 def median_of(values: FloatArray) -> FloatArray:

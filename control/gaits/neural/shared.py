@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.gaits.neural.recording import CONFIDENCE, Waves, median_of
+from control.gaits.neural.recording import INTERVAL, Waves, median_of
 from control.gaits.neural.training import FRAME, Target
 from worm3d.values.arrays import FloatArray
 
@@ -34,8 +34,6 @@ ALONE = 1.0
 """Strength for a single recording, which cannot be left out: half of the profile is trusted."""
 EXPONENTS = np.linspace(0.0, 2.0, 201)
 """Exponents of pace that are tried."""
-RESAMPLE_COUNT, RESAMPLING_SEED = 200, 20261123
-"""Number of draws of waves with replacement, and the seed: they give the 90 % interval to a tenth of its width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +50,7 @@ class Profile:
     def delays(self, period: float) -> FloatArray:
         """Return the delay of each band at a period [s], shape (bands,) [s]."""
         n = len(self.shape)
-        delays: FloatArray = period**self.exponent * (self.size * (np.arange(n) - n // 2) + self.shape)
-        return delays
+        return np.asarray(period**self.exponent * (self.size * (np.arange(n) - n // 2) + self.shape))
 
 
 @dataclass(frozen=True)
@@ -108,15 +105,14 @@ def left_out(waves: Sequence[Waves]) -> LeftOut:
     """Return the errors of the prediction of each of at least two recordings from the others."""
     targets = [Target(each.period, each.median()) for each in waves]
     strength = min(STRENGTHS, key=lambda each: _rms(misses(targets, each)))
-    random = np.random.default_rng(RESAMPLING_SEED)
+    random = np.random.default_rng(20261123)
     gains, exponents = [], []
-    for _ in range(RESAMPLE_COUNT):
+    for _ in range(200):  # gives the intervals to a tenth of their width
         drawn = [_drawn(each, random) for each in waves]
         gains.append(_rms(misses(drawn, np.inf)) - _rms(misses(drawn, strength)))
         exponents.append(shared(drawn, strength).exponent)
-    ends = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
-    low, high = np.percentile(gains, ends)
-    least, most = np.percentile(exponents, ends)
+    low, high = np.percentile(gains, INTERVAL)
+    least, most = np.percentile(exponents, INTERVAL)
     rms = [_rms(misses(targets, each)) for each in (strength, np.inf)]
     return LeftOut(strength, rms[0], rms[1], (float(low), float(high)), (float(least), float(most)))
 

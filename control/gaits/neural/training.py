@@ -6,9 +6,9 @@ sum of the squares of
 
     g((delay - measured)/FRAME)             each band, each recording                                             (ET1)
     (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET2)
-    (second difference of ln tau_e)/USUAL_ROUGHNESS   along the body                                              (ET3)
+    second difference of ln tau_e along the body, which is usually 1 and keeps tau_e smooth                       (ET3)
 
-and of CARRIED times the share of FIT_DRAWS noisy networks that do not carry direct and retrograde waves (ET4). g(e)
+and of CARRIED times the share of 60 noisy networks that do not carry direct and retrograde waves (ET4). g(e)
 is e^2, with the sign of e, since a small part of a frame is not visible, and linear beyond LINEAR_ERROR frames. (ET1)
 to (ET3) are smooth: least squares over tau_e, inhibition and pace exponent solve them for each of `COUPLINGS`, and the
 coupling with the least sum is taken. The period of a recording is no result: the pace is set to this period. Delays at
@@ -34,21 +34,13 @@ LINEAR_ERROR = 3.0
 """Error beyond which g is linear, in frames."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
 """Active share of a segment's period, and its spread: 0.32 to 0.48 in the larvae of `L1`."""
-USUAL_ROUGHNESS = 1.0
-"""Usual second difference of ln tau_e between neighbours: the term keeps tau_e smooth where the delays leave
-freedom."""
 COUPLINGS = (1.8, 2.0, 2.2)
 """Weights of the neighbours that are tried, in thresholds. Below 1.6 noise stops waves, above 3 noise makes segments
 burst without input."""
 DIFFERENCE_STEPS = (3e-2, 5e-3)
 """Relative steps of the differences in the two rounds of a search: the second begins where the first ends."""
-FIT_NOISE, FIT_DRAWS, FIT_SEED = 0.15, 60, 1
-"""Relative noise of the fit, 1.5 times the noise that a network should tolerate, so that failures show early; number of
-drawn networks, and seed."""
 CARRIED = 4.0
 """Weight of the share that fails: one failure in four counts as much as a delay that is wrong by a frame."""
-LARGE = 1e3
-"""Residual of a network without waves."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +106,7 @@ def fit(
     step = np.mean([np.ptp(target.delays) * (2.0 / target.period) for target in targets]) / (segments - 1)
     point = np.array([np.log(6.5), *np.full(segments, np.log(0.9 * step)), 0.8])
     pace = float(np.exp(np.mean([np.log(target.period) for target in targets])))
-    bounds = (
-        np.array([0.5, *np.full(segments, np.log(step / 10)), 0.0]),
-        np.array([4.0, *np.full(segments, np.log(10 * step)), 2.0]),
-    )
+    bounds = [0.5, *np.full(segments, np.log(step / 10)), 0.0], [4.0, *np.full(segments, np.log(10 * step)), 2.0]
     tried = 0
 
     def terms(at: FloatArray, base: EiChain) -> FloatArray:
@@ -134,7 +123,8 @@ def fit(
             found = least_squares(terms, at, bounds=bounds, diff_step=difference, args=(base,), max_nfev=40)
             at, squares = found.x, 2.0 * float(found.cost)
         gait = gait_at(at, base)
-        share = carrying(gait, segments, FIT_NOISE, FIT_DRAWS, FIT_SEED)
+        # 1.5 times the noise that a network should tolerate, so that failures show early.
+        share = carrying(gait, segments, noise=0.15, draws=60, seed=1)
         cost = squares + (CARRIED * (1.0 - share)) ** 2
         if cost < best.cost:
             best = Training(replace(gait, period=targets[0].period), cost, share, 0)
@@ -147,14 +137,14 @@ def gait_at(point: FloatArray, like: EiChain) -> EiChain:
 
 
 def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
-    """Return the terms (ET1) to (ET3) of a chain; all terms are `LARGE` for a chain that makes no waves."""
-    terms = [*(np.diff(np.log(gait.tau_e), 2) / USUAL_ROUGHNESS)]
+    """Return the terms (ET1) to (ET3) of a chain; all terms are 1000 for a chain that makes no waves."""
+    terms = [*np.diff(np.log(gait.tau_e), 2)]
     for target in targets:
         segments = len(target.delays)
         try:
             timing = timing_of(replace(gait, period=target.period), segments)
         except ValueError:
-            terms += [LARGE] * segments
+            terms += [1e3] * segments
             continue
         errors = np.delete(timing.delays - target.delays, segments // 2) / FRAME
         terms += [*weighed(errors), (timing.duty - DUTY) / DUTY_SPREAD]
@@ -164,7 +154,5 @@ def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
 def weighed(errors: FloatArray) -> FloatArray:
     """Return the function g of (ET1) of errors in frames."""
     size = np.abs(errors)
-    weighed: FloatArray = np.sign(errors) * np.where(
-        size < LINEAR_ERROR, size**2, (2.0 * size - LINEAR_ERROR) * LINEAR_ERROR
-    )
-    return weighed
+    weighed = np.where(size < LINEAR_ERROR, size**2, (2.0 * size - LINEAR_ERROR) * LINEAR_ERROR)
+    return np.asarray(np.sign(errors) * weighed)

@@ -13,11 +13,6 @@ from control.gaits.neural.kernel import onsets
 from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 
-WATCHED = 6.0
-"""Duration of the observation of a network, in periods of the gait; noisy networks have their own periods."""
-MIN_SOURCE_BURSTS = 3
-"""Fewest bursts of the source in that time."""
-
 
 @dataclass(frozen=True)
 class Timing:
@@ -79,16 +74,22 @@ def carrying(gait: EiChain, segments: int, noise: float, draws: int, seed: int =
 
 
 def _watched(gait: EiChain, network: Network, drives: FloatArray) -> tuple[FloatArray, float]:
-    """Return the onsets of bursts, segments in the order of the wave, shape (N, 2, M) [s], and the mean duty."""
+    """Return the onsets of bursts, segments in the order of the wave, shape (N, 2, M) [s], and the mean duty.
+
+    The network is observed for six periods of the gait; a noisy network has a period of its own.
+    """
     dt = network.step
-    times, on = onsets(network.start(), network.packed(), drives, dt, int(WATCHED * gait.period / dt))
+    times, on = onsets(network.start(), network.packed(), drives, dt, int(6.0 * gait.period / dt))
     return times[:: 1 if gait.source == 0 else -1], float(on.mean())
 
 
 def _runs(times: FloatArray) -> bool:
-    """Return whether all bursts, except perhaps an unfinished last burst, run from segment to segment on both sides."""
+    """Return whether all bursts, except perhaps an unfinished last burst, run from segment to segment on both sides.
+
+    The source bursts at least three times.
+    """
     counts = np.isfinite(times).sum(axis=-1)
-    if counts[0].min() < MIN_SOURCE_BURSTS or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
+    if counts[0].min() < 3 or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
         return False
     behind, ahead = times[1:], times[:-1]
     return bool(((behind > ahead) | np.isnan(behind)).all())

@@ -49,12 +49,6 @@ DELTA = 0.1
 """Share of beta at which a passage ends and a transition begins; the transition ends at 1 - DELTA."""
 EARLY = 1e-6
 """Share c of beta at which the path to the next saddle begins in (SH5); the error of (SH5) is proportional to c."""
-MIN_CYCLE_NODES = 3
-"""Fewest nodes of a cycle: each but the next suppresses the active one's follower."""
-LEAST_EXCURSION = 20.0
-"""Least 2 e^gamma_E lam_u (DELTA beta/eps)^2 for which (SH3) holds within 0.5 % of 1/lam_u."""
-SCALED_TIME_STEP = 0.1
-"""Time step times the largest alpha: 44 steps a transition; twice this changes the mean period by less than 0.1 %."""
 BLOCK_STEPS = 4096
 """Number of steps, and of random numbers, in a block."""
 
@@ -81,16 +75,17 @@ class Cycle:
     def __init__(
         self, nodes: int, *, alpha: ArrayLike = 2.0, beta: ArrayLike = 1.0, nu: ArrayLike = 1.5, noise: float = 1e-8
     ) -> None:
-        n = arguments.whole("nodes", nodes, ge=MIN_CYCLE_NODES)
+        n = arguments.whole("nodes", nodes, ge=3)  # each but the next suppresses the active one's follower
         given = {"alpha": (alpha, 0.0), "beta": (beta, 0.0), "nu": (nu, 1.0)}
         for name, (value, least) in given.items():
             object.__setattr__(self, name, arguments.array(name, value, (n,), fill=True, gt=least))
         object.__setattr__(self, "noise", float(noise))
-        excursion = np.sqrt(2.0 * np.exp(np.euler_gamma) * self.leaving / LEAST_EXCURSION)
+        # (SH3) holds within 0.5 % of 1/lam_u if 2 e^gamma_E lam_u (DELTA beta/eps)^2 is at least 20.
+        excursion = np.sqrt(2.0 * np.exp(np.euler_gamma) * self.leaving / 20.0)
         most = float(np.min(DELTA * np.roll(self.beta, -1) * excursion))
         if not 0.0 < self.noise <= most:
             raise ValueError(
-                f"noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it the cycle "
+                f"saddle_noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it the cycle "
                 "waits at no saddle"
             )
 
@@ -102,8 +97,7 @@ class Cycle:
     @property
     def leaving(self) -> FloatArray:
         """Rate lam_u = alpha/nu of leaving a saddle, at most the alpha of the next node, shape (n,) [1/s]."""
-        rate: FloatArray = np.minimum(self.alpha / self.nu, np.roll(self.alpha, -1))
-        return rate
+        return np.asarray(np.minimum(self.alpha / self.nu, np.roll(self.alpha, -1)))
 
     @cached_property
     def rho(self) -> FloatArray:
@@ -116,42 +110,24 @@ class Cycle:
         return np.maximum(rho, 0.0)  # negative where a node is left faster than the next node's alpha
 
     @property
-    def passage_times(self) -> FloatArray:
-        """Mean passage time of each saddle by (SH3), shape (n,) [s]."""
+    def formula_period(self) -> float:
+        """Mean period as the sum of passages and transitions, (SH3) and (SH4) [s]."""
         leaving, waited = self.leaving, np.roll(self.alpha, 1)
         share = DELTA * np.roll(self.beta, -1) / self.noise
         found = 2.0 * np.log(share) + np.log(4.0 * leaving) - np.log1p(leaving / waited) + np.euler_gamma
-        times: FloatArray = found / (2.0 * leaving)
-        return times
-
-    @property
-    def transition_times(self) -> FloatArray:
-        """Least time of the transition from each node to the next by (SH4), shape (n,) [s]."""
-        times: FloatArray = 2.0 * np.log(1.0 / DELTA - 1.0) / np.roll(self.alpha, -1)
-        return times
-
-    @property
-    def formula_period(self) -> float:
-        """Mean period as the sum of passages and transitions, (SH3) and (SH4) [s]."""
-        return float((self.passage_times + self.transition_times).sum())
+        transitions = 2.0 * np.log(1.0 / DELTA - 1.0) / np.roll(self.alpha, -1)
+        return float((found / (2.0 * leaving) + transitions).sum())
 
     @cached_property
     def mean_times(self) -> FloatArray:
         """Mean time of each node as the most active node in the limit of small noise, by (SH5), shape (n,) [s]."""
         times, switches = np.array([self._way(node) for node in range(self.nodes)]).T
-        found: FloatArray = np.roll(times, 1) + switches - np.roll(switches, 1)
-        return found
+        return np.asarray(np.roll(times, 1) + switches - np.roll(switches, 1))
 
     @property
     def mean_period(self) -> float:
         """Mean period in the limit of small noise, the sum of `mean_times` [s]."""
         return float(self.mean_times.sum())
-
-    @property
-    def deviations(self) -> FloatArray:
-        """Standard deviation of the time at each saddle, shape (n,) [s]."""
-        found: FloatArray = np.pi / (2.0 * np.sqrt(2.0) * self.leaving)
-        return found
 
     def lasting(self, period: float) -> Cycle:
         """Return the same cycle in another unit of time, with the given mean period [s]."""
@@ -209,11 +185,12 @@ class Walk:
     seed : int
         Seed of the noise.
     dt : float, optional
-        Time step [s]; by default `SCALED_TIME_STEP` over the largest alpha.
+        Time step [s]; by default a tenth over the largest alpha: 44 steps a transition. Twice this step changes the
+        mean period by less than 0.1 %.
     """
 
     def __init__(self, cycle: Cycle, seed: int = 0, dt: float | None = None) -> None:
-        self.cycle, self.dt = cycle, SCALED_TIME_STEP / float(cycle.alpha.max()) if dt is None else dt
+        self.cycle, self.dt = cycle, 0.1 / float(cycle.alpha.max()) if dt is None else dt
         self._random = np.random.default_rng([seed, crc32(b"shc")])
         waiting = cycle.noise / np.sqrt(2.0 * cycle.alpha)
         self.states = waiting * np.abs(self._random.standard_normal(cycle.nodes))

@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
-from control.gaits.gait import Body, Direction
+from control.gaits.gait import Body, Direction, direction_of_waves
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.parameters import documented, parameter
 
@@ -39,9 +40,7 @@ class SHC(FeedbackGait, name="shc"):
     period: float = parameter(
         2.0, meaning="mean time between two contractions of a segment, without feedback", unit="s", gt=0
     )
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: the segments are active from head to tail; direct: from tail to head"
-    )
+    direction: Direction = direction_of_waves()
     nodes: int = parameter(
         0,
         meaning="nodes of the cycle, 3 or more; there are segments/nodes waves on the body; 0: a node a segment",
@@ -81,30 +80,19 @@ class SHC(FeedbackGait, name="shc"):
         ValueError
             Fewer than three nodes or more than segments, arrays that do not fit, or too much noise.
         """
-        from control.gaits.shc.cycle import MIN_CYCLE_NODES, Cycle
+        from control.gaits.shc.cycle import Cycle
 
         nodes = self.nodes or segments
-        if not MIN_CYCLE_NODES <= nodes <= segments:
-            raise ValueError(
-                f"nodes: got {nodes}, must be {MIN_CYCLE_NODES} or more, and not more than the worm's {segments} "
-                "segments"
-            )
+        if not 3 <= nodes <= segments:
+            raise ValueError(f"nodes: got {nodes}, must be 3 or more, and not more than the worm's {segments} segments")
         if self.breadth >= nodes:
             raise ValueError(f"breadth: got {self.breadth}, must be below the {nodes} nodes of the cycle")
         along = self.order(segments)[:nodes]
         own = {}
         for name in ("alpha", "beta", "nu"):
-            given = np.asarray(getattr(self, name))
-            if given.ndim and given.shape != (segments,):
-                raise ValueError(
-                    f"{name}: got shape {given.shape}, must be a number, or one for each of the worm's {segments} "
-                    "segments"
-                )
-            own[name] = np.broadcast_to(given, segments)[along]
-        try:
-            return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
-        except ValueError as error:
-            raise ValueError(f"saddle_{error}" if str(error).startswith("noise") else str(error)) from None
+            arguments.require_count(name, getattr(self, name), segments)
+            own[name] = np.broadcast_to(getattr(self, name), segments)[along]
+        return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
 
     def order(self, segments: int) -> IntArray:
         """Return the segments in the direction of the wave, shape (segments,)."""
@@ -138,8 +126,7 @@ class Turns:
         part = min(max(place - self._taken + 1.0, 0.0), 1.0)
         share = ((1.0 - part) * self._before + part * walk.states) / walk.cycle.beta
         reached = np.sum([np.roll(share, -k) for k in range(self._gait.breadth)], axis=0)
-        activation: FloatArray = np.clip(reached, 0.0, 1.0)[self._node]
-        return activation
+        return np.asarray(np.clip(reached, 0.0, 1.0)[self._node])
 
     def _push(self, felt: Felt) -> FloatArray:
         """Return the input of each node by (SH6), shape (n,)."""
@@ -151,5 +138,4 @@ class Turns:
         if "contact_load" in felt:
             gain += gait.load_gain * (felt["contact_load"].sum(axis=1) >= gait.load_threshold)
         done = np.bincount(self._node, gain, cycle.nodes) / np.bincount(self._node, minlength=cycle.nodes)
-        push: FloatArray = np.roll(done * cycle.alpha * self._walk.states / cycle.beta, 1) * cycle.beta
-        return push
+        return np.asarray(np.roll(done * cycle.alpha * self._walk.states / cycle.beta, 1) * cycle.beta)

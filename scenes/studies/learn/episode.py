@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 import worm3d
 from control.estimation.estimator import span_of
-from control.gaits.steering import WaveGenerator
+from control.gaits.steering import GaitParameters, WaveGenerator
 from control.learned.acts import ACTS
 from control.learned.course import Course
 from control.learned.senses import MIN_REFERENCE_SPEED, Senses, along
@@ -102,7 +102,7 @@ class Episode:
         self._true = Course()
         self._near: float | None = None
         self._run = _begun(scene, self._every)
-        self._sense(0.0)
+        self._sense(GaitParameters(0.0, 1.0))
 
     def crawl(self, action: ArrayLike) -> tuple[float, bool, bool, dict[str, Any]]:
         """Crawl for a control period; return reward, whether the run diverged, whether time is up, and facts."""
@@ -116,7 +116,7 @@ class Episode:
             status = self._run.follow(self.generator.steps(elapsed, wave))
             if status is not Status.DONE:
                 return FALLEN, True, False, self._facts(status)
-            self._sense(wave.frequency)
+            self._sense(wave)
         facts = self._facts(status)
         return self._reward(facts), False, self._run.done >= self._run.steps, facts
 
@@ -133,11 +133,11 @@ class Episode:
     def _waves(self) -> float:
         return float(self.generator.phase) / tau
 
-    def _sense(self, frequency: float) -> None:
+    def _sense(self, wave: GaitParameters) -> None:
         seen = self._run.observation()
         self._true.add(self._waves, seen.time, seen.com[:2])
         passed = self._gate(seen.time, self._sensors(seen))
-        self.senses.take(seen.time, passed, self._waves, frequency)
+        self.senses.take(seen.time, passed, wave, float(self.generator.phase))
 
     def _facts(self, status: Status) -> dict[str, Any]:
         """Return the true centre of mass's speed along the reference and offset from the reference, and the status."""
