@@ -17,7 +17,7 @@ from time import perf_counter
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
 
 from control.estimation.chamber_gains import ChamberGains
-from control.estimation.estimate import HEADING_INDEX, Estimate
+from control.estimation.estimate import HEADING, Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.faults.chambers import Chambers
@@ -361,7 +361,7 @@ class WaveController(Driver):
             return self._blocked
         try:
             if self.guide.look(
-                estimate.position, estimate.heading, bool(estimate.deviations[HEADING_INDEX] < MAX_HEADING_DEVIATION)
+                estimate.position, estimate.heading, bool(estimate.deviations[HEADING] < MAX_HEADING_DEVIATION)
             ):
                 self.reference = self.watch.reference = self.descent.reference = self.guide.reference
         except NoWayError as error:
@@ -384,7 +384,7 @@ class KnownHeading:
     def __call__(self, estimate: Estimate, waves: float) -> bool:
         """Return whether the heading can be used, for an estimate after a number of waves."""
         self._known = (
-            self._known or bool(estimate.deviations[HEADING_INDEX] < MAX_HEADING_DEVIATION) or waves >= LONGEST_START
+            self._known or bool(estimate.deviations[HEADING] < MAX_HEADING_DEVIATION) or waves >= LONGEST_START
         )
         return self._known
 

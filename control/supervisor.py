@@ -42,7 +42,8 @@ from control.loop import (
 )
 from control.planning.constraints import Constraint
 from control.planning.feed_forward import FeedForward
-from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.gauss_newton import PlanStatus
+from control.planning.mpc import GaitMPC, Plan
 from control.planning.terms import CostTerm
 from control.task import ControlTask
 from control.tracking.preview import turn_of_path

@@ -204,7 +204,7 @@ class FaultyPlanner(Injected, name="planner"):
             return make()
         if self.mode == "raises":
             raise RuntimeError("the planner is out of order")
-        from control.planning.mpc import PlanStatus  # imports the solver
+        from control.planning.gauss_newton import PlanStatus  # imports the solver
 
         return replace(make(), status=PlanStatus.NOT_SOLVED)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from control.estimation.estimate import Estimate, wrapped
 from control.estimation.kalman import Uncertainty
-from control.estimation.reduced import ReducedState
+from control.estimation.reduced import INDEX
 from control.faults.rules import Fault, Wave, faults
 from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
@@ -38,7 +38,6 @@ MOMENTS = 9
 """Number of instants in a wave at which the wanted speed is looked up."""
 USUAL = 0.2
 """Share of a new wave in the usual gains; the gains of the first wave are the initial value."""
-CRAB = ReducedState._fields.index("crab")
 YIELDS = Uncertainty().slope_yield
 """Ratio of the crab angle to the slope across the heading, (KF2) [rad]."""
 REMEMBERED = 40
@@ -260,5 +259,5 @@ def _crab(estimate: Estimate) -> float:
     """Return the significant excess of the crab angle over the angle that the ground's slope explains [rad]."""
     heading, state = np.array([-np.sin(estimate.heading), np.cos(estimate.heading)]), estimate.state
     across = float(heading @ estimate.slope)
-    doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[CRAB]
+    doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[INDEX["crab"]]
     return max(abs(float(state.crab) + YIELDS * across) - float(doubt), 0.0)

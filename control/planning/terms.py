@@ -111,16 +111,23 @@ class Moment:
         return (state.y - wanted.y) * ca.cos(wanted.heading) - (state.x - wanted.x) * ca.sin(wanted.heading)
 
 
-class CostTerm(Spelled, ABC):
+class Part(Spelled, ABC):
+    """A term of the cost, or a constraint; parameters are checked."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return factors of the values, a scalar or one factor per step: 0 where the part does not apply."""
+        return 1.0
+
+
+class CostTerm(Part):
     """A term of the cost: half the sum of the squared misses at the end of each step."""
 
     @abstractmethod
     def misses(self, at: Moment) -> ca.SX:
         """Return the misses over their tolerances, shape (M,)."""
-
-    def weight(self, ahead: Preview) -> ArrayLike:
-        """Return factors of the misses, a scalar or one factor per step: 0 where the reference has no such goal."""
-        return 1.0
 
 
 def _levelled(miss: ca.SX, large: float) -> ca.SX:
@@ -143,9 +150,6 @@ class Speed(CostTerm):
         0.02, unit="body lengths/s", gt=0, meaning="miss from which on the cost rises by the miss, no faster"
     )
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
         return _levelled((at.speed - at.wanted.speed) / at.length, self.large) / self.tolerance
@@ -158,9 +162,6 @@ class Offset(CostTerm):
 
     tolerance: float = parameter(0.01, unit="body lengths", gt=0, meaning="a_e, offset that weighs 1")
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
         return at.offset / (self.tolerance * at.length)
@@ -172,18 +173,10 @@ class Offset(CostTerm):
 
 @documented
 @dataclass(frozen=True)
-class Arrival(CostTerm):
+class Arrival(Offset):
     """Offset at the end of the horizon, for all later steps."""
 
-    tolerance: float = parameter(0.01, unit="body lengths", gt=0, meaning="a_e, that of the offset")
     way: float = parameter(0.01 / 0.07, unit="body lengths", gt=0, meaning="L, in which an offset dies away to 37 %")
-
-    def __post_init__(self) -> None:
-        check(self)
-
-    def misses(self, at: Moment) -> ca.SX:
-        """Return the miss; see `CostTerm`."""
-        return at.offset / (self.tolerance * at.length)
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return the weight of the last step, if there is a path."""
@@ -198,9 +191,6 @@ class Heading(CostTerm):
 
     tolerance: float = parameter(0.07, unit="rad", gt=0, meaning="a_h, miss of the heading that weighs 1")
     large: float = parameter(0.35, unit="rad", gt=0, meaning="miss from which on the cost rises by the miss, no faster")
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -222,9 +212,6 @@ class Change(CostTerm):
     frequency: float = parameter(0.2, gt=0, meaning="a_rate, change of the frequency that weighs 1")
     steering: float = parameter(0.25, gt=0, meaning="a_rate, change of the steering that weighs 1")
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def misses(self, at: Moment) -> ca.SX:
         """Return the misses; see `CostTerm`."""
         return (at.scaled - at.before) / ca.DM([self.amplitude, self.frequency, self.steering])
@@ -236,9 +223,6 @@ class Frequency(CostTerm):
     """Distance of the frequency from the preferred frequency, as a share of half the frequency range."""
 
     tolerance: float = parameter(1.0, gt=0, meaning="a_f, distance that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -252,9 +236,6 @@ class Steering(CostTerm):
 
     tolerance: float = parameter(0.2, gt=0, meaning="a_s, steering that weighs 1")
 
-    def __post_init__(self) -> None:
-        check(self)
-
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
         return at.scaled[2] / self.tolerance
@@ -264,17 +245,8 @@ class Steering(CostTerm):
         return float(not ahead.heads)
 
 
-TERMS: Mapping[str, type[CostTerm]] = MappingProxyType(
-    {
-        "speed": Speed,
-        "offset": Offset,
-        "arrival": Arrival,
-        "heading": Heading,
-        "change": Change,
-        "frequency": Frequency,
-        "steering": Steering,
-    }
-)
+SUPPLIED: tuple[type[CostTerm], ...] = (Speed, Offset, Arrival, Heading, Change, Frequency, Steering)
+TERMS: Mapping[str, type[CostTerm]] = MappingProxyType({term.__name__.lower(): term for term in SUPPLIED})
 """Terms by name; a plan's cost has all of them unless others are given.
 
 Tolerances of offset (0.01 to 0.02), heading (0.05 to 0.1) and change of the steering (0.25 to 1) were tuned on the
