@@ -23,7 +23,7 @@ from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters
-from control.loop import Choice, Estimates, KnownHeading, Source, WaveController, observed
+from control.loop import Choice, Estimates, Source, WaveController, observed
 from control.task import ControlTask
 from control.tracking.paths import offset
 from control.tracking.preview import turn_of_path, turn_rate
@@ -120,7 +120,7 @@ class PiLineOfSight(_Baseline):
     def reset(self) -> None:
         """Return to the initial state."""
         super().reset()
-        self._trim, self._heading_is_known = 0.0, KnownHeading()
+        self._trim = 0.0
         self._near: float | None = None
 
     def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
@@ -146,7 +146,7 @@ class PiLineOfSight(_Baseline):
     def _turn(self, t: float, estimate: Estimate) -> float:
         """Return w_cmd, (B2) and (B3); as in the MPC, the turn rate of the path until the heading is known."""
         reference = self.reference
-        if not self._heading_is_known(estimate, self.generator.waves):
+        if not self._heading_is_known(estimate):
             return turn_of_path(reference, t, estimate.position)
         if reference.path is not None:
             self._near = s = float(reference.path.project(estimate.position, self._near))

@@ -33,7 +33,6 @@ from control.loop import (
     NO_DECISION,
     Choice,
     Estimates,
-    KnownHeading,
     WaveController,
     complaint_of,
     observed,
@@ -148,7 +147,6 @@ class Supervisor(WaveController):
         self._failures = self._kept = 0
         self._near: float | None = None
         self._is_there = self._was_back = False
-        self._heading_is_known = KnownHeading()
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
@@ -159,7 +157,7 @@ class Supervisor(WaveController):
             return Choice("stop", still(self._target), STANDS)
         if _tried(self._arrived, estimate, speed < 0.0)[0]:
             return Choice("stop", still(self._target), ARRIVED)
-        if not self._heading_is_known(estimate, self.generator.waves):
+        if not self._heading_is_known(estimate):
             blind = self._blind(t, estimate)
             if blind is not None:
                 return Choice("gait", blind, UNKNOWN)

@@ -19,10 +19,11 @@ from control.climbing.climb import CLIMB, Climb, enclosed
 from control.climbing.way import STUCK, Way
 from control.estimation.estimate import Estimate
 from control.faults.rules import SLOW_AT_LIMIT, Fault
+from control.faults.watch import Watch
 from control.gaits.feedback import latest
 from control.gaits.reflexes import WallLoad
 from control.gaits.steering import GaitParameters
-from control.loop import Choice, KnownHeading
+from control.loop import Choice
 from control.sensing.sensors import QUANTITIES, Measurement
 from control.supervisor import ARRIVED, Supervisor
 from worm3d import Command
@@ -86,7 +87,7 @@ class Climber(Supervisor):
 
     def _begin_to_crawl(self) -> None:
         faults = self.watch.faults
-        self.watch.reset()
+        self.watch = Watch(self.worm, self.reference, self.feed_forward)
         self.watch.faults = faults
         if self.estimator is not None:
             self.estimator.reset()
@@ -94,7 +95,7 @@ class Climber(Supervisor):
         self.planner.reset()
         self.generator.parameters = None
         self._accepted = None
-        self._heading_is_known = _KnownSince(self.generator.waves)
+        self._heading_known, self._began = False, self.generator.waves
 
     def _crawled(self, t: float, measurement: Measurement) -> Command:
         """Return the command of the supervisor, reduced where segments press the walls too hard."""
@@ -163,14 +164,3 @@ class Climber(Supervisor):
             share * wanted.hinge + (1.0 - share) * old.hinge,
             share * wanted.force + (1.0 - share) * old.force,
         )
-
-
-class _KnownSince(KnownHeading):
-    """Whether the heading of a worm that began to crawl after some waves is known."""
-
-    def __init__(self, began: float) -> None:
-        super().__init__()
-        self._began = began
-
-    def __call__(self, estimate: Estimate, waves: float) -> bool:
-        return super().__call__(estimate, waves - self._began)

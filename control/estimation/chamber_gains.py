@@ -31,10 +31,6 @@ RESIDUAL_SMOOTHING_TIME = 0.05
 """Time over which unexplained strains are averaged, so that noise does not count [s]."""
 USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
 """Strain caused by the command, rms: the initial assumption, and the least strain for which the misfit is judged."""
-STILL = 1e-6
-"""Waves between two samples below which a wave stands still."""
-MIN_PHASE_RATE = 1e-3
-"""Rate of the phase below which a wave stands still, and slopes over the phase are unknown [rad/s]."""
 
 
 @documented
@@ -145,7 +141,7 @@ class ChamberGains:
         x = self._lagged = lagged(self._lagged, self._given, self._told, self._lags, passed)
         self._given = self._told
         rate = turned / passed
-        y = (self._given - x) / (self._lags * rate) if rate > MIN_PHASE_RATE else np.zeros_like(x)
+        y = (self._given - x) / (self._lags * rate) if rate > 1e-3 else np.zeros_like(x)  # unknown as the wave stands
         self._past.append((t, x, y))
         while self._past[0][0] < t - self._span:
             self._past.popleft()
@@ -178,7 +174,7 @@ class ChamberGains:
         row = np.stack([own_x, own_y, np.ones_like(own_x)], axis=-1)
         self.expected, self.healthy = p * own_x + q * own_y, own_x
         self.miss = strain - others - self.expected - self._state[..., 2]
-        if waves < STILL:
+        if waves < 1e-6:  # the wave stands still
             return
         known, lasting = np.isfinite(self.miss), max(self._trust.lasts / waves, 1.0)
         spread = np.einsum("ijkl,ijl->ijk", self._covariance, row)

@@ -116,7 +116,9 @@ class ReducedModel:
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
-        """Return the model of a worm; ValueError if the worm was not identified with this mechanism."""
+        """Return the model of a worm; ValueError if the worm cannot bend, or was not identified so."""
+        if worm.chamber_offset == 0.0:
+            raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")

@@ -69,10 +69,6 @@ class Chambers:
 
     def __init__(self, worm: Worm) -> None:
         self._shape, self._stroke = (worm.segments, 2), worm.stroke
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
         self.held: dict[int, Held] = {}
         self._told: FloatArray | None = None
         self._time = np.nan

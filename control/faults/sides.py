@@ -35,10 +35,6 @@ class Sides:
 
     def __init__(self, segments: int) -> None:
         self._segments = segments
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
         self.swapped = False
         self._apart = np.zeros((3, self._segments))
         self._waves: deque[tuple[FloatArray, int, float]] = deque(maxlen=COMPARED_WAVES)
