@@ -57,11 +57,8 @@ class Movie:
         FigureCanvasAgg(self.figure)
         box = (left / width, bottom / height, wide / width, (height - bottom - above) / height)
         self._axes = axes = self.figure.add_axes(box)
-        axes.set_aspect("equal")
-        axes.set_xlim(low[0], high[0])
-        axes.set_ylim(low[1], high[1])
-        axes.set_xlabel("along the ground [m]")
-        axes.set_ylabel("height [m]")
+        axes.set(aspect="equal", xlabel="along the ground [m]", ylabel="height [m]")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.locator_params(axis="y", nbins=4)
         if ground is not None:
             axes.axhspan(low[1], ground, color="0.8", lw=0)

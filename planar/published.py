@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv
 
+from planar.metrics import p10_friction
 from planar.published_run import Run
 from planar.published_worm import NET_HALF_BANDWIDTH, Net, Parameters
 from planar.status import Status, Stop
@@ -43,10 +44,6 @@ Activation = Callable[[float], FloatArray]
 
 Observer = Callable[[int], bool]
 """Called with the number of finished steps; returning False ends the run there."""
-
-
-MOST_SEGMENTS = 10_000
-"""Greatest number of segments; a step solves a band matrix of six times as many rows."""
 
 
 def bytes_per_step(segments: int) -> float:
@@ -143,13 +140,8 @@ class _Worm:
 
     def _p10_friction_force(self) -> FloatArray:
         p, main = self.parameters, self.net.main
-        v = self.u[2 * main]
-        force = np.zeros_like(self.q)
-        force[2 * main] = np.select(
-            [v > p.velocity_threshold, v < -p.velocity_threshold],
-            [-p.mu_forward * self.normal_load, p.mu_backward * self.normal_load],
-            0.0,
-        )
+        mu, force = (p.mu_forward, p.mu_backward), np.zeros_like(self.q)
+        force[2 * main] = p10_friction(self.normal_load, self.u[2 * main], mu, p.velocity_threshold)
         return force
 
     def held(self) -> NDArray[np.bool_]:
@@ -244,7 +236,7 @@ def simulate(
     ValueError
         A number out of range, or an activation of the wrong shape.
     """
-    arguments.whole("n", n, le=MOST_SEGMENTS)
+    arguments.whole("n", n, le=10_000)  # a step solves a band matrix of six times as many rows
     arguments.whole("steps", steps)
     for name, seconds in (("T_wave", T_wave), ("dt", dt)):
         arguments.number(name, seconds, "s", gt=0.0)

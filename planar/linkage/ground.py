@@ -68,11 +68,9 @@ WEIGHTLESS = 0.075
 """Substitute for the weight of a weightless worm, as a fraction of the mean stiffness of the springs; the same as in
 `worm3d`."""
 
-BREAKAWAY_TOLERANCE = 1e-9
-"""Distance to the static limit below which a contact breaks away (G4), as a fraction of the limit."""
-
-YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, so that rounding causes no creep."""
+LIMIT_TOLERANCE = 1e-9
+"""Relative distance to a limit of friction below which a contact breaks away (G4), an anchor stays, so that rounding
+causes no creep, and a given regime agrees with the law."""
 
 
 @documented

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.element import OPEN, SLIDE, STICK, Now
-from planar.linkage.ground import Ground
+from planar.linkage.ground import LIMIT_TOLERANCE, Ground
 from planar.linkage.shape import apexes
 from worm3d.values.arrays import FloatArray
 
@@ -20,9 +20,6 @@ Regimes = NDArray[np.int64]
 AT_ONCE = 10
 """Rounds that change all regimes denied by the law; later rounds change only the most denied regime, so that no two
 regimes alternate without end."""
-
-LAW_TOLERANCE = 1e-9
-"""Tolerance of the law, as a fraction of the yield displacement or of the contact's mean load."""
 
 
 def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
@@ -51,7 +48,7 @@ def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> 
         [of_law(q, a, ground, now), OPEN, STICK + tail, STICK + 1 - tail],
         SLIDE + tail,
     )
-    denied = wrong > LAW_TOLERANCE
+    denied = wrong > LIMIT_TOLERANCE
     if turn >= AT_ONCE and denied.any():
         denied = wrong == wrong.max()
     return np.where(denied, new, old)

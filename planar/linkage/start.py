@@ -22,14 +22,8 @@ FLATTENED_HEIGHT = 0.02
 SETTLING_TIME = float(np.sqrt(9.81))
 """Pseudo time step of settling, in units of the time for a fall of half the worm's length: 1 s for a worm of 1 m."""
 
-MAX_SETTLING = 200
-"""Greatest number of steps of settling."""
-
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Greatest penetration of an apex at the start, as a fraction of the segment length."""
-
-TOUCH_TOLERANCE = 1e-6
-"""Greatest distance of an apex that counts as touching the ground, as a fraction of the body length."""
 
 
 class LimitPointError(ValueError):
@@ -97,7 +91,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
 
 def touches(worm: Linkage, joints: FloatArray) -> bool:
     """Return whether an apex touches the ground z = 0; a gap may be rounding."""
-    return float(apexes(joints, worm.link_length)[..., 1].min()) <= TOUCH_TOLERANCE * worm.length
+    return float(apexes(joints, worm.link_length)[..., 1].min()) <= 1e-6 * worm.length
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
@@ -107,7 +101,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
         worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held
     )
     dt = SETTLING_TIME * float(np.sqrt(worm.length / np.hypot(*weight)))
-    for _ in range(MAX_SETTLING):
+    for _ in range(200):
         step = stepper.step(state, state.l_cmd, np.zeros((worm.segments + 1, 2)), dt)
         status = shape_status(worm, step.end.joints, on_ground=True)
         if status is not Status.DONE:

@@ -7,10 +7,11 @@ active segment shortens and so widens.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planar.linkage.shape import hinge_angles
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -106,6 +107,11 @@ class Linkage(ReadOnly):
         return length
 
     @property
+    def rest_angle(self) -> FloatArray:
+        """Angle of the apex hinges at rest, shape (N,) [rad]."""
+        return hinge_angles(np.full(self.segments, self.l0), self.link_length)
+
+    @property
     def total_mass(self) -> float:
         """Mass of the worm [kg]."""
         assert self.mass is not None
@@ -137,8 +143,7 @@ class Linkage(ReadOnly):
 
     def with_changes(self, **changes: object) -> Linkage:
         """Return a copy with some parameters changed."""
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Linkage(**{**given, **changes})
+        return replace(self, **changes)  # type: ignore[arg-type]
 
     def flattening_weight(self, contraction: float = 0.0) -> FloatArray:
         """Return the weight on each segment's bottom apex that flattens the segment (limit point), shape (N,) [N].

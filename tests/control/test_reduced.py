@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState
-from control.gaits.steering import GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.gaits.steering import GaitParameters, PlannedWave, Schedule, WaveGenerator
 from control.identification.identified import Identified, load
 from worm3d import Plane, Worm, simulate
 from worm3d.values.period_means import averaged
