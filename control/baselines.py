@@ -27,8 +27,8 @@ from control.loop import Choice, Estimates, Source, WaveController, observed
 from control.task import ControlTask
 from control.tracking.paths import offset
 from control.tracking.preview import turn_of_path, turn_rate
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 REACHED = 0.01
 """Largest relative error of the map's wave at a speed that counts as reachable."""
@@ -78,7 +78,7 @@ class OpenLoop(_Baseline):
 
 @documented
 @dataclass(frozen=True)
-class Gains(Spelled):
+class Gains(Checked):
     """Gains of (B1) to (B3).
 
     The gains were tuned on the default worm at 0.08 m/s with the sensors' default noise, in runs of a minute. First,
@@ -87,13 +87,10 @@ class Gains(Spelled):
     were compared for the least error of the speed in steps, in a sine and in a pipe.
     """
 
-    speed: float = parameter(0.6, ge=0, meaning="K_p, gain of the speed")
-    speed_integral: float = parameter(0.3, unit="1/s", ge=0, meaning="K_i, gain of its integral")
-    heading: float = parameter(1.2, unit="1/s", ge=0, meaning="K_h, gain of the heading")
-    reach: float = parameter(0.15, unit="body lengths", gt=0, meaning="look-ahead distance of (B2)")
-
-    def __post_init__(self) -> None:
-        check(self)
+    speed: float = parameter(0.6, "K_p, gain of the speed", ge=0)
+    speed_integral: float = parameter(0.3, "K_i, gain of its integral", "1/s", ge=0)
+    heading: float = parameter(1.2, "K_h, gain of the heading", "1/s", ge=0)
+    reach: float = parameter(0.15, "look-ahead distance of (B2)", "body lengths", gt=0)
 
 
 class PiLineOfSight(_Baseline):

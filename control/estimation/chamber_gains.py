@@ -24,8 +24,8 @@ import numpy as np
 from control.identification.strain_model import StrainModel, inputs, lagged
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 RESIDUAL_SMOOTHING_TIME = 0.05
 """Time over which unexplained strains are averaged, so that noise does not count [s]."""
@@ -35,19 +35,16 @@ USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class GainTrust(Spelled):
+class GainTrust(Checked):
     """Trust in the gains of the chambers: standard deviations of the effects that (CG1) leaves out."""
 
-    begin: float = parameter(0.2, gt=0, meaning="p and q of a chamber before the first sample")
-    begin_mean: float = parameter(0.05, gt=0, meaning="mean strain b before the first sample")
-    wander: float = parameter(0.01, ge=0, meaning="change of p and q in a wave")
-    wander_mean: float = parameter(0.003, ge=0, meaning="change of b in a wave")
-    missed: float = parameter(0.014, gt=0, meaning="strain that the model of a healthy worm misses")
-    lasts: float = parameter(0.25, unit="waves", gt=0, meaning="time for which such a miss lasts")
-    judged: float = parameter(2.0, unit="waves", gt=0, meaning="time over which the misfit is averaged")
-
-    def __post_init__(self) -> None:
-        check(self)
+    begin: float = parameter(0.2, "p and q of a chamber before the first sample", gt=0)
+    begin_mean: float = parameter(0.05, "mean strain b before the first sample", gt=0)
+    wander: float = parameter(0.01, "change of p and q in a wave", ge=0)
+    wander_mean: float = parameter(0.003, "change of b in a wave", ge=0)
+    missed: float = parameter(0.014, "strain that the model of a healthy worm misses", gt=0)
+    lasts: float = parameter(0.25, "time for which such a miss lasts", "waves", gt=0)
+    judged: float = parameter(2.0, "time over which the misfit is averaged", "waves", gt=0)
 
 
 class ChamberGains:

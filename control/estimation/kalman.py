@@ -56,7 +56,8 @@ from control.estimation.estimate import HEADING, Belief, wrapped
 from control.estimation.reduced import INDEX, INPUTS, LONGEST_SUBSTEP, STATES, ReducedInput, ReducedModel, ReducedState
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
@@ -92,7 +93,7 @@ MOVED_DEVIATIONS = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class Uncertainty:
+class Uncertainty(Checked):
     """Uncertainty of sensors and model; the defaults suit worms of 1 m and `control.sensing.sensors`.
 
     The values of place, speed and turn rate are close to the maximum likelihood of the innovations of nine runs of a
@@ -100,38 +101,29 @@ class Uncertainty:
     would allow half the drift; the larger drift gives the heading of a winding worm the right standard deviation.
     """
 
-    com: float = parameter(0.005, unit="m", gt=0, meaning="standard deviation of a sample of the centre of mass")
-    heading_sample: float = parameter(0.025, unit="rad", gt=0, meaning="standard deviation of a sample of the heading")
-    place: float = parameter(0.0005, unit="m/sqrt(s)", ge=0, meaning="noise of the position")
-    heading: float = parameter(0.004, unit="rad/sqrt(s)", ge=0, meaning="noise of the heading without turning")
-    turning: float = parameter(0.12, unit="sqrt(s)", ge=0, meaning="increase of that noise per turn rate")
+    com: float = parameter(0.005, "standard deviation of a sample of the centre of mass", "m", gt=0)
+    heading_sample: float = parameter(0.025, "standard deviation of a sample of the heading", "rad", gt=0)
+    place: float = parameter(0.0005, "noise of the position", "m/sqrt(s)", ge=0)
+    heading: float = parameter(0.004, "noise of the heading without turning", "rad/sqrt(s)", ge=0)
+    turning: float = parameter(0.12, "increase of that noise per turn rate", "sqrt(s)", ge=0)
     changing: float = parameter(
-        1.0, unit="sqrt(s)", ge=0, meaning="increase of the noise ahead per speed that the worm lacks to its wave"
+        1.0, "increase of the noise ahead per speed that the worm lacks to its wave", "sqrt(s)", ge=0
     )
-    speed: float = parameter(0.006, unit="m/s/sqrt(s)", ge=0, meaning="noise of the speed that the gait makes")
-    turn_rate: float = parameter(
-        0.008, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the turn rate that the gait makes"
-    )
-    slip: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the slip")
-    yaw_bias: float = parameter(0.003, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the yaw bias")
-    turn_gain: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the gain of turning")
-    crab: float = parameter(0.0, unit="rad/sqrt(s)", ge=0, meaning="noise of the crab angle")
+    speed: float = parameter(0.006, "noise of the speed that the gait makes", "m/s/sqrt(s)", ge=0)
+    turn_rate: float = parameter(0.008, "noise of the turn rate that the gait makes", "rad/s/sqrt(s)", ge=0)
+    slip: float = parameter(0.01, "noise of the slip", "1/sqrt(s)", ge=0)
+    yaw_bias: float = parameter(0.003, "noise of the yaw bias", "rad/s/sqrt(s)", ge=0)
+    turn_gain: float = parameter(0.01, "noise of the gain of turning", "1/sqrt(s)", ge=0)
+    crab: float = parameter(0.0, "noise of the crab angle", "rad/sqrt(s)", ge=0)
     rate_sample: float = parameter(
-        0.005, unit="rad/s", gt=0, meaning="standard deviation of the mean turn rate of a wave by gyroscopes"
+        0.005, "standard deviation of the mean turn rate of a wave by gyroscopes", "rad/s", gt=0
     )
-    rate_offset: float = parameter(
-        0.0, unit="rad/s", ge=0, meaning="standard deviation of their constant error; 0: there are none"
-    )
-    drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
-    drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
-    rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
-    frequency: float = parameter(
-        0.8, unit="Hz", gt=0, meaning="f_0 from which these hold; slower waves have less noise"
-    )
-    slope_yield: float = parameter(3.6, ge=0, meaning="kappa, share of the speed that a slope takes, over the slope")
-
-    def __post_init__(self) -> None:
-        check(self)
+    rate_offset: float = parameter(0.0, "standard deviation of their constant error; 0: there are none", "rad/s", ge=0)
+    drift: float = parameter(0.0018, "standard deviation of the drift that no slope explains", "m/s", ge=0)
+    drift_time: float = parameter(2.0, "correlation time tau of that drift", "s", gt=0)
+    rocking: float = parameter(0.001, "noise of the entries of C", "m/sqrt(s)", ge=0)
+    frequency: float = parameter(0.8, "f_0 from which these hold; slower waves have less noise", "Hz", gt=0)
+    slope_yield: float = parameter(3.6, "kappa, share of the speed that a slope takes, over the slope", ge=0)
 
     def sized(self, length: float) -> Uncertainty:
         """Return the uncertainty for a worm of a length [m]; all motion is proportional to the length."""

@@ -38,7 +38,7 @@ class Constraint(Part):
 class Corridor(Constraint):
     """Offset of the middle within the corridor of the reference."""
 
-    tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
+    tolerance: float = parameter(0.005, "excess that weighs 1", "body lengths", gt=0)
 
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excesses to the left and to the right; see `Constraint`."""
@@ -58,7 +58,7 @@ class Clearance(Constraint):
     An end at the distance x ahead of the middle has the offset e + x sin(h - psi), (O4).
     """
 
-    tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
+    tolerance: float = parameter(0.005, "excess that weighs 1", "body lengths", gt=0)
 
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excesses to the left and to the right of head and tail; see `Constraint`."""
@@ -76,8 +76,8 @@ class Clearance(Constraint):
 class Roll(Constraint):
     """Roll of the body within a wave, if the identified map contains the roll."""
 
-    limit: float = parameter(0.105, unit="rad", gt=0, meaning="greatest roll")
-    tolerance: float = parameter(0.02, unit="rad", gt=0, meaning="excess that weighs 1")
+    limit: float = parameter(0.105, "greatest roll", "rad", gt=0)
+    tolerance: float = parameter(0.02, "excess that weighs 1", "rad", gt=0)
 
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excess; see `Constraint`."""

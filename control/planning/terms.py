@@ -43,8 +43,8 @@ from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput, ReducedState
 from control.tracking.preview import Preview
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 MAX_CRAB = 0.3
 """Largest allowed angle of the body across the path [rad]."""
@@ -111,11 +111,8 @@ class Moment:
         return (state.y - wanted.y) * ca.cos(wanted.heading) - (state.x - wanted.x) * ca.sin(wanted.heading)
 
 
-class Part(Spelled, ABC):
-    """A term of the cost, or a constraint; parameters are checked."""
-
-    def __post_init__(self) -> None:
-        check(self)
+class Part(Checked, ABC):
+    """A term of the cost, or a constraint."""
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return factors of the values, a scalar or one factor per step: 0 where the part does not apply."""
@@ -145,10 +142,8 @@ def _kept(ahead: Preview) -> float:
 class Speed(CostTerm):
     """Miss of the speed."""
 
-    tolerance: float = parameter(0.004, unit="body lengths/s", gt=0, meaning="a_V, miss of the speed that weighs 1")
-    large: float = parameter(
-        0.02, unit="body lengths/s", gt=0, meaning="miss from which on the cost rises by the miss, no faster"
-    )
+    tolerance: float = parameter(0.004, "a_V, miss of the speed that weighs 1", "body lengths/s", gt=0)
+    large: float = parameter(0.02, "miss from which on the cost rises by the miss, no faster", "body lengths/s", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -160,7 +155,7 @@ class Speed(CostTerm):
 class Offset(CostTerm):
     """Offset from the path."""
 
-    tolerance: float = parameter(0.01, unit="body lengths", gt=0, meaning="a_e, offset that weighs 1")
+    tolerance: float = parameter(0.01, "a_e, offset that weighs 1", "body lengths", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -176,7 +171,7 @@ class Offset(CostTerm):
 class Arrival(Offset):
     """Offset at the end of the horizon, for all later steps."""
 
-    way: float = parameter(0.01 / 0.07, unit="body lengths", gt=0, meaning="L, in which an offset dies away to 37 %")
+    way: float = parameter(0.01 / 0.07, "L, in which an offset dies away to 37 %", "body lengths", gt=0)
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return the weight of the last step, if there is a path."""
@@ -189,8 +184,8 @@ class Arrival(Offset):
 class Heading(CostTerm):
     """Miss of the heading, the body standing across the path to compensate the sideways motion."""
 
-    tolerance: float = parameter(0.07, unit="rad", gt=0, meaning="a_h, miss of the heading that weighs 1")
-    large: float = parameter(0.35, unit="rad", gt=0, meaning="miss from which on the cost rises by the miss, no faster")
+    tolerance: float = parameter(0.07, "a_h, miss of the heading that weighs 1", "rad", gt=0)
+    large: float = parameter(0.35, "miss from which on the cost rises by the miss, no faster", "rad", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -208,9 +203,9 @@ class Heading(CostTerm):
 class Change(CostTerm):
     """Change of the inputs from step to step, as a share of half the range of each input."""
 
-    amplitude: float = parameter(0.3, gt=0, meaning="a_rate, change of the amplitude that weighs 1")
-    frequency: float = parameter(0.2, gt=0, meaning="a_rate, change of the frequency that weighs 1")
-    steering: float = parameter(0.25, gt=0, meaning="a_rate, change of the steering that weighs 1")
+    amplitude: float = parameter(0.3, "a_rate, change of the amplitude that weighs 1", gt=0)
+    frequency: float = parameter(0.2, "a_rate, change of the frequency that weighs 1", gt=0)
+    steering: float = parameter(0.25, "a_rate, change of the steering that weighs 1", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the misses; see `CostTerm`."""
@@ -222,7 +217,7 @@ class Change(CostTerm):
 class Frequency(CostTerm):
     """Distance of the frequency from the preferred frequency, as a share of half the frequency range."""
 
-    tolerance: float = parameter(1.0, gt=0, meaning="a_f, distance that weighs 1")
+    tolerance: float = parameter(1.0, "a_f, distance that weighs 1", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -234,7 +229,7 @@ class Frequency(CostTerm):
 class Steering(CostTerm):
     """Steering without a path or heading to follow, as a share of the greatest steering."""
 
-    tolerance: float = parameter(0.2, gt=0, meaning="a_s, steering that weighs 1")
+    tolerance: float = parameter(0.2, "a_s, steering that weighs 1", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""

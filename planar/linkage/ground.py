@@ -80,7 +80,7 @@ class Friction(ReadOnly):
 
     forward: float | FloatArray = parameter(
         0.03,
-        meaning="kinetic coefficient against motion towards the head",
+        "kinetic coefficient against motion towards the head",
         ge=0,
         le=arguments.MAX_MAGNITUDE,
         each="segment",
@@ -88,13 +88,13 @@ class Friction(ReadOnly):
     )
     backward: float | FloatArray = parameter(
         0.20,
-        meaning="kinetic coefficient against motion towards the tail",
+        "kinetic coefficient against motion towards the tail",
         ge=0,
         le=arguments.MAX_MAGNITUDE,
         each="segment",
         aka=("mu_backward",),
     )
-    static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient, anchored", ge=1)
+    static_ratio: float = parameter(1.2, "static over kinetic coefficient, anchored", ge=1)
 
     def __post_init__(self) -> None:
         check(self)

@@ -3,7 +3,7 @@
     @documented
     @dataclass(frozen=True, kw_only=True)
     class Wave:
-        period: float = parameter(2.0, meaning="duration of a wave", unit="s", gt=0)
+        period: float = parameter(2.0, "duration of a wave", "s", gt=0)
 
         def __post_init__(self) -> None:
             check(self)
@@ -127,9 +127,9 @@ class Parameter:
 
 def parameter(
     default: Any = dataclasses.MISSING,
-    *,
-    meaning: str,
+    meaning: str = "",
     unit: str = "",
+    *,
     made: type[Parameter] = Parameter,
     **others: Any,
 ) -> Any:
