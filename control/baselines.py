@@ -30,11 +30,6 @@ from control.tracking.preview import turn_of_path, turn_rate
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import Checked
 
-REACHED = 0.01
-"""Largest relative error of the map's wave at a speed that counts as reachable."""
-MAX_TRIM = 0.5
-"""Bound of the integral in (B1), as a share of the reference speed."""
-
 
 class _Baseline(WaveController):
     """A controller that uses only the identified map; parameters as for `control.loop.WaveController`."""
@@ -130,7 +125,7 @@ class PiLineOfSight(_Baseline):
         miss = wanted - estimate.speed
         asked = wanted + gains.speed * miss + self._trim
         if self._reaches(asked):
-            most = MAX_TRIM * abs(wanted)
+            most = 0.5 * abs(wanted)
             more = self._trim + gains.speed_integral * miss * self.control_period
             self._trim = min(max(more, -most), most)
         return asked
@@ -138,7 +133,7 @@ class PiLineOfSight(_Baseline):
     def _reaches(self, speed: float) -> bool:
         amplitude, *others = self.feed_forward(speed, 0.0)
         made = self.worm.length * float(self.task.found.speed(abs(amplitude), *others))
-        return abs(made - abs(speed)) <= REACHED * abs(speed)
+        return abs(made - abs(speed)) <= 0.01 * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
         """Return w_cmd, (B2) and (B3); as in the MPC, the turn rate of the path until the heading is known."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
-from typing import Any, Literal, Protocol, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
@@ -40,13 +40,11 @@ from control.loop import (
     still,
 )
 from control.planning.constraints import Constraint
-from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import PlanStatus
 from control.planning.mpc import GaitMPC, Plan
 from control.planning.terms import CostTerm
 from control.task import ControlTask
 from control.tracking.preview import turn_of_path
-from control.tracking.references import Reference
 from worm3d.values import arguments
 from worm3d.values.named import EXCEPTIONS
 
@@ -67,26 +65,6 @@ OUTSIDE = "the plan is outside the ranges in which the worm was identified"
 _LOG = logging.getLogger(__name__)
 
 
-class Planner(Protocol):
-    """A planner, such as `control.planning.mpc.GaitMPC`."""
-
-    @property
-    def feed_forward(self) -> FeedForward:
-        """The inverse of the identified map."""
-
-    def reset(self) -> None:
-        """Return to the initial state."""
-
-    def forget(self) -> None:
-        """Drop the last plan."""
-
-    def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
-        """Return the plan from time t [s] on."""
-
-    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
-        """Return the plain wave."""
-
-
 class Supervisor(WaveController):
     """A controller for `worm3d.simulate` that plans; `failures` counts the decisions without an accepted plan.
 
@@ -95,7 +73,7 @@ class Supervisor(WaveController):
     task : ControlTask
     model : ReducedModel
     estimator : Estimates
-    mpc : Planner
+    mpc : GaitMPC
     deadline : str
         "iterations": a plan may use all given iterations, and runs repeat bit for bit; "wall": a plan that took longer
         than the control period is not accepted.
@@ -113,7 +91,7 @@ class Supervisor(WaveController):
         task: ControlTask,
         model: ReducedModel,
         estimator: Estimates,
-        mpc: Planner,
+        mpc: GaitMPC,
         deadline: Deadline = "iterations",
     ) -> None:
         arguments.choice("deadline", deadline, get_args(Deadline))

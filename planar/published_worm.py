@@ -17,9 +17,6 @@ from worm3d.values.spelling import Spelled
 NET_HALF_BANDWIDTH = 7
 """Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
 
-MAX_PARAMETER_SIZE = 1e100
-"""Largest size of a parameter, and the inverse of the smallest: the program takes masses of any size for points."""
-
 
 @documented
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class Parameters(Spelled):
     max_iterations: int = parameter(100, "iterations after which the step is kept, converged or not", ge=1)
 
     def __post_init__(self) -> None:
-        check(self, largest=MAX_PARAMETER_SIZE)
+        check(self, largest=1e100)  # the program takes masses of any size for points
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"

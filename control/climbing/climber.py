@@ -15,7 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
-from control.climbing.climb import CLIMB, Climb, enclosed
+from control.climbing.climb import CLIMB, WEDGING, Climb, enclosed
 from control.climbing.way import STUCK, Way
 from control.estimation.estimate import Estimate
 from control.faults.rules import SLOW_AT_LIMIT, Fault
@@ -32,10 +32,6 @@ from worm3d.values.arrays import FloatArray
 LOAD_CHANNEL = "contact_load"
 OPENED = 2.0
 """Number of periods of the gait without an enclosed segment after which the walls have opened."""
-BLENDING = 0.6
-"""Time of the transition from one gait to the other [s]; six time constants of the default actuators."""
-POSITION_SAMPLE_WEIGHT = 0.3
-"""Weight of a new sample in the place of a climbing worm: a mean over half a second at 20 samples a second."""
 CLIMBS = "walls close round the worm: it climbs"
 
 
@@ -109,7 +105,8 @@ class Climber(Supervisor):
         self._time = t
         com = self.gate(t, measurement).com
         if com is not None and np.isfinite(com).all():
-            self._com = com if self._com is None else self._com + POSITION_SAMPLE_WEIGHT * (com - self._com)
+            # A mean over half a second at 20 samples a second.
+            self._com = com if self._com is None else self._com + 0.3 * (com - self._com)
         self._way.take(climb.phase, com)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
@@ -155,10 +152,10 @@ class Climber(Supervisor):
 
     def _blended(self, t: float, wanted: Command) -> Command:
         """Return the command during the transition from one gait to the other."""
-        if self._blended_from is None or t - self._blended_from[0] >= BLENDING:
+        if self._blended_from is None or t - self._blended_from[0] >= WEDGING:
             return wanted
         since, old = self._blended_from
-        share = (t - since) / BLENDING
+        share = (t - since) / WEDGING
         return Command(
             share * wanted.contraction + (1.0 - share) * old.contraction,
             share * wanted.hinge + (1.0 - share) * old.hinge,

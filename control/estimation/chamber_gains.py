@@ -27,11 +27,6 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import Checked
 
-RESIDUAL_SMOOTHING_TIME = 0.05
-"""Time over which unexplained strains are averaged, so that noise does not count [s]."""
-USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
-"""Strain caused by the command, rms: the initial assumption, and the least strain for which the misfit is judged."""
-
 
 @documented
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +40,9 @@ class GainTrust(Checked):
     missed: float = parameter(0.014, "strain that the model of a healthy worm misses", gt=0)
     lasts: float = parameter(0.25, "time for which such a miss lasts", "waves", gt=0)
     judged: float = parameter(2.0, "time over which the misfit is averaged", "waves", gt=0)
+    smoothing: float = parameter(0.05, "time over which noise in unexplained strains is averaged", "s", gt=0)
+    usual_strain: float = parameter(0.1, "strain caused by the command, rms, before the first sample", gt=0)
+    least_strain: float = parameter(0.01, "least such strain for which the misfit is judged", gt=0)
 
 
 class ChamberGains:
@@ -97,7 +95,7 @@ class ChamberGains:
         self._since = np.zeros(2)
         self._past: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._left, self._left_power = np.zeros((2, count, 2))
-        self._own_power = np.full((count, 2), USUAL_STRAIN**2)
+        self._own_power = np.full((count, 2), trust.usual_strain**2)
         self.miss, self.expected, self.healthy = np.full((count, 2), np.nan), *np.zeros((2, count, 2))
 
     @property
@@ -118,7 +116,7 @@ class ChamberGains:
     @property
     def misfit(self) -> FloatArray:
         """Ratio of unexplained strain to the strain that the chamber's own command causes, shape (N, 2)."""
-        return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, LEAST_STRAIN**2)))
+        return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, self._trust.least_strain**2)))
 
     def tell(self, t: float, command: Command) -> None:
         """Take in the command that holds from time t [s] on."""
@@ -180,8 +178,8 @@ class ChamberGains:
         self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
         self._covariance -= gain[..., None] * spread[..., None, :]
         left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
-        self._left += (1.0 - np.exp(-passed / RESIDUAL_SMOOTHING_TIME)) * (left - self._left)
-        judged = known & (np.abs(own_x).max() > LEAST_STRAIN)
+        self._left += (1.0 - np.exp(-passed / self._trust.smoothing)) * (left - self._left)
+        judged = known & (np.abs(own_x).max() > self._trust.least_strain)
         share = np.where(judged, 1.0 - np.exp(-waves / self._trust.judged), 0.0)
         self._left_power += share * (self._left**2 - self._left_power)
         self._own_power += share * (self.expected**2 - self._own_power)

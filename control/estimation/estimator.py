@@ -55,10 +55,6 @@ __all__ = ["Estimate", "Estimator"]
 
 PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
-LATE_STRAIN = 0.1
-"""Greatest age of strains that give the height of the axis above the ground [s]."""
-INITIAL_HEADINGS = 24
-"""Number of initial headings, with one filter each, when the heading is unknown."""
 ROCKED = 0.016
 """Standard deviation of the chord's azimuth about the heading, caused by the wave [rad]."""
 NOISIEST = 0.2
@@ -71,8 +67,6 @@ CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
 """Noise and initial standard deviation of the crab angle if a sensor measures the heading [rad/sqrt(s)], [rad]."""
 UNSTEADY = 0.005
 """Standard deviation of the turn rate in the middle of a wave about the mean turn rate of the wave [rad/s]."""
-LEAST_OFFSET = 1e-4
-"""Least constant error of a gyroscope [rad/s]."""
 BEGIN_ROCKING = 0.05
 """Standard deviation of the entries of C at the start [body lengths]."""
 
@@ -160,11 +154,6 @@ class Estimator:
         self._settled: list[tuple[float, float]] = []
         self._heights: deque[tuple[float, float]] = deque()
 
-    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
-        """Take a measurement at time t [s], and return the estimate of this instant; see `take`."""
-        self.take(t, measurement, parameters, phase)
-        return self.estimate(t)
-
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
         """Take a measurement at time t [s], later than the time of the last call.
 
@@ -196,7 +185,7 @@ class Estimator:
             Uncertainty().sized(worm.length),
             com=place,
             rate_sample=float(np.hypot(UNSTEADY, 0.0 if rates is None else rates.noise / root)),
-            rate_offset=0.0 if rates is None else float(max(rates.bias, LEAST_OFFSET) / root),
+            rate_offset=0.0 if rates is None else float(max(rates.bias, 1e-4) / root),
             heading_sample=float(np.hypot(heading, ROCKED)),
             crab=CRAB_NOISE if "heading" in sensors else 0.0,
         )
@@ -220,7 +209,7 @@ class Estimator:
 
     def _height_at(self, t: float) -> float:
         """Return the height of the axis above the ground at an instant [m]; NaN without recent strains."""
-        if not self._heights or t > self._heights[-1][0] + LATE_STRAIN:
+        if not self._heights or t > self._heights[-1][0] + 0.1:
             return nan
         times, heights = np.array(self._heights).T
         return float(np.interp(t, times, heights))
@@ -368,9 +357,9 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float, leng
     """Return the beliefs before the first sample, one for each possible heading."""
     if heading is not None:
         return [_believed(trust, heading, deviation, length)]
-    apart = 2.0 * np.pi / INITIAL_HEADINGS
+    count, apart = 24, 2.0 * np.pi / 24
     # Mirror images of each other, so that mirrored worms are treated alike.
-    sides = ((np.arange(INITIAL_HEADINGS) + 0.5 - INITIAL_HEADINGS / 2.0) * apart).tolist()
+    sides = ((np.arange(count) + 0.5 - count / 2.0) * apart).tolist()
     return [_believed(trust, side, apart / 2.0, length) for side in sides]
 
 

@@ -30,8 +30,6 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import Checked
 
-SHARPNESS = 0.1
-"""Ratio of delta to the mean rest half-height."""
 ANYWHERE = 10.0
 """Standard deviation of a coordinate before the first sample [m]."""
 MAX_GROUND_SAMPLES = 200
@@ -113,7 +111,7 @@ class Standing:
 
     def __init__(self, worm: Worm) -> None:
         self._length, self._link = worm.l0, worm.link_length[:, None]
-        self._delta = SHARPNESS * float(np.mean(worm.half_height))
+        self._delta = 0.1 * float(np.mean(worm.half_height))
 
     def height(self, strain: FloatArray) -> float:
         """Return (KF5) for strains of shape (N, 2), NaN where unknown [m]."""

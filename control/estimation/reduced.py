@@ -50,8 +50,6 @@ from worm3d import Worm
 
 IDENTIFIED = 0.8
 """Approximate frequency f_p at which the lag n_v was identified [Hz]."""
-LEAST_LAG = 0.05
-"""Least lag of the speed behind the wave in force [waves]."""
 LONGEST_SUBSTEP = 0.5
 """Longest substep of Runge and Kutta, as a fraction of the shortest time constant."""
 
@@ -125,7 +123,7 @@ class ReducedModel:
         state, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
         symbols = ReducedState(*ca.vertsplit(state)), ReducedInput(*ca.vertsplit(given))
         lags, ranges = identified.lags[mechanism], identified.maps[mechanism].ranges
-        lag = max(lags.amplitude - BLEND, LEAST_LAG) / IDENTIFIED
+        lag = max(lags.amplitude - BLEND, 0.05) / IDENTIFIED
         pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])  # feet that stick follow at once, however slowly
         rate = _rate(*symbols, worm, identified, mechanism, pace / lags.amplitude)
         followed = _rate(*symbols, worm, identified, mechanism, ca.SX(1.0 / lag))

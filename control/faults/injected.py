@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from zlib import crc32
 
 import numpy as np
 
 from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, SIDE_NAMES, Measurement, Sample
-from worm3d import Command, Worm
+from worm3d import Command, Controller, Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import Checked, Spelled, did_you_mean
@@ -28,16 +28,6 @@ INJECTED: dict[str, type[Injected]] = {}
 
 ALL = -1
 """Number that means all segments."""
-
-
-class Controller(Protocol):
-    """A controller for `worm3d.simulate`."""
-
-    def reset(self) -> None:
-        """Return to the initial state."""
-
-    def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,8 +34,6 @@ MOVES = 0.02
 """Amplitude of a command below which the chamber is not judged."""
 MAX_DIRECTION_DEVIATION = 0.3
 """Standard deviation of a heading below which forward and backward can be distinguished [rad]."""
-USUAL = 0.2
-"""Share of a new wave in the usual gains; the gains of the first wave are the initial value."""
 YIELDS = Uncertainty().slope_yield
 """Ratio of the crab angle to the slope across the heading, (KF2) [rad]."""
 _LOG = logging.getLogger(__name__)
@@ -78,7 +76,7 @@ class Watch:
             if self._known_gain is not None:
                 known_gain = self._known_gain()
                 usual = known_gain if self._usual_gain is None else self._usual_gain
-                self._usual_gain = usual + USUAL * (known_gain - usual)
+                self._usual_gain = usual + 0.2 * (known_gain - usual)
 
     def tell(
         self,

@@ -26,12 +26,8 @@ from worm3d.values.arrays import FloatArray
 
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
 """Fraction of the update of the loads after each pass that did not converge."""
-POLISH_TOLERANCE = 1e-12
-"""Largest coordinate step that ends the polish, as a fraction of the body length."""
 EXTRAPOLATION_FRACTION = 1e-4
 """Fraction of a step for extrapolating the motion of a stuck contact."""
-BEYOND = 1e-5
-"""Overshoot of a stuck contact beyond rest, as a fraction of the contact's displacement or yield displacement."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +159,7 @@ class Newton:
                 return q, iteration, False
             q = q - step
             stagnates = previous <= 2.0 * size < 2e-10 * self.length
-            if size < POLISH_TOLERANCE * self.length or stagnates:
+            if size < 1e-12 * self.length or stagnates:
                 self._evaluate(q, now, coupled=True)
                 return q, iteration, True
         return q, most, False
@@ -206,7 +202,7 @@ def _resting_points(
                 if end == 0:
                     stuck = abs(y[0]) <= now.cap[i, j] * b
                     soft = mu < max(ground.mu_forward[i], ground.mu_backward[i])
-                    margin = np.sign(y[0]) * BEYOND * max(abs(y[0]), b) if stuck else 0.0
+                    margin = np.sign(y[0]) * 1e-5 * max(abs(y[0]), b) if stuck else 0.0
             if stuck:
                 y[1] = y[0] + (y[1] - y[0]) / EXTRAPOLATION_FRACTION
             if y[0] * y[1] < 0.0 and (not stuck or soft):

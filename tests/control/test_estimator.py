@@ -103,7 +103,8 @@ def estimated(run: Recorded, sensors: Sensors, estimator: Estimator, steps: int 
     sensors.reset()
     estimates, asked = [], GaitParameters(0.0, 0.9)
     for seen, phase in zip(run.seen[:steps], run.phases[:steps], strict=True):
-        estimates.append(estimator.update(seen.time, sensors(seen), asked, phase))
+        estimator.take(seen.time, sensors(seen), asked, phase)
+        estimates.append(estimator.estimate(seen.time))
         asked = run.plan(seen.time)
     return estimates
 
