@@ -121,7 +121,7 @@ class Movie:
         # A GIF counts delays in hundredths of a second.
         interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1 / fps
         writer = _writer(path, suffix, interval)
-        with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path)):
+        with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path), dpi=100):
             for frame in self._frames(interval):
                 self.draw(frame)
                 writer.grab_frame()
