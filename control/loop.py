@@ -273,7 +273,7 @@ class WaveController(Driver):
             began = perf_counter()
         command = self.chambers.amended(t, self.generator.step(elapsed, self._target))
         self.chamber_gains.tell(t, command)
-        self.watch.tell(self.generator.phase, command, self._target, lambda: self.chamber_gains.gain)
+        self.watch.tell(self.generator.phase, command, self._target, self.chamber_gains)
         self._spent += perf_counter() - began
         return command
 

@@ -21,8 +21,7 @@ def p11_work(force: FloatArray, displacement: FloatArray) -> FloatArray:
     force, displacement : ndarray, shape (S, K, 2)
         Force on each node [N] and the displacement of that node over the step [m].
     """
-    work: FloatArray = np.einsum("skd,skd->s", force, displacement)
-    return work
+    return np.asarray(np.einsum("skd,skd->s", force, displacement))
 
 
 def p12_cost_of_transport(work: FloatArray, com_x: FloatArray, threshold: float = 0.0) -> FloatArray:

@@ -59,32 +59,6 @@ class _Solution:
     iterations: int
 
 
-def _p2_newton(
-    net: Net,
-    p: Parameters,
-    q_k: FloatArray,
-    u_k: FloatArray,
-    force: FloatArray,
-    held: NDArray[np.bool_],
-    dt: float,
-) -> _Solution:
-    """Newton's iteration (P2) from q_k; the last tested residual is returned, after one more update."""
-    mass, free = np.repeat(net.mass, 2), _free_band(held)
-    q = q_k.copy()
-    for iteration in range(1, p.max_iterations + 1):  # noqa: B007 - the count is returned
-        gradient, band = net.p7_gradient_and_band(q)
-        f = mass / dt * ((q - q_k) / dt - u_k) + p.elastic_sign * gradient - force
-        J = p.elastic_sign * band
-        J[NET_HALF_BANDWIDTH] += mass / dt**2
-        norm = float(np.linalg.norm(f[~held]))
-        if not np.isfinite(norm):
-            break  # before the solve spreads the value over the worm
-        q -= _solve_free(J, f, held, free)
-        if norm < p.tolerance:
-            break
-    return _Solution(q, f, norm, iteration)
-
-
 def _free_band(held: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which entries of a band matrix join two free coordinates, shape (2 NET_HALF_BANDWIDTH + 1, D)."""
     size = len(held)
@@ -154,11 +128,25 @@ class _Worm:
     def _contact_after(self, predicted: _Solution) -> NDArray[np.bool_]:
         entering = ~self.contact & (predicted.q[1::2] < self.ground)
         leaving = self.contact & (predicted.residual[1::2] > 0.0)
-        contact: NDArray[np.bool_] = (self.contact | entering) & ~leaving
-        return contact
+        return np.asarray((self.contact | entering) & ~leaving)
 
-    def _solve(self, start: FloatArray, force: FloatArray) -> _Solution:
-        return _p2_newton(self.net, self.parameters, start, self.u, force, self.held(), self.dt)
+    def _p2_newton(self, q_k: FloatArray, force: FloatArray) -> _Solution:
+        """Iterate (P2) from q_k; the last tested residual is returned, after one more update."""
+        p, dt, held = self.parameters, self.dt, self.held()
+        mass, free = np.repeat(self.net.mass, 2), _free_band(held)
+        q = q_k.copy()
+        for iteration in range(1, p.max_iterations + 1):  # noqa: B007 - the count is returned
+            gradient, band = self.net.p7_gradient_and_band(q)
+            f = mass / dt * ((q - q_k) / dt - self.u) + p.elastic_sign * gradient - force
+            J = p.elastic_sign * band
+            J[NET_HALF_BANDWIDTH] += mass / dt**2
+            norm = float(np.linalg.norm(f[~held]))
+            if not np.isfinite(norm):
+                break  # before the solve spreads the value over the worm
+            q -= _solve_free(J, f, held, free)
+            if norm < p.tolerance:
+                break
+        return _Solution(q, f, norm, iteration)
 
     def step(self, t: float) -> _Step | None:
         """Advance to time t by predictor and corrector; None if the gait returns an invalid activation."""
@@ -166,7 +154,7 @@ class _Worm:
         if activation.shape != self.net.top.shape or not np.isfinite(activation).all():
             return None
         start, contract, friction = self.q, self._contraction_force(activation), self._p10_friction_force()
-        solution = self._solve(start, contract + friction)
+        solution = self._p2_newton(start, contract + friction)
         iterations = solution.iterations
         contact, correct = self._contact_after(solution), False
         if (contact != self.contact).any():
@@ -178,7 +166,7 @@ class _Worm:
             self.normal_load = np.abs(solution.residual[2 * self.net.main + 1])
             friction, correct = self._p10_friction_force(), True
         if correct:
-            solution = self._solve(start, contract + friction)
+            solution = self._p2_newton(start, contract + friction)
             iterations += solution.iterations
         self.u = (solution.q - start) / self.dt
         self.q = solution.q

@@ -116,8 +116,7 @@ class Net:
     def p7_energy(self, x: FloatArray) -> FloatArray:
         """Return the elastic energy (P7) [J] of positions of shape (..., 3n+1, 2)."""
         length = np.linalg.norm(x[..., self.b, :] - x[..., self.a, :], axis=-1)
-        energy: FloatArray = (0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1)
-        return energy
+        return np.asarray((0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1))
 
     def p7_gradient(self, x: FloatArray) -> FloatArray:
         """Return the gradient of (P7) [N] at positions of shape (T, 3n+1, 2), in the same shape."""

@@ -63,8 +63,7 @@ def weights(beliefs: Sequence[Belief]) -> FloatArray:
     """Return the weights, whose sum is 1."""
     logs = np.array([belief.log_weight for belief in beliefs])
     shares = np.exp(np.maximum(logs - logs.max(), -700.0))
-    normalised: FloatArray = shares / shares.sum()
-    return normalised
+    return np.asarray(shares / shares.sum())
 
 
 def merged(beliefs: Sequence[Belief]) -> Belief:

@@ -149,5 +149,4 @@ class MeasuredWave:
 def _cos_sin(columns: FloatArray) -> NDArray[np.complex128]:
     """Return the least-squares map from strains to their wave; `columns` are 1, cos and -sin at the segments."""
     inverse = np.linalg.pinv(columns)
-    fit: NDArray[np.complex128] = inverse[1] + 1j * inverse[2]
-    return fit
+    return np.asarray(inverse[1] + 1j * inverse[2])

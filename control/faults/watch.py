@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from control.estimation.chamber_gains import ChamberGains
 from control.estimation.estimate import Estimate, wrapped
 from control.estimation.kalman import Uncertainty
 from control.estimation.reduced import INDEX
@@ -50,15 +51,15 @@ class Watch:
         self._strains: list[tuple[float, FloatArray, FloatArray]] = []
         self._places: list[tuple[float, float, float]] = []
         self._told: tuple[float, FloatArray] | None = None
-        self._known_gain: Callable[[], FloatArray] | None = None
+        self._known_gains: ChamberGains | None = None
         self._usual_gain: FloatArray | None = None
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
         self._numb = True
         self._pushes, self._jumps, self._felt = 0, 0, False
 
-    def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
-        """Add the measurement at time t [s], caused by the commands up to t; `known` gives the estimate of t."""
+    def look(self, t: float, seen: Measurement, estimated: Callable[[float], Estimate | None]) -> None:
+        """Add the measurement at time t [s], caused by the commands up to t; `estimated` gives the estimate of t."""
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -71,25 +72,18 @@ class Watch:
         if self._begin is None:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
-            self._end_wave(self._wave(self._begin[0], t, known(t)))
+            self._end_wave(self._wave(self._begin[0], t, estimated(t)))
             self._begin, self._numb = (t, phase), True
-            if self._known_gain is not None:
-                known_gain = self._known_gain()
-                usual = known_gain if self._usual_gain is None else self._usual_gain
-                self._usual_gain = usual + 0.2 * (known_gain - usual)
+            if self._known_gains is not None:
+                known = self._known_gains.gain
+                usual = known if self._usual_gain is None else self._usual_gain
+                self._usual_gain = usual + 0.2 * (known - usual)
 
     def tell(
-        self,
-        phase: float,
-        command: Command,
-        parameters: GaitParameters | None,
-        gain: Callable[[], FloatArray] | None = None,
+        self, phase: float, command: Command, parameters: GaitParameters | None, gains: ChamberGains | None = None
     ) -> None:
-        """Set the command from now on; without parameters the command is no wave of the map.
-
-        `gain` returns the present estimate of the gain of each chamber, shape (N, 2).
-        """
-        self._told, self._parameters, self._known_gain = (phase, command.contraction), parameters, gain
+        """Set the command from now on; without parameters the command is no wave of the map."""
+        self._told, self._parameters, self._known_gains = (phase, command.contraction), parameters, gains
 
     def _end_wave(self, wave: Wave) -> None:
         self._waves.append(wave)

@@ -89,8 +89,7 @@ class Plan:
         """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end, of the nearest step."""
         # A time that equals the start of a step except for rounding lies within that step.
         k = np.floor((np.asarray(t, dtype=float) - self.time) / self.step + 1e-9).astype(int)
-        planned: FloatArray = self.inputs[np.clip(k, 0, len(self.inputs) - 1)]
-        return planned
+        return np.asarray(self.inputs[np.clip(k, 0, len(self.inputs) - 1)])
 
 
 class GaitMPC:

@@ -153,8 +153,7 @@ class _Terms:
         """Return 1 for each part with an apex that strikes the ground, as in `worm3d.solver.ledger`, else 0."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
-        struck: FloatArray = strikes.any(axis=(1, 2)).astype(float)
-        return struck
+        return np.asarray(strikes.any(axis=(1, 2)).astype(float))
 
     def all(self) -> dict[str, FloatArray]:
         """Return every term of the ledger."""
@@ -306,5 +305,4 @@ def _per(dt: FloatArray, like: FloatArray) -> FloatArray:
 
 
 def _weighted(mass: FloatArray, values: FloatArray) -> FloatArray:
-    weighted: FloatArray = (mass * values).reshape(len(values), -1).sum(axis=1)
-    return weighted
+    return np.asarray((mass * values).reshape(len(values), -1).sum(axis=1))

@@ -172,8 +172,7 @@ def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
         return np.zeros_like(now.load)
     stiff = k + c / dt
     depth = np.maximum(0.0, -apexes(q.reshape(-1, 2), body.link_length)[..., 1])
-    load: FloatArray = stiff * np.maximum(0.0, depth - c / dt * now.depth_n / stiff)
-    return load
+    return np.asarray(stiff * np.maximum(0.0, depth - c / dt * now.depth_n / stiff))
 
 
 @njit

@@ -84,8 +84,7 @@ class Run:
     def _mean(self, at_joints: FloatArray, at_apexes: FloatArray) -> FloatArray:
         total = np.einsum("j,tjd->td", self.worm.joint_mass, at_joints)
         total += np.einsum("ns,tnsd->td", self.worm.apex_mass, at_apexes)
-        mean: FloatArray = total / self.worm.total_mass
-        return mean
+        return np.asarray(total / self.worm.total_mass)
 
     @cached_property
     def normal_load(self) -> FloatArray:

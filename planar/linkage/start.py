@@ -71,8 +71,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
     """Return the joints at the start, shape (N+1, 2) [m]; ValueError for an impossible or overlapping shape."""
     if start is None:
         height = float(worm.rest_half_height.max()) if on_ground else 0.0
-        raised: FloatArray = worm.rest() + np.array([0.0, height])
-        return raised
+        return np.asarray(worm.rest() + np.array([0.0, height]))
     joints: FloatArray = arguments.floats("start", start)
     require_shape("start", joints, (worm.segments + 1, 2), "x, z of each joint")
     length = np.linalg.norm(np.diff(joints, axis=0), axis=1)

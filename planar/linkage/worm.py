@@ -93,8 +93,7 @@ class Linkage(ReadOnly):
     @property
     def link_length(self) -> FloatArray:
         """Length a of the links of each segment, shape (N,) [m]."""
-        length: FloatArray = np.sqrt(self.rest_half_height**2 + self.l0**2 / 4.0)
-        return length
+        return np.asarray(np.sqrt(self.rest_half_height**2 + self.l0**2 / 4.0))
 
     @property
     def rest_angle(self) -> FloatArray:
@@ -153,8 +152,7 @@ class Linkage(ReadOnly):
             h = np.sqrt(a**2 - length**2 / 4.0)
             hinge = 2.0 * k_apex * 2.0 * (np.arcsin(length / (2 * a)) - np.arcsin(l0 / (2 * a))) / h
             tension = -k * l0 / l_cmd * (1.0 - length / l_cmd) + hinge
-            carried: FloatArray = tension * 4.0 * h / length
-            return carried
+            return np.asarray(tension * 4.0 * h / length)
 
         low, high = l_cmd, 2 * a * (1 - 1e-12)
         for _ in range(5):  # each time between the neighbours of the best: to 1e-7 of the length
@@ -173,5 +171,4 @@ class Linkage(ReadOnly):
         ends = np.zeros(self.segments)
         ends[0] += self.joint_mass[0] / 2.0
         ends[-1] += self.joint_mass[-1] / 2.0
-        load: FloatArray = gravity * (joints + ends + 2.0 * self.apex_mass[:, 1])
-        return load
+        return np.asarray(gravity * (joints + ends + 2.0 * self.apex_mass[:, 1]))
