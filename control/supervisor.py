@@ -50,8 +50,6 @@ from worm3d.values.named import EXCEPTIONS
 
 Deadline = Literal["iterations", "wall"]
 
-RANGE_TOLERANCE = 1e-6
-"""Tolerance of the identified ranges for a plan, as a share of the ranges."""
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
 """Distances to the end of a path below which the worm rests, and from which the worm goes on again [body lengths]."""
@@ -233,5 +231,5 @@ def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
     first = plan.parameters
     waves = np.vstack([inputs, [first.amplitude, first.frequency, first.steering(mechanism)]])
     waves[:, 0] = np.abs(waves[:, 0])  # below 0 backwards
-    (low, high), slack = ranges.bounds, RANGE_TOLERANCE * np.ptp(ranges.bounds, axis=0)
+    (low, high), slack = ranges.bounds, 1e-6 * np.ptp(ranges.bounds, axis=0)
     return OUTSIDE if ((waves < low - slack) | (waves > high + slack)).any() else ""

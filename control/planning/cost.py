@@ -32,8 +32,6 @@ from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
 WANTED = len(Wanted._fields)
-UNBOUNDED_OFFSET = 1e3
-"""Value that means no bound of the offset [m]."""
 
 
 class Scale:
@@ -279,5 +277,6 @@ class Problem:
     def _wanted(self) -> FloatArray:
         ahead = self.preview
         crab = ahead.follows * ahead.ways / np.maximum(np.abs(ahead.speed), self.slowest)
-        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], UNBOUNDED_OFFSET)
+        # A kilometre is no bound, and finite.
+        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], 1e3)
         return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab, self.frequency, *bounds])
