@@ -23,17 +23,12 @@ from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters
-from control.loop import Choice, Estimates, KnownHeading, Source, WaveController, observed
+from control.loop import Choice, Estimates, Source, WaveController, observed
 from control.task import ControlTask
 from control.tracking.paths import offset
 from control.tracking.preview import turn_of_path, turn_rate
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
-
-REACHED = 0.01
-"""Largest relative error of the map's wave at a speed that counts as reachable."""
-MAX_TRIM = 0.5
-"""Bound of the integral in (B1), as a share of the reference speed."""
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 
 class _Baseline(WaveController):
@@ -78,7 +73,7 @@ class OpenLoop(_Baseline):
 
 @documented
 @dataclass(frozen=True)
-class Gains(Spelled):
+class Gains(Checked):
     """Gains of (B1) to (B3).
 
     The gains were tuned on the default worm at 0.08 m/s with the sensors' default noise, in runs of a minute. First,
@@ -87,13 +82,10 @@ class Gains(Spelled):
     were compared for the least error of the speed in steps, in a sine and in a pipe.
     """
 
-    speed: float = parameter(0.6, ge=0, meaning="K_p, gain of the speed")
-    speed_integral: float = parameter(0.3, unit="1/s", ge=0, meaning="K_i, gain of its integral")
-    heading: float = parameter(1.2, unit="1/s", ge=0, meaning="K_h, gain of the heading")
-    reach: float = parameter(0.15, unit="body lengths", gt=0, meaning="look-ahead distance of (B2)")
-
-    def __post_init__(self) -> None:
-        check(self)
+    speed: float = parameter(0.6, "K_p, gain of the speed", ge=0)
+    speed_integral: float = parameter(0.3, "K_i, gain of its integral", "1/s", ge=0)
+    heading: float = parameter(1.2, "K_h, gain of the heading", "1/s", ge=0)
+    reach: float = parameter(0.15, "look-ahead distance of (B2)", "body lengths", gt=0)
 
 
 class PiLineOfSight(_Baseline):
@@ -120,7 +112,7 @@ class PiLineOfSight(_Baseline):
     def reset(self) -> None:
         """Return to the initial state."""
         super().reset()
-        self._trim, self._heading_is_known = 0.0, KnownHeading()
+        self._trim = 0.0
         self._near: float | None = None
 
     def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
@@ -133,7 +125,7 @@ class PiLineOfSight(_Baseline):
         miss = wanted - estimate.speed
         asked = wanted + gains.speed * miss + self._trim
         if self._reaches(asked):
-            most = MAX_TRIM * abs(wanted)
+            most = 0.5 * abs(wanted)
             more = self._trim + gains.speed_integral * miss * self.control_period
             self._trim = min(max(more, -most), most)
         return asked
@@ -141,12 +133,12 @@ class PiLineOfSight(_Baseline):
     def _reaches(self, speed: float) -> bool:
         amplitude, *others = self.feed_forward(speed, 0.0)
         made = self.worm.length * float(self.task.found.speed(abs(amplitude), *others))
-        return abs(made - abs(speed)) <= REACHED * abs(speed)
+        return abs(made - abs(speed)) <= 0.01 * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
         """Return w_cmd, (B2) and (B3); as in the MPC, the turn rate of the path until the heading is known."""
         reference = self.reference
-        if not self._heading_is_known(estimate, self.generator.waves):
+        if not self._heading_is_known(estimate):
             return turn_of_path(reference, t, estimate.position)
         if reference.path is not None:
             self._near = s = float(reference.path.project(estimate.position, self._near))

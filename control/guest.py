@@ -79,15 +79,15 @@ class Guest(Driver):
                 _LOG.warning("no command at %.3f s; further exceptions are counted only", t, exc_info=error)
             self._raised.append((t, complaint))
             command = Command(np.zeros((self.worm.segments, 2)))
-        self._waves += self._frequency * elapsed
+        self._waves += self.feed_forward.frequency * elapsed
         self._spent += perf_counter() - began
         self._moves = bool(command.contraction.any())
-        at_rest = None if self._moves else GaitParameters(0.0, self._frequency)
+        at_rest = None if self._moves else GaitParameters(0.0, self.feed_forward.frequency)
         self.watch.tell(2.0 * math.pi * self.waves, command, at_rest)
         if t >= self._due - 1e-9:
             self._due = t + self.control_period
             self.failures += bool(complaint)
-            waves = GaitParameters(0.0, self._frequency)
+            waves = GaitParameters(0.0, self.feed_forward.frequency)
             self.decisions.append(Decision(t, "own", waves, None, complaint, bool(complaint), seconds=self._spent))
             self._spent = 0.0
         return command

@@ -23,26 +23,21 @@ import numpy as np
 from control.estimation.chamber_gains import ChamberGains
 from control.gaits.steering import Correction
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class InnerLoop(Spelled):
+class InnerLoop(Checked):
     """Law that increases and advances the commands of the chambers, (IL1)."""
 
-    dead_band: float = parameter(
-        0.03, gt=0, meaning="relative error of a gain, and phase in rad, that is half corrected"
-    )
-    surely: float = parameter(1.5, ge=0, meaning="standard deviations of gain or phase that count like the dead band")
-    least: float = parameter(0.4, gt=0, le=1, meaning="least gain that is corrected in full")
-    most: float = parameter(2.0, ge=1, meaning="greatest gain that is corrected in full")
-    fits: float = parameter(0.13, gt=0, meaning="median misfit of the chambers at which half is corrected")
-    latest: float = parameter(1.2, gt=0, unit="rad", meaning="greatest phase that is corrected in full")
-
-    def __post_init__(self) -> None:
-        check(self)
+    dead_band: float = parameter(0.03, "relative error of a gain, and phase in rad, that is half corrected", gt=0)
+    surely: float = parameter(1.5, "standard deviations of gain or phase that count like the dead band", ge=0)
+    least: float = parameter(0.4, "least gain that is corrected in full", gt=0, le=1)
+    most: float = parameter(2.0, "greatest gain that is corrected in full", ge=1)
+    fits: float = parameter(0.13, "median misfit of the chambers at which half is corrected", gt=0)
+    latest: float = parameter(1.2, "greatest phase that is corrected in full", "rad", gt=0)
 
     def correction(self, gains: ChamberGains) -> Correction:
         """Return the correction of the chambers."""

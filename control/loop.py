@@ -14,10 +14,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from math import inf, nan
 from time import perf_counter
-from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
+from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args
 
 from control.estimation.chamber_gains import ChamberGains
-from control.estimation.estimate import HEADING_INDEX, Estimate
+from control.estimation.estimate import HEADING, Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.faults.chambers import Chambers
@@ -51,8 +51,6 @@ MAX_HEADING_DEVIATION = 0.08
 path."""
 LONGEST_START = 3.0
 """Number of waves after which the worm is steered even if the heading is unknown."""
-LONGEST_COMPLAINT = 200
-"""Greatest length of an exception's text in characters."""
 STILL = 1e-6
 """Frequency of a wave that stands still [Hz]."""
 BLOCKED = "no way is left past an obstacle that has come into sight: the worm stops before it"
@@ -116,22 +114,6 @@ class Estimates(Protocol):
         """Return the estimate at time t [s], the time of the last measurement; None if there is none. Called seldom."""
 
 
-@runtime_checkable
-class LearnsTurning(Protocol):
-    """A source of estimates that accepts the present turning ability of the worm."""
-
-    def turns(self, gain: float) -> None:
-        """Set the ratio of the worm's turn rate to the turn rate of the map from now on."""
-
-
-@runtime_checkable
-class LearnsGround(Protocol):
-    """A source of estimates that learns the slope of the ground, and can forget the slope."""
-
-    def forget_ground(self) -> None:
-        """Forget the ground."""
-
-
 class Driver(ABC):
     """Driver of a worm in a scene: decisions are recorded, measurements pass a gate, and a watch looks for faults.
 
@@ -157,20 +139,18 @@ class Driver(ABC):
 
     def __init__(self, task: ControlTask, feed_forward: FeedForward, estimator: Estimates | None = None) -> None:
         self.task, self.worm, self.reference, self.control_period = task, task.worm, task.reference, task.period
-        self.estimator = estimator
+        self.feed_forward, self.estimator = feed_forward, estimator
         self.gate = Gate(task.worm, getattr(estimator, "span", SPAN))
-        self.watch = Watch(task.worm, task.reference, feed_forward)
         self.guide = Guide(task.reference, Body.of(task.worm))
-        self._frequency = feed_forward.frequency
 
     def reset(self) -> None:
         """Return to the initial state."""
         if self.estimator is not None:
             self.estimator.reset()
         self.gate.reset()
-        self.watch.reset()
         self.guide.reset()
-        self.reference = self.watch.reference = self.guide.reference
+        self.reference = self.guide.reference
+        self.watch = Watch(self.worm, self.reference, self.feed_forward)
         self.decisions: list[Decision] = []
         self.failures = 0
         self._time: float | None = None
@@ -179,7 +159,7 @@ class Driver(ABC):
     @property
     def period(self) -> float:
         """Period of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
-        return 1.0 / self._frequency
+        return self.feed_forward.wave
 
     @property
     @abstractmethod
@@ -235,8 +215,8 @@ class WaveController(Driver):
     def __init__(
         self, task: ControlTask, feed_forward: FeedForward | None = None, estimator: Estimates | None = None
     ) -> None:
-        self.feed_forward = feed_forward or FeedForward(task.found, task.worm.length, task.map.backward)
-        super().__init__(task, self.feed_forward, estimator)
+        able = feed_forward or FeedForward(task.found, task.worm.length, task.map.backward)
+        super().__init__(task, able, estimator)
         self.generator = WaveGenerator(task.map.schedule, task.worm)
         noise = task.sensors.get("strain", STRAIN).noise
         healthy, segments = task.map.strain, task.worm.segments
@@ -244,7 +224,6 @@ class WaveController(Driver):
         strains = healthy if healthy is not None and known else StrainModel.plain(segments)
         self.chamber_gains = ChamberGains(strains, noise, getattr(estimator, "span", SPAN))
         self.inner_loop = InnerLoop() if known and estimator is not None else None
-        self.chambers, self.sides = Chambers(task.worm), Sides(segments)
         self.descent = Descent(task.worm, task.reference, task.map.grip)
         self.reset()
 
@@ -259,12 +238,12 @@ class WaveController(Driver):
         self.generator.schedule = self.task.map.schedule
         self.generator.reset()
         self.chamber_gains.reset()
-        self.chambers.reset()
-        self.sides.reset()
+        self.chambers, self.sides = Chambers(self.worm), Sides(self.worm.segments)
         self.descent.reset()
         self.descent.reference = self.reference
         self._kept_count, self._blocked = 0, False
-        self._target = GaitParameters(0.0, self._frequency)
+        self._heading_known, self._began = False, 0.0
+        self._target = GaitParameters(0.0, self.feed_forward.frequency)
 
     @property
     def waves(self) -> float:
@@ -294,7 +273,7 @@ class WaveController(Driver):
             began = perf_counter()
         command = self.chambers.amended(t, self.generator.step(elapsed, self._target))
         self.chamber_gains.tell(t, command)
-        self.watch.tell(self.generator.phase, command, self._target, lambda: self.chamber_gains.gain)
+        self.watch.tell(self.generator.phase, command, self._target, self.chamber_gains)
         self._spent += perf_counter() - began
         return command
 
@@ -308,7 +287,7 @@ class WaveController(Driver):
             if steering is not None:
                 self.generator.schedule = held_schedule(self.task.map.schedule, segment, self.held_steering)
                 whole = float(steered.turn(WAVE.amplitude, WAVE.frequency, WAVE.steering(steered.mechanism)))
-                if isinstance(self.estimator, LearnsTurning):
+                if isinstance(self.estimator, Estimator):
                     self.estimator.turns(steering.turn / whole)
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
@@ -344,7 +323,7 @@ class WaveController(Driver):
                 self.watch.report([steep])
                 if not self.descent.tries(t, estimate.position):
                     return Choice("stop", rest(self._target), steep.what)
-                if isinstance(self.estimator, LearnsGround):
+                if isinstance(self.estimator, Estimator):
                     self.estimator.forget_ground()
             choice, self._kept_count = self._choose(t, estimate), 0
         except EXCEPTIONS as error:
@@ -355,14 +334,17 @@ class WaveController(Driver):
             return Choice("stop", rest(self._target), f"{NO_DECISION}: {complaint_of(error)}", failed=True)
         return choice
 
+    def _heading_is_known(self, estimate: Estimate) -> bool:
+        """Return whether the heading can be used from now on: it is known, or was sought for long enough."""
+        self._heading_known |= _sure(estimate) or self.generator.waves - self._began >= LONGEST_START
+        return self._heading_known
+
     def _is_blocked(self, t: float, estimate: Estimate | None) -> bool:
         """Look for obstacles that come into sight, and return whether the obstacles leave no way."""
         if self._blocked or estimate is None or not estimate.is_placed(self.worm.length):
             return self._blocked
         try:
-            if self.guide.look(
-                estimate.position, estimate.heading, bool(estimate.deviations[HEADING_INDEX] < MAX_HEADING_DEVIATION)
-            ):
+            if self.guide.look(estimate.position, estimate.heading, _sure(estimate)):
                 self.reference = self.watch.reference = self.descent.reference = self.guide.reference
         except NoWayError as error:
             self._blocked = True
@@ -375,18 +357,8 @@ class WaveController(Driver):
         """Return the parameters from time t [s] on, and their source."""
 
 
-class KnownHeading:
-    """Whether a heading is known, or was sought for long enough, so that a controller uses the heading from then on."""
-
-    def __init__(self) -> None:
-        self._known = False
-
-    def __call__(self, estimate: Estimate, waves: float) -> bool:
-        """Return whether the heading can be used, for an estimate after a number of waves."""
-        self._known = (
-            self._known or bool(estimate.deviations[HEADING_INDEX] < MAX_HEADING_DEVIATION) or waves >= LONGEST_START
-        )
-        return self._known
+def _sure(estimate: Estimate) -> bool:
+    return bool(estimate.deviations[HEADING] < MAX_HEADING_DEVIATION)
 
 
 def observed(
@@ -399,7 +371,7 @@ def observed(
 
 def complaint_of(error: BaseException) -> str:
     """Return an exception as a line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_COMPLAINT]
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]  # characters
 
 
 def rest(in_force: GaitParameters) -> GaitParameters:

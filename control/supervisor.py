@@ -19,7 +19,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
-from typing import Any, Literal, Protocol, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from control.loop import (
     NO_DECISION,
     Choice,
     Estimates,
-    KnownHeading,
     WaveController,
     complaint_of,
     observed,
@@ -41,19 +40,16 @@ from control.loop import (
     still,
 )
 from control.planning.constraints import Constraint
-from control.planning.feed_forward import FeedForward
-from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.gauss_newton import PlanStatus
+from control.planning.mpc import GaitMPC, Plan
 from control.planning.terms import CostTerm
 from control.task import ControlTask
 from control.tracking.preview import turn_of_path
-from control.tracking.references import Reference
 from worm3d.values import arguments
 from worm3d.values.named import EXCEPTIONS
 
 Deadline = Literal["iterations", "wall"]
 
-RANGE_TOLERANCE = 1e-6
-"""Tolerance of the identified ranges for a plan, as a share of the ranges."""
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
 """Distances to the end of a path below which the worm rests, and from which the worm goes on again [body lengths]."""
@@ -67,26 +63,6 @@ OUTSIDE = "the plan is outside the ranges in which the worm was identified"
 _LOG = logging.getLogger(__name__)
 
 
-class Planner(Protocol):
-    """A planner, such as `control.planning.mpc.GaitMPC`."""
-
-    @property
-    def feed_forward(self) -> FeedForward:
-        """The inverse of the identified map."""
-
-    def reset(self) -> None:
-        """Return to the initial state."""
-
-    def forget(self) -> None:
-        """Drop the last plan."""
-
-    def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
-        """Return the plan from time t [s] on."""
-
-    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
-        """Return the plain wave."""
-
-
 class Supervisor(WaveController):
     """A controller for `worm3d.simulate` that plans; `failures` counts the decisions without an accepted plan.
 
@@ -95,7 +71,7 @@ class Supervisor(WaveController):
     task : ControlTask
     model : ReducedModel
     estimator : Estimates
-    mpc : Planner
+    mpc : GaitMPC
     deadline : str
         "iterations": a plan may use all given iterations, and runs repeat bit for bit; "wall": a plan that took longer
         than the control period is not accepted.
@@ -113,7 +89,7 @@ class Supervisor(WaveController):
         task: ControlTask,
         model: ReducedModel,
         estimator: Estimates,
-        mpc: Planner,
+        mpc: GaitMPC,
         deadline: Deadline = "iterations",
     ) -> None:
         arguments.choice("deadline", deadline, get_args(Deadline))
@@ -147,7 +123,6 @@ class Supervisor(WaveController):
         self._failures = self._kept = 0
         self._near: float | None = None
         self._is_there = self._was_back = False
-        self._heading_is_known = KnownHeading()
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
@@ -158,7 +133,7 @@ class Supervisor(WaveController):
             return Choice("stop", still(self._target), STANDS)
         if _tried(self._arrived, estimate, speed < 0.0)[0]:
             return Choice("stop", still(self._target), ARRIVED)
-        if not self._heading_is_known(estimate, self.generator.waves):
+        if not self._heading_is_known(estimate):
             blind = self._blind(t, estimate)
             if blind is not None:
                 return Choice("gait", blind, UNKNOWN)
@@ -256,5 +231,5 @@ def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
     first = plan.parameters
     waves = np.vstack([inputs, [first.amplitude, first.frequency, first.steering(mechanism)]])
     waves[:, 0] = np.abs(waves[:, 0])  # below 0 backwards
-    (low, high), slack = ranges.bounds, RANGE_TOLERANCE * np.ptp(ranges.bounds, axis=0)
+    (low, high), slack = ranges.bounds, 1e-6 * np.ptp(ranges.bounds, axis=0)
     return OUTSIDE if ((waves < low - slack) | (waves > high + slack)).any() else ""

@@ -15,8 +15,6 @@ from matplotlib.figure import Figure
 
 from worm3d.values.arrays import FloatArray
 
-DPI = 100
-
 
 class Movie:
     """A planar worm ready to be drawn at any instant.
@@ -53,15 +51,12 @@ class Movie:
         left, bottom, above, wide = 70, 45, 25, 710
         height = 2 * round((bottom + wide * (high[1] - low[1]) / (high[0] - low[0]) + above) / 2)  # even, for MP4
         width = left + wide + 20
-        self.figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+        self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
         FigureCanvasAgg(self.figure)
         box = (left / width, bottom / height, wide / width, (height - bottom - above) / height)
         self._axes = axes = self.figure.add_axes(box)
-        axes.set_aspect("equal")
-        axes.set_xlim(low[0], high[0])
-        axes.set_ylim(low[1], high[1])
-        axes.set_xlabel("along the ground [m]")
-        axes.set_ylabel("height [m]")
+        axes.set(aspect="equal", xlabel="along the ground [m]", ylabel="height [m]")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.locator_params(axis="y", nbins=4)
         if ground is not None:
             axes.axhspan(low[1], ground, color="0.8", lw=0)
@@ -126,7 +121,7 @@ class Movie:
         # A GIF counts delays in hundredths of a second.
         interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1 / fps
         writer = _writer(path, suffix, interval)
-        with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path), dpi=DPI):
+        with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path), dpi=100):
             for frame in self._frames(interval):
                 self.draw(frame)
                 writer.grab_frame()

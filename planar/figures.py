@@ -122,18 +122,11 @@ def space_time(
     for axes, (label, (time, values)) in zip(rows, panels.items(), strict=True):
         signed = bool((values < 0.0).any())
         peak = float(np.percentile(np.abs(values), 99.5)) or 1.0
-        picture = axes.pcolormesh(
-            time,
-            np.arange(values.shape[1]),
-            values.T,
-            shading="nearest",
-            cmap="RdBu_r" if signed else "viridis",
-            vmin=-peak if signed else 0.0,
-            vmax=peak,
-            rasterized=True,
-        )
+        colours = {"cmap": "RdBu_r", "vmin": -peak} if signed else {"cmap": "viridis", "vmin": 0.0}
+        places = np.arange(values.shape[1])
+        picture = axes.pcolormesh(time, places, values.T, vmax=peak, shading="nearest", rasterized=True, **colours)
         figure.colorbar(picture, ax=axes, label=label, extend="both" if signed else "max")
-        axes.set_yticks(range(values.shape[1]) if values.shape[1] <= 12 else [])
+        axes.set_yticks(places if len(places) <= 12 else [])
         axes.set_ylabel(ylabel)
     rows[0].set_title(title, fontsize=10)
     rows[-1].set_xlabel("time [s]")
@@ -147,12 +140,10 @@ def case_panel(axes: Axes, parameter: FloatArray, values: FloatArray, xlabel: st
     for x in parameter[~np.isfinite(values)]:
         axes.text(x, 0.03, "none", transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="0.4")
     margin = 0.08 * float(np.ptp(parameter)) or 1.0
-    axes.set_xlim(parameter.min() - margin, parameter.max() + margin)
+    axes.set(xlim=(parameter.min() - margin, parameter.max() + margin), xlabel=xlabel, ylabel=ylabel)
     axes.margins(y=0.12)
     if len(parameter) <= 10:
         axes.set_xticks(np.unique(parameter))
-    axes.set_xlabel(xlabel)
-    axes.set_ylabel(ylabel)
     axes.grid(alpha=0.3)
 
 
@@ -170,8 +161,7 @@ def _over_time(
 def _prepared(axes: Axes | None, title: str, ylabel: str) -> tuple[Figure, Axes]:
     if axes is None:
         axes = Figure(figsize=(6.4, 4.0), layout="constrained", dpi=120).subplots()
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(ylabel)
+    axes.set(xlabel="time [s]", ylabel=ylabel)
     axes.set_title(title, fontsize=10)
     axes.grid(alpha=0.3)
     return cast(Figure, axes.figure), axes

@@ -1,4 +1,4 @@
-"""Work and cost of transport, (P11) to (P14), shared by the planar models.
+"""Friction (P10), and work and cost of transport, (P11) to (P14), shared by the planar models.
 
     W^(n) = F . (q^{n+1} - q^n)                (P11) with F_contract, (P13) with F_friction
     CoT^(n) = W^(n) / dx_COM^(n)               (P12), (P14)
@@ -21,8 +21,7 @@ def p11_work(force: FloatArray, displacement: FloatArray) -> FloatArray:
     force, displacement : ndarray, shape (S, K, 2)
         Force on each node [N] and the displacement of that node over the step [m].
     """
-    work: FloatArray = np.einsum("skd,skd->s", force, displacement)
-    return work
+    return np.asarray(np.einsum("skd,skd->s", force, displacement))
 
 
 def p12_cost_of_transport(work: FloatArray, com_x: FloatArray, threshold: float = 0.0) -> FloatArray:
@@ -44,8 +43,12 @@ def p12_cost_of_transport(work: FloatArray, com_x: FloatArray, threshold: float 
     return cost
 
 
-def dimensionless_cost_of_transport(work: float, mass: float, gravity: float, distance: float) -> float:
-    """Return W / (m g d), or NaN if the worm made no way forward (d <= 0)."""
-    if distance <= 0.0:
-        return float("nan")
-    return work / (mass * gravity * distance)
+def p10_friction(
+    load: FloatArray,
+    velocity: FloatArray,
+    mu: tuple[float | FloatArray, float | FloatArray],
+    threshold: float,
+) -> FloatArray:
+    """Return the friction (P10) of contacts with the given loads and velocities towards the head [N]."""
+    forward, backward = mu
+    return np.select([velocity > threshold, velocity < -threshold], [-forward * load, backward * load], 0.0)

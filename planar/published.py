@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv
 
+from planar.metrics import p10_friction
 from planar.published_run import Run
 from planar.published_worm import NET_HALF_BANDWIDTH, Net, Parameters
 from planar.status import Status, Stop
@@ -45,10 +46,6 @@ Observer = Callable[[int], bool]
 """Called with the number of finished steps; returning False ends the run there."""
 
 
-MOST_SEGMENTS = 10_000
-"""Greatest number of segments; a step solves a band matrix of six times as many rows."""
-
-
 def bytes_per_step(segments: int) -> float:
     """Return the memory that a step takes until the run is a record, as measured [byte]."""
     return 1000.0 + 12.0 * (3 * segments + 1) * 2 * 8
@@ -60,32 +57,6 @@ class _Solution:
     residual: FloatArray
     norm: float
     iterations: int
-
-
-def _p2_newton(
-    net: Net,
-    p: Parameters,
-    q_k: FloatArray,
-    u_k: FloatArray,
-    force: FloatArray,
-    held: NDArray[np.bool_],
-    dt: float,
-) -> _Solution:
-    """Newton's iteration (P2) from q_k; the last tested residual is returned, after one more update."""
-    mass, free = np.repeat(net.mass, 2), _free_band(held)
-    q = q_k.copy()
-    for iteration in range(1, p.max_iterations + 1):  # noqa: B007 - the count is returned
-        gradient, band = net.p7_gradient_and_band(q)
-        f = mass / dt * ((q - q_k) / dt - u_k) + p.elastic_sign * gradient - force
-        J = p.elastic_sign * band
-        J[NET_HALF_BANDWIDTH] += mass / dt**2
-        norm = float(np.linalg.norm(f[~held]))
-        if not np.isfinite(norm):
-            break  # before the solve spreads the value over the worm
-        q -= _solve_free(J, f, held, free)
-        if norm < p.tolerance:
-            break
-    return _Solution(q, f, norm, iteration)
 
 
 def _free_band(held: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -143,13 +114,8 @@ class _Worm:
 
     def _p10_friction_force(self) -> FloatArray:
         p, main = self.parameters, self.net.main
-        v = self.u[2 * main]
-        force = np.zeros_like(self.q)
-        force[2 * main] = np.select(
-            [v > p.velocity_threshold, v < -p.velocity_threshold],
-            [-p.mu_forward * self.normal_load, p.mu_backward * self.normal_load],
-            0.0,
-        )
+        mu, force = (p.mu_forward, p.mu_backward), np.zeros_like(self.q)
+        force[2 * main] = p10_friction(self.normal_load, self.u[2 * main], mu, p.velocity_threshold)
         return force
 
     def held(self) -> NDArray[np.bool_]:
@@ -162,11 +128,25 @@ class _Worm:
     def _contact_after(self, predicted: _Solution) -> NDArray[np.bool_]:
         entering = ~self.contact & (predicted.q[1::2] < self.ground)
         leaving = self.contact & (predicted.residual[1::2] > 0.0)
-        contact: NDArray[np.bool_] = (self.contact | entering) & ~leaving
-        return contact
+        return np.asarray((self.contact | entering) & ~leaving)
 
-    def _solve(self, start: FloatArray, force: FloatArray) -> _Solution:
-        return _p2_newton(self.net, self.parameters, start, self.u, force, self.held(), self.dt)
+    def _p2_newton(self, q_k: FloatArray, force: FloatArray) -> _Solution:
+        """Iterate (P2) from q_k; the last tested residual is returned, after one more update."""
+        p, dt, held = self.parameters, self.dt, self.held()
+        mass, free = np.repeat(self.net.mass, 2), _free_band(held)
+        q = q_k.copy()
+        for iteration in range(1, p.max_iterations + 1):  # noqa: B007 - the count is returned
+            gradient, band = self.net.p7_gradient_and_band(q)
+            f = mass / dt * ((q - q_k) / dt - self.u) + p.elastic_sign * gradient - force
+            J = p.elastic_sign * band
+            J[NET_HALF_BANDWIDTH] += mass / dt**2
+            norm = float(np.linalg.norm(f[~held]))
+            if not np.isfinite(norm):
+                break  # before the solve spreads the value over the worm
+            q -= _solve_free(J, f, held, free)
+            if norm < p.tolerance:
+                break
+        return _Solution(q, f, norm, iteration)
 
     def step(self, t: float) -> _Step | None:
         """Advance to time t by predictor and corrector; None if the gait returns an invalid activation."""
@@ -174,7 +154,7 @@ class _Worm:
         if activation.shape != self.net.top.shape or not np.isfinite(activation).all():
             return None
         start, contract, friction = self.q, self._contraction_force(activation), self._p10_friction_force()
-        solution = self._solve(start, contract + friction)
+        solution = self._p2_newton(start, contract + friction)
         iterations = solution.iterations
         contact, correct = self._contact_after(solution), False
         if (contact != self.contact).any():
@@ -186,7 +166,7 @@ class _Worm:
             self.normal_load = np.abs(solution.residual[2 * self.net.main + 1])
             friction, correct = self._p10_friction_force(), True
         if correct:
-            solution = self._solve(start, contract + friction)
+            solution = self._p2_newton(start, contract + friction)
             iterations += solution.iterations
         self.u = (solution.q - start) / self.dt
         self.q = solution.q
@@ -244,7 +224,7 @@ def simulate(
     ValueError
         A number out of range, or an activation of the wrong shape.
     """
-    arguments.whole("n", n, le=MOST_SEGMENTS)
+    arguments.whole("n", n, le=10_000)  # a step solves a band matrix of six times as many rows
     arguments.whole("steps", steps)
     for name, seconds in (("T_wave", T_wave), ("dt", dt)):
         arguments.number(name, seconds, "s", gt=0.0)

@@ -59,14 +59,12 @@ class Run(ReadOnly):
     def reported_com(self) -> FloatArray:
         """The program's "centre of mass" (T,) [m]: by mistake the mean of the entries 3 i of (x0, y0, x1, ...)."""
         flat = self.q.reshape(len(self.q), -1)
-        com: FloatArray = flat[:, 3 * np.arange(self.n + 1)].mean(axis=1)
-        return com
+        return np.asarray(flat[:, 3 * np.arange(self.n + 1)].mean(axis=1))
 
     @cached_property
     def com(self) -> FloatArray:
         """Centre of mass of all nodes (T, 2) [m]."""
-        com: FloatArray = self.net.mass @ self.q / self.net.mass.sum()
-        return com
+        return np.asarray(self.net.mass @ self.q / self.net.mass.sum())
 
     @property
     def ground(self) -> float:

@@ -17,54 +17,43 @@ from worm3d.values.spelling import Spelled
 NET_HALF_BANDWIDTH = 7
 """Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
 
-MAX_PARAMETER_SIZE = 1e100
-"""Largest size of a parameter, and the inverse of the smallest: the program takes masses of any size for points."""
-
 
 @documented
 @dataclass(frozen=True)
 class Parameters(Spelled):
     """Constants of the author's program; the defaults give the paper's results."""
 
-    length: float = parameter(1.0, meaning="length at rest", unit="m", gt=0)
-    k_spring: float = parameter(13.0, meaning="stiffness k of a segment's spring, (P7)", unit="N", gt=0, key="spring_N")
-    k_link: float = parameter(1e4, meaning="stiffness k of each link of a rhombus, (P7)", unit="N", gt=0, key="link_N")
-    mass: float = parameter(1e-8, meaning="mass of the whole worm", unit="kg", gt=0)
-    connector_mass: float = parameter(1e-11, meaning="part of the mass that the connectors share", unit="kg", gt=0)
-    gravity: float = parameter(9.8, meaning="g, only in the normal load N_i = m_i g", unit="m/s^2", ge=0)
-    mu_forward: float = parameter(
-        0.03, meaning="coefficient of (P10) for motion towards the head, +x", ge=0, key="forward"
-    )
-    mu_backward: float = parameter(
-        0.20, meaning="coefficient of (P10) for motion towards the tail, -x", ge=0, key="backward"
-    )
-    velocity_threshold: float = parameter(1e-6, meaning="eps of (P10): no friction below this speed", unit="m/s", ge=0)
+    length: float = parameter(1.0, "length at rest", "m", gt=0)
+    k_spring: float = parameter(13.0, "stiffness k of a segment's spring, (P7)", "N", gt=0, key="spring_N")
+    k_link: float = parameter(1e4, "stiffness k of each link of a rhombus, (P7)", "N", gt=0, key="link_N")
+    mass: float = parameter(1e-8, "mass of the whole worm", "kg", gt=0)
+    connector_mass: float = parameter(1e-11, "part of the mass that the connectors share", "kg", gt=0)
+    gravity: float = parameter(9.8, "g, only in the normal load N_i = m_i g", "m/s^2", ge=0)
+    mu_forward: float = parameter(0.03, "coefficient of (P10) for motion towards the head, +x", ge=0, key="forward")
+    mu_backward: float = parameter(0.20, "coefficient of (P10) for motion towards the tail, -x", ge=0, key="backward")
+    velocity_threshold: float = parameter(1e-6, "eps of (P10): no friction below this speed", "m/s", ge=0)
     normal_load: Literal["weight", "residual"] = parameter(
-        "weight",
-        meaning="N_i of (P10): weight, m_i g (the program), or residual, |r_y,i| (P9, the text)",
+        "weight", "N_i of (P10): weight, m_i g (the program), or residual, |r_y,i| (P9, the text)"
     )
     contraction_force: float = parameter(
-        10.0, meaning="force on a connector at activation 1", unit="N", key="force_N", aka=("amplitude_N",)
+        10.0, "force on a connector at activation 1", "N", key="force_N", aka=("amplitude_N",)
     )
-    wavelength: float = parameter(
-        1.0, meaning="length of the travelling wave", unit="m", gt=0, aka=("lambda_m", "wave_length_m")
-    )
+    wavelength: float = parameter(1.0, "length of the travelling wave", "m", gt=0, aka=("lambda_m", "wave_length_m"))
     ground_clearance: float = parameter(
-        0.02, meaning="height of the lowest connector at rest above the ground", unit="m", ge=0, key="clearance_m"
+        0.02, "height of the lowest connector at rest above the ground", "m", ge=0, key="clearance_m"
     )
     snap: bool = parameter(
-        True,
-        meaning="whether nodes whose contact changed are set on the ground in the start configuration of the corrector",
+        True, "whether nodes whose contact changed are set on the ground in the start configuration of the corrector"
     )
-    elastic_sign: float = parameter(-1.0, meaning="sign of the elastic force: -1 as the program, 1 as in mechanics")
-    rectified: bool = parameter(True, meaning="whether the default wave is max(0, sin) (the program) or sin (the text)")
+    elastic_sign: float = parameter(-1.0, "sign of the elastic force: -1 as the program, 1 as in mechanics")
+    rectified: bool = parameter(True, "whether the default wave is max(0, sin) (the program) or sin (the text)")
     tolerance: float = parameter(
-        1e-6, meaning="norm of the residual to reach; Newton stops after the update that follows", unit="N", gt=0
+        1e-6, "norm of the residual to reach; Newton stops after the update that follows", "N", gt=0
     )
-    max_iterations: int = parameter(100, meaning="iterations after which the step is kept, converged or not", ge=1)
+    max_iterations: int = parameter(100, "iterations after which the step is kept, converged or not", ge=1)
 
     def __post_init__(self) -> None:
-        check(self, largest=MAX_PARAMETER_SIZE)
+        check(self, largest=1e100)  # the program takes masses of any size for points
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
@@ -127,8 +116,7 @@ class Net:
     def p7_energy(self, x: FloatArray) -> FloatArray:
         """Return the elastic energy (P7) [J] of positions of shape (..., 3n+1, 2)."""
         length = np.linalg.norm(x[..., self.b, :] - x[..., self.a, :], axis=-1)
-        energy: FloatArray = (0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1)
-        return energy
+        return np.asarray((0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1))
 
     def p7_gradient(self, x: FloatArray) -> FloatArray:
         """Return the gradient of (P7) [N] at positions of shape (T, 3n+1, 2), in the same shape."""

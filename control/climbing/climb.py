@@ -30,7 +30,8 @@ REFLEXES: tuple[Reflex, ...] = (WallLoad(), Reach())
 OUTWARD = [2, 5]
 """Columns of the outward apexes, left and right, in the loads of a segment."""
 WEDGING = 0.6
-"""Time for the contraction of all segments before the gait begins [s]; six time constants of the default actuators."""
+"""Time for the contraction of all segments before the gait begins, and for the transition from one gait to the other
+[s]; six time constants of the default actuators."""
 
 
 class Climb:

@@ -15,14 +15,15 @@ from time import perf_counter
 
 import numpy as np
 
-from control.climbing.climb import CLIMB, Climb, enclosed
+from control.climbing.climb import CLIMB, WEDGING, Climb, enclosed
 from control.climbing.way import STUCK, Way
 from control.estimation.estimate import Estimate
 from control.faults.rules import SLOW_AT_LIMIT, Fault
+from control.faults.watch import Watch
 from control.gaits.feedback import latest
 from control.gaits.reflexes import WallLoad
 from control.gaits.steering import GaitParameters
-from control.loop import Choice, KnownHeading
+from control.loop import Choice
 from control.sensing.sensors import QUANTITIES, Measurement
 from control.supervisor import ARRIVED, Supervisor
 from worm3d import Command
@@ -31,10 +32,6 @@ from worm3d.values.arrays import FloatArray
 LOAD_CHANNEL = "contact_load"
 OPENED = 2.0
 """Number of periods of the gait without an enclosed segment after which the walls have opened."""
-BLENDING = 0.6
-"""Time of the transition from one gait to the other [s]; six time constants of the default actuators."""
-POSITION_SAMPLE_WEIGHT = 0.3
-"""Weight of a new sample in the place of a climbing worm: a mean over half a second at 20 samples a second."""
 CLIMBS = "walls close round the worm: it climbs"
 
 
@@ -86,7 +83,7 @@ class Climber(Supervisor):
 
     def _begin_to_crawl(self) -> None:
         faults = self.watch.faults
-        self.watch.reset()
+        self.watch = Watch(self.worm, self.reference, self.feed_forward)
         self.watch.faults = faults
         if self.estimator is not None:
             self.estimator.reset()
@@ -94,7 +91,7 @@ class Climber(Supervisor):
         self.planner.reset()
         self.generator.parameters = None
         self._accepted = None
-        self._heading_is_known = _KnownSince(self.generator.waves)
+        self._heading_known, self._began = False, self.generator.waves
 
     def _crawled(self, t: float, measurement: Measurement) -> Command:
         """Return the command of the supervisor, reduced where segments press the walls too hard."""
@@ -108,7 +105,8 @@ class Climber(Supervisor):
         self._time = t
         com = self.gate(t, measurement).com
         if com is not None and np.isfinite(com).all():
-            self._com = com if self._com is None else self._com + POSITION_SAMPLE_WEIGHT * (com - self._com)
+            # A mean over half a second at 20 samples a second.
+            self._com = com if self._com is None else self._com + 0.3 * (com - self._com)
         self._way.take(climb.phase, com)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
@@ -154,23 +152,12 @@ class Climber(Supervisor):
 
     def _blended(self, t: float, wanted: Command) -> Command:
         """Return the command during the transition from one gait to the other."""
-        if self._blended_from is None or t - self._blended_from[0] >= BLENDING:
+        if self._blended_from is None or t - self._blended_from[0] >= WEDGING:
             return wanted
         since, old = self._blended_from
-        share = (t - since) / BLENDING
+        share = (t - since) / WEDGING
         return Command(
             share * wanted.contraction + (1.0 - share) * old.contraction,
             share * wanted.hinge + (1.0 - share) * old.hinge,
             share * wanted.force + (1.0 - share) * old.force,
         )
-
-
-class _KnownSince(KnownHeading):
-    """Whether the heading of a worm that began to crawl after some waves is known."""
-
-    def __init__(self, began: float) -> None:
-        super().__init__()
-        self._began = began
-
-    def __call__(self, estimate: Estimate, waves: float) -> bool:
-        return super().__call__(estimate, waves - self._began)

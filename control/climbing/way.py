@@ -25,8 +25,6 @@ LEAST_STRIDE = 0.01
 """Stride below which a worm counts as standing [body lengths]; noise of 5 mm makes strides of 1 mm."""
 STUCK = 4
 """Number of periods without way in a row after which a worm is stuck."""
-JUDGED = 3
-"""Number of strides for judging the greatest speed of a worm."""
 
 
 @dataclass
@@ -67,8 +65,8 @@ class Way:
     @property
     def fastest(self) -> float:
         """Speed from the longest of the last strides at the greatest pace [m/s]; infinite before the first strides."""
-        last = self._strides[-JUDGED:]
-        return PACES[1] * max(last) / self.period if len(last) == JUDGED else math.inf
+        last = self._strides[-3:]
+        return PACES[1] * max(last) / self.period if len(last) == 3 else math.inf
 
     def _stride(self) -> None:
         if len(self._means) < 2:

@@ -24,34 +24,25 @@ import numpy as np
 from control.identification.strain_model import StrainModel, inputs, lagged
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
-
-RESIDUAL_SMOOTHING_TIME = 0.05
-"""Time over which unexplained strains are averaged, so that noise does not count [s]."""
-USUAL_STRAIN, LEAST_STRAIN = 0.1, 0.01
-"""Strain caused by the command, rms: the initial assumption, and the least strain for which the misfit is judged."""
-STILL = 1e-6
-"""Waves between two samples below which a wave stands still."""
-MIN_PHASE_RATE = 1e-3
-"""Rate of the phase below which a wave stands still, and slopes over the phase are unknown [rad/s]."""
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class GainTrust(Spelled):
+class GainTrust(Checked):
     """Trust in the gains of the chambers: standard deviations of the effects that (CG1) leaves out."""
 
-    begin: float = parameter(0.2, gt=0, meaning="p and q of a chamber before the first sample")
-    begin_mean: float = parameter(0.05, gt=0, meaning="mean strain b before the first sample")
-    wander: float = parameter(0.01, ge=0, meaning="change of p and q in a wave")
-    wander_mean: float = parameter(0.003, ge=0, meaning="change of b in a wave")
-    missed: float = parameter(0.014, gt=0, meaning="strain that the model of a healthy worm misses")
-    lasts: float = parameter(0.25, unit="waves", gt=0, meaning="time for which such a miss lasts")
-    judged: float = parameter(2.0, unit="waves", gt=0, meaning="time over which the misfit is averaged")
-
-    def __post_init__(self) -> None:
-        check(self)
+    begin: float = parameter(0.2, "p and q of a chamber before the first sample", gt=0)
+    begin_mean: float = parameter(0.05, "mean strain b before the first sample", gt=0)
+    wander: float = parameter(0.01, "change of p and q in a wave", ge=0)
+    wander_mean: float = parameter(0.003, "change of b in a wave", ge=0)
+    missed: float = parameter(0.014, "strain that the model of a healthy worm misses", gt=0)
+    lasts: float = parameter(0.25, "time for which such a miss lasts", "waves", gt=0)
+    judged: float = parameter(2.0, "time over which the misfit is averaged", "waves", gt=0)
+    smoothing: float = parameter(0.05, "time over which noise in unexplained strains is averaged", "s", gt=0)
+    usual_strain: float = parameter(0.1, "strain caused by the command, rms, before the first sample", gt=0)
+    least_strain: float = parameter(0.01, "least such strain for which the misfit is judged", gt=0)
 
 
 class ChamberGains:
@@ -104,7 +95,7 @@ class ChamberGains:
         self._since = np.zeros(2)
         self._past: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._left, self._left_power = np.zeros((2, count, 2))
-        self._own_power = np.full((count, 2), USUAL_STRAIN**2)
+        self._own_power = np.full((count, 2), trust.usual_strain**2)
         self.miss, self.expected, self.healthy = np.full((count, 2), np.nan), *np.zeros((2, count, 2))
 
     @property
@@ -125,7 +116,7 @@ class ChamberGains:
     @property
     def misfit(self) -> FloatArray:
         """Ratio of unexplained strain to the strain that the chamber's own command causes, shape (N, 2)."""
-        return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, LEAST_STRAIN**2)))
+        return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, self._trust.least_strain**2)))
 
     def tell(self, t: float, command: Command) -> None:
         """Take in the command that holds from time t [s] on."""
@@ -145,7 +136,7 @@ class ChamberGains:
         x = self._lagged = lagged(self._lagged, self._given, self._told, self._lags, passed)
         self._given = self._told
         rate = turned / passed
-        y = (self._given - x) / (self._lags * rate) if rate > MIN_PHASE_RATE else np.zeros_like(x)
+        y = (self._given - x) / (self._lags * rate) if rate > 1e-3 else np.zeros_like(x)  # unknown as the wave stands
         self._past.append((t, x, y))
         while self._past[0][0] < t - self._span:
             self._past.popleft()
@@ -178,7 +169,7 @@ class ChamberGains:
         row = np.stack([own_x, own_y, np.ones_like(own_x)], axis=-1)
         self.expected, self.healthy = p * own_x + q * own_y, own_x
         self.miss = strain - others - self.expected - self._state[..., 2]
-        if waves < STILL:
+        if waves < 1e-6:  # the wave stands still
             return
         known, lasting = np.isfinite(self.miss), max(self._trust.lasts / waves, 1.0)
         spread = np.einsum("ijkl,ijl->ijk", self._covariance, row)
@@ -187,8 +178,8 @@ class ChamberGains:
         self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
         self._covariance -= gain[..., None] * spread[..., None, :]
         left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
-        self._left += (1.0 - np.exp(-passed / RESIDUAL_SMOOTHING_TIME)) * (left - self._left)
-        judged = known & (np.abs(own_x).max() > LEAST_STRAIN)
+        self._left += (1.0 - np.exp(-passed / self._trust.smoothing)) * (left - self._left)
+        judged = known & (np.abs(own_x).max() > self._trust.least_strain)
         share = np.where(judged, 1.0 - np.exp(-waves / self._trust.judged), 0.0)
         self._left_power += share * (self._left**2 - self._left_power)
         self._own_power += share * (self.expected**2 - self._own_power)

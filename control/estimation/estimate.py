@@ -24,11 +24,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy
 
-from control.estimation.reduced import ReducedState
+from control.estimation.reduced import INDEX, ReducedState
 from worm3d.values.arrays import FloatArray
 
-HEADING_INDEX = ReducedState._fields.index("heading")
-"""Index of the heading in the state."""
+HEADING = INDEX["heading"]
 HOPELESS = 12.0
 """Logarithm of the likelihood ratio to the best belief beyond which a belief is dropped, a hundred thousand."""
 NARROW = 0.12
@@ -40,8 +39,6 @@ NIS = ("nis_mean", "nis_low", "nis_high")
 """Names of the mean and the interval of (KF7) in the summary of a run."""
 SIGNIFICANT_EXCESS = 2.5
 """Least significant excess of an estimated value over a limit, in standard deviations."""
-PROBABILITY = 0.95
-"""Probability of the interval in (KF7)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +63,7 @@ def weights(beliefs: Sequence[Belief]) -> FloatArray:
     """Return the weights, whose sum is 1."""
     logs = np.array([belief.log_weight for belief in beliefs])
     shares = np.exp(np.maximum(logs - logs.max(), -700.0))
-    normalised: FloatArray = shares / shares.sum()
-    return normalised
+    return np.asarray(shares / shares.sum())
 
 
 def merged(beliefs: Sequence[Belief]) -> Belief:
@@ -76,12 +72,12 @@ def merged(beliefs: Sequence[Belief]) -> Belief:
         return beliefs[0]
     shares = weights(beliefs)
     means = np.array([belief.mean for belief in beliefs])
-    best = means[np.argmax(shares), HEADING_INDEX]
-    towards = shares @ np.exp(1j * (means[:, HEADING_INDEX] - best))
+    best = means[np.argmax(shares), HEADING]
+    towards = shares @ np.exp(1j * (means[:, HEADING] - best))
     middle = best + (np.angle(towards) if abs(towards) > 1e-9 else -best)  # from all sides: 0, as good as any
-    means[:, HEADING_INDEX] = middle + wrapped(means[:, HEADING_INDEX] - middle)
+    means[:, HEADING] = middle + wrapped(means[:, HEADING] - middle)
     mean = shares @ means
-    mean[HEADING_INDEX] = middle
+    mean[HEADING] = middle
     off = means - mean
     covariance = np.einsum("i,ijk->jk", shares, np.array([belief.covariance for belief in beliefs]))
     return Belief(mean, covariance + (shares[:, None] * off).T @ off)
@@ -93,7 +89,7 @@ def pruned(beliefs: Sequence[Belief]) -> list[Belief]:
     likely = [belief for belief in beliefs if belief.log_weight > best - HOPELESS]
     left = [replace(belief, log_weight=belief.log_weight - best) for belief in likely]
     whole = merged(left)
-    return [whole] if whole.covariance[HEADING_INDEX, HEADING_INDEX] < NARROW**2 else left
+    return [whole] if whole.covariance[HEADING, HEADING] < NARROW**2 else left
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
@@ -161,7 +157,6 @@ class Consistency:
     mean: float
     low: float
     high: float
-    samples: int
 
     @property
     def holds(self) -> bool:
@@ -173,6 +168,6 @@ def consistency(nis: Sequence[float], degrees: int = 2) -> Consistency:
     """Return (KF7) of at least one normalised innovation squared of `degrees` degrees; see `Estimator.innovations`."""
     if not len(nis):
         raise ValueError("consistency: got no innovations, must be at least one; did samples of the sensors arrive?")
-    tail, n = (1.0 - PROBABILITY) / 2.0, len(nis)
-    low, high = (float(scipy.stats.chi2.ppf(share, n * degrees)) / n for share in (tail, 1.0 - tail))
-    return Consistency(float(np.mean(nis)), low, high, n)
+    tail = (1.0 - 0.95) / 2.0
+    low, high = scipy.stats.chi2.ppf([tail, 1.0 - tail], len(nis) * degrees) / len(nis)
+    return Consistency(float(np.mean(nis)), float(low), float(high))

@@ -29,7 +29,6 @@ import numpy as np
 from control.estimation.estimate import Belief, Estimate, merged, pruned
 from control.estimation.ground import ANYWHERE, Ground, GroundTrust, Standing
 from control.estimation.kalman import (
-    GAIN,
     GAINS,
     IMPOSSIBLE,
     RIPPLE,
@@ -42,7 +41,7 @@ from control.estimation.kalman import (
     widened,
 )
 from control.estimation.noise import Noise
-from control.estimation.reduced import STATES, ReducedModel, ReducedState
+from control.estimation.reduced import INDEX, STATES, ReducedModel, ReducedState
 from control.estimation.turning import MeanRate
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule
@@ -56,16 +55,10 @@ __all__ = ["Estimate", "Estimator"]
 
 PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
-LATE_STRAIN = 0.1
-"""Greatest age of strains that give the height of the axis above the ground [s]."""
-INITIAL_HEADINGS = 24
-"""Number of initial headings, with one filter each, when the heading is unknown."""
 ROCKED = 0.016
 """Standard deviation of the chord's azimuth about the heading, caused by the wave [rad]."""
 NOISIEST = 0.2
 """Largest accepted noise of the centre of mass [body lengths]."""
-CRAB = ReducedState._fields.index("crab")
-"""Index of the crab angle in a belief."""
 TOO_SURE = 1.5
 """Ratio of the estimated noise to the noise of the latest sample above which the kept samples are fused again."""
 BEGIN = {"speed": 0.08, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
@@ -74,8 +67,6 @@ CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
 """Noise and initial standard deviation of the crab angle if a sensor measures the heading [rad/sqrt(s)], [rad]."""
 UNSTEADY = 0.005
 """Standard deviation of the turn rate in the middle of a wave about the mean turn rate of the wave [rad/s]."""
-LEAST_OFFSET = 1e-4
-"""Least constant error of a gyroscope [rad/s]."""
 BEGIN_ROCKING = 0.05
 """Standard deviation of the entries of C at the start [body lengths]."""
 
@@ -94,14 +85,14 @@ class _Sample:
     rate: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Fused:
     """Sample and the beliefs after the sample; `placed` is the instant of the last sample of the centre of mass [s]."""
 
     sample: _Sample
     beliefs: list[Belief]
     ground: Ground
-    nis: float | None
+    nis: float | None = None
     placed: float | None = None
     refused: int = 0
     pushed: int = 0
@@ -149,27 +140,19 @@ class Estimator:
         trust = uncertainty or Uncertainty().sized(worm.length)
         self._filter, self._knows_crab = Kalman(model, trust, worm.length), trust.crab > 0.0
         self._trust_ground = ground or GroundTrust().sized(worm.length)
-        self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
-        self.noise = Noise(trust.com, NOISIEST * worm.length, RIPPLE * worm.length)
-        self._history = InputHistory(2.0 * span)
-        self._begin, self._turning = _beginning(trust, heading, heading_deviation, worm.length), MeanRate()
-        self._has_rates = trust.rate_offset > 0.0
+        self._worm, self._schedule, self._standing = worm, schedule or Schedule(), Standing(worm)
+        self._begin = _beginning(trust, heading, heading_deviation, worm.length)
+        self._told_noise, self._has_rates = trust.com, trust.rate_offset > 0.0
         self.reset()
 
     def reset(self) -> None:
         """Return to the initial state."""
-        self._wave.reset()
-        self._turning.reset()
-        self._history.reset()
-        self.noise.reset()
+        self._wave, self._turning = MeasuredWave(self._worm.segments, self._schedule), MeanRate()
+        self._history, length = InputHistory(2.0 * self.span), self._worm.length
+        self.noise = Noise(self._told_noise, NOISIEST * length, RIPPLE * length)
         self._past: list[_Fused] = []
         self._settled: list[tuple[float, float]] = []
         self._heights: deque[tuple[float, float]] = deque()
-
-    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
-        """Take a measurement at time t [s], and return the estimate of this instant; see `take`."""
-        self.take(t, measurement, parameters, phase)
-        return self.estimate(t)
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
         """Take a measurement at time t [s], later than the time of the last call.
@@ -202,7 +185,7 @@ class Estimator:
             Uncertainty().sized(worm.length),
             com=place,
             rate_sample=float(np.hypot(UNSTEADY, 0.0 if rates is None else rates.noise / root)),
-            rate_offset=0.0 if rates is None else float(max(rates.bias, LEAST_OFFSET) / root),
+            rate_offset=0.0 if rates is None else float(max(rates.bias, 1e-4) / root),
             heading_sample=float(np.hypot(heading, ROCKED)),
             crab=CRAB_NOISE if "heading" in sensors else 0.0,
         )
@@ -216,7 +199,7 @@ class Estimator:
 
     def _begin_at(self, t: float) -> None:
         if not self._past:
-            self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]
+            self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground))]
 
     def _take_strain(self, strain: FloatArray, instant: float) -> None:
         self._wave.take(strain, self._history.phase(instant), self._history.is_back(instant))
@@ -226,7 +209,7 @@ class Estimator:
 
     def _height_at(self, t: float) -> float:
         """Return the height of the axis above the ground at an instant [m]; NaN without recent strains."""
-        if not self._heights or t > self._heights[-1][0] + LATE_STRAIN:
+        if not self._heights or t > self._heights[-1][0] + 0.1:
             return nan
         times, heights = np.array(self._heights).T
         return float(np.interp(t, times, heights))
@@ -266,53 +249,46 @@ class Estimator:
 
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
         """Return a sample and the beliefs after the sample; the noise is learnt from new samples."""
-        beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
-        placed, pushed, jumped = last.placed, last.pushed, last.jumped
+        after = replace(last, sample=sample, beliefs=self._predicted(last, sample.time), nis=None)
         if sample.com is not None and sample.wave is not None:
-            given, placed = (sample.com[:2], sample.wave), sample.time
-            noise = sample.deviation, inf if last.placed is None else placed - last.placed, sample.frequency
-            corrected = self._with_com(beliefs, given, noise, gated=last.placed is not None)
+            corrected = self._with_com(last, after.beliefs, sample.com[:2], sample.wave, sample)
             best = max(corrected, key=lambda each: each.belief.log_weight)
-            beliefs, nis = [each.belief for each in corrected], best.nis
-            refused, pushed = refused + best.refused, pushed + best.pushed
+            after.beliefs, after.nis, after.placed = [each.belief for each in corrected], best.nis, sample.time
+            after.refused += best.refused
+            after.pushed += best.pushed
             height = sample.com[2] - sample.standing
             if not best.refused and np.isfinite(height):
-                trust = self._trust_ground
-                noisy = replace(trust, height=sample.deviation) if sample.deviation > trust.height else trust
-                ground = ground.sampled(merged(beliefs).mean[:2], height, noisy)
-            if new and np.isfinite(nis):
+                trust = replace(self._trust_ground, height=max(self._trust_ground.height, sample.deviation))
+                after.ground = after.ground.sampled(merged(after.beliefs).mean[:2], height, trust)
+            if new and np.isfinite(best.nis):
                 self.noise.learn(best.innovation, best.spread)
         if sample.heading is not None:
-            beliefs, unlikely, jump = self._with_heading(beliefs, sample.heading)
-            refused, jumped = refused + unlikely, jumped + jump
+            alone = len(after.beliefs) == 1
+            found = [self._filter.with_heading(belief, sample.heading, gated=alone) for belief in after.beliefs]
+            after.beliefs = [belief for belief, _, _ in found]
+            after.refused += all(refused for _, refused, _ in found)
+            after.jumped += all(jumped for _, _, jumped in found)
         if sample.rate is not None:
-            beliefs = [self._filter.with_rate(belief, sample.rate) for belief in beliefs]
-        return _Fused(sample, pruned(beliefs), ground, nis, placed, refused, pushed, jumped)
+            after.beliefs = [self._filter.with_rate(belief, sample.rate) for belief in after.beliefs]
+        after.beliefs = pruned(after.beliefs)
+        return after
 
     def _with_com(
-        self,
-        beliefs: list[Belief],
-        given: tuple[FloatArray, FloatArray],
-        noise: tuple[float, float, float],
-        gated: bool,
+        self, last: _Fused, beliefs: list[Belief], com: FloatArray, wave: FloatArray, sample: _Sample
     ) -> list[Corrected]:
-        """Return the beliefs after a sample of the centre of mass and the wave; a gated sample may be refused.
+        """Return the beliefs after a sample of the centre of mass; any sample after the first may be refused."""
+        since = inf if last.placed is None else sample.time - last.placed
 
-        `noise` holds the standard deviation [m], the time since the sample before [s] and the wave's frequency [Hz].
-        """
+        def corrected(gated: bool) -> list[Corrected]:
+            noise = sample.deviation, since, sample.frequency
+            return [self._filter.with_com(each, com, wave, gated, *noise) for each in beliefs]
+
         # Beliefs that make the sample impossible lose their weight; if all of them would, the sample is refused.
-        if not gated or len(beliefs) > 1:
-            corrected = [self._filter.with_com(each, *given, False, *noise) for each in beliefs]
-            if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
-                return corrected
-        return [self._filter.with_com(each, *given, True, *noise) for each in beliefs]
-
-    def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool, bool]:
-        """Return the beliefs after a sample of the heading [rad], and whether all refused it, or all jumped to it."""
-        alone = len(beliefs) == 1
-        found = [self._filter.with_heading(belief, heading, gated=alone) for belief in beliefs]
-        after, refused, jumped = zip(*found, strict=True)
-        return list(after), all(refused), all(jumped)
+        if last.placed is None or len(beliefs) > 1:
+            found = corrected(gated=False)
+            if last.placed is None or min(each.nis for each in found) <= IMPOSSIBLE:
+                return found
+        return corrected(gated=True)
 
     def _predicted(self, last: _Fused, t: float) -> list[Belief]:
         beliefs = last.beliefs
@@ -330,18 +306,19 @@ class Estimator:
     def crabs(self, angle: float) -> None:
         """Take the crab angle as known [rad] if no sensor measures the heading."""
         if not self._knows_crab:
-            self._believe(CRAB, angle, 0.0)
+            self._believe("crab", angle, 0.0)
 
     def turns(self, gain: float) -> None:
         """Set the ratio of the worm's turn rate to the turn rate of the map from now on."""
-        self._believe(GAIN, min(max(gain, GAINS[0]), GAINS[1]), BEGIN["turn_gain"])
+        self._believe("turn_gain", min(max(gain, GAINS[0]), GAINS[1]), BEGIN["turn_gain"])
 
     def forget_ground(self) -> None:
         """Forget the slope and the height of the ground."""
         self._past = [replace(each, ground=Ground.unknown(self._trust_ground)) for each in self._past]
 
-    def _believe(self, index: int, value: float, deviation: float) -> None:
-        """Replace the belief about one entry of X by a value and a standard deviation."""
+    def _believe(self, name: str, value: float, deviation: float) -> None:
+        """Replace the belief about one state by a value and a standard deviation."""
+        index = INDEX[name]
         for k, each in enumerate(self._past):
             beliefs = []
             for belief in each.beliefs:
@@ -380,9 +357,9 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float, leng
     """Return the beliefs before the first sample, one for each possible heading."""
     if heading is not None:
         return [_believed(trust, heading, deviation, length)]
-    apart = 2.0 * np.pi / INITIAL_HEADINGS
+    count, apart = 24, 2.0 * np.pi / 24
     # Mirror images of each other, so that mirrored worms are treated alike.
-    sides = ((np.arange(INITIAL_HEADINGS) + 0.5 - INITIAL_HEADINGS / 2.0) * apart).tolist()
+    sides = ((np.arange(count) + 0.5 - count / 2.0) * apart).tolist()
     return [_believed(trust, side, apart / 2.0, length) for side in sides]
 
 

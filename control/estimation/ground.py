@@ -27,10 +27,9 @@ import numpy as np
 
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
-SHARPNESS = 0.1
-"""Ratio of delta to the mean rest half-height."""
 ANYWHERE = 10.0
 """Standard deviation of a coordinate before the first sample [m]."""
 MAX_GROUND_SAMPLES = 200
@@ -41,17 +40,14 @@ BY_CHANCE = 4.0
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class GroundTrust:
+class GroundTrust(Checked):
     """Noise of samples of the height, and changes of the ground; the defaults suit worms of 1 m."""
 
-    height: float = parameter(0.005, unit="m", gt=0, meaning="least standard deviation of a sample of the height")
-    standing: float = parameter(0.001, unit="m", gt=0, meaning="standard deviation of (KF5) in the mean of a stride")
-    slope: float = parameter(0.02, gt=0, meaning="standard deviation of the slope before the first sample")
-    change: float = parameter(0.01, unit="1/sqrt(m)", gt=0, meaning="change of the slope along the way")
-    stride: float = parameter(0.05, unit="m", gt=0, meaning="way over which samples are gathered")
-
-    def __post_init__(self) -> None:
-        check(self)
+    height: float = parameter(0.005, "least standard deviation of a sample of the height", "m", gt=0)
+    standing: float = parameter(0.001, "standard deviation of (KF5) in the mean of a stride", "m", gt=0)
+    slope: float = parameter(0.02, "standard deviation of the slope before the first sample", gt=0)
+    change: float = parameter(0.01, "change of the slope along the way", "1/sqrt(m)", gt=0)
+    stride: float = parameter(0.05, "way over which samples are gathered", "m", gt=0)
 
     def sized(self, length: float) -> GroundTrust:
         """Return the values for a worm of a length [m] on ground scaled with the length."""
@@ -115,7 +111,7 @@ class Standing:
 
     def __init__(self, worm: Worm) -> None:
         self._length, self._link = worm.l0, worm.link_length[:, None]
-        self._delta = SHARPNESS * float(np.mean(worm.half_height))
+        self._delta = 0.1 * float(np.mean(worm.half_height))
 
     def height(self, strain: FloatArray) -> float:
         """Return (KF5) for strains of shape (N, 2), NaN where unknown [m]."""

@@ -52,19 +52,16 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from control.estimation.estimate import HEADING_INDEX, Belief, wrapped
-from control.estimation.reduced import INPUTS, LONGEST_SUBSTEP, STATES, ReducedInput, ReducedModel, ReducedState
+from control.estimation.estimate import HEADING, Belief, wrapped
+from control.estimation.reduced import INDEX, INPUTS, LONGEST_SUBSTEP, STATES, ReducedInput, ReducedModel, ReducedState
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
-DRIFT = ReducedState._fields.index("drift")
-GAIN = ReducedState._fields.index("turn_gain")
-SLIP = ReducedState._fields.index("slip")
-SPEED = ReducedState._fields.index("speed")
-TURN_RATE, YAW_BIAS = map(ReducedState._fields.index, ("turn_rate", "yaw_bias"))
+GAIN, SLIP = INDEX["turn_gain"], INDEX["slip"]
 IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; one in 270 000 pairs of normal numbers exceeds it."""
 IMPOSSIBLE_HEADING = 21.0
@@ -96,7 +93,7 @@ MOVED_DEVIATIONS = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class Uncertainty:
+class Uncertainty(Checked):
     """Uncertainty of sensors and model; the defaults suit worms of 1 m and `control.sensing.sensors`.
 
     The values of place, speed and turn rate are close to the maximum likelihood of the innovations of nine runs of a
@@ -104,38 +101,29 @@ class Uncertainty:
     would allow half the drift; the larger drift gives the heading of a winding worm the right standard deviation.
     """
 
-    com: float = parameter(0.005, unit="m", gt=0, meaning="standard deviation of a sample of the centre of mass")
-    heading_sample: float = parameter(0.025, unit="rad", gt=0, meaning="standard deviation of a sample of the heading")
-    place: float = parameter(0.0005, unit="m/sqrt(s)", ge=0, meaning="noise of the position")
-    heading: float = parameter(0.004, unit="rad/sqrt(s)", ge=0, meaning="noise of the heading without turning")
-    turning: float = parameter(0.12, unit="sqrt(s)", ge=0, meaning="increase of that noise per turn rate")
+    com: float = parameter(0.005, "standard deviation of a sample of the centre of mass", "m", gt=0)
+    heading_sample: float = parameter(0.025, "standard deviation of a sample of the heading", "rad", gt=0)
+    place: float = parameter(0.0005, "noise of the position", "m/sqrt(s)", ge=0)
+    heading: float = parameter(0.004, "noise of the heading without turning", "rad/sqrt(s)", ge=0)
+    turning: float = parameter(0.12, "increase of that noise per turn rate", "sqrt(s)", ge=0)
     changing: float = parameter(
-        1.0, unit="sqrt(s)", ge=0, meaning="increase of the noise ahead per speed that the worm lacks to its wave"
+        1.0, "increase of the noise ahead per speed that the worm lacks to its wave", "sqrt(s)", ge=0
     )
-    speed: float = parameter(0.006, unit="m/s/sqrt(s)", ge=0, meaning="noise of the speed that the gait makes")
-    turn_rate: float = parameter(
-        0.008, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the turn rate that the gait makes"
-    )
-    slip: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the slip")
-    yaw_bias: float = parameter(0.003, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the yaw bias")
-    turn_gain: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the gain of turning")
-    crab: float = parameter(0.0, unit="rad/sqrt(s)", ge=0, meaning="noise of the crab angle")
+    speed: float = parameter(0.006, "noise of the speed that the gait makes", "m/s/sqrt(s)", ge=0)
+    turn_rate: float = parameter(0.008, "noise of the turn rate that the gait makes", "rad/s/sqrt(s)", ge=0)
+    slip: float = parameter(0.01, "noise of the slip", "1/sqrt(s)", ge=0)
+    yaw_bias: float = parameter(0.003, "noise of the yaw bias", "rad/s/sqrt(s)", ge=0)
+    turn_gain: float = parameter(0.01, "noise of the gain of turning", "1/sqrt(s)", ge=0)
+    crab: float = parameter(0.0, "noise of the crab angle", "rad/sqrt(s)", ge=0)
     rate_sample: float = parameter(
-        0.005, unit="rad/s", gt=0, meaning="standard deviation of the mean turn rate of a wave by gyroscopes"
+        0.005, "standard deviation of the mean turn rate of a wave by gyroscopes", "rad/s", gt=0
     )
-    rate_offset: float = parameter(
-        0.0, unit="rad/s", ge=0, meaning="standard deviation of their constant error; 0: there are none"
-    )
-    drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
-    drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
-    rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
-    frequency: float = parameter(
-        0.8, unit="Hz", gt=0, meaning="f_0 from which these hold; slower waves have less noise"
-    )
-    slope_yield: float = parameter(3.6, ge=0, meaning="kappa, share of the speed that a slope takes, over the slope")
-
-    def __post_init__(self) -> None:
-        check(self)
+    rate_offset: float = parameter(0.0, "standard deviation of their constant error; 0: there are none", "rad/s", ge=0)
+    drift: float = parameter(0.0018, "standard deviation of the drift that no slope explains", "m/s", ge=0)
+    drift_time: float = parameter(2.0, "correlation time tau of that drift", "s", gt=0)
+    rocking: float = parameter(0.001, "noise of the entries of C", "m/sqrt(s)", ge=0)
+    frequency: float = parameter(0.8, "f_0 from which these hold; slower waves have less noise", "Hz", gt=0)
+    slope_yield: float = parameter(3.6, "kappa, share of the speed that a slope takes, over the slope", ge=0)
 
     def sized(self, length: float) -> Uncertainty:
         """Return the uncertainty for a worm of a length [m]; all motion is proportional to the length."""
@@ -167,8 +155,11 @@ class Kalman:
         self._deviation, size = uncertainty.com, size_of(uncertainty)
         self._predict = Buffered(_prediction(model, uncertainty))
         self._com = Buffered(_com_correction(size))
-        self._heading = Buffered(_heading_correction(uncertainty))
-        self._rate = Buffered(_rate_correction(uncertainty)) if size > SIZE else None
+        X = ca.SX.sym("X", size)
+        self._heading = Buffered(_number_correction(X, X[HEADING], uncertainty.heading_sample))
+        if size > SIZE:
+            turn_rate = X[INDEX["turn_rate"]] + X[INDEX["yaw_bias"]] + X[SIZE]
+            self._rate = Buffered(_number_correction(X, turn_rate, uncertainty.rate_sample))
 
     def predicted(self, belief: Belief, given: FloatArray, slope: FloatArray, seconds: float) -> Belief:
         """Return the belief after some time on a slope (2,) with a constant input, as in `InputHistory.between`."""
@@ -226,8 +217,8 @@ class Kalman:
         Also return whether the sample was refused, and whether an impossible sample is believed because the samples
         before were impossible, too. Only a gated sample may be refused as impossible.
         """
-        off = wrapped(np.array([heading - belief.mean[HEADING_INDEX]]))
-        before = belief.mean, belief.covariance, belief.mean[HEADING_INDEX] + off
+        off = wrapped(np.array([heading - belief.mean[HEADING]]))
+        before = belief.mean, belief.covariance, belief.mean[HEADING] + off
         mean, covariance, nis, log_det = self._heading(*before)
         if not _usable(nis, mean, covariance):
             return belief, True, False
@@ -236,14 +227,13 @@ class Kalman:
             if belief.turned < MAX_REFUSED_SAMPLES:
                 return replace(belief, turned=belief.turned + 1), True, False
             widened = belief.covariance.copy()
-            widened[HEADING_INDEX, HEADING_INDEX] += float(off[0]) ** 2
-            mean, covariance, *_ = self._heading(belief.mean, widened, belief.mean[HEADING_INDEX] + off)
+            widened[HEADING, HEADING] += float(off[0]) ** 2
+            mean, covariance, *_ = self._heading(belief.mean, widened, belief.mean[HEADING] + off)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False, jumped
 
     def with_rate(self, belief: Belief, rate: float) -> Belief:
         """Return the belief after a mean turn rate of a wave [rad/s] at its middle instant, (KF4)."""
-        assert self._rate is not None
         mean, covariance, nis, log_det = self._rate(belief.mean, belief.covariance, rate)
         if not _usable(nis, mean, covariance):
             return belief
@@ -255,7 +245,7 @@ def widened(covariance: FloatArray, deviations: Mapping[str, float], length: flo
     """Return a covariance plus the squares of standard deviations; parts in `IN_METRES` are in body lengths."""
     more = covariance.copy()
     for name, deviation in deviations.items():
-        index = ReducedState._fields.index(name)
+        index = INDEX[name]
         more[index, index] += (deviation * length if name in IN_METRES else deviation) ** 2
     return more
 
@@ -271,17 +261,18 @@ def _usable(*found: FloatArray) -> bool:
 
 def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
     """Return (X, P, input, slope, seconds) -> X, P by (KF2) and (KF4)."""
-    X, P = _belief(size_of(trust))
+    size = size_of(trust)
+    X, P = ca.SX.sym("X", size), ca.SX.sym("P", size, size)
     given, slope, dt = ca.SX.sym("input", INPUTS), ca.SX.sym("slope", 2), ca.SX.sym("dt")
     s = ReducedState(*ca.vertsplit(X[:STATES]))
     moved = model.advance(X[:STATES], given, dt, model.in_force)
     towards = -trust.slope_yield * ca.fabs(s.speed) * (slope[1] * ca.cos(s.heading) - slope[0] * ca.sin(s.heading))
-    moved[DRIFT] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
+    moved[INDEX["drift"]] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
     after = ca.vertcat(moved, X[STATES:])
     F = ca.jacobian(after, X)
     Q = ca.diag(_noise(s, given, trust)[: X.numel()])
     ahead = ca.vertcat(ca.cos(s.heading), ca.sin(s.heading))
-    Q[:2, :2] += (trust.changing * model.lag * model.in_force(X[:STATES], given)[SPEED]) ** 2 * ahead @ ahead.T
+    Q[:2, :2] += (trust.changing * model.lag * model.in_force(X[:STATES], given)[INDEX["speed"]]) ** 2 * ahead @ ahead.T
     spread = F @ P @ F.T + Q * dt
     return ca.Function("predict", [X, P, given, slope, dt], [after, ca.densify((spread + spread.T) / 2.0)])
 
@@ -304,16 +295,12 @@ def _noise(s: ReducedState, given: ca.SX, trust: Uncertainty) -> ca.SX:
     return ca.vertcat(*of_state, *[trust.rocking**2 * pace] * 4, 0.0)
 
 
-def _belief(size: int) -> tuple[ca.SX, ca.SX]:
-    return ca.SX.sym("X", size), ca.SX.sym("P", size, size)
-
-
 def _com_correction(size: int) -> ca.Function:
     """Return (X, P, com, wave, deviation) -> X, P, nis, log det S, e and the mean of H P H^T by (KF3) and (KF4)."""
-    X, P = _belief(size)
+    X, P = ca.SX.sym("X", size), ca.SX.sym("P", size, size)
     sample, wave, deviation = ca.SX.sym("com", 2), ca.SX.sym("wave", 2), ca.SX.sym("deviation")
     rocking = ca.reshape(X[ROCKING], 2, 2) @ wave
-    cos, sin = ca.cos(X[HEADING_INDEX]), ca.sin(X[HEADING_INDEX])
+    cos, sin = ca.cos(X[HEADING]), ca.sin(X[HEADING])
     turned = ca.vertcat(cos * rocking[0] - sin * rocking[1], sin * rocking[0] + cos * rocking[1])
     expected = X[:2] + turned
     H = ca.jacobian(expected, X)
@@ -322,19 +309,10 @@ def _com_correction(size: int) -> ca.Function:
     return ca.Function("com", [X, P, sample, wave, deviation], [*found, sample - expected, ca.densify(spread)])
 
 
-def _heading_correction(trust: Uncertainty) -> ca.Function:
-    """Return (X, P, heading) -> X, P, nis, log det S by (KF4)."""
-    (X, P), sample = _belief(size_of(trust)), ca.SX.sym("heading")
-    return ca.Function(
-        "heading", [X, P, sample], _correction(X, P, sample, X[HEADING_INDEX], ca.SX(trust.heading_sample))
-    )
-
-
-def _rate_correction(trust: Uncertainty) -> ca.Function:
-    """Return (X, P, rate) -> X, P, nis, log det S by (KF4)."""
-    (X, P), sample = _belief(size_of(trust)), ca.SX.sym("rate")
-    expected = X[TURN_RATE] + X[YAW_BIAS] + X[SIZE]
-    return ca.Function("rate", [X, P, sample], _correction(X, P, sample, expected, ca.SX(trust.rate_sample)))
+def _number_correction(X: ca.SX, expected: ca.SX, deviation: float) -> ca.Function:
+    """Return (X, P, sample) -> X, P, nis, log det S by (KF4) for a sample of one number."""
+    P, sample = ca.SX.sym("P", X.numel(), X.numel()), ca.SX.sym("sample")
+    return ca.Function("number", [X, P, sample], _correction(X, P, sample, expected, ca.SX(deviation)))
 
 
 def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: ca.SX) -> list[ca.SX]:

@@ -37,11 +37,7 @@ class Noise:
 
     def __init__(self, told: float, most: float, least: float = 0.0) -> None:
         self.told, self._most, self._least = told, max(told, most), min(told, least)
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
-        self.deviation = self.told
+        self.deviation = told
         self._last: FloatArray | None = None
         self._found: deque[tuple[float, float]] = deque(maxlen=NOISE_WINDOW)
 

@@ -33,19 +33,11 @@ amplitude: without contraction a worm rests. A wave of negative amplitude goes b
 turning cover effects that the map does not contain (a slope, another ground, a somewhat different worm). They are
 constant in the model, and estimated.
 
-x, y is the centre of mass and h the heading, both without the rocking of a wave. The rocking depends on the shape of
-the body, which follows from the strains: with the inverse of (E2) and no strain in yaw (E5),
-
-    l_i = (l_L + l_R)/2,   th_i = (l_R - l_L)/(2 b),   a_{i+1} - a_i = th_i/2 + th_{i+1}/2 + hinge            (R2)
-
-are lengths, bends and azimuths a_i of the segments, and (E1), (E3) place joints and masses. This shape is exact for a
-flat body whose yaw joints are not strained. On the plant the joints of the default worm lie within 4 mm of this shape
-when chambers steer, and within 12 mm when hinges steer: the ground holds the feet back, and the yaw joints yield.
+x, y is the centre of mass and h the heading, both without the rocking of a wave.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -55,12 +47,9 @@ import numpy as np
 from control.gaits.steering import BLEND, PACE, GaitParameters, Mechanism
 from control.identification.identified import Identified
 from worm3d import Worm
-from worm3d.physics import elements
 
 IDENTIFIED = 0.8
 """Approximate frequency f_p at which the lag n_v was identified [Hz]."""
-LEAST_LAG = 0.05
-"""Least lag of the speed behind the wave in force [waves]."""
 LONGEST_SUBSTEP = 0.5
 """Longest substep of Runge and Kutta, as a fraction of the shortest time constant."""
 
@@ -88,6 +77,8 @@ class ReducedState(NamedTuple):
 
 
 STATES = len(ReducedState._fields)
+INDEX = {name: k for k, name in enumerate(ReducedState._fields)}
+"""Index of each state by its name."""
 
 
 class ReducedInput(NamedTuple):
@@ -118,37 +109,29 @@ class ReducedModel:
     """`dynamics` of a wave that already has the commanded amplitude and frequency."""
     lag: float
     """Time constant T_v of the speed behind the amplitude and frequency in force [s]."""
-    shape: ca.Function
-    """(chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
-    the tail-to-head chord along x: (R2)."""
     longest_step: float
     """Longest time that one step of Runge and Kutta may span [s]."""
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
-        """Return the model of a worm; ValueError if the worm was not identified with this mechanism."""
+        """Return the model of a worm; ValueError if the worm cannot bend, or was not identified so."""
+        if worm.chamber_offset == 0.0:
+            raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
         state, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
         symbols = ReducedState(*ca.vertsplit(state)), ReducedInput(*ca.vertsplit(given))
         lags, ranges = identified.lags[mechanism], identified.maps[mechanism].ranges
-        lag = max(lags.amplitude - BLEND, LEAST_LAG) / IDENTIFIED
+        lag = max(lags.amplitude - BLEND, 0.05) / IDENTIFIED
         pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])  # feet that stick follow at once, however slowly
         rate = _rate(*symbols, worm, identified, mechanism, pace / lags.amplitude)
         followed = _rate(*symbols, worm, identified, mechanism, ca.SX(1.0 / lag))
-        names = ["state", "input"]
         highest = ranges.frequency[1]
         fastest = max(highest / lags.amplitude, highest / BLEND, 1.0 / lags.steering)
-        return cls(
-            mechanism,
-            ca.Function("dynamics", [state, given], [rate], names, ["rate"]),
-            ca.Function("output", [state, given], [rate[:3]], names, ["velocity"]),
-            ca.Function("in_force", [state, given], [followed], names, ["rate"]),
-            lag,
-            body_shape(worm),
-            LONGEST_SUBSTEP / fastest,
-        )
+        values = {"dynamics": rate, "output": rate[:3], "in_force": followed}
+        named = {name: ca.Function(name, [state, given], [value]) for name, value in values.items()}
+        return cls(mechanism, **named, lag=lag, longest_step=LONGEST_SUBSTEP / fastest)
 
     def step(self, dt: float) -> ca.Function:
         """Return (state, input) -> next state after `dt` > 0 [s] of constant input, by Runge-Kutta's fourth order."""
@@ -203,46 +186,3 @@ def _rate(
         (u.steering - s.steering) * ca.fmax(u.frequency, PACE) / BLEND,
         ca.SX.zeros(2),
     )
-
-
-def body_shape(worm: Worm) -> ca.Function:
-    """Return the body's shape from its chamber lengths and hinges, (R2); see `ReducedModel.shape`.
-
-    Raises ValueError if the chambers lie on the centre line, where chamber lengths do not determine the bend.
-    """
-    if worm.chamber_offset == 0.0:
-        raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
-    lengths, hinge = ca.SX.sym("chamber_length", worm.segments, 2), ca.SX.sym("hinge", max(worm.segments - 1, 0))
-    azimuth = _azimuths(lengths, hinge, worm.chamber_offset)
-    along = (lengths[:, 0] + lengths[:, 1]) / 2.0
-    edges = [
-        ca.vertcat(along[i] * ca.cos(azimuth[i]), along[i] * ca.sin(azimuth[i]), 0.0) for i in range(worm.segments)
-    ]
-    joints = [ca.SX.zeros(3)]
-    for edge in edges:
-        joints.append(joints[-1] + edge)
-    com = sum(mass * place for mass, place in _masses(worm, joints, edges, lengths)) / worm.mass
-    chord = joints[-1] - joints[0]
-    cos, sin = chord[0] / ca.norm_2(chord[:2]), chord[1] / ca.norm_2(chord[:2])
-    places = ca.horzcat(*(joint - com for joint in joints))[:2, :].T
-    turned = places @ ca.vertcat(ca.horzcat(cos, -sin), ca.horzcat(sin, cos))
-    return ca.Function("shape", [lengths, hinge], [turned], ["chamber_length", "hinge"], ["joints"])
-
-
-def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
-    """Return the azimuths of the segments against the tail's, (R2)."""
-    bend = (lengths[:, 1] - lengths[:, 0]) / (2.0 * offset)
-    azimuth = [ca.SX(0)]
-    for j in range(hinge.numel()):
-        azimuth.append(azimuth[-1] + bend[j] / 2.0 + bend[j + 1] / 2.0 + hinge[j])
-    return azimuth
-
-
-def _masses(worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX) -> Iterator[tuple[float, ca.SX]]:
-    yield from zip(worm.joint_mass.tolist(), joints, strict=True)
-    ahead, left = ca.SX([1, 0, 0]), ca.SX([0, 1, 0])
-    for i, edge in enumerate(edges):
-        f = elements.frame(edge, ca.SX(0), ahead, left)
-        middle, chambers = (joints[i] + joints[i + 1]) / 2.0, [lengths[i, 0], lengths[i, 1]]
-        places = elements.apexes(middle, f, chambers, ca.SX(worm.link_length[i]), ca.SX(worm.chamber_offset))
-        yield from zip(worm.apex_mass[i].tolist(), places, strict=True)

@@ -17,18 +17,11 @@ import numpy as np
 
 from worm3d.values.arrays import FloatArray
 
-UP = 2
-"""Index of the rate about the axis that points up."""
-
 
 class MeanRate:
     """The mean turn rate of each wave."""
 
     def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
         self._last: tuple[float, float] | None = None
         self._begin: tuple[float, float] | None = None
         self._turned = 0.0
@@ -39,7 +32,8 @@ class MeanRate:
         If a wave has ended with this sample, return the wave's middle instant [s] and mean turn rate to the left
         [rad/s].
         """
-        known = rates[np.isfinite(rates[:, UP]), UP]
+        up = rates[:, 2]
+        known = up[np.isfinite(up)]
         if not known.size:
             return None
         rate = float(known.mean())

@@ -28,8 +28,6 @@ from worm3d.values.arrays import FloatArray
 
 FIT_SMOOTHING = 0.25
 """Number of waves over which a is smoothed; the shorter waves, two of them per wave, nearly vanish."""
-UNKNOWNS = 3
-"""Number of unknowns of (W1) in one sample, which is also the number of segments that a fit needs."""
 
 
 class InputHistory:
@@ -41,10 +39,6 @@ class InputHistory:
 
     def __init__(self, span: float) -> None:
         self._span = span
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the history."""
         self._times: list[float] = []
         self._phases: list[float] = []
         self._inputs: list[FloatArray] = []
@@ -116,10 +110,6 @@ class MeasuredWave:
         self._columns = np.column_stack([np.ones(segments), np.cos(x), -np.sin(x)])
         self._fit = _cos_sin(self._columns)
         self._turning = 1j if schedule.direction == "retrograde" else -1j
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the wave."""
         self.amplitude = self.backward = 0j
         self._phase: float | None = None
 
@@ -145,7 +135,7 @@ class MeasuredWave:
             return sampled
         known = np.isfinite(strain)
         rows = known.any(axis=1)
-        if rows.sum() < UNKNOWNS:
+        if rows.sum() < 3:  # (W1) has three unknowns
             return complex(np.nan)
         means = np.where(known, strain, 0.0)[rows].sum(axis=1) / known[rows].sum(axis=1)
         return complex(_cos_sin(self._columns[rows]) @ means)
@@ -159,5 +149,4 @@ class MeasuredWave:
 def _cos_sin(columns: FloatArray) -> NDArray[np.complex128]:
     """Return the least-squares map from strains to their wave; `columns` are 1, cos and -sin at the segments."""
     inverse = np.linalg.pinv(columns)
-    fit: NDArray[np.complex128] = inverse[1] + 1j * inverse[2]
-    return fit
+    return np.asarray(inverse[1] + 1j * inverse[2])

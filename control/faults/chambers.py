@@ -69,10 +69,6 @@ class Chambers:
 
     def __init__(self, worm: Worm) -> None:
         self._shape, self._stroke = (worm.segments, 2), worm.stroke
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
         self.held: dict[int, Held] = {}
         self._told: FloatArray | None = None
         self._time = np.nan
@@ -150,5 +146,4 @@ class Chambers:
             alone[:, None] & (size > ONE_SIDED * size[:, ::-1]) & (np.abs(self._short) > MISSED * np.abs(self._healthy))
         )
         self._since = np.where(bad, np.minimum(self._since, t), np.inf)
-        found: NDArray[np.bool_] = t - self._since >= MIN_FAULT_DURATION
-        return found
+        return np.asarray(t - self._since >= MIN_FAULT_DURATION)

@@ -72,10 +72,8 @@ class Descent:
         descent = -float(estimate.slope @ along)
         deviation = sqrt(max(float(along @ estimate.slope_covariance @ along), 0.0))
         holds = max(self.steepest, self._held)
-        if not (
-            deviation < MAX_GRADIENT_DEVIATION * holds
-            and descent > USABLE_FRICTION_SHARE * holds + SIGNIFICANT_EXCESS * deviation
-        ):
+        known = deviation < MAX_GRADIENT_DEVIATION * holds
+        if not (known and descent > USABLE_FRICTION_SHARE * holds + SIGNIFICANT_EXCESS * deviation):
             return None
         self._descent = descent
         down, slides = degrees(atan(descent)), degrees(atan(holds))
@@ -88,7 +86,5 @@ class Descent:
         if path is None:
             return float(estimate.heading) + turned
         self._near = float(path.project(estimate.position, self._near))
-        return (
-            float(path.heading(self._near + (-DESCENT_LOOKAHEAD if back else DESCENT_LOOKAHEAD) * self._length))
-            + turned
-        )
+        ahead = -DESCENT_LOOKAHEAD if back else DESCENT_LOOKAHEAD
+        return float(path.heading(self._near + ahead * self._length)) + turned

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from zlib import crc32
 
 import numpy as np
 
 from control.sensing.sensors import HOW_TO_ADD, QUANTITIES, SIDE_NAMES, Measurement, Sample
-from worm3d import Command, Worm
+from worm3d import Command, Controller, Worm
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled, did_you_mean
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked, Spelled, did_you_mean
 
 if TYPE_CHECKING:
     from control.planning.mpc import Plan
@@ -30,35 +30,20 @@ ALL = -1
 """Number that means all segments."""
 
 
-class Controller(Protocol):
-    """A controller for `worm3d.simulate`."""
-
-    def reset(self) -> None:
-        """Return to the initial state."""
-
-    def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on."""
-
-
 @dataclass(frozen=True, kw_only=True)
-class Injected(Spelled):
+class Injected(Checked):
     """A fault that lasts for a while; a subclass is found in `INJECTED` under its `name`."""
 
     name: ClassVar[str] = ""
     of_plans: ClassVar[bool] = False
     """Whether this is a fault of plans, so that the controller must plan."""
 
-    begin: float = parameter(0.0, unit="s", ge=0, meaning="when it begins")
-    duration: float = parameter(
-        np.inf, unit="s", gt=0, infinite=True, meaning="how long it lasts", left_out="to the end of the run"
-    )
+    begin: float = parameter(0.0, "when it begins", "s", ge=0)
+    duration: float = parameter(np.inf, "how long it lasts", "s", gt=0, infinite=True, left_out="to the end of the run")
 
     def __init_subclass__(cls, name: str = "") -> None:
         if name:
             cls.name, INJECTED[name] = name, cls
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def acts(self, t: float) -> bool:
         """Return whether the fault is active at time t [s]."""
@@ -85,10 +70,10 @@ class Injected(Spelled):
 class FaultyChamber(Injected, name="chamber"):
     """A chamber holds a contraction regardless of the command, or follows the command in part."""
 
-    segment: int = parameter(0, ge=0, meaning="which segment, 0 is the tail")
-    side: Literal["left", "right"] = parameter("left", meaning="which of its chambers")
-    contraction: float = parameter(0.0, meaning="contraction that it holds", ge=-1, lt=1)
-    share: float = parameter(0.0, meaning="share of its command that it follows beside that", ge=0, le=1)
+    segment: int = parameter(0, "which segment, 0 is the tail", ge=0)
+    side: Literal["left", "right"] = parameter("left", "which of its chambers")
+    contraction: float = parameter(0.0, "contraction that it holds", ge=-1, lt=1)
+    share: float = parameter(0.0, "share of its command that it follows beside that", ge=0, le=1)
 
     def require(self, worm: Worm) -> None:
         """Raise ValueError if a worm has no such chamber."""
@@ -106,9 +91,9 @@ class FaultyChamber(Injected, name="chamber"):
 class UnequalChambers(Injected, name="unequal"):
     """Each chamber follows the command times a separate factor, drawn between two bounds."""
 
-    least: float = parameter(0.6, meaning="least factor", ge=0, le=2)
-    greatest: float = parameter(1.1, meaning="greatest factor", ge=0, le=2)
-    seed: int = parameter(0, ge=0, meaning="seed of the factors")
+    least: float = parameter(0.6, "least factor", ge=0, le=2)
+    greatest: float = parameter(1.1, "greatest factor", ge=0, le=2)
+    seed: int = parameter(0, "seed of the factors", ge=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -128,19 +113,19 @@ class FaultySensor(Injected, name="sensor"):
     """A sensor gives no samples, the last sample again, or samples with an offset, a drift, or swapped sides."""
 
     channel: str = parameter(
-        "com", meaning=f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own by its name in its module"
+        "com", f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own by its name in its module"
     )
     mode: Literal["lost", "frozen", "off", "drifting", "swapped"] = parameter(
         "lost",
-        meaning="lost: no samples; frozen: the last one as if it were new; off: with an error added; drifting: with an "
+        "lost: no samples; frozen: the last one as if it were new; off: with an error added; drifting: with an "
         "error that grows; swapped: with left and right exchanged",
     )
     error: float = parameter(
-        0.0, meaning="error that is added, in the unit of the channel (SI); of a drifting one, in a second"
+        0.0, "error that is added, in the unit of the channel (SI); of a drifting one, in a second"
     )
-    component: int = parameter(ALL, ge=ALL, meaning="of which component only, as 1 for the y of com; -1: of all")
-    segment: int = parameter(ALL, ge=ALL, meaning="of which segment only; -1: of all")
-    side: Literal["both", "left", "right"] = parameter("both", meaning="of which side of that segment")
+    component: int = parameter(ALL, "of which component only, as 1 for the y of com; -1: of all", ge=ALL)
+    segment: int = parameter(ALL, "of which segment only; -1: of all", ge=ALL)
+    side: Literal["both", "left", "right"] = parameter("both", "of which side of that segment")
 
     def require(self, worm: Worm) -> None:
         """Raise ValueError if there is no such channel, or the channel has no such component, segments or sides."""
@@ -195,8 +180,8 @@ class FaultyPlanner(Injected, name="planner"):
 
     of_plans: ClassVar[bool] = True
 
-    mode: Literal["fails", "raises"] = parameter("fails", meaning="fails: it finds nothing; raises: an exception")
-    probability: float = parameter(1.0, gt=0, le=1, meaning="probability that a plan is spoilt")
+    mode: Literal["fails", "raises"] = parameter("fails", "fails: it finds nothing; raises: an exception")
+    probability: float = parameter(1.0, "probability that a plan is spoilt", gt=0, le=1)
 
     def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
         """Return the plan, or a spoilt plan, or raise RuntimeError."""
@@ -204,7 +189,7 @@ class FaultyPlanner(Injected, name="planner"):
             return make()
         if self.mode == "raises":
             raise RuntimeError("the planner is out of order")
-        from control.planning.mpc import PlanStatus  # imports the solver
+        from control.planning.gauss_newton import PlanStatus  # imports the solver
 
         return replace(make(), status=PlanStatus.NOT_SOLVED)
 

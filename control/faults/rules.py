@@ -70,8 +70,6 @@ MAX_PATH_ANGLE = 0.3
 LEFT_PATH = 0.15
 """Limit of the distance from the path, or from the detour around obstacles, minus the least distance of the last waves
 [body lengths]. In the benchmark (seed 40) the value is 0.05 at a corner of 90 degrees, and 0.12 after a push."""
-ENDS_OF_THREE_WAVES = 4
-"""Number of waves in a sequence whose first and last waves are three waves apart."""
 CHAMBER_ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
 """Advice on a chamber."""
 
@@ -108,8 +106,6 @@ class Wave:
     """Mean instant of the samples of `place` [s]."""
     place_error: float
     """Standard error of `place` [m]."""
-    ahead: float | None
-    """Azimuth of the path at the worm; without a path the worm's heading, if known [rad]."""
     at_limit: bool
     """Whether amplitude and frequency are as great as possible."""
     made: float
@@ -120,11 +116,13 @@ class Wave:
     """Greatest wanted speed in the wave [m/s]."""
     reach: float
     """Greatest speed of the map [m/s]."""
-    turn: float
+    ahead: float | None = None
+    """Azimuth of the path at the worm; without a path the worm's heading, if known [rad]."""
+    turn: float = 0.0
     """Turn rate of the path at the worm [rad/s]."""
-    sharpest: float
+    sharpest: float = inf
     """Greatest turn rate of the map [rad/s]."""
-    aside: float | None
+    aside: float | None = None
     """Distance from the path [body lengths]."""
     trespass: float = -inf
     """Distance of the worm into an obstacle or out of the corridor [body lengths]."""
@@ -243,9 +241,9 @@ def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
-    if len(waves) <= ENDS_OF_THREE_WAVES:  # the first wave swells
+    if len(waves) <= 4:  # the first wave swells
         return
-    last = waves[-ENDS_OF_THREE_WAVES:]
+    last = waves[-4:]  # of which the ends are three waves apart
     if any(wave.back != last[-1].back or wave.away >= AWAY for wave in last):
         return
     way, error = _way(last)

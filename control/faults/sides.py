@@ -24,8 +24,6 @@ from worm3d.values.arrays import FloatArray
 
 DIFFERENCE_SMOOTHING_TIME = 0.1
 """Time tau over which differences are averaged [s], the lag of the default chambers."""
-COMPARED_WAVES = 2
-"""Number of waves over which differences are compared."""
 SWAP_THRESHOLD = 1.5
 """Number of standard errors in (SD1) above which strains count as swapped."""
 
@@ -35,13 +33,9 @@ class Sides:
 
     def __init__(self, segments: int) -> None:
         self._segments = segments
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
         self.swapped = False
         self._apart = np.zeros((3, self._segments))
-        self._waves: deque[tuple[FloatArray, int, float]] = deque(maxlen=COMPARED_WAVES)
+        self._waves: deque[tuple[FloatArray, int, float]] = deque(maxlen=2)
         self._time = self._phase = np.nan
         self._sums, self._count, self._seconds = self._none()
 
@@ -67,7 +61,7 @@ class Sides:
         self._waves.append((self._sums, self._count, self._seconds))
         self._phase = phase
         self._sums, self._count, self._seconds = self._none()
-        self.swapped = len(self._waves) == COMPARED_WAVES and self._surely()
+        self.swapped = len(self._waves) == self._waves.maxlen and self._surely()
         if not self.swapped:
             return []
         what = "the strains of left and right are swapped: each side shortens as the other one is told to"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from math import inf, nan
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
+from control.estimation.chamber_gains import ChamberGains
 from control.estimation.estimate import Estimate, wrapped
 from control.estimation.kalman import Uncertainty
-from control.estimation.reduced import ReducedState
+from control.estimation.reduced import INDEX
 from control.faults.rules import Fault, Wave, faults
 from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
@@ -34,31 +35,9 @@ MOVES = 0.02
 """Amplitude of a command below which the chamber is not judged."""
 MAX_DIRECTION_DEVIATION = 0.3
 """Standard deviation of a heading below which forward and backward can be distinguished [rad]."""
-MOMENTS = 9
-"""Number of instants in a wave at which the wanted speed is looked up."""
-USUAL = 0.2
-"""Share of a new wave in the usual gains; the gains of the first wave are the initial value."""
-CRAB = ReducedState._fields.index("crab")
 YIELDS = Uncertainty().slope_yield
 """Ratio of the crab angle to the slope across the heading, (KF2) [rad]."""
-REMEMBERED = 40
-"""Number of kept waves."""
 _LOG = logging.getLogger(__name__)
-
-
-class _Way(NamedTuple):
-    """Properties of the reference at the position of a worm."""
-
-    turn: float = 0.0
-    """Turn rate of the path [rad/s]."""
-    sharpest: float = inf
-    """Greatest turn rate of the map [rad/s]."""
-    aside: float | None = None
-    """Distance from the path [body lengths]."""
-    azimuth: float | None = None
-    """Azimuth of the path [rad]."""
-    trespass: float = -inf
-    """Distance of the body into an obstacle, or of the middle of the body outside the corridor [body lengths]."""
 
 
 class Watch:
@@ -67,24 +46,20 @@ class Watch:
     def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
         self._segments, self._body, self._length = worm.segments, Body.of(worm), worm.length
         self.reference, self._feed_forward = reference, feed_forward
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the initial state."""
         self.faults: list[Fault] = []
         self._waves: list[Wave] = []
         self._strains: list[tuple[float, FloatArray, FloatArray]] = []
         self._places: list[tuple[float, float, float]] = []
         self._told: tuple[float, FloatArray] | None = None
-        self._known_gain: Callable[[], FloatArray] | None = None
+        self._known_gains: ChamberGains | None = None
         self._usual_gain: FloatArray | None = None
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
         self._numb = True
         self._pushes, self._jumps, self._felt = 0, 0, False
 
-    def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
-        """Add the measurement at time t [s], caused by the commands up to t; `known` gives the estimate of t."""
+    def look(self, t: float, seen: Measurement, estimated: Callable[[float], Estimate | None]) -> None:
+        """Add the measurement at time t [s], caused by the commands up to t; `estimated` gives the estimate of t."""
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -97,30 +72,23 @@ class Watch:
         if self._begin is None:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
-            self._end_wave(self._wave(self._begin[0], t, known(t)))
+            self._end_wave(self._wave(self._begin[0], t, estimated(t)))
             self._begin, self._numb = (t, phase), True
-            if self._known_gain is not None:
-                known_gain = self._known_gain()
-                usual = known_gain if self._usual_gain is None else self._usual_gain
-                self._usual_gain = usual + USUAL * (known_gain - usual)
+            if self._known_gains is not None:
+                known = self._known_gains.gain
+                usual = known if self._usual_gain is None else self._usual_gain
+                self._usual_gain = usual + 0.2 * (known - usual)
 
     def tell(
-        self,
-        phase: float,
-        command: Command,
-        parameters: GaitParameters | None,
-        gain: Callable[[], FloatArray] | None = None,
+        self, phase: float, command: Command, parameters: GaitParameters | None, gains: ChamberGains | None = None
     ) -> None:
-        """Set the command from now on; without parameters the command is no wave of the map.
-
-        `gain` returns the present estimate of the gain of each chamber, shape (N, 2).
-        """
-        self._told, self._parameters, self._known_gain = (phase, command.contraction), parameters, gain
+        """Set the command from now on; without parameters the command is no wave of the map."""
+        self._told, self._parameters, self._known_gains = (phase, command.contraction), parameters, gains
 
     def _end_wave(self, wave: Wave) -> None:
         self._waves.append(wave)
         self._places.clear()
-        del self._waves[:-REMEMBERED]
+        del self._waves[:-40]
         self.report(faults(self._waves))
 
     def report(self, found: Iterable[Fault]) -> None:
@@ -131,82 +99,73 @@ class Watch:
                 self.faults.append(fault)
 
     def _wave(self, begin: float, end: float, estimate: Estimate | None) -> Wave:
-        gain, error, bend = self._gains()
-        place, instant, doubt = self._place()
+        gains, place, way, back = self._gains(), self._place(), dict[str, Any](), False
+        able, times = self._feed_forward, np.linspace(begin, end, 9)
         try:
-            at = np.full(MOMENTS, self._near or 0.0)
-            able, times = self._feed_forward, np.linspace(begin, end, MOMENTS)
+            at = np.full(len(times), self._near or 0.0)
             both = (Ability(reach, self._length, able.wave) for reach in (ANY.reach, able.reach))
-            asked = np.zeros((2, MOMENTS)) + [speed_at(self.reference, times, at, each) for each in both]
-            back = self._feed_forward.backward and bool(asked.sum() < 0.0)
-            if self._feed_forward.backward:
+            asked = np.zeros((2, len(times))) + [speed_at(self.reference, times, at, each) for each in both]
+            back = able.backward and bool(asked.sum() < 0.0)
+            if able.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters is not None and self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # the worm rests on command, not for lack of speed
-            way = self._way(place, max(float(asked[0, -1]), 0.0), estimate)
+            way = self._way(place["place"], max(float(asked[0, -1]), 0.0), estimate)
         except EXCEPTIONS:  # users may write references; the fallback handles their errors
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
-            asked, way, back = np.full(MOMENTS, nan), _Way(), False
-        at_limit, made, expected = self._ability()
-        pushes, jumps, crab = (0, 0, 0.0) if estimate is None else (estimate.pushed, estimate.jumped, _crab(estimate))
+            asked, back = np.full_like(times, nan), False
+        known: dict[str, Any] = {}
+        pushes, jumps = 0, 0
+        if estimate is not None:
+            pushes, jumps = estimate.pushed, estimate.jumped
+            known = {"heading_error": float(estimate.deviations[2]), "crab": _crab(estimate)}
+            known["turning"] = float(estimate.state.turn_rate)
+            if known["heading_error"] < MAX_DIRECTION_DEVIATION:
+                way.setdefault("ahead", estimate.heading)
+                known["away"] = abs(float(wrapped(np.array(estimate.heading - way["ahead"]))))
         explained = not self._felt or any(fault.kind.startswith("chamber") for fault in self.faults)
         pushed, jumped = pushes > self._pushes and not explained, jumps > self._jumps
         self._pushes, self._jumps, self._felt = pushes, jumps, False
-        ahead, away = way.azimuth, 0.0
-        if estimate is not None and estimate.deviations[2] < MAX_DIRECTION_DEVIATION:
-            ahead = estimate.heading if ahead is None else ahead
-            away = abs(float(wrapped(np.array(estimate.heading - ahead))))
         return Wave(
             end=end,
-            gain=gain,
-            gain_error=error,
             usual_gain=self._usual_gain,
             numb=self._numb,
-            bend=bend,
-            place=place,
-            place_time=instant,
-            place_error=doubt,
-            ahead=ahead,
-            at_limit=at_limit,
-            heading_error=0.0 if estimate is None else float(estimate.deviations[2]),
             back=back,
-            made=made,
-            expected=expected,
             least_asked=float(asked.min()),
             most_asked=float(asked.max()),
-            reach=self._feed_forward.fastest,
-            turn=way.turn,
-            sharpest=way.sharpest,
-            aside=way.aside,
-            trespass=way.trespass,
-            away=away,
+            reach=able.fastest,
             pushed=pushed,
-            turning=0.0 if estimate is None else float(estimate.state.turn_rate),
             length=self._length,
             jumped=jumped,
-            crab=crab,
+            **gains,
+            **place,
+            **self._ability(),
+            **way,
+            **known,
         )
 
-    def _ability(self) -> tuple[bool, float, float]:
-        """Return whether the wave is as fast as possible, the speed of the wave on the map, and `Wave.expected`.
+    def _ability(self) -> dict[str, Any]:
+        """Return the fields of `Wave` about the wave on the map: `at_limit`, `made` and `expected`.
 
         The speed is infinite if the wave is unknown.
         """
         if self._parameters is None:
-            return False, inf, 1.0
+            return {"at_limit": False, "made": inf}
         top, size, pace = self._feed_forward.ranges, abs(self._parameters.amplitude), self._parameters.frequency
         if size == 0.0:
-            return False, 0.0, 1.0
+            return {"at_limit": False, "made": 0.0}
         most = top.amplitude[1]
         made, makes = (float(self._feed_forward.found.speed(each, pace, 0.0)) for each in (size, most))
         at_limit = size >= AT_LIMIT * most and pace >= AT_LIMIT * top.frequency[1]
-        return at_limit, self._length * made, min(made / size * most / makes, 1.0)
+        expected = min(made / size * most / makes, 1.0)
+        return {"at_limit": at_limit, "made": self._length * made, "expected": expected}
 
-    def _gains(self) -> tuple[FloatArray, FloatArray, float]:
-        """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""
-        unknown = np.full((self._segments, 2), nan)
+    def _gains(self) -> dict[str, Any]:
+        """Return the fields of `Wave` about the chambers, by least squares: `gain`, `gain_error` and `bend`."""
+        nothing = np.full((self._segments, 2), nan)
+        unknown = {"gain": nothing, "gain_error": nothing, "bend": nan}
         if len(self._strains) < MIN_GAIN_SAMPLES:
-            return unknown, unknown, nan
+            return unknown
         phase, strain, told = (np.array(column) for column in zip(*self._strains, strict=True))
         self._strains.clear()
         strain, told = strain.reshape(len(phase), -1), told.reshape(len(phase), -1)
@@ -214,7 +173,7 @@ class Watch:
         dead = 2 * missing.sum(axis=0) > len(phase)
         rows = ~missing[:, ~dead].any(axis=1)
         if dead.all() or rows.sum() < MIN_GAIN_SAMPLES:
-            return unknown, unknown, nan
+            return unknown
         orders = np.arange(1, HARMONICS + 1) * phase[rows, None]
         columns = np.hstack([np.ones((rows.sum(), 1)), np.cos(orders), np.sin(orders)])
         both = np.nan_to_num(np.hstack([strain[rows], told[rows]]))
@@ -228,37 +187,46 @@ class Watch:
         tilt = np.abs(mean[:, 0] - mean[:, 1])
         bend = float(np.nanmax(tilt)) if np.isfinite(tilt).any() else nan
         error = np.sqrt(2.0 * variance / len(both)) / asked
-        return (amplitude[:chambers] / asked).reshape(-1, 2), error.reshape(-1, 2), bend
+        gain = amplitude[:chambers] / asked
+        return {"gain": gain.reshape(-1, 2), "gain_error": error.reshape(-1, 2), "bend": bend}
 
-    def _place(self) -> tuple[FloatArray | None, float, float]:
-        """Return the mean position in a wave, the mean instant, and the standard error by the samples' scatter."""
+    def _place(self) -> dict[str, Any]:
+        """Return `place`, `place_time` and `place_error` of `Wave`, the error by the samples' scatter."""
         if not self._places:
-            return None, nan, nan
+            return {"place": None, "place_time": nan, "place_error": nan}
         rows = np.array(sorted(self._places, key=lambda row: row[2]))
         twice = np.diff(rows[:, :2], n=2, axis=0)
         variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
-        return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
+        return {
+            "place": rows[:, :2].mean(axis=0),
+            "place_time": float(rows[:, 2].mean()),
+            "place_error": float(np.sqrt(2.0 * variance / len(rows))),
+        }
 
-    def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> _Way:
+    def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> dict[str, Any]:
+        """Return the fields of `Wave` about the path at the worm; empty without a path."""
         path = self.reference.path
         if path is None or place is None:
-            return _Way()
+            return {}
         self._near = s = float(path.project(place, self._near))
-        turn, azimuth = float(path.curvature(s)) * speed, float(path.heading(s))
+        azimuth = float(path.heading(s))
         aside = float(offset(path, place, s))
         left, right, *_ = bounds(self.reference, np.array([s]))[:, 0]
-        looks = (
-            estimate.heading if estimate is not None and estimate.deviations[2] < MAX_DIRECTION_DEVIATION else azimuth
-        )
-        inside = -float(self._body.clearance(self.reference.obstacles, place, np.array(looks)))
-        trespass = max(aside - left, -aside - right, inside) / self._length
-        sharpest = self._feed_forward.sharpest(speed)
-        return _Way(turn, sharpest, abs(aside) / self._length, azimuth, trespass)
+        sure = estimate is not None and estimate.deviations[2] < MAX_DIRECTION_DEVIATION
+        looks = np.array(estimate.heading if estimate is not None and sure else azimuth)
+        inside = -float(self._body.clearance(self.reference.obstacles, place, looks))
+        return {
+            "turn": float(path.curvature(s)) * speed,
+            "sharpest": self._feed_forward.sharpest(speed),
+            "aside": abs(aside) / self._length,
+            "ahead": azimuth,
+            "trespass": max(aside - left, -aside - right, inside) / self._length,
+        }
 
 
 def _crab(estimate: Estimate) -> float:
     """Return the significant excess of the crab angle over the angle that the ground's slope explains [rad]."""
     heading, state = np.array([-np.sin(estimate.heading), np.cos(estimate.heading)]), estimate.state
     across = float(heading @ estimate.slope)
-    doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[CRAB]
+    doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[INDEX["crab"]]
     return max(abs(float(state.crab) + YIELDS * across) - float(doubt), 0.0)

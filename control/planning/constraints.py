@@ -11,7 +11,7 @@ the least of s^2/2 over slacks s >= 0, c <= s. A user's constraint is written li
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -20,22 +20,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.planning.terms import Moment
+from control.planning.terms import Moment, Part
 from control.tracking.preview import Preview
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.parameters import documented, parameter
 
 
-class Constraint(Spelled, ABC):
+class Constraint(Part):
     """A soft constraint of a plan."""
 
     @abstractmethod
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excesses over their tolerance, shape (M,); at most 0 where the constraint is kept."""
-
-    def weight(self, ahead: Preview) -> ArrayLike:
-        """Return factors of the excesses, a scalar or one factor per step: 0 where the constraint does not apply."""
-        return 1.0
 
 
 @documented
@@ -43,10 +38,7 @@ class Constraint(Spelled, ABC):
 class Corridor(Constraint):
     """Offset of the middle within the corridor of the reference."""
 
-    tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(0.005, "excess that weighs 1", "body lengths", gt=0)
 
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excesses to the left and to the right; see `Constraint`."""
@@ -66,10 +58,7 @@ class Clearance(Constraint):
     An end at the distance x ahead of the middle has the offset e + x sin(h - psi), (O4).
     """
 
-    tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(0.005, "excess that weighs 1", "body lengths", gt=0)
 
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excesses to the left and to the right of head and tail; see `Constraint`."""
@@ -87,11 +76,8 @@ class Clearance(Constraint):
 class Roll(Constraint):
     """Roll of the body within a wave, if the identified map contains the roll."""
 
-    limit: float = parameter(0.105, unit="rad", gt=0, meaning="greatest roll")
-    tolerance: float = parameter(0.02, unit="rad", gt=0, meaning="excess that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    limit: float = parameter(0.105, "greatest roll", "rad", gt=0)
+    tolerance: float = parameter(0.02, "excess that weighs 1", "rad", gt=0)
 
     def excesses(self, at: Moment) -> ca.SX:
         """Return the excess; see `Constraint`."""
@@ -99,7 +85,7 @@ class Roll(Constraint):
 
 
 CONSTRAINTS: Mapping[str, type[Constraint]] = MappingProxyType(
-    {"corridor": Corridor, "clearance": Clearance, "roll": Roll}
+    {constraint.__name__.lower(): constraint for constraint in (Corridor, Clearance, Roll)}
 )
 """Constraints by name; a plan has all of them unless others are given."""
 

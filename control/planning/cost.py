@@ -22,7 +22,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState
+from control.estimation.reduced import INDEX, INPUTS, STATES, ReducedInput, ReducedModel, ReducedState
 from control.identification.identified import SteeringMap
 from control.identification.surrogate import Ranges
 from control.planning.constraints import Constraint
@@ -32,8 +32,6 @@ from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
 WANTED = len(Wanted._fields)
-UNBOUNDED_OFFSET = 1e3
-"""Value that means no bound of the offset [m]."""
 
 
 class Scale:
@@ -127,7 +125,7 @@ def _moment(
     scale = Scale(found.ranges)
     given = ca.DM(scale.centre) + ca.DM(scale.half) * scaled
     size = ca.fabs(given[0])
-    velocity, heading = model.output(state, given), state[2]
+    velocity, heading = model.output(state, given), state[INDEX["heading"]]
     least = found.ranges.frequency[0]
     return Moment(
         state=ReducedState(*ca.vertsplit(state)),
@@ -137,13 +135,10 @@ def _moment(
         speed=velocity[0] * ca.cos(heading) + velocity[1] * ca.sin(heading),
         sideways=velocity[1] * ca.cos(heading) - velocity[0] * ca.sin(heading),
         turn_rate=velocity[2],
-        roll=ca.SX(0) if found.roll is None else found.roll(size, ca.fmax(given[1], least), state[STEERING]),
+        roll=ca.SX(0) if found.roll is None else found.roll(size, ca.fmax(given[1], least), state[INDEX["steering"]]),
         wanted=Wanted(*ca.vertsplit(wanted)),
         length=length,
     )
-
-
-STEERING = ReducedState._fields.index("steering")
 
 
 def _vector(part: CostTerm | Constraint, value: ca.SX) -> ca.SX:
@@ -282,5 +277,6 @@ class Problem:
     def _wanted(self) -> FloatArray:
         ahead = self.preview
         crab = ahead.follows * ahead.ways / np.maximum(np.abs(ahead.speed), self.slowest)
-        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], UNBOUNDED_OFFSET)
+        # A kilometre is no bound, and finite.
+        bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], 1e3)
         return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab, self.frequency, *bounds])

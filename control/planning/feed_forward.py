@@ -7,6 +7,8 @@ speed rises from (almost) nothing.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,16 +22,8 @@ PREFERRED = 0.8
 """Frequency at which the default worm has most speeds [Hz]; outside the range of a map, the middle of the range."""
 POINTS_PER_PART = 33
 """Number of points on each part of the line."""
-STEERING_GRID_SIZE = 97
-"""Number of values of the steering: weak steering hardly turns the worm, so that they have to be close."""
-RISE = 1e-6
-"""Turn rate added to the map per unit of steering [rad/s], so that only zero steering has zero turn rate."""
 SPARE = 0.1
 """Share of the greatest turn rate that is reserved for corrections where a path is sharp."""
-STEERING_STRIDE = 4
-"""Step between the values of the steering that have speeds along the line."""
-REPEATS = 3
-"""Number of alternating solutions for steering and speed, since each changes the other a little."""
 
 
 class FeedForward:
@@ -55,27 +49,20 @@ class FeedForward:
         self.wave = 1.0 / self.frequency
         self.found, self.ranges, self.backward = found, found.ranges, backward
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
-        amplitudes = [
-            np.full(2 * POINTS_PER_PART, least),
-            np.linspace(least, greatest, POINTS_PER_PART),
-            np.full(POINTS_PER_PART, greatest),
-        ]
-        up, on = np.linspace(low, preferred, POINTS_PER_PART), np.linspace(preferred, high, POINTS_PER_PART)
-        slow = np.linspace(MIN_WAVE_FREQUENCY, low, POINTS_PER_PART)
-        self._amplitudes = np.concatenate(amplitudes)
-        self._frequencies = np.concatenate([slow, up, np.full(POINTS_PER_PART, preferred), on])
-        self._steerings = np.linspace(0.0, found.ranges.steering, STEERING_GRID_SIZE)
+        self._amplitudes = _through(least, least, least, greatest, greatest)
+        self._frequencies = _through(MIN_WAVE_FREQUENCY, low, preferred, preferred, high)
+        self._steerings = np.linspace(0.0, found.ranges.steering, 97)  # close, since weak steering hardly turns a worm
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
-        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERING_GRID_SIZE)
+        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(len(self._steerings))
         self._straight = self._speeds(0.0)
         self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
         self.least_divisor = 0.5 * float(self._straight[POINTS_PER_PART])
         along = zip(self._amplitudes, self._frequencies, strict=True)
         rates = np.array([self._turn_rates(*place) for place in along])
-        self._line = np.array([self._speeds(steering) for steering in self._steerings[::STEERING_STRIDE]])
-        self._rates = np.maximum.accumulate(rates, axis=1)[:, ::STEERING_STRIDE]
+        self._line = np.array([self._speeds(steering) for steering in self._steerings[::4]])
+        self._rates = np.maximum.accumulate(rates, axis=1)[:, ::4]
         sharpest = (1.0 - SPARE) * rates.max(axis=1) / self._straight
         self._sharpest = np.maximum.accumulate(sharpest[::-1])[::-1]  # at a speed or at a greater one
         # From this point on a higher speed costs curvature; slower waves turn no sharper.
@@ -84,9 +71,10 @@ class FeedForward:
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
         """Return the wave of a steady speed [m/s], below 0 backwards, and turn rate [rad/s], or the nearest one."""
         steering = 0.0  # its magnitude: left and right are mirror images
-        for _ in range(REPEATS):
+        for _ in range(3):  # steering and speed change each other a little
             amplitude, frequency = self._on_line(abs(speed), self._speeds(steering))
-            rising = np.maximum.accumulate(self._turn_rates(amplitude, frequency)) + RISE * self._steerings
+            # The small slope makes zero steering the only one without a turn.
+            rising = np.maximum.accumulate(self._turn_rates(amplitude, frequency)) + 1e-6 * self._steerings
             steering = float(np.interp(abs(turn_rate), rising, self._steerings))
         way = -1.0 if speed < 0.0 else 1.0
         return ReducedInput(way * amplitude, frequency, float(np.copysign(steering, turn_rate)))
@@ -130,3 +118,8 @@ class FeedForward:
         """Return the speeds along the line [m/s]; they rise even where the fit does not, at the edges of the fit."""
         speeds = np.array(self._speed(self._amplitudes[None], self._frequencies[None], steering)).ravel()
         return np.maximum.accumulate(speeds)
+
+
+def _through(*ends: float) -> FloatArray:
+    """Return the values along a line of several parts, given its ends and the corners between the parts."""
+    return np.concatenate([np.linspace(*part, POINTS_PER_PART) for part in pairwise(ends)])

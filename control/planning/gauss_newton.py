@@ -32,22 +32,21 @@ Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.015625)
 """Shares of a step, tried in this order."""
-SUFFICIENT_DECREASE = 1e-4
-"""Share of the promised decrease of the cost that a step must bring."""
-NEGLIGIBLE = 1e-6
-"""Promised decrease, relative to 1 + cost, at which the search ends."""
-SHIFT = 1e-9
-"""Shift of the Hessian's diagonal, relative to its mean; it fixes directions that no residual depends on."""
 
 
-class Outcome(Enum):
-    """Outcome of a search; the value is the sentence to print."""
+class PlanStatus(Enum):
+    """Outcome of the search for a plan; the value is the sentence to print."""
 
-    CONVERGED = "no step in the box makes it better"
-    IMPROVED = "ran out of iterations, each of which made it better; give it more of them for the optimum"
-    STUCK = "no part of the step made it better; the start is kept"
-    NOT_FINITE = "a residual is not finite; look at the estimate and the reference"
-    NO_STEP = "the quadratic programme was not solved; the start is kept"
+    OPTIMAL = "the best wave was found"
+    BETTER = "out of iterations, but better than the plan before and the plain wave"
+    NOT_BETTER = "no better than the plan before and the plain wave"
+    NOT_FINITE = "the estimate or the reference is not finite"
+    NOT_SOLVED = "the quadratic programme was not solved"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the plan can be used."""
+        return self in (PlanStatus.OPTIMAL, PlanStatus.BETTER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class Solution:
     """The point, shape (n,)."""
     cost: float
     """Value of (O1) at this point."""
-    outcome: Outcome
+    outcome: PlanStatus
     iterations: int
     """Number of quadratic programmes solved."""
     certificate: float
@@ -86,20 +85,20 @@ class GaussNewton:
         for iteration in range(self.iterations):
             r, jacobian = linearised(z)
             if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
-                return Solution(z, cost, Outcome.NOT_FINITE, iteration, certificate)
+                return Solution(z, cost, PlanStatus.NOT_FINITE, iteration, certificate)
             cost, gradient = half_square(r, limits), jacobian.T @ _counted(r, limits)
             certificate = float(np.abs(z - np.clip(z - gradient, lower, upper)).max())
             step = self._step(r, jacobian, lower - z, upper - z, limits)
             if step is None:
-                return Solution(z, cost, Outcome.NO_STEP, iteration, certificate)
+                return Solution(z, cost, PlanStatus.NOT_SOLVED, iteration, certificate)
             promised = cost - half_square(r + jacobian @ step, limits)
-            if promised <= NEGLIGIBLE * (1.0 + cost):
-                return Solution(z, cost, Outcome.CONVERGED, iteration + 1, certificate)
+            if promised <= 1e-6 * (1.0 + cost):
+                return Solution(z, cost, PlanStatus.OPTIMAL, iteration + 1, certificate)
             moved = _better(residuals, z, step, cost, promised, limits)
             if moved is None:
-                return Solution(z, cost, Outcome.STUCK, iteration + 1, certificate)
+                return Solution(z, cost, PlanStatus.NOT_BETTER, iteration + 1, certificate)
             z, cost = np.clip(moved[0], lower, upper), moved[1]
-        return Solution(z, cost, Outcome.IMPROVED, self.iterations, certificate)
+        return Solution(z, cost, PlanStatus.BETTER, self.iterations, certificate)
 
     def _step(
         self, r: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray, limits: int
@@ -108,7 +107,8 @@ class GaussNewton:
         n, equal = self.n, len(r) - limits
         hessian, gradient = np.eye(n + limits), np.zeros(n + limits)
         hessian[:n, :n] = jacobian[:equal].T @ jacobian[:equal]
-        hessian[range(n), range(n)] += SHIFT * hessian[:n, :n].trace() / n
+        # The shift, relative to the mean of the diagonal, fixes directions that no residual depends on.
+        hessian[range(n), range(n)] += 1e-9 * hessian[:n, :n].trace() / n
         gradient[:n] = jacobian[:equal].T @ r[:equal]
         programme, given = self._programme(limits), {"h": hessian, "g": gradient}
         if limits:
@@ -145,6 +145,6 @@ def _better(
     for share in SHARES:
         trial = z + share * step
         reached = half_square(residuals(trial), limits)
-        if reached <= cost - SUFFICIENT_DECREASE * share * promised:  # false for NaN
+        if reached <= cost - 1e-4 * share * promised:  # Armijo's condition; false for NaN
             return trial, reached
     return None

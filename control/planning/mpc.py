@@ -22,21 +22,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from math import inf, isfinite, nan
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.estimation.estimate import HEADING_INDEX, SIGNIFICANT_EXCESS, Estimate
-from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
+from control.estimation.estimate import HEADING, SIGNIFICANT_EXCESS, Estimate
+from control.estimation.reduced import INDEX, INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified
 from control.planning.constraints import Constraint, default_constraints
 from control.planning.cost import Cost, Prediction, Problem, Scale
 from control.planning.feed_forward import FeedForward
-from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
+from control.planning.gauss_newton import GaussNewton, PlanStatus, Solution, half_square
 from control.planning.terms import CostTerm, default_terms
 from control.tracking.paths import offset
 from control.tracking.preview import Ability, Preview, look_ahead, speed_at, turn_rate
@@ -46,7 +45,6 @@ from worm3d.values.arrays import FloatArray
 
 SIGNIFICANT_YAW_BIAS = 2.0
 """Yaw bias, in standard deviations, above which an effect outside the map is assumed to turn the worm."""
-YAW_BIAS = ReducedState._fields.index("yaw_bias")
 INTEGRAL_TIME_CONSTANT = 6.4
 """Time constant T of (P4) and (P5) [waves]: four times the time constant in which other offsets decay."""
 MOST_LASTING = 0.01
@@ -54,28 +52,11 @@ MOST_LASTING = 0.01
 MOST_MISSED = 0.25
 """Greatest relative error of the speed that counts as lasting, and the greatest trim of (P5); the trim decays while the
 error is larger."""
-LEAST_WAY = 1e-3
-"""Distance in a step below which the curvature of a path is unknown [body lengths]."""
 MOST_UNSURE = 0.02
 """Greatest standard deviation of the position that adds to the distance from obstacles [body lengths]. With a greater
 value the worm would leave the path, which already has all the available room on both sides."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave assumes, however large the estimated slip is."""
-
-
-class PlanStatus(Enum):
-    """Outcome of the search for a plan; the value is the sentence to print."""
-
-    OPTIMAL = "the best wave was found"
-    BETTER = "out of iterations, but better than the plan before and the plain wave"
-    NOT_BETTER = "no better than the plan before and the plain wave"
-    NOT_FINITE = "the estimate or the reference is not finite"
-    NOT_SOLVED = "the quadratic programme was not solved"
-
-    @property
-    def ok(self) -> bool:
-        """Whether the plan can be used."""
-        return self in (PlanStatus.OPTIMAL, PlanStatus.BETTER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +89,7 @@ class Plan:
         """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end, of the nearest step."""
         # A time that equals the start of a step except for rounding lies within that step.
         k = np.floor((np.asarray(t, dtype=float) - self.time) / self.step + 1e-9).astype(int)
-        planned: FloatArray = self.inputs[np.clip(k, 0, len(self.inputs) - 1)]
-        return planned
-
-
-STATUS = {
-    Outcome.CONVERGED: PlanStatus.OPTIMAL,
-    Outcome.IMPROVED: PlanStatus.BETTER,
-    Outcome.STUCK: PlanStatus.NOT_BETTER,
-    Outcome.NOT_FINITE: PlanStatus.NOT_FINITE,
-    Outcome.NO_STEP: PlanStatus.NOT_SOLVED,
-}
+        return np.asarray(self.inputs[np.clip(k, 0, len(self.inputs) - 1)])
 
 
 class GaitMPC:
@@ -163,16 +134,12 @@ class GaitMPC:
             if value < least:
                 raise ValueError(f"{name}: got {value!r}, must be at least {least}")
         found = identified.maps[model.mechanism]
-        self.feed_forward, self._model, self._scale = (
-            FeedForward(found, worm.length, identified.backward),
-            model,
-            Scale(found.ranges),
-        )
+        self.feed_forward = FeedForward(found, worm.length, identified.backward)
+        self._model, self._scale = model, Scale(found.ranges)
         self._length, self._lasts = worm.length, INTEGRAL_TIME_CONSTANT * self.feed_forward.wave
         terms = default_terms() if terms is None else terms
-        self.cost = Cost.of(
-            model, found, worm.length, terms, default_constraints() if constraints is None else constraints
-        )
+        constraints = default_constraints() if constraints is None else constraints
+        self.cost = Cost.of(model, found, worm.length, terms, constraints)
         self._prediction = Prediction(model, self.cost.function, step, steps, self._scale)
         self._search = GaussNewton(INPUTS * steps, iterations)
         self.reset()
@@ -252,7 +219,7 @@ class GaitMPC:
         assert reference.path is not None
         most = MOST_LASTING * self._length
         aside = float(offset(reference.path, estimate.position, preview.progress))
-        turned = abs(estimate.state.yaw_bias) > SIGNIFICANT_YAW_BIAS * estimate.deviations[YAW_BIAS]
+        turned = abs(estimate.state.yaw_bias) > SIGNIFICANT_YAW_BIAS * estimate.deviations[INDEX["yaw_bias"]]
         if turned and abs(aside) < most and preview.speed[0] != 0.0:
             self._lasting = min(max(self._lasting + aside * passed / self._lasts, -most), most)
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
@@ -267,7 +234,7 @@ class GaitMPC:
             return preview
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
         place = np.einsum("ki,ij,kj->k", left, estimate.covariance[:2, :2], left)
-        turned = (self._length / 2.0 * estimate.deviations[HEADING_INDEX]) ** 2
+        turned = (self._length / 2.0 * estimate.deviations[HEADING]) ** 2
         unsure = SIGNIFICANT_EXCESS * np.minimum(np.sqrt(place + turned), MOST_UNSURE * self._length)
         return replace(preview, room_left=preview.room_left - unsure, room_right=preview.room_right - unsure)
 
@@ -294,10 +261,10 @@ class GaitMPC:
 
     def _curvatures(self, preview: Preview) -> FloatArray:
         """Return the curvatures of the path that is followed, shape (H,) [1/m]; 0 without a path."""
-        way = self._length * np.abs(preview.way)
         if not preview.follows:
-            return np.zeros(len(way))
-        return np.abs(np.gradient(preview.heading)) / np.maximum(way, LEAST_WAY * self._length)
+            return np.zeros(len(preview.way))
+        way = np.maximum(np.abs(preview.way), 1e-3)  # a worm that stands sees no curvature
+        return np.abs(np.gradient(preview.heading)) / (self._length * way)
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         bounds = np.tile(self._scale.bounds, self._prediction.steps)
@@ -322,7 +289,7 @@ class GaitMPC:
             step=self._prediction.step,
             inputs=inputs,
             horizon=problem.states(found.z)[:, :2],
-            status=STATUS[found.outcome],
+            status=found.outcome,
             seconds=perf_counter() - began,
             parameters=self._model.parameters(ReducedInput(*inputs[0])),
             iterations=found.iterations,

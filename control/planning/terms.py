@@ -43,8 +43,8 @@ from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput, ReducedState
 from control.tracking.preview import Preview
-from worm3d.values.parameters import check, documented, parameter
-from worm3d.values.spelling import Spelled
+from worm3d.values.parameters import documented, parameter
+from worm3d.values.spelling import Checked
 
 MAX_CRAB = 0.3
 """Largest allowed angle of the body across the path [rad]."""
@@ -111,16 +111,20 @@ class Moment:
         return (state.y - wanted.y) * ca.cos(wanted.heading) - (state.x - wanted.x) * ca.sin(wanted.heading)
 
 
-class CostTerm(Spelled, ABC):
+class Part(Checked, ABC):
+    """A term of the cost, or a constraint."""
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return factors of the values, a scalar or one factor per step: 0 where the part does not apply."""
+        return 1.0
+
+
+class CostTerm(Part):
     """A term of the cost: half the sum of the squared misses at the end of each step."""
 
     @abstractmethod
     def misses(self, at: Moment) -> ca.SX:
         """Return the misses over their tolerances, shape (M,)."""
-
-    def weight(self, ahead: Preview) -> ArrayLike:
-        """Return factors of the misses, a scalar or one factor per step: 0 where the reference has no such goal."""
-        return 1.0
 
 
 def _levelled(miss: ca.SX, large: float) -> ca.SX:
@@ -138,13 +142,8 @@ def _kept(ahead: Preview) -> float:
 class Speed(CostTerm):
     """Miss of the speed."""
 
-    tolerance: float = parameter(0.004, unit="body lengths/s", gt=0, meaning="a_V, miss of the speed that weighs 1")
-    large: float = parameter(
-        0.02, unit="body lengths/s", gt=0, meaning="miss from which on the cost rises by the miss, no faster"
-    )
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(0.004, "a_V, miss of the speed that weighs 1", "body lengths/s", gt=0)
+    large: float = parameter(0.02, "miss from which on the cost rises by the miss, no faster", "body lengths/s", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -156,10 +155,7 @@ class Speed(CostTerm):
 class Offset(CostTerm):
     """Offset from the path."""
 
-    tolerance: float = parameter(0.01, unit="body lengths", gt=0, meaning="a_e, offset that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(0.01, "a_e, offset that weighs 1", "body lengths", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -172,18 +168,10 @@ class Offset(CostTerm):
 
 @documented
 @dataclass(frozen=True)
-class Arrival(CostTerm):
+class Arrival(Offset):
     """Offset at the end of the horizon, for all later steps."""
 
-    tolerance: float = parameter(0.01, unit="body lengths", gt=0, meaning="a_e, that of the offset")
-    way: float = parameter(0.01 / 0.07, unit="body lengths", gt=0, meaning="L, in which an offset dies away to 37 %")
-
-    def __post_init__(self) -> None:
-        check(self)
-
-    def misses(self, at: Moment) -> ca.SX:
-        """Return the miss; see `CostTerm`."""
-        return at.offset / (self.tolerance * at.length)
+    way: float = parameter(0.01 / 0.07, "L, in which an offset dies away to 37 %", "body lengths", gt=0)
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return the weight of the last step, if there is a path."""
@@ -196,11 +184,8 @@ class Arrival(CostTerm):
 class Heading(CostTerm):
     """Miss of the heading, the body standing across the path to compensate the sideways motion."""
 
-    tolerance: float = parameter(0.07, unit="rad", gt=0, meaning="a_h, miss of the heading that weighs 1")
-    large: float = parameter(0.35, unit="rad", gt=0, meaning="miss from which on the cost rises by the miss, no faster")
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(0.07, "a_h, miss of the heading that weighs 1", "rad", gt=0)
+    large: float = parameter(0.35, "miss from which on the cost rises by the miss, no faster", "rad", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -218,12 +203,9 @@ class Heading(CostTerm):
 class Change(CostTerm):
     """Change of the inputs from step to step, as a share of half the range of each input."""
 
-    amplitude: float = parameter(0.3, gt=0, meaning="a_rate, change of the amplitude that weighs 1")
-    frequency: float = parameter(0.2, gt=0, meaning="a_rate, change of the frequency that weighs 1")
-    steering: float = parameter(0.25, gt=0, meaning="a_rate, change of the steering that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    amplitude: float = parameter(0.3, "a_rate, change of the amplitude that weighs 1", gt=0)
+    frequency: float = parameter(0.2, "a_rate, change of the frequency that weighs 1", gt=0)
+    steering: float = parameter(0.25, "a_rate, change of the steering that weighs 1", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the misses; see `CostTerm`."""
@@ -235,10 +217,7 @@ class Change(CostTerm):
 class Frequency(CostTerm):
     """Distance of the frequency from the preferred frequency, as a share of half the frequency range."""
 
-    tolerance: float = parameter(1.0, gt=0, meaning="a_f, distance that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(1.0, "a_f, distance that weighs 1", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -250,10 +229,7 @@ class Frequency(CostTerm):
 class Steering(CostTerm):
     """Steering without a path or heading to follow, as a share of the greatest steering."""
 
-    tolerance: float = parameter(0.2, gt=0, meaning="a_s, steering that weighs 1")
-
-    def __post_init__(self) -> None:
-        check(self)
+    tolerance: float = parameter(0.2, "a_s, steering that weighs 1", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -264,17 +240,8 @@ class Steering(CostTerm):
         return float(not ahead.heads)
 
 
-TERMS: Mapping[str, type[CostTerm]] = MappingProxyType(
-    {
-        "speed": Speed,
-        "offset": Offset,
-        "arrival": Arrival,
-        "heading": Heading,
-        "change": Change,
-        "frequency": Frequency,
-        "steering": Steering,
-    }
-)
+SUPPLIED: tuple[type[CostTerm], ...] = (Speed, Offset, Arrival, Heading, Change, Frequency, Steering)
+TERMS: Mapping[str, type[CostTerm]] = MappingProxyType({term.__name__.lower(): term for term in SUPPLIED})
 """Terms by name; a plan's cost has all of them unless others are given.
 
 Tolerances of offset (0.01 to 0.02), heading (0.05 to 0.1) and change of the steering (0.25 to 1) were tuned on the

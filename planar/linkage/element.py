@@ -40,14 +40,14 @@ class Body(NamedTuple):
 
     k_spring: FloatArray
     l0: float
-    a: FloatArray
+    link_length: FloatArray
     k_torsion: FloatArray
     cross0: FloatArray
     k_apex: FloatArray
-    angle0: FloatArray
+    rest_angle: FloatArray
     joint_mass: FloatArray
     apex_mass: FloatArray
-    drag: FloatArray
+    joint_drag: FloatArray
     kelvin_voigt_time: float
 
 
@@ -138,20 +138,20 @@ def evaluate(
     """
     grad[:] = 0.0
     band[:, :] = 0.0
-    tangent, length = np.empty((len(body.a), 2)), np.empty(len(body.a))
-    for i in range(len(body.a)):
+    tangent, length = np.empty((len(body.link_length), 2)), np.empty(len(body.link_length))
+    for i in range(len(body.link_length)):
         ex, ez = q[2 * i + 2] - q[2 * i], q[2 * i + 3] - q[2 * i + 1]
         square = ex * ex + ez * ez
-        if not (1e-8 * body.a[i] ** 2 < square < 4.0 * body.a[i] ** 2 * (1.0 - 1e-12)):
+        if not (1e-8 * body.link_length[i] ** 2 < square < 4.0 * body.link_length[i] ** 2 * (1.0 - 1e-12)):
             return np.inf
         length[i] = np.sqrt(square)
         tangent[i, 0], tangent[i, 1] = ex / length[i], ez / length[i]
     phi = _joints(q, body, now, grad, band)
-    for i in range(len(body.a)):
+    for i in range(len(body.link_length)):
         phi += _segment(i, q, length[i], tangent[i], body, now, grad, band)
         for j in range(2):
             phi += _apex(i, j, q, length[i], body, ground, now, coupled, grad, band)
-    for j in range(1, len(body.a)):
+    for j in range(1, len(body.link_length)):
         phi += _torsion(j, length, tangent, body, now, grad, band)
     return phi
 
@@ -161,7 +161,7 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
     """Inertia (P4), weight, viscous medium (P8) and external force of the joints."""
     phi = 0.0
     for i in range(len(body.joint_mass)):
-        mass, drag = body.joint_mass[i] / now.dt**2, body.drag[i] / now.dt
+        mass, drag = body.joint_mass[i] / now.dt**2, body.joint_drag[i] / now.dt
         for d in range(2):
             k = 2 * i + d
             away, moved = q[k] - now.joint_hat[i, d], q[k] - now.joint_n[i, d]
@@ -178,7 +178,7 @@ def _segment(
     i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
     """Strains of segment i: spring (P7), the two apex hinges, and their Kelvin-Voigt dampers."""
-    k, a, l_cmd, tau = body.k_spring[i], body.a[i], now.l_cmd[i], body.kelvin_voigt_time / now.dt
+    k, a, l_cmd, tau = body.k_spring[i], body.link_length[i], now.l_cmd[i], body.kelvin_voigt_time / now.dt
     h = np.sqrt(a * a - 0.25 * length * length)
     stretch, damper, rate = 1.0 - length / l_cmd, tau * k / body.l0, length - now.length_n[i]
     phi: float = 0.5 * k * body.l0 * stretch**2 + 0.5 * damper * rate**2
@@ -186,7 +186,7 @@ def _segment(
     curve = k * body.l0 / l_cmd**2 + damper
 
     angle = 2.0 * np.arcsin(0.5 * length / a)
-    bend, turn = angle - body.angle0[i], angle - now.angle_n[i]
+    bend, turn = angle - body.rest_angle[i], angle - now.angle_n[i]
     phi += body.k_apex[i] * (bend**2 + tau * turn**2)
     moment = 2.0 * body.k_apex[i] * (bend + tau * turn)
     slope += moment / h
@@ -197,13 +197,8 @@ def _segment(
         grad[2 * i + 2 + d] += slope * t[d]
     # Hessian in e: curve t t^T + slope/l n n^T, with n = (-t_z, t_x)
     across = slope / length
-    _add_in_e(
-        band,
-        2 * i,
-        curve * t[0] ** 2 + across * t[1] ** 2,
-        (curve - across) * t[0] * t[1],
-        curve * t[1] ** 2 + across * t[0] ** 2,
-    )
+    xx, zz = curve * t[0] ** 2 + across * t[1] ** 2, curve * t[1] ** 2 + across * t[0] ** 2
+    _add_in_e(band, 2 * i, xx, (curve - across) * t[0] * t[1], zz)
     return phi
 
 
@@ -221,7 +216,7 @@ def _apex(
     band: FloatArray,
 ) -> float:
     """Inertia, weight, contact and friction of apex j (0 bottom, 1 top) of segment i, through (K1) and (K2)."""
-    base, side, a, s = 2 * i, 2.0 * j - 1.0, body.a[i], length * length
+    base, side, a, s = 2 * i, 2.0 * j - 1.0, body.link_length[i], length * length
     ex, ez = q[base + 2] - q[base], q[base + 3] - q[base + 1]
     w = np.sqrt(a * a / s - 0.25)
     w1 = -a * a / (2.0 * s * s * w)
@@ -242,13 +237,10 @@ def _apex(
             for c in range(4):
                 band[2 * HALF_BANDWIDTH + r - c, base + c] += jx[r] * (kxx * jx[c] + kxz * jz[c]) + jz[r] * kzz * jz[c]
     across = fz * ex - fx * ez  # f.Re; and R^T f = (fz, -fx)
-    _add_in_e(
-        band,
-        base,
-        side * (2.0 * w1 * (2.0 * fz * ex + across) + 4.0 * w2 * across * ex * ex),
-        side * (2.0 * w1 * (fz * ez - fx * ex) + 4.0 * w2 * across * ex * ez),
-        side * (2.0 * w1 * (-2.0 * fx * ez + across) + 4.0 * w2 * across * ez * ez),
-    )
+    xx = side * (2.0 * w1 * (2.0 * fz * ex + across) + 4.0 * w2 * across * ex * ex)
+    xz = side * (2.0 * w1 * (fz * ez - fx * ex) + 4.0 * w2 * across * ex * ez)
+    zz = side * (2.0 * w1 * (-2.0 * fx * ez + across) + 4.0 * w2 * across * ez * ez)
+    _add_in_e(band, base, xx, xz, zz)
     return phi
 
 

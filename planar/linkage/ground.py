@@ -68,11 +68,9 @@ WEIGHTLESS = 0.075
 """Substitute for the weight of a weightless worm, as a fraction of the mean stiffness of the springs; the same as in
 `worm3d`."""
 
-BREAKAWAY_TOLERANCE = 1e-9
-"""Distance to the static limit below which a contact breaks away (G4), as a fraction of the limit."""
-
-YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, so that rounding causes no creep."""
+LIMIT_TOLERANCE = 1e-9
+"""Relative distance to a limit of friction below which a contact breaks away (G4), an anchor stays, so that rounding
+causes no creep, and a given regime agrees with the law."""
 
 
 @documented
@@ -82,7 +80,7 @@ class Friction(ReadOnly):
 
     forward: float | FloatArray = parameter(
         0.03,
-        meaning="kinetic coefficient against motion towards the head",
+        "kinetic coefficient against motion towards the head",
         ge=0,
         le=arguments.MAX_MAGNITUDE,
         each="segment",
@@ -90,13 +88,13 @@ class Friction(ReadOnly):
     )
     backward: float | FloatArray = parameter(
         0.20,
-        meaning="kinetic coefficient against motion towards the tail",
+        "kinetic coefficient against motion towards the tail",
         ge=0,
         le=arguments.MAX_MAGNITUDE,
         each="segment",
         aka=("mu_backward",),
     )
-    static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient, anchored", ge=1)
+    static_ratio: float = parameter(1.2, "static over kinetic coefficient, anchored", ge=1)
 
     def __post_init__(self) -> None:
         check(self)

@@ -153,43 +153,30 @@ class _Terms:
         """Return 1 for each part with an apex that strikes the ground, as in `worm3d.solver.ledger`, else 0."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
-        struck: FloatArray = strikes.any(axis=(1, 2)).astype(float)
-        return struck
+        return np.asarray(strikes.any(axis=(1, 2)).astype(float))
 
     def all(self) -> dict[str, FloatArray]:
         """Return every term of the ledger."""
-        kinetic, inertia_loss = self._inertia()
-        elastic = self._elastic()
-        potential, weight_loss, carried = self._weight()
-        contact = self._contact()
-        external = np.einsum("pjd,pjd->p", self.p.joint_force, self.dq)
-        threshold = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
-        threshold += np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0])
-        curvature = np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0] - self.jdq[..., 0])
-        medium = np.einsum("j,pjd->p", self.worm.joint_drag, self.dq**2) / self.p.dt
+        parts = (self._inertia(), self._elastic(), *self._weight(), self._contact(), self._external())
+        total = {f.name: np.zeros(len(self.p.dt)) for f in fields(Ledger)}
+        for part in parts:
+            for name, term in part.items():
+                total[name] += term
+        return total
+
+    def _external(self) -> dict[str, FloatArray]:
+        """External forces, the friction (P10) of clamped worms and of the threshold law, and the medium (P8)."""
+        friction = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
+        friction += np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0])
         return {
-            "work_contract": elastic["work"],
-            "work_external": external,
-            "load_change": contact["load_change"],
-            "kinetic": kinetic,
-            "elastic": elastic["change"],
-            "potential": potential,
-            "penetration": contact["penetration"],
-            "anchor": contact["anchor"],
-            "friction_loss": contact["friction"] - threshold,
-            "viscous_loss": elastic["viscous"] + contact["viscous"] + medium,
-            "impact": contact["impact"] + carried,
-            "numerical_loss": inertia_loss
-            + elastic["numerical"]
-            + weight_loss
-            - carried
-            + contact["numerical"]
-            + curvature,
-            "work_contract_p11": elastic["p11"],
-            "work_friction_p13": contact["p13"] + threshold,
+            "work_external": np.einsum("pjd,pjd->p", self.p.joint_force, self.dq),
+            "friction_loss": -friction,
+            "work_friction_p13": friction,
+            "viscous_loss": np.einsum("j,pjd->p", self.worm.joint_drag, self.dq**2) / self.p.dt,
+            "numerical_loss": np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0] - self.jdq[..., 0]),
         }
 
-    def _inertia(self) -> tuple[FloatArray, FloatArray]:
+    def _inertia(self) -> dict[str, FloatArray]:
         change, loss = np.zeros(len(self.p.dt)), np.zeros(len(self.p.dt))
         moves = (
             (self.worm.joint_mass, self.p.start.joint_velocity, self.p.end.joint_velocity, self.dq, self.dq),
@@ -201,15 +188,17 @@ class _Terms:
             curvature = (dv / _per(self.p.dt, dv) * (first_order - true)).sum(-1)
             change += _weighted(mass, per_point[0])
             loss += _weighted(mass, per_point[1] + curvature)
-        return change, loss
+        return {"kinetic": change, "numerical_loss": loss}
 
-    def _weight(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _weight(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Return the change of -m g.X, its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX), and impact."""
         g, p, joints, tips = self.gravity, self.p, self.worm.joint_mass, self.worm.apex_mass
         change = -_weighted(joints, self.dq @ g) - _weighted(tips, self.dx @ g)
         mean = _per(p.dt, self.dq) * 0.5 * (p.start.joint_velocity + p.end.joint_velocity)
         carried = _weighted(joints, (self.dq - mean) @ g) + _weighted(tips, (self.jdq - self.mean) @ g)
-        return change, -_weighted(tips, (self.jdq - self.dx) @ g), self.lands * carried
+        impact = self.lands * carried
+        loss = -_weighted(tips, (self.jdq - self.dx) @ g)
+        return {"potential": change, "numerical_loss": loss}, {"impact": impact, "numerical_loss": -impact}
 
     def _elastic(self) -> dict[str, FloatArray]:
         worm, p = self.worm, self.p
@@ -222,10 +211,8 @@ class _Terms:
         def tension(command: FloatArray | float) -> FloatArray:
             return -k * l0 / command * (1.0 - self.l / command)
 
-        commanding, commanded = (
-            spring(self.l_n, cmd) - spring(self.l_n, cmd_n),
-            spring(self.l, cmd) - spring(self.l, cmd_n),
-        )
+        commanding = spring(self.l_n, cmd) - spring(self.l_n, cmd_n)
+        commanded = spring(self.l, cmd) - spring(self.l, cmd_n)
         work = (commanding + commanded) / 2.0  # integral of (dE/dl_cmd) dl_cmd, by the trapezoidal rule
         rise = spring(self.l, cmd) - spring(self.l_n, cmd)
         change, numerical = spring(self.l, cmd) - spring(self.l_n, cmd_n), tension(cmd) * self.stretch - rise
@@ -234,46 +221,32 @@ class _Terms:
         numerical = numerical + work - commanding
         numerical = numerical + damper * (self.l - self.l_n) * (self.stretch - (self.l - self.l_n))
         p11 = -(tension(cmd) - tension(l0)) * self.stretch
-        terms = {"work": work, "change": change, "viscous": viscous, "numerical": numerical, "p11": p11}
-        total = {name: term.sum(axis=1) for name, term in terms.items()}
+        terms = {"work_contract": work, "elastic": change, "viscous_loss": viscous, "numerical_loss": numerical}
+        total = {name: term.sum(axis=1) for name, term in (terms | {"work_contract_p11": p11}).items()}
 
-        k_apex = np.asarray(worm.k_apex)
-        angle0 = hinge_angles(np.full(worm.segments, l0), a)
-        angle_n, angle = hinge_angles(self.l_n, a), hinge_angles(self.l, a)
         opening = self.stretch / np.sqrt(a**2 - self.l**2 / 4.0)
-        self._add_strain(total, 2.0 * k_apex, angle_n, angle, opening, angle0)  # two hinges
-        cross_n, cross = cross_products(p.start.joints), cross_products(p.end.joints)
+        hinges = hinge_angles(self.l_n, a), hinge_angles(self.l, a), opening, worm.rest_angle
         across = np.sum((self.t @ R.T) * self.de, axis=-1) / self.l
         turning = joint_cosines(p.end.joints) * (across[:, 1:] - across[:, :-1])
-        self._add_strain(total, np.asarray(worm.k_torsion), cross_n, cross, turning, np.asarray(worm.cross0))
+        joints = cross_products(p.start.joints), cross_products(p.end.joints), turning, np.asarray(worm.cross0)
+        # Energies k/2 (s - rest)^2 with dampers; `first_order` is ds/dq . dq. A rhombus has two hinges.
+        stiffness = 2.0 * np.asarray(worm.k_apex), np.asarray(worm.k_torsion)
+        for k, (s_n, s, first_order, rest) in zip(stiffness, (hinges, joints), strict=True):
+            ds = s - s_n
+            rise = 0.5 * k * ((s - rest) ** 2 - (s_n - rest) ** 2)
+            loss = k * (s - rest) * first_order - rise + k * self.tau * ds * (first_order - ds)
+            total["elastic"] += rise.sum(axis=1)
+            total["viscous_loss"] += (k * self.tau * ds**2).sum(axis=1)
+            total["numerical_loss"] += loss.sum(axis=1)
         return total
 
-    def _add_strain(
-        self,
-        total: dict[str, FloatArray],
-        k: FloatArray,
-        s_n: FloatArray,
-        s: FloatArray,
-        first_order: FloatArray,
-        rest: FloatArray,
-    ) -> None:
-        """Add the energy k/2 (s - rest)^2 and the Kelvin-Voigt damper; `first_order` is ds/dq . dq."""
-        ds = s - s_n
-        rise = 0.5 * k * ((s - rest) ** 2 - (s_n - rest) ** 2)
-        total["change"] += rise.sum(axis=1)
-        total["viscous"] += (k * self.tau * ds**2).sum(axis=1)
-        total["numerical"] += (k * (s - rest) * first_order - rise + k * self.tau * ds * (first_order - ds)).sum(axis=1)
-
     def _contact(self) -> dict[str, FloatArray]:
-        names = ("penetration", "anchor", "load_change", "friction", "viscous", "impact", "numerical", "p13")
         if self.ground is None:
-            return {name: np.zeros(len(self.p.dt)) for name in names}
-        normal = self._normal(self.ground)
+            return {}
+        total = {name: term.sum(axis=(1, 2)) for name, term in self._normal(self.ground).items()}
         friction = self._friction(self.ground) if self.anchored else {}
-        total = {name: np.zeros(len(self.p.dt)) for name in names}
-        for terms in (normal, friction):
-            for name, term in terms.items():
-                total[name] += term.sum(axis=(1, 2))
+        for name, term in friction.items():
+            total[name] = total.get(name, np.zeros(1)) + term.sum(axis=(1, 2))
         return total
 
     def _normal(self, ground: Ground) -> dict[str, FloatArray]:
@@ -282,7 +255,7 @@ class _Terms:
         rise = 0.5 * ground.stiffness * (depth**2 - depth_n**2)
         damped = -(load - ground.stiffness * depth) * dz
         impact = np.where(_per(self.lands, load) > 0.0, -load * self.mean[..., 1] - rise, damped)
-        return {"penetration": rise, "impact": impact, "numerical": -rise - load * self.jdq[..., 1] - impact}
+        return {"penetration": rise, "impact": impact, "numerical_loss": -rise - load * self.jdq[..., 1] - impact}
 
     def _friction(self, ground: Ground) -> dict[str, FloatArray]:
         p = self.p
@@ -313,17 +286,17 @@ class _Terms:
         impact = _per(self.lands, load) * force * (towards_head * self.mean[..., 0] - ds)
         load_change = stored_n - load_n * spring_energy(s_n)
         return {
-            "friction": load * p.cap * slope(p.slip) * p.slip,
+            "friction_loss": load * p.cap * slope(p.slip) * p.slip,
             "anchor": stored - stored_n + load_change,
             "load_change": load_change,
-            "viscous": (force - spring) * stretch,
+            "viscous_loss": (force - spring) * stretch,
             "impact": impact,
-            "numerical": spring * stretch
+            "numerical_loss": spring * stretch
             - (stored - stored_n)
             + force * (towards_head * self.jdq[..., 0] - ds)
             + (force - load * p.cap * slope(p.slip)) * p.slip
             - impact,
-            "p13": -force * ds,
+            "work_friction_p13": -force * ds,
         }
 
 
@@ -332,5 +305,4 @@ def _per(dt: FloatArray, like: FloatArray) -> FloatArray:
 
 
 def _weighted(mass: FloatArray, values: FloatArray) -> FloatArray:
-    weighted: FloatArray = (mass * values).reshape(len(values), -1).sum(axis=1)
-    return weighted
+    return np.asarray((mass * values).reshape(len(values), -1).sum(axis=1))

@@ -24,26 +24,10 @@ from planar.linkage.shape import apexes
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
-MAX_DESCENT, MAX_SEARCH = 60, 40
-"""Greatest number of steps of a descent, and of trials of a line search."""
-MAX_POLISH, MAX_SMOOTH = 12, 40
-"""Greatest number of Newton steps of a polish, by the law and with given regimes."""
-MAX_REGIMES = 60
-"""Greatest number of rounds of changes of the contacts' regimes."""
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
 """Fraction of the update of the loads after each pass that did not converge."""
-SLOPE_LEFT = 0.9
-"""Greatest remaining fraction of the slope at the end of a line search."""
-DESCENT_TOLERANCE = 1e-9
-"""Largest coordinate step that ends the descent, as a fraction of the body length."""
-POLISH_TOLERANCE = 1e-12
-"""Largest coordinate step that ends the polish, as a fraction of the body length."""
 EXTRAPOLATION_FRACTION = 1e-4
 """Fraction of a step for extrapolating the motion of a stuck contact."""
-BEYOND = 1e-5
-"""Overshoot of a stuck contact beyond rest, as a fraction of the contact's displacement or yield displacement."""
-STAGNATION = 1e-10
-"""Largest step that ends the polish once steps no longer shrink, as a fraction of the body length."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +87,7 @@ class Newton:
         return phi
 
     def _descend(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
-        for iteration in range(1, MAX_DESCENT + 1):
+        for iteration in range(1, 61):
             phi = self._evaluate(q, now, coupled=False)
             if not np.isfinite(phi):
                 return q, iteration, False
@@ -114,9 +98,9 @@ class Newton:
             if q_next is None:
                 return q, iteration, True  # no descent left above rounding
             q = q_next
-            if np.abs(direction).max() < DESCENT_TOLERANCE * self.length:
+            if np.abs(direction).max() < 1e-9 * self.length:
                 return q, iteration, True
-        return q, MAX_DESCENT, False
+        return q, iteration, False
 
     def _search(self, q: FloatArray, phi: float, direction: FloatArray, now: Now) -> FloatArray | None:
         """Search along a direction of descent, first at the places on the way at which contacts come to rest.
@@ -125,18 +109,18 @@ class Newton:
         find this place.
         """
         slope, scratch, noise = float(self.gradient @ direction), np.empty_like(q), 1e-14 * abs(phi)
-        kinks = np.empty(2 * len(self.body.a))
+        kinks = np.empty(2 * len(self.body.link_length))
         kinks = np.sort(kinks[: _resting_points(q, direction, self.body, self.ground, now, kinks)])
         low, high, step = 0.0, 1.0, 1.0
         best: FloatArray | None = None
-        for _ in range(MAX_SEARCH):
+        for _ in range(40):
             trial = q + step * direction
             value = evaluate(trial, self.body, self.ground, now, False, scratch, NO_BAND)
             rise = float(scratch @ direction) if np.isfinite(value) else np.inf
             lower = value <= phi + 1e-4 * step * slope + noise
             if lower:
                 best = trial
-                if rise <= SLOPE_LEFT * abs(slope):
+                if rise <= 0.9 * abs(slope):  # the slope has fallen enough
                     return trial
             low, high = (step, high) if lower and rise <= 0.0 else (low, step)
             between = kinks[(kinks > low) & (kinks < high)]
@@ -150,19 +134,19 @@ class Newton:
         """
         if not np.isfinite(self._evaluate(q, now, coupled=False)):
             return q, 1, False  # no shape of the worm
-        regime, iterations = regimes.of_law(q, self.body.a, self.ground, now), 0
-        for turn in range(first, MAX_REGIMES):
+        regime, iterations = regimes.of_law(q, self.body.link_length, self.ground, now), 0
+        for turn in range(first, 60):
             taken = now._replace(regime=regime)
-            q, used, converged = self._polish(q, taken, MAX_SMOOTH)
+            q, used, converged = self._polish(q, taken, most=40)
             iterations += used
             if not converged:
                 break
-            regime = regimes.after(q, self.body.a, self.ground, taken, turn)
+            regime = regimes.after(q, self.body.link_length, self.ground, taken, turn)
             if (regime == taken.regime).all():
                 return q, iterations, True
         return q, iterations, False
 
-    def _polish(self, q: FloatArray, now: Now, most: int = MAX_POLISH) -> tuple[FloatArray, int, bool]:
+    def _polish(self, q: FloatArray, now: Now, most: int = 12) -> tuple[FloatArray, int, bool]:
         size = np.inf
         for iteration in range(1, most + 1):
             if not np.isfinite(self._evaluate(q, now, coupled=True)):
@@ -174,7 +158,8 @@ class Newton:
             if size > 0.1 * self.length:
                 return q, iteration, False
             q = q - step
-            if size < POLISH_TOLERANCE * self.length or (previous <= 2.0 * size < 2.0 * STAGNATION * self.length):
+            stagnates = previous <= 2.0 * size < 2e-10 * self.length
+            if size < 1e-12 * self.length or stagnates:
                 self._evaluate(q, now, coupled=True)
                 return q, iteration, True
         return q, most, False
@@ -186,9 +171,8 @@ def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
     if k == 0.0:
         return np.zeros_like(now.load)
     stiff = k + c / dt
-    depth = np.maximum(0.0, -apexes(q.reshape(-1, 2), body.a)[..., 1])
-    load: FloatArray = stiff * np.maximum(0.0, depth - c / dt * now.depth_n / stiff)
-    return load
+    depth = np.maximum(0.0, -apexes(q.reshape(-1, 2), body.link_length)[..., 1])
+    return np.asarray(stiff * np.maximum(0.0, depth - c / dt * now.depth_n / stiff))
 
 
 @njit
@@ -200,7 +184,7 @@ def _resting_points(
     A stuck contact comes to rest at the change from its softer to its stiffer direction. The step goes just beyond this
     place, so that the next step includes the stiffness that will hold the contact.
     """
-    n, found = len(body.a), 0
+    n, found = len(body.link_length), 0
     for i in range(n):
         for j in range(2):
             if now.load[i, j] <= 0.0 or ground.stiffness == 0.0:
@@ -211,13 +195,13 @@ def _resting_points(
                 ax, az = q[k] + far * direction[k], q[k + 1] + far * direction[k + 1]
                 bx, bz = q[k + 2] + far * direction[k + 2], q[k + 3] + far * direction[k + 3]
                 square = (bx - ax) ** 2 + (bz - az) ** 2
-                w = np.sqrt(max(body.a[i] ** 2 / square - 0.25, 0.0))
+                w = np.sqrt(max(body.link_length[i] ** 2 / square - 0.25, 0.0))
                 x = 0.5 * (ax + bx) - (2.0 * j - 1.0) * w * (bz - az)
                 y[end], mu, b = apex_gauge(i, j, x, ground, now)
                 if end == 0:
                     stuck = abs(y[0]) <= now.cap[i, j] * b
                     soft = mu < max(ground.mu_forward[i], ground.mu_backward[i])
-                    margin = np.sign(y[0]) * BEYOND * max(abs(y[0]), b) if stuck else 0.0
+                    margin = np.sign(y[0]) * 1e-5 * max(abs(y[0]), b) if stuck else 0.0
             if stuck:
                 y[1] = y[0] + (y[1] - y[0]) / EXTRAPOLATION_FRACTION
             if y[0] * y[1] < 0.0 and (not stuck or soft):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.element import OPEN, SLIDE, STICK, Now
-from planar.linkage.ground import Ground
+from planar.linkage.ground import LIMIT_TOLERANCE, Ground
 from planar.linkage.shape import apexes
 from worm3d.values.arrays import FloatArray
 
@@ -20,9 +20,6 @@ Regimes = NDArray[np.int64]
 AT_ONCE = 10
 """Rounds that change all regimes denied by the law; later rounds change only the most denied regime, so that no two
 regimes alternate without end."""
-
-LAW_TOLERANCE = 1e-9
-"""Tolerance of the law, as a fraction of the yield displacement or of the contact's mean load."""
 
 
 def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
@@ -41,17 +38,10 @@ def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> 
     old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)
     tail = old % 2
     along = np.where(tail == 1, -y, y) / limit
-    wrong = np.select(
-        [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0],
-        [load / scale, -load / scale, 1.0 - along, -along],
-        along - 1.0,
-    )
-    new = np.select(
-        [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0],
-        [of_law(q, a, ground, now), OPEN, STICK + tail, STICK + 1 - tail],
-        SLIDE + tail,
-    )
-    denied = wrong > LAW_TOLERANCE
+    kinds = [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0]
+    wrong = np.select(kinds, [load / scale, -load / scale, 1.0 - along, -along], along - 1.0)
+    new = np.select(kinds, [of_law(q, a, ground, now), OPEN, STICK + tail, STICK + 1 - tail], SLIDE + tail)
+    denied = wrong > LIMIT_TOLERANCE
     if turn >= AT_ONCE and denied.any():
         denied = wrong == wrong.max()
     return np.where(denied, new, old)
@@ -70,5 +60,4 @@ def gauge(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> tuple[Float
 def _load(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> FloatArray:
     """Return the linear load, negative where a contact is apart, shape (N, 2) [N]."""
     z = apexes(q.reshape(-1, 2), a)[..., 1]
-    load: FloatArray = -(ground.stiffness + ground.damping / now.dt) * z - ground.damping / now.dt * now.depth_n
-    return load
+    return np.asarray(-(ground.stiffness + ground.damping / now.dt) * z - ground.damping / now.dt * now.depth_n)

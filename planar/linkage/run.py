@@ -13,7 +13,6 @@ from planar.linkage.ledger import Ledger
 from planar.linkage.shape import apexes, diagonals
 from planar.linkage.step import State, Step
 from planar.linkage.worm import Linkage
-from planar.metrics import dimensionless_cost_of_transport
 from planar.status import Status, Stop
 from worm3d.values.arrays import FloatArray
 
@@ -85,8 +84,7 @@ class Run:
     def _mean(self, at_joints: FloatArray, at_apexes: FloatArray) -> FloatArray:
         total = np.einsum("j,tjd->td", self.worm.joint_mass, at_joints)
         total += np.einsum("ns,tnsd->td", self.worm.apex_mass, at_apexes)
-        mean: FloatArray = total / self.worm.total_mass
-        return mean
+        return np.asarray(total / self.worm.total_mass)
 
     @cached_property
     def normal_load(self) -> FloatArray:
@@ -148,7 +146,5 @@ class Run:
     @property
     def cost_of_transport(self) -> float:
         """Dimensionless (P12), work_contract / (m g distance); NaN without way forward or weight."""
-        g = float(np.hypot(*self.gravity))
-        if g == 0.0:
-            return float("nan")
-        return dimensionless_cost_of_transport(self.work_contract, self.worm.total_mass, g, self.distance)
+        scale = self.worm.total_mass * float(np.hypot(*self.gravity)) * self.distance
+        return self.work_contract / scale if scale > 0.0 else float("nan")

@@ -33,18 +33,15 @@ def apexes(joints: FloatArray, a: FloatArray) -> FloatArray:
 def cross_products(joints: FloatArray) -> FloatArray:
     """Return t1 x t2 of successive segments (P6), shape (..., N-1)."""
     _, t = diagonals(joints)
-    cross: FloatArray = t[..., :-1, 0] * t[..., 1:, 1] - t[..., :-1, 1] * t[..., 1:, 0]
-    return cross
+    return np.asarray(t[..., :-1, 0] * t[..., 1:, 1] - t[..., :-1, 1] * t[..., 1:, 0])
 
 
 def joint_cosines(joints: FloatArray) -> FloatArray:
     """Return the cosine of the angle between successive segments, shape (..., N-1)."""
     _, t = diagonals(joints)
-    cosine: FloatArray = np.sum(t[..., :-1, :] * t[..., 1:, :], axis=-1)
-    return cosine
+    return np.asarray(np.sum(t[..., :-1, :] * t[..., 1:, :], axis=-1))
 
 
 def hinge_angles(length: FloatArray, a: FloatArray) -> FloatArray:
     """Return the angle of the apex hinges, 2 asin(l / 2a), shape as `length` [rad]."""
-    angle: FloatArray = 2.0 * np.arcsin(length / (2.0 * a))
-    return angle
+    return np.asarray(2.0 * np.arcsin(length / (2.0 * a)))

@@ -36,10 +36,6 @@ Force = Callable[[float], FloatArray]
 """Time [s] -> force on each joint, shape (N+1, 2) [N]."""
 
 
-MAX_STEP_HALVINGS = 6
-"""Greatest number of halvings of a step that does not converge."""
-
-
 def bytes_per_step(segments: int) -> float:
     """Return the memory that a step takes until the run is a record, as measured [byte]."""
     return 2000.0 + 1200.0 * segments
@@ -176,7 +172,7 @@ class _Simulation:
         """Return the finished steps from a state, each as a list of parts, and the reason for the end."""
         done: list[list[Step]] = []
         for k in range(1, steps + 1):
-            parts, status = self._advance(state, (k - 1) * dt, dt, MAX_STEP_HALVINGS)
+            parts, status = self._advance(state, (k - 1) * dt, dt, halvings=6)
             if status is not Status.DONE:
                 return done, _stop(status, k, dt, parts)
             done.append(parts)

@@ -22,14 +22,8 @@ FLATTENED_HEIGHT = 0.02
 SETTLING_TIME = float(np.sqrt(9.81))
 """Pseudo time step of settling, in units of the time for a fall of half the worm's length: 1 s for a worm of 1 m."""
 
-MAX_SETTLING = 200
-"""Greatest number of steps of settling."""
-
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Greatest penetration of an apex at the start, as a fraction of the segment length."""
-
-TOUCH_TOLERANCE = 1e-6
-"""Greatest distance of an apex that counts as touching the ground, as a fraction of the body length."""
 
 
 class LimitPointError(ValueError):
@@ -77,8 +71,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
     """Return the joints at the start, shape (N+1, 2) [m]; ValueError for an impossible or overlapping shape."""
     if start is None:
         height = float(worm.rest_half_height.max()) if on_ground else 0.0
-        raised: FloatArray = worm.rest() + np.array([0.0, height])
-        return raised
+        return np.asarray(worm.rest() + np.array([0.0, height]))
     joints: FloatArray = arguments.floats("start", start)
     require_shape("start", joints, (worm.segments + 1, 2), "x, z of each joint")
     length = np.linalg.norm(np.diff(joints, axis=0), axis=1)
@@ -97,7 +90,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
 
 def touches(worm: Linkage, joints: FloatArray) -> bool:
     """Return whether an apex touches the ground z = 0; a gap may be rounding."""
-    return float(apexes(joints, worm.link_length)[..., 1].min()) <= TOUCH_TOLERANCE * worm.length
+    return float(apexes(joints, worm.link_length)[..., 1].min()) <= 1e-6 * worm.length
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
@@ -107,7 +100,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
         worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held
     )
     dt = SETTLING_TIME * float(np.sqrt(worm.length / np.hypot(*weight)))
-    for _ in range(MAX_SETTLING):
+    for _ in range(200):
         step = stepper.step(state, state.l_cmd, np.zeros((worm.segments + 1, 2)), dt)
         status = shape_status(worm, step.end.joints, on_ground=True)
         if status is not Status.DONE:

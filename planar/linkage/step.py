@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.element import BY_LAW, Body, Now
-from planar.linkage.ground import BREAKAWAY_TOLERANCE, YIELD_TOLERANCE, Ground
+from planar.linkage.ground import LIMIT_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.regimes import gauge
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.worm import Linkage
+from planar.metrics import p10_friction
 from worm3d.values.arrays import FloatArray
 
 
@@ -81,20 +82,7 @@ class Step:
 
 def body_of(worm: Linkage) -> Body:
     """Return the worm's constants in the format of the kernel."""
-    n, a = worm.segments, worm.link_length
-    return Body(
-        k_spring=np.asarray(worm.k_spring),
-        l0=worm.l0,
-        a=a,
-        k_torsion=np.asarray(worm.k_torsion),
-        cross0=np.asarray(worm.cross0),
-        k_apex=np.asarray(worm.k_apex),
-        angle0=hinge_angles(np.full(n, worm.l0), a),
-        joint_mass=worm.joint_mass,
-        apex_mass=worm.apex_mass,
-        drag=worm.joint_drag,
-        kelvin_voigt_time=worm.kelvin_voigt_time,
-    )
+    return Body(*[getattr(worm, name) for name in Body._fields])
 
 
 class Stepper(ABC):
@@ -110,7 +98,7 @@ class Stepper(ABC):
         """Return the step to the commanded lengths `l_cmd` under the joint forces `force`, converged or not."""
 
     def _now(self, state: State, l_cmd: FloatArray, force: FloatArray, cap: FloatArray, dt: float) -> Now:
-        positions = apexes(state.joints, self.body.a)
+        positions = apexes(state.joints, self.body.link_length)
         length, tangent = diagonals(state.joints)
         return Now(
             dt=dt,
@@ -122,7 +110,7 @@ class Stepper(ABC):
             joint_n=state.joints,
             length_n=length,
             cross_n=cross_products(state.joints),
-            angle_n=hinge_angles(length, self.body.a),
+            angle_n=hinge_angles(length, self.body.link_length),
             depth_n=np.maximum(0.0, -positions[..., 1]),
             anchor=state.anchor,
             direction=np.where(tangent[:, 0] < 0.0, -1.0, 1.0),
@@ -135,7 +123,7 @@ class Stepper(ABC):
 
     def _moved(self, state: State, q: FloatArray, now: Now) -> State:
         joints = q.reshape(-1, 2)
-        before, after = apexes(state.joints, self.body.a), apexes(joints, self.body.a)
+        before, after = apexes(state.joints, self.body.link_length), apexes(joints, self.body.link_length)
         return replace(
             state,
             joints=joints,
@@ -171,15 +159,15 @@ class ContactStepper(Stepper):
             solution = self.newton.solve(guess, now)
             iterations += solution.iterations
             load = loads(solution.q, self.body, self.ground, now)
-            _, y, limit = gauge(solution.q, self.body.a, self.ground, now)
-            breaks = stuck & (load > 0.0) & (np.abs(y) > limit * (1.0 - BREAKAWAY_TOLERANCE))
+            _, y, limit = gauge(solution.q, self.body.link_length, self.ground, now)
+            breaks = stuck & (load > 0.0) & (np.abs(y) > limit * (1.0 - LIMIT_TOLERANCE))
             if not solution.converged or self.ground.static_ratio == 1.0 or not breaks.any():
                 break
             stuck, guess = stuck & ~breaks, solution.q
         slip, slide = self._return_map(solution.q, now, load)
         touching = load > 0.0
         moved = self._moved(state, solution.q, now)
-        x = apexes(moved.joints, self.body.a)[..., 0]
+        x = apexes(moved.joints, self.body.link_length)[..., 0]
         end = replace(
             moved,
             load=load,
@@ -191,8 +179,8 @@ class ContactStepper(Stepper):
 
     def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(G3): return the signed motion of the anchors and the remaining displacement from the anchors."""
-        centre, y, limit = gauge(q, self.body.a, self.ground, now)
-        yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + YIELD_TOLERANCE))
+        centre, y, limit = gauge(q, self.body.link_length, self.ground, now)
+        yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + LIMIT_TOLERANCE))
         left = centre + np.where(yields, np.sign(y) * limit, y)
         return np.where(yields, centre + y - left, 0.0), left
 
@@ -236,14 +224,14 @@ class ThresholdStepper(Stepper):
         """Predict without friction, read loads and directions, and correct with friction."""
         now = self._now(state, l_cmd, force, np.ones_like(state.load), dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
-        before, after = (apexes(q.reshape(-1, 2), self.body.a)[..., 0] for q in (state.joints, predicted.q))
+        before, after = (apexes(q.reshape(-1, 2), self.body.link_length)[..., 0] for q in (state.joints, predicted.q))
         velocity = now.direction[:, None] * (after - before) / dt
         load = loads(predicted.q, self.body, self.ground, now)
         friction = now.direction[:, None] * p10_friction(load, velocity, self.mu, self.threshold)
         solution = self._corrected(predicted, now._replace(push=friction))
         moved = self._moved(state, solution.q, now)
         end = replace(moved, load=loads(solution.q, self.body, self.ground, now))
-        slid = now.direction[:, None] * (apexes(end.joints, self.body.a)[..., 0] - before)
+        slid = now.direction[:, None] * (apexes(end.joints, self.body.link_length)[..., 0] - before)
         slip = np.where(friction != 0.0, slid, 0.0)
         return self._finished(state, end, solution, now, slip=slip, apex_friction=friction)
 
@@ -251,11 +239,3 @@ class ThresholdStepper(Stepper):
 def _at_joints(per_segment: FloatArray) -> FloatArray:
     """Return values of the joints from the segments' values: the mean of both sides, shape (N+1,)."""
     return 0.5 * (np.append(per_segment[:1], per_segment) + np.append(per_segment, per_segment[-1:]))
-
-
-def p10_friction(
-    load: FloatArray, velocity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float
-) -> FloatArray:
-    """Return the friction (P10) of contacts with the given loads and velocities towards the head [N]."""
-    forward, backward = mu
-    return np.select([velocity > threshold, velocity < -threshold], [-forward * load, backward * load], 0.0)

@@ -7,10 +7,11 @@ active segment shortens and so widens.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planar.linkage.shape import hinge_angles
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -25,56 +26,46 @@ MOST_SEGMENTS = 10_000
 class Linkage(ReadOnly):
     """A chain of N rhombic linkages in the plane (x, z); frozen, validated, with read-only arrays."""
 
-    segments: int = parameter(6, meaning="number of segments, N", ge=1, le=MOST_SEGMENTS, aka=("n", "n_segments"))
-    length: float = parameter(1.0, meaning="length at rest; segments are equally long, l0 = length / N", unit="m", gt=0)
+    segments: int = parameter(6, "number of segments, N", ge=1, le=MOST_SEGMENTS, aka=("n", "n_segments"))
+    length: float = parameter(1.0, "length at rest; segments are equally long, l0 = length / N", "m", gt=0)
     half_height: float | FloatArray | None = parameter(
         None,
-        meaning="rest half-height h0 of a rhombus",
-        unit="m",
+        "rest half-height h0 of a rhombus",
+        "m",
         gt=0,
         each="segment",
         aka=("h0_m",),
         left_out="sqrt(3)/4 of a segment's length, as in the paper",
     )
-    density: float = parameter(10.0, meaning="mass per rest area and depth", unit="kg/m^3", gt=0)
-    depth: float = parameter(0.1, meaning="depth across the plane, for the mass", unit="m", gt=0)
-    mass: float | None = parameter(
-        None, meaning="mass of the whole worm", unit="kg", gt=0, left_out="density x rest area x depth"
-    )
+    density: float = parameter(10.0, "mass per rest area and depth", "kg/m^3", gt=0)
+    depth: float = parameter(0.1, "depth across the plane, for the mass", "m", gt=0)
+    mass: float | None = parameter(None, "mass of the whole worm", "kg", gt=0, left_out="density x rest area x depth")
     apex_mass_fraction: float = parameter(
         0.5,
-        meaning="share of the mass on the apexes, equally; the rest is on the joints, like rod nodes (the ends half as "
-        "much)",
+        "share of the mass on the apexes, equally; the rest is on the joints, like rod nodes (the ends half as much)",
         ge=0,
         le=1,
     )
     k_spring: float | FloatArray = parameter(
-        13.0, meaning="stiffness k of a segment's spring, (P7)", unit="N", gt=0, each="segment", key="spring_N"
+        13.0, "stiffness k of a segment's spring, (P7)", "N", gt=0, each="segment", key="spring_N"
     )
     k_torsion: float | FloatArray = parameter(
-        1e4,
-        meaning="torsional stiffness between neighbouring segments, (P6)",
-        unit="J",
-        ge=0,
-        each="joint",
-        key="torsion_J",
+        1e4, "torsional stiffness between neighbouring segments, (P6)", "J", ge=0, each="joint", key="torsion_J"
     )
-    cross0: float | FloatArray = parameter(
-        0.0, meaning="rest value of the cross product in (P6)", gt=-1, lt=1, each="joint"
-    )
+    cross0: float | FloatArray = parameter(0.0, "rest value of the cross product in (P6)", gt=-1, lt=1, each="joint")
     k_apex: float | FloatArray = parameter(
         0.12,
-        meaning="stiffness of each of the two apex hinges of a rhombus, on its angle",
-        unit="N m/rad",
+        "stiffness of each of the two apex hinges of a rhombus, on its angle",
+        "N m/rad",
         ge=0,
         each="segment",
         key="apex_hinge_N_m_rad",
     )
-    kelvin_voigt_time: float = parameter(0.05, meaning="damping of every strain over its stiffness", unit="s", ge=0)
+    kelvin_voigt_time: float = parameter(0.05, "damping of every strain over its stiffness", "s", ge=0)
     drag: float = parameter(
         0.0,
-        meaning="viscous medium, (P8): force over speed of the whole worm, shared over the joints like their mass",
-        unit="N s/m",
+        "viscous medium, (P8): force over speed of the whole worm, shared over the joints like their mass",
+        "N s/m",
         ge=0,
     )
 
@@ -102,8 +93,12 @@ class Linkage(ReadOnly):
     @property
     def link_length(self) -> FloatArray:
         """Length a of the links of each segment, shape (N,) [m]."""
-        length: FloatArray = np.sqrt(self.rest_half_height**2 + self.l0**2 / 4.0)
-        return length
+        return np.asarray(np.sqrt(self.rest_half_height**2 + self.l0**2 / 4.0))
+
+    @property
+    def rest_angle(self) -> FloatArray:
+        """Angle of the apex hinges at rest, shape (N,) [rad]."""
+        return hinge_angles(np.full(self.segments, self.l0), self.link_length)
 
     @property
     def total_mass(self) -> float:
@@ -137,8 +132,7 @@ class Linkage(ReadOnly):
 
     def with_changes(self, **changes: object) -> Linkage:
         """Return a copy with some parameters changed."""
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Linkage(**{**given, **changes})
+        return replace(self, **changes)  # type: ignore[arg-type]
 
     def flattening_weight(self, contraction: float = 0.0) -> FloatArray:
         """Return the weight on each segment's bottom apex that flattens the segment (limit point), shape (N,) [N].
@@ -158,8 +152,7 @@ class Linkage(ReadOnly):
             h = np.sqrt(a**2 - length**2 / 4.0)
             hinge = 2.0 * k_apex * 2.0 * (np.arcsin(length / (2 * a)) - np.arcsin(l0 / (2 * a))) / h
             tension = -k * l0 / l_cmd * (1.0 - length / l_cmd) + hinge
-            carried: FloatArray = tension * 4.0 * h / length
-            return carried
+            return np.asarray(tension * 4.0 * h / length)
 
         low, high = l_cmd, 2 * a * (1 - 1e-12)
         for _ in range(5):  # each time between the neighbours of the best: to 1e-7 of the length
@@ -178,5 +171,4 @@ class Linkage(ReadOnly):
         ends = np.zeros(self.segments)
         ends[0] += self.joint_mass[0] / 2.0
         ends[-1] += self.joint_mass[-1] / 2.0
-        load: FloatArray = gravity * (joints + ends + 2.0 * self.apex_mass[:, 1])
-        return load
+        return np.asarray(gravity * (joints + ends + 2.0 * self.apex_mass[:, 1]))

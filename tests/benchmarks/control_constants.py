@@ -59,8 +59,6 @@ compared with the same controller and the usual constant:
 `python tests/benchmarks/control_constants.py`.
 
 """
-EXACT = ("HEADING_INDEX", "CRAB", "UNKNOWNS")
-"""Names of numbers that nobody chose."""
 NOTHING = 0.02
 """Error below which errors count as this one [shares of the speed asked for]."""
 
@@ -111,7 +109,7 @@ def constants() -> Iterator[Constant]:
         for node, after in zip(body, [*body[1:], None], strict=True):
             said = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
             for target in _names(node):
-                if said and target not in EXACT and _is_chosen(getattr(module, target)):
+                if said and _is_chosen(getattr(module, target)):
                     meaning = " ".join(str(said).split()).split(". ")[0].rstrip(".")
                     yield Constant(name, target, getattr(module, target), meaning)
 

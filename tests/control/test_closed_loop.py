@@ -14,7 +14,8 @@ from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import WAVE_SCHEDULES, Wave
 from control.identification.identified import Identified, load
-from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.gauss_newton import PlanStatus
+from control.planning.mpc import GaitMPC, Plan
 from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
 from control.task import ControlTask

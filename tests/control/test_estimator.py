@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from time import process_time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,13 +98,19 @@ def recorded(name: str, slope_deg: float = 0.0) -> Recorded:
     return Recorded(recorder.plan, recorder.phases, recorder.seen)
 
 
+def updated(estimator: Estimator, t: float, *given: Any) -> Estimate:
+    """Return the estimate of an instant after the measurement of this instant."""
+    estimator.take(t, *given)
+    return estimator.estimate(t)
+
+
 def estimated(run: Recorded, sensors: Sensors, estimator: Estimator, steps: int | None = None) -> list[Estimate]:
     """Return the estimates of a run that is seen again through sensors."""
     estimator.reset()
     sensors.reset()
     estimates, asked = [], GaitParameters(0.0, 0.9)
     for seen, phase in zip(run.seen[:steps], run.phases[:steps], strict=True):
-        estimates.append(estimator.update(seen.time, sensors(seen), asked, phase))
+        estimates.append(updated(estimator, seen.time, sensors(seen), asked, phase))
         asked = run.plan(seen.time)
     return estimates
 
@@ -231,7 +238,7 @@ def resting(steps: int, heading: float | None) -> list[Estimate]:
     first = run.seen[0]
     estimator, sensors = Estimator(WORM, model(), heading=heading), Sensors(seed=7)
     asked = GaitParameters(0.0, 0.9)
-    return [estimator.update(0.01 * k, sensors(replace(first, time=0.01 * k)), asked, 0.0) for k in range(steps)]
+    return [updated(estimator, 0.01 * k, sensors(replace(first, time=0.01 * k)), asked, 0.0) for k in range(steps)]
 
 
 def test_at_rest_the_heading_stays_unknown() -> None:
@@ -286,7 +293,7 @@ def test_the_order_of_arrival_of_headings_makes_no_difference(arrival: tuple[int
         estimator, asked = Estimator(WORM, model(), heading=0.0), GaitParameters(0.28, 0.9, hinge=0.3)
         for k in range(11):
             known = {"heading": (np.array(headings[order[k - 6]]), instants[order[k - 6]])} if k > 5 else {}
-            last = estimator.update(0.02 * k, Measurement(0.02 * k, **known), asked, 0.02 * k * 1.8 * np.pi)
+            last = updated(estimator, 0.02 * k, Measurement(0.02 * k, **known), asked, 0.02 * k * 1.8 * np.pi)
         return last
 
     in_order, out_of_order = fed(tuple(range(5))), fed(arrival)
@@ -312,7 +319,7 @@ def test_without_any_sample_it_grows_uncertain() -> None:
         measured = sensors(seen)
         if seen.time > 10.0:
             measured = Measurement(measured.time)
-        estimates.append(estimator.update(seen.time, measured, asked, phase))
+        estimates.append(updated(estimator, seen.time, measured, asked, phase))
         asked = run.plan(seen.time)
     place, _, _ = run.truth()
     last = 2900
@@ -438,7 +445,7 @@ def test_an_update_filters_a_few_samples_once_more_and_never_all(record_property
     run, sensors = recorded("winding"), Sensors(Channel(noise=0.01), Channel(noise=0.005), seed=1)
     estimator, kept, began = Estimator(WORM, model(), heading=0.0), [], process_time()
     for seen, phase in zip(run.seen[:1000], run.phases[:1000], strict=True):
-        estimator.update(seen.time, sensors(seen), run.plan(seen.time), phase)
+        updated(estimator, seen.time, sensors(seen), run.plan(seen.time), phase)
         kept.append(len(estimator._past))
     record_property("cpu_ms_an_update", process_time() - began)
     assert max(kept) == max(kept[:300]), kept
@@ -461,7 +468,7 @@ def test_an_instant_that_is_put_into_a_pause_of_samples_lies_in_it() -> None:
     estimator, asked = Estimator(WORM, model(), heading=0.0), GaitParameters(0.28, 0.9)
     for k in range(60):
         known = {"heading": (np.array(0.05), 0.0)} if k == 0 else {}
-        estimator.update(0.02 * k, Measurement(0.02 * k, **known), asked, 0.02 * k * 1.8 * np.pi)
+        updated(estimator, 0.02 * k, Measurement(0.02 * k, **known), asked, 0.02 * k * 1.8 * np.pi)
         times = [each.sample.time for each in estimator._past]
         assert times == sorted(times)
         assert times[-1] <= 0.02 * k

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.planning.gauss_newton import GaussNewton, Outcome, half_square
+from control.planning.gauss_newton import GaussNewton, PlanStatus, half_square
 
 BOX = np.full(2, -2.0), np.full(2, 2.0)
 
@@ -24,7 +24,7 @@ def test_projection_on_a_box_takes_one_step() -> None:
         lambda z: z - wanted, lambda z: (z - wanted, np.eye(4)), np.zeros(4), -bound, bound
     )
     assert_allclose(found.z, [0.3, -2.0, 1.0, 2.0], atol=1e-8)
-    assert (found.outcome, found.iterations) == (Outcome.CONVERGED, 2)
+    assert (found.outcome, found.iterations) == (PlanStatus.OPTIMAL, 2)
     assert found.certificate < 1e-8
     assert found.cost == pytest.approx((3.0**2 + 7.0**2) / 2.0)
 
@@ -35,7 +35,7 @@ def test_the_certificate_is_the_greatest_way_that_the_gradient_leads_within_the_
     found = GaussNewton(3, 1).minimise(
         lambda z: z - wanted, lambda z: (z - wanted, np.eye(3)), start, -np.full(3, 2.0), np.full(3, 2.0)
     )
-    assert found.outcome is Outcome.IMPROVED
+    assert found.outcome is PlanStatus.BETTER
     assert found.certificate == pytest.approx(gradient[1]), "the third is held by its bound"
 
 
@@ -46,7 +46,7 @@ def test_rosenbrocks_valley_to_its_end_and_with_a_bound_in_the_way() -> None:
     held = GaussNewton(2, 100).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), BOX[0], upper)
     assert_allclose(held.z, [0.5, 0.25], atol=1e-5)  # the valley is z1 = z0^2
     for found in (free, held):
-        assert found.outcome is Outcome.CONVERGED
+        assert found.outcome is PlanStatus.OPTIMAL
         assert found.certificate < 1e-2
 
 
@@ -114,32 +114,32 @@ def test_a_direction_that_no_residual_sees_is_left_alone() -> None:
     found = GaussNewton(2, 3).minimise(
         lambda z: z[:1] - 1.0, lambda z: (z[:1] - 1.0, np.array([[1.0, 0.0]])), np.array([0.0, 0.5]), -bound, bound
     )
-    assert found.outcome is Outcome.CONVERGED
+    assert found.outcome is PlanStatus.OPTIMAL
     assert_allclose(found.z, [1.0, 0.5], atol=1e-8)
 
 
 def test_a_negligible_decrease_ends_the_search_where_it_is() -> None:
     """The promised decrease of a linear problem is the true one: half the square of the distance."""
     wanted, bound = np.zeros(2), np.full(2, 2.0)
-    for decrease, outcome in ((0.8e-6, Outcome.CONVERGED), (1.2e-6, Outcome.IMPROVED)):
+    for decrease, outcome in ((0.8e-6, PlanStatus.OPTIMAL), (1.2e-6, PlanStatus.BETTER)):
         start = np.array([np.sqrt(2.0 * decrease), 0.0])
         found = GaussNewton(2, 1).minimise(
             lambda z: z - wanted, lambda z: (z - wanted, np.eye(2)), start, -bound, bound
         )
         assert found.outcome is outcome
-        assert_allclose(found.z, start if outcome is Outcome.CONVERGED else wanted, atol=1e-9)
+        assert_allclose(found.z, start if outcome is PlanStatus.OPTIMAL else wanted, atol=1e-9)
 
 
 def test_it_says_how_it_failed() -> None:
     start, method = np.array([0.5, 0.5]), GaussNewton(2, 5)
     nowhere = method.minimise(rosenbrock, lambda z: (np.full(2, np.nan), np.eye(2)), start, *BOX)
-    assert (nowhere.outcome, nowhere.iterations) == (Outcome.NOT_FINITE, 0)
+    assert (nowhere.outcome, nowhere.iterations) == (PlanStatus.NOT_FINITE, 0)
     assert_array_equal(nowhere.z, start)
     wrong_way = method.minimise(lambda z: z, lambda z: (z, -np.eye(2)), start, *BOX)
-    assert (wrong_way.outcome, wrong_way.iterations) == (Outcome.STUCK, 1)
+    assert (wrong_way.outcome, wrong_way.iterations) == (PlanStatus.NOT_BETTER, 1)
     assert_array_equal(wrong_way.z, start)
     short = GaussNewton(2, 1).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
-    assert (short.outcome, short.iterations) == (Outcome.IMPROVED, 1)
+    assert (short.outcome, short.iterations) == (PlanStatus.BETTER, 1)
 
 
 @pytest.mark.parametrize(("bound", "expected"), [(1.0, 1.1), (5.0, 2.0)])
@@ -152,7 +152,7 @@ def test_what_exceeds_a_limit_weighs_like_a_miss_and_what_keeps_it_weighs_nothin
 
     box = np.array([-10.0]), np.array([10.0])
     found = GaussNewton(1, 3).minimise(residuals, lambda z: (residuals(z), slopes), np.array([-4.0]), *box, limits=1)
-    assert found.outcome is Outcome.CONVERGED
+    assert found.outcome is PlanStatus.OPTIMAL
     assert_allclose(found.z, expected, rtol=1e-7)
     assert found.cost == pytest.approx(half_square(residuals(found.z), 1))
     assert found.certificate < 1e-6
@@ -165,6 +165,6 @@ def test_what_is_negligible_is_so_beside_the_cost() -> None:
         residuals = lambda z, rest=rest: np.array([rest, z[0] - 0.1])  # noqa: E731
         slopes = lambda z, residuals=residuals: (residuals(z), np.array([[0.0], [1.0]]))  # noqa: E731
         found.append(GaussNewton(1, 5).minimise(residuals, slopes, np.zeros(1), -np.ones(1), np.ones(1)))
-    assert [each.outcome for each in found] == [Outcome.CONVERGED] * 2
+    assert [each.outcome for each in found] == [PlanStatus.OPTIMAL] * 2
     assert_array_equal(found[0].z, 0.0)
     assert_allclose(found[1].z, 0.1, atol=1e-9)

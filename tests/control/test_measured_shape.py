@@ -52,14 +52,6 @@ def test_time_without_samples_counts() -> None:
     assert found[1] == pytest.approx(found[0], rel=1e-12)
 
 
-def test_forgetting() -> None:
-    wave = MeasuredWave(6, Schedule())
-    for phase in (0.0, 1.0):
-        wave.take(strains(phase, 0.1, 0.0, Schedule()), phase)
-    wave.reset()
-    assert_allclose(wave.at(1.0), 0.0, atol=0.0)
-
-
 def test_a_uniform_body_stands_as_high_as_its_chambers() -> None:
     worm = Worm(half_height=np.linspace(0.05, 0.05, 6))
     for strain in (-0.3, 0.0, 0.05):

@@ -80,10 +80,6 @@ def test_wrong_samples_uncertain_predictions_and_steady_errors_are_no_noise() ->
 def test_the_estimate_is_bounded_and_waits_for_some_samples() -> None:
     assert learned(Noise(TOLD, 0.2), 5.0, 300) == 0.2
     assert learned(Noise(TOLD, 0.2), 1.0, NOISE_LEAST) == TOLD
-    noise = Noise(TOLD, 0.2)
-    learned(noise, 0.05, 100)
-    noise.reset()
-    assert noise.deviation == TOLD
 
 
 def test_the_estimator_is_told_how_good_its_sensors_are() -> None:

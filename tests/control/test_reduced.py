@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState, body_shape
-from control.gaits.steering import GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState
+from control.gaits.steering import GaitParameters, PlannedWave, Schedule, WaveGenerator
 from control.identification.identified import Identified, load
 from worm3d import Plane, Worm, simulate
 from worm3d.values.period_means import averaged
@@ -126,37 +126,6 @@ def test_mirrored_input_gives_the_mirrored_path() -> None:
     assert_allclose(right, sides * left, atol=1e-13)
 
 
-def test_shapes_in_closed_form() -> None:
-    shape, n, l0, b = body_shape(WORM), WORM.segments, WORM.l0, WORM.chamber_offset
-    straight = np.array(shape(np.full((n, 2), l0), np.zeros(n - 1)))
-    assert_allclose(straight, np.column_stack([np.arange(n + 1) * l0 - 0.5, np.zeros(n + 1)]), atol=1e-12)
-    # Bends and hinges of one angle each: a regular polygon, turned to its chord.
-    for bend, hinge in ((0.1, 0.0), (0.0, 0.1), (0.25, -0.1)):
-        angle = bend + hinge
-        bent = np.array(shape(np.full((n, 2), l0) + bend * b * np.array([-1.0, 1.0]), np.full(n - 1, hinge)))
-        radius = l0 / (2.0 * np.sin(angle / 2.0))
-        assert np.linalg.norm(bent[-1] - bent[0]) == pytest.approx(2.0 * radius * np.sin(n * angle / 2.0))
-        assert_allclose(np.linalg.norm(np.diff(bent, axis=0), axis=1), l0)
-        assert bent[0, 1] == pytest.approx(bent[-1, 1])
-        assert bent[n // 2, 1] < 0.0 < bent[0, 1], "bent to the left, its middle lies to the right of the chord"
-
-
-@pytest.mark.parametrize(
-    ("given", "error"), [(GaitParameters(0.3, 0.8, bias=0.06), 0.004), (GaitParameters(0.3, 0.8, hinge=0.1), 0.012)]
-)
-def test_strains_give_the_plants_shape(given: GaitParameters, error: float) -> None:
-    """36 mm sideways are known to 4 mm; with hinges, which the ground holds back against the yaw joints, to 12 mm."""
-    run, shape = simulate(WORM, Plane(), actuation=SteeredWave(given), duration=6.0), body_shape(WORM)
-    sideways = 0.0
-    for k in range(300, 600, 23):
-        h = run.heading[k]
-        turned = np.array([[np.cos(h), np.sin(h)], [-np.sin(h), np.cos(h)]])
-        seen = (run.joints[k, :, :2] - run.com[k, :2]) @ turned.T
-        sideways = max(sideways, np.abs(seen[:, 1]).max())
-        assert_allclose(np.array(shape(run.chamber_length[k], run.hinge[k])), seen, atol=error)
-    assert sideways > 0.03
-
-
 def test_it_foretells_half_a_minute_of_the_plant() -> None:
     """Steps of amplitude, frequency and steering, open loop: 1.3 m of way to 0.03 m, and each step to 4 degrees."""
     steered = ((8.0, GaitParameters(0.3, 0.8)), (20.0, GaitParameters(0.25, 0.9, 0.0, 0.06)))
@@ -219,4 +188,4 @@ def test_parameters_and_refusals() -> None:
     with pytest.raises(ValueError, match=r"dt: got 0\.0 s, must be above 0"):
         model().step(0.0)
     with pytest.raises(ValueError, match="chamber_offset: got 0, must be above 0"):
-        body_shape(Worm.planar())
+        ReducedModel.of(Worm.planar(), known())

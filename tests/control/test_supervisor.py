@@ -12,7 +12,8 @@ from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified, load
 from control.loop import LONGEST_START, MOST_KEPT, NO_DECISION, STILL
 from control.planning.feed_forward import FeedForward
-from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.gauss_newton import PlanStatus
+from control.planning.mpc import GaitMPC, Plan
 from control.sensing.sensors import Measurement
 from control.supervisor import LATE, STANDS, UNKNOWN, Supervisor
 from control.task import ControlTask

@@ -226,7 +226,8 @@ def test_an_estimator_without_a_gate_stays_finite_too(wrong: dict[str, Any]) -> 
             measured = Measurement(t, strain=(strain, t), com=(seen, t), heading=(None, NAN))
             if k in (0, 100, 101):
                 measured = replaced(measured, **({"com": com} | wrong))
-            last = estimator.update(t, measured, GaitParameters(0.28, 0.9), 0.9 * 2.0 * np.pi * t)
+            estimator.take(t, measured, GaitParameters(0.28, 0.9), 0.9 * 2.0 * np.pi * t)
+            last = estimator.estimate(t)
         assert np.isfinite(last.state).all()
         assert np.isfinite(last.covariance).all()
         assert np.isfinite(last.slope).all()

@@ -81,7 +81,7 @@ def test_given_regimes_against_central_differences(uneven_worm: Linkage) -> None
     body, ground = body_of(uneven_worm), ground_of_scale(uneven_worm, 1000.0)
     law, given, band, step = np.zeros(SIZE), np.zeros(SIZE), np.zeros((ROWS, SIZE)), 1e-7
     evaluate(q, body, ground, now, True, law, NO_BAND)
-    own = now._replace(regime=regimes.of_law(q, body.a, ground, now))
+    own = now._replace(regime=regimes.of_law(q, body.link_length, ground, now))
     assert len(set(own.regime.ravel())) > 3
     evaluate(q, body, ground, own, True, given, NO_BAND)
     assert_allclose(given, law, rtol=1e-12, atol=1e-12)
@@ -96,7 +96,9 @@ def test_given_regimes_against_central_differences(uneven_worm: Linkage) -> None
 
 
 def potential(worm: Linkage, q: np.ndarray, now: Now, **changes: object) -> float:
-    body: Body = body_of(worm)._replace(joint_mass=np.zeros(N + 1), apex_mass=np.zeros((N, 2)), drag=np.zeros(N + 1))
+    body: Body = body_of(worm)._replace(
+        joint_mass=np.zeros(N + 1), apex_mass=np.zeros((N, 2)), joint_drag=np.zeros(N + 1)
+    )
     no_contact = Ground.none(N)
     return evaluate(q, body, no_contact, now._replace(**changes), False, np.zeros(SIZE), NO_BAND)
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from planar import published
-from planar.metrics import dimensionless_cost_of_transport, p12_cost_of_transport
+from planar.metrics import p12_cost_of_transport
 from planar.published import Parameters
 from planar.published_worm import NET_HALF_BANDWIDTH, Net
 from planar.status import Status
@@ -220,8 +220,6 @@ def test_bad_parameters(changes: dict, sentence: str) -> None:
 def test_cost_of_transport_of_each_step() -> None:
     com_x = np.array([0.0, 0.5, 0.5, 0.25])
     assert_allclose(p12_cost_of_transport(np.array([1.0, 1.0, 1.0]), com_x), [2.0, 0.0, -4.0])
-    assert_allclose(dimensionless_cost_of_transport(2.0, 0.5, 9.81, 4.0), 2.0 / (0.5 * 9.81 * 4.0))
-    assert np.isnan(dimensionless_cost_of_transport(2.0, 0.1, 10.0, -4.0))
 
 
 def test_a_run_that_blows_up_is_not_called_done() -> None:

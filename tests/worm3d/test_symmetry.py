@@ -211,4 +211,4 @@ def test_a_contact_breaks_away_from_1e_9_below_its_limit_on(way: tuple[float, ..
     along = np.array(way) * [mu[0] if way[0] > 0.0 else mu[1], mu[2]]
     y = np.array(way) / np.linalg.norm(along) * c_0 * r * share
     assert (float(contact.static_excess(ca.SX(y), of, law)) > 0.0) == breaks
-    assert planar_ground.BREAKAWAY_TOLERANCE == contact.YIELD_TOLERANCE
+    assert planar_ground.LIMIT_TOLERANCE == contact.YIELD_TOLERANCE

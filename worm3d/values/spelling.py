@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from inspect import Parameter, signature
 from typing import Any, ParamSpec, Self, TypeVar
 
-from worm3d.values.parameters import PARAMETER
+from worm3d.values.parameters import PARAMETER, check
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -63,6 +63,13 @@ class Spelled:
         if named:
             _require_known(cls, cls.__init__, named)
         return super().__new__(cls)
+
+
+class Checked(Spelled):
+    """Base of frozen dataclasses of parameters (`worm3d.values.parameters`), which are checked."""
+
+    def __post_init__(self) -> None:
+        check(self)
 
 
 def spelled(function: Callable[P, R]) -> Callable[P, R]:

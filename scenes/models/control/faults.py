@@ -11,7 +11,7 @@ import numpy as np
 import worm3d
 from control.guest import Guest
 from control.loop import MOST_KEPT, Decision, Driver
-from control.planning.mpc import PlanStatus
+from control.planning.gauss_newton import PlanStatus
 from control.sensing.gate import Gate
 from control.sensing.sensors import QUANTITIES
 from control.tracking.metrics import clearances
