@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planar import figures
+from scenes.models import panels
 from scenes.models.planar.linkage import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from scenes.records.record import Record
-from worm3d.values.arrays import FloatArray
 
 
 def centre_of_mass(record: Record) -> tuple[Figure, Axes]:
@@ -30,14 +30,7 @@ def cumulative_cost(record: Record) -> tuple[Figure, Axes]:
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     """Draw the supply and the use of energy, summed over the steps."""
-
-    def summed(names: dict[str, str]) -> dict[str, FloatArray]:
-        return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
-
-    title = f"{record.title}: energy, summed over the steps"
-    return figures.energy_ledger(
-        record["step_time"], summed(SUPPLIED_ENERGY), summed(STORED_ENERGY), summed(LOST_ENERGY), title=title
-    )
+    return panels.energy_ledger(record, "step_time", SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY)
 
 
 def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
