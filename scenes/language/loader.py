@@ -54,6 +54,12 @@ def _is_there(path: Path) -> bool:
     return True
 
 
+def file_named(name: str) -> Path:
+    """Return the file of a name in a scene: the given path, or the shipped file of that name."""
+    path, shipped = Path(name), SHIPPED_FOLDER / name
+    return shipped if not os.path.exists(path) and os.path.isfile(shipped) else path
+
+
 def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to start from") -> str:
     """Return the text of a scene or of a file that a scene needs, without a byte order mark.
 

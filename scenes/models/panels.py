@@ -53,8 +53,7 @@ def ends(axes: Axes, joints: FloatArray) -> None:
 
 def energy_ledger(record: Record, time: str, *terms: Iterable[str]) -> tuple[Figure, Axes]:
     """Draw the supply and the use of energy, summed over the run: the terms supplied, stored and lost."""
-    curves = [
-        {name.replace("_", " "): np.cumsum(record[name]) for name in names if name in ALWAYS or np.any(record[name])}
-        for names in terms
-    ]
-    return figures.energy_ledger(record[time], *curves, title=f"{record.title}: energy, summed over the run")
+    drawn = ([name for name in names if name in ALWAYS or np.any(record[name])] for names in terms)
+    supplied, stored, lost = ({name.replace("_", " "): np.cumsum(record[name]) for name in names} for names in drawn)
+    title = f"{record.title}: energy, summed over the run"
+    return figures.energy_ledger(record[time], supplied, stored, lost, title=title)

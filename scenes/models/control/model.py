@@ -29,11 +29,7 @@ from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
 
-FIGURE_NAMES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
-"""Names of the pictures of a controlled run, which are functions in `scenes.models.control.figures`."""
-
-OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
-"""Pictures of the worm that a controlled run also has."""
+FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 
 NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
 START_WAVES, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
@@ -141,11 +137,8 @@ CONTROL_MODEL = Model(
     schema=ControlScene,
     checks=CONTROL_CHECKS,
     run=run,
-    figures={
-        **pictures("scenes.models.control.figures", **{stem: stem for stem in FIGURE_NAMES}),
-        "side_and_top": worm_view.side_and_top,
-        **pictures(worm.FIGURES_MODULE, **{stem: stem for stem in OF_THE_WORM}),
-    },
+    figures=pictures("scenes.models.control.figures", *FIGURES)
+    | pictures("scenes.models.worm.figures", "side_and_top", *worm.OF_A_BODY),
     overview=worm_overview.draw,
     animate=worm_view.RunMovie,
     view=worm_view.view,

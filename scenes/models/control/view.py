@@ -57,13 +57,9 @@ def path_seen(record: Record, scene: ControlScene) -> Path | None:
 
 def reference_seen(record: Record, scene: ControlScene) -> Reference:
     """Return the task of the worm in a stored run, with `path_seen`."""
-    from control.tracking.references import Reference
-    from scenes.models.control.reference import reference_along, speed_of
+    from scenes.models.control.reference import reference_along
 
-    path = path_seen(record, scene)
-    if path is None and is_own(scene.reference.kind):
-        return Reference(speed_of(scene.reference))  # from an earlier version, without a stored path or bounds
-    return reference_along(scene, path)
+    return reference_along(scene, path_seen(record, scene))
 
 
 def period(record: Record) -> float | None:

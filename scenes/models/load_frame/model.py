@@ -16,7 +16,7 @@ import numpy as np
 from control.parts import HYSTERESIS
 from scenes.language.checks import Check, Found
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED_FOLDER
+from scenes.language.loader import file_named
 from scenes.language.parts import keys_by_parameter, part_named, part_of
 from scenes.models.base import Model, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, in_keys
@@ -67,10 +67,7 @@ def instants(scene: LoadFrameScene) -> FloatArray:
 
 def file_of(frame: Frame) -> Path | None:
     """Return the file of the section [frame], or the shipped file of that name; None without a file."""
-    if frame.file == NO_FILE:
-        return None
-    path, shipped = Path(frame.file), SHIPPED_FOLDER / frame.file
-    return shipped if not path.exists() and shipped.is_file() else path
+    return None if frame.file == NO_FILE else file_named(frame.file)
 
 
 def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
@@ -207,7 +204,7 @@ LOAD_FRAME_MODEL = Model(
     schema=LoadFrameScene,
     checks=LOAD_FRAME_CHECKS,
     run=run,
-    figures=pictures("scenes.models.load_frame.figures", force_over_cable="force_over_cable", energy="energy"),
+    figures=pictures("scenes.models.load_frame.figures", "force_over_cable", "energy"),
     overview=overview.draw,
     advice="try a smaller run.dt_s",
     moves=False,

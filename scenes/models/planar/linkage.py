@@ -59,14 +59,8 @@ def run(scene: LinkageScene, observer: Observer) -> Outcome:
     result = simulate(scene, observer)
     wall_s = perf_counter() - start
     summary = merits(scene, result)
-    return Outcome(
-        status=status_word(result.status),
-        sentence=result.stop.sentence,
-        variables=_variables(scene, result),
-        summary=summary,
-        reasons=reasons(summary),
-        wall_s=wall_s,
-    )
+    ended = status_word(result.status), result.stop.sentence
+    return Outcome(*ended, _variables(scene, result), summary, reasons(summary), wall_s)
 
 
 def cumulative_cost(work: FloatArray, com_x: FloatArray) -> FloatArray:
@@ -196,11 +190,7 @@ LINKAGE_MODEL = Model(
     run=run,
     figures=pictures(
         "scenes.models.planar.figures",
-        centre_of_mass="centre_of_mass",
-        cumulative_cost_of_transport="cumulative_cost",
-        energy_ledger="energy_ledger",
-        loads_and_slip="loads_and_slip",
-        contraction="contraction",
+        *("centre_of_mass", "cumulative_cost_of_transport", "energy_ledger", "loads_and_slip", "contraction"),
     ),
     overview=_overview,
     animate=animate,

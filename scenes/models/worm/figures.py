@@ -15,7 +15,7 @@ from scenes.models import panels
 from scenes.models.panels import at_least, ends, from_above, stacked
 from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
-from scenes.models.worm.view import scene_of
+from scenes.models.worm.view import scene_of, side_and_top
 from scenes.records.record import Record
 from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.values.arrays import FloatArray
@@ -23,7 +23,15 @@ from worm3d.values.arrays import FloatArray
 if TYPE_CHECKING:
     from scenes.models.worm.schema import AnyWormScene
 
-__all__ = ["body", "centre_of_mass_and_heading", "contraction", "energy_ledger", "loads_and_slip", "path"]
+__all__ = [
+    "body",
+    "centre_of_mass_and_heading",
+    "contraction",
+    "energy_ledger",
+    "loads_and_slip",
+    "path",
+    "side_and_top",
+]
 
 
 INFINITY_M = 1e3
