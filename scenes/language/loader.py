@@ -14,9 +14,6 @@ from worm3d.values.spelling import did_you_mean
 SHIPPED_FOLDER = Path(__file__).parents[1]
 """Folder of the scenes that come with the program."""
 
-LARGEST_FILE = 4_000_000
-"""Largest scene file [byte]: enough for a pipe through 50,000 points."""
-
 
 def shipped_scenes() -> dict[str, Path]:
     """Return the files of the shipped scenes by name."""
@@ -66,7 +63,8 @@ def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to s
     If the file is empty, the error says what to do `instead`.
     """
     try:
-        text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
+        # The largest file is enough for a pipe through 50,000 points.
+        text = regular_file.read(path, 4_000_000).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not a text in UTF-8 (byte {error.start + 1}); save it as UTF-8") from error
     except OSError as error:

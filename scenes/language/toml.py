@@ -36,9 +36,6 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 
-SHOWN_CHARACTERS = 160
-"""Number of characters of a source line shown with a mistake."""
-
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 _KEY_TUPLE = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
@@ -84,7 +81,8 @@ def _items(outer: Any) -> Iterator[Any]:
     return (item for item in inner if isinstance(item, dict | list))
 
 
-def _picture(text: str, message: str) -> tuple[str, str, str]:
+def _picture(text: str, message: str, most: int = 160) -> tuple[str, str, str]:
+    """Return an error of tomllib in words, `most` characters of the source line, and a caret under the column."""
     lines = text.replace("\r\n", "\n").split("\n")
     place = _PLACE.search(message)
     if place and place[1]:
@@ -93,8 +91,8 @@ def _picture(text: str, message: str) -> tuple[str, str, str]:
         line = max(n for n, content in enumerate(lines, 1) if content.strip())
         column = len(lines[line - 1]) + 1
     what = _KEY_TUPLE.sub(lambda keys: f"'{_dotted(keys[0])}'", _PLACE.sub("", message))
-    begin = max(0, column - 1 - SHOWN_CHARACTERS // 2) if len(lines[line - 1]) > SHOWN_CHARACTERS else 0
-    source = "".join(char if char.isprintable() else " " for char in lines[line - 1][begin : begin + SHOWN_CHARACTERS])
+    begin = max(0, column - 1 - most // 2) if len(lines[line - 1]) > most else 0
+    source = "".join(char if char.isprintable() else " " for char in lines[line - 1][begin : begin + most])
     return (
         f"line {line}, column {column}: broken TOML: {what[:1].lower()}{what[1:]}",
         f"    {source}",

@@ -32,8 +32,7 @@ from worm3d.values.named import is_own
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 
 NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
-START_WAVES, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
-"""Duration of the start [waves], during which a heading is sought; `nis_mean` does not include the start."""
+NO_NIS = "this controller estimates nothing from innovations, or none came after its start"
 
 
 class Phased:
@@ -116,7 +115,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return (KF7) of a controller's estimator after the start, or the reasons for missing values."""
-    start = START_WAVES * controller.period
+    start = 3.0 * controller.period  # a heading is sought for three waves
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])
     nis = [value for t, value in seen if t >= start]
     if not nis:

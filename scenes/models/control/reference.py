@@ -187,10 +187,7 @@ def _begin(scene: Any) -> tuple[tuple[float, float], float]:
     """Return the start of a path and the direction there: as given, or the middle of the worm and its direction."""
     asked = scene.reference
     azimuth = scene.start.azimuth_deg if asked.azimuth_deg is None else asked.azimuth_deg
-    if asked.start_m is not None:
-        x, y = asked.start_m
-    else:
-        x, y = middle_of(scene)
+    x, y = middle_of(scene) if asked.start_m is None else asked.start_m
     return (float(x), float(y)), math.radians(azimuth)
 
 

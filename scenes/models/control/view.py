@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from worm3d.running.live import Horizon
 
 
-ABOVE = 0.004
-"""Height of lines above the ground, so that they are visible [m]."""
-
-
 def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
     """Return the period, the path, obstacles and, at the stored instants, the predicted path and the desired speed.
 
@@ -100,5 +96,5 @@ def _in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatAr
     else:
         azimuth = math.radians(world.heading_deg)
         ascent = places @ np.array([math.cos(azimuth), math.sin(azimuth)])
-        heights = ABOVE + math.tan(math.radians(world.slope_deg)) * ascent
+        heights = 0.004 + math.tan(math.radians(world.slope_deg)) * ascent
     return np.concatenate([places, heights[..., None]], axis=-1)

@@ -50,9 +50,6 @@ OF_A_WORM = (
 
 LENGTH_KEY = SEGMENT_KEYS["length"]
 
-MOST_STEPS = 1_000_000
-"""Largest number of time steps."""
-
 
 def worm_of(scene: LoadFrameScene) -> PlantWorm:
     """Return the worm of one segment described by a scene."""
@@ -185,11 +182,11 @@ def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, 
     return None
 
 
-def _not_too_many(dt_s: float, duration_s: float) -> Found:
+def _not_too_many(dt_s: float, duration_s: float, most: int = 1_000_000) -> Found:
     steps = duration_s / dt_s
-    if steps <= MOST_STEPS:
+    if steps <= most:
         return None
-    return f"got {dt_s} s: makes {steps:.3g} steps of run.duration_s ({duration_s} s), at most {MOST_STEPS} are allowed"
+    return f"got {dt_s} s: makes {steps:.3g} steps of run.duration_s ({duration_s} s), at most {most} are allowed"
 
 
 LOAD_FRAME_CHECKS = (

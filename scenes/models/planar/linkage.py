@@ -21,9 +21,6 @@ from worm3d.values.variable import Variable
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-SHORTEST_STEP = 1e-6
-"""Steps that move the centre of mass by less are left out of the cumulative cost of transport [m]."""
-
 LINKAGE_ADVICE = (
     "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
     "worm.torsion_J or worm.kelvin_voigt_time_s"
@@ -63,9 +60,12 @@ def run(scene: LinkageScene, observer: Observer) -> Outcome:
     return Outcome(*ended, _variables(scene, result), summary, reasons(summary), wall_s)
 
 
-def cumulative_cost(work: FloatArray, com_x: FloatArray) -> FloatArray:
-    """Return the sum of |work / dx| (P12), (P14) over the steps so far, as the paper plots it, shape (S,) [J/m]."""
-    cumulative: FloatArray = np.cumsum(np.abs(p12_cost_of_transport(work, com_x, SHORTEST_STEP)))
+def cumulative_cost(work: FloatArray, com_x: FloatArray, shortest: float = 1e-6) -> FloatArray:
+    """Return the sum of |work / dx| (P12), (P14) over the steps so far, as the paper plots it, shape (S,) [J/m].
+
+    Steps that move the centre of mass by less than `shortest` [m] are left out.
+    """
+    cumulative: FloatArray = np.cumsum(np.abs(p12_cost_of_transport(work, com_x, shortest)))
     return cumulative
 
 

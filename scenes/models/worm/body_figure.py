@@ -19,14 +19,8 @@ if TYPE_CHECKING:
     from worm3d import World
 
 
-STEEP = 2.0
-"""Smallest ratio of height to length and width for a worm that is drawn as climbing steeply."""
-
 WALLED = ("pipe", "slope_into_pipe", "mesh")
 """Worlds whose walls appear in a horizontal section."""
-
-SAMPLES_PER_SIDE = 250
-"""Number of positions along each side at which a section is evaluated."""
 
 
 def body(record: Record) -> tuple[Figure, Axes]:
@@ -38,7 +32,7 @@ def body(record: Record) -> tuple[Figure, Axes]:
     rows = np.unique(np.linspace(0, len(record["time"]) - 1, 5).round().astype(int))
     joints, points = (in_its_frame(record, record[name][rows]) for name in ("joints", "points"))
     low, high = points.reshape(-1, 3).min(axis=0), points.reshape(-1, 3).max(axis=0)
-    climbs = bool((high - low)[2] > STEEP * (high - low)[:2].max())
+    climbs = bool((high - low)[2] > 2.0 * (high - low)[:2].max())
     margin = float((high - low)[[0, 2]].max()) * (0.06 if climbs else np.array([0.05, 0.02, 0.02]))
     low, high = low - margin, high + margin
     figure, grid = _stage(high - low, len(rows), climbs)
@@ -123,8 +117,8 @@ def _section(axes: Axes, record: Record, world: World | None, com: FloatArray, a
     """Draw vertical sections of solids through the centre of mass, and horizontal sections if there are walls."""
     if world is None or (across == 1 and scene_of(record).world.kind not in WALLED):
         return
-    sides = [np.linspace(*limits, SAMPLES_PER_SIDE) for limits in (axes.get_xlim(), axes.get_ylim())]
-    places = np.tile(com, (SAMPLES_PER_SIDE, SAMPLES_PER_SIDE, 1))
+    sides = [np.linspace(*limits, 250) for limits in (axes.get_xlim(), axes.get_ylim())]
+    places = np.tile(com, (250, 250, 1))
     places[..., 0], places[..., across] = np.meshgrid(*sides)
     distance = world.distance(in_its_frame(record, places, back=True))
     axes.contourf(*sides, distance, levels=[-1e3, 0.0], colors=["0.85"], zorder=0)

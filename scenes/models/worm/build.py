@@ -54,12 +54,6 @@ PARTS = {
 }
 """Kind of the parts in each section of the 3D worm, by the name of section and parameter."""
 
-STEPS_BETWEEN_LOOKS = 50
-"""Approximate number of steps between two checks whether the user wants to stop a run without a controller."""
-
-PUSH_DELAY_STEPS = 1e-6
-"""Fraction of a time step by which a push is delayed, so that rounding does not decide in which step it starts."""
-
 Force = Callable[[float], NDArray[np.float64]]
 
 Drive = tuple[Actuation, Sensor | None]
@@ -87,8 +81,9 @@ def simulate(
     """
     try:
         problem = problem_of(scene, state, done, drive)
-        # A run that ends between two stored states could not be continued without a gap.
-        rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
+        # Without a controller, the user is asked about every 50 steps whether to stop, and only at stored states: a
+        # run that ends between two of them could not be continued without a gap.
+        rows = 1 if drive is not None else max(1, 50 // problem.record_every)
         looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
         def observers(run: runs.Run) -> list[runs.Observer]:
@@ -196,6 +191,6 @@ def force_of(push: Push, segments: int, dt: float) -> Force | None:
         return None
     force = np.zeros((segments + 1, 3))
     force[push.joint] = push.force_N
-    begin = push.begin_s + PUSH_DELAY_STEPS * dt
+    begin = push.begin_s + 1e-6 * dt  # so that rounding does not decide in which step the push starts
     end = math.inf if push.duration_s is None else begin + push.duration_s
     return lambda t: force if begin < t <= end else np.zeros_like(force)

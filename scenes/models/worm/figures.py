@@ -34,10 +34,6 @@ __all__ = [
 ]
 
 
-INFINITY_M = 1e3
-"""Distance that represents infinity in a picture [m]."""
-
-
 def path(record: Record) -> tuple[Figure, Axes]:
     """Draw the path of the centre of mass from above, with headings, and the body at both ends."""
     com, heading = record["com"], record["heading"]
@@ -126,8 +122,9 @@ def _patches(axes: Axes, scene: AnyWormScene) -> None:
     slope, heading = math.radians(world.slope_deg), math.radians(world.heading_deg)
     ascent = math.cos(slope) * np.array([math.cos(heading), math.sin(heading)])
     left = np.array([-math.sin(heading), math.cos(heading)])
+    everywhere = (-1e3, 1e3)
     for k, patch in enumerate(world.patches):
-        along, across = patch.along_m or (-INFINITY_M, INFINITY_M), patch.across_m or (-INFINITY_M, INFINITY_M)
+        along, across = patch.along_m or everywhere, patch.across_m or everywhere
         corners = [u * ascent + v * left for u, v in zip((*along, *along[::-1]), np.repeat(across, 2), strict=True)]
         area = Polygon(corners, facecolor=f"C{k + 1}", alpha=0.15, zorder=0, label=f"friction x {patch.grip:g}")
         axes.add_patch(area)
