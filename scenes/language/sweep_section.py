@@ -31,8 +31,7 @@ class Sweep(Section):
         CASE_LIMIT, unit="s", gt=0, le=LONGEST_CASE_LIMIT, meaning="longest time of a case; one that takes longer fails"
     )
     choices: dict[str, dict[str, dict[str, Any]]] = setting(
-        {},
-        meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }',
+        {}, meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }'
     )
     set: dict[str, Any] = setting(
         {}, meaning='keys that follow from varied ones by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'

@@ -84,8 +84,9 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
 
 
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
-    drive = injected(driver, scene), sensors_of(scene)
-    result = simulate(scene, observer, live=live, drive=drive)
+    faults = faults_of(scene)
+    faulty = Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
+    result = simulate(scene, observer, live=live, drive=(faulty, sensors_of(scene)))
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result, scene), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
@@ -122,12 +123,6 @@ def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, 
         return dict.fromkeys(NIS), dict.fromkeys(NIS, NO_NIS)
     found = consistency(nis)
     return dict(zip(NIS, (found.mean, found.low, found.high), strict=True)), {}
-
-
-def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
-    """Return a driver with the faults of a scene added, if there are any."""
-    faults = faults_of(scene)
-    return Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
 
 
 CONTROL_MODEL = Model(

@@ -78,10 +78,7 @@ class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH_KIND}):
         (), only=HEADING_KIND, meaning="steps of the heading, each a table of at_s and heading_deg"
     )
     start_m: Pair | None = setting(
-        unit="m",
-        only=BEGUN,
-        left_out="the middle of the worm as it starts",
-        meaning="where the path begins: x, y",
+        unit="m", only=BEGUN, left_out="the middle of the worm as it starts", meaning="where the path begins: x, y"
     )
     azimuth_deg: float | None = setting(
         unit="deg",

@@ -106,15 +106,10 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         "or of bend_deg, bend_radius_m and towards = left, right, up or down",
     )
     points_m: Points = setting(
-        (),
-        unit="m",
-        only=PIPE,
-        meaning="instead of tilt_deg and pieces, places [x, y, z] that it goes through",
+        (), unit="m", only=PIPE, meaning="instead of tilt_deg and pieces, places [x, y, z] that it goes through"
     )
     radii: Tables[Radius] = setting(
-        (),
-        only=PIPES,
-        meaning="instead of radius_m, places with at_m and radius_m, between them the wall is a cone",
+        (), only=PIPES, meaning="instead of radius_m, places with at_m and radius_m, between them the wall is a cone"
     )
     rounding_m: float | None = setting(
         unit="m",
@@ -152,11 +147,7 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         meaning="of the highest stone, a step, a crest above the mean, or white above black",
     )
     size_m: float = setting(
-        0.15,
-        unit="m",
-        gt=0,
-        only=HEIGHTFIELD,
-        meaning="radius of the largest stone, tread of a step, or wavelength",
+        0.15, unit="m", gt=0, only=HEIGHTFIELD, meaning="radius of the largest stone, tread of a step, or wavelength"
     )
     ramp_m: float = setting(0.1, unit="m", gt=0, only=HEIGHTFIELD, meaning="length over which a step rises")
     stones: int = setting(0, ge=0, le=2**63 - 1, only=HEIGHTFIELD, meaning="seed of the stones")
@@ -169,10 +160,7 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         is_file=True,
     )
     units: Literal["unknown", "m", "cm", "mm", "in", "ft"] = setting(
-        "unknown",
-        only=MESH,
-        meaning="of the file's coordinates; only GLB files say theirs",
-        aka=("mesh_units",),
+        "unknown", only=MESH, meaning="of the file's coordinates; only GLB files say theirs", aka=("mesh_units",)
     )
     solid: Literal["inside", "outside"] = setting(
         "inside", only=MESH, meaning="what it encloses is solid, or free, as the air in a tunnel"

@@ -159,12 +159,7 @@ SPATIAL_CHECKS = (
 )
 """Checks for every 3D worm, with a gait or a controller."""
 
-WORM_CHECKS = (
-    *SPATIAL_CHECKS,
-    *gait_checks(WormGait, Worm),
-    *REFLEX_CHECKS,
-    start_check(WormScene),
-)
+WORM_CHECKS = (*SPATIAL_CHECKS, *gait_checks(WormGait, Worm), *REFLEX_CHECKS, start_check(WormScene))
 
 PLANAR_CHECKS = (
     *WORLD_CHECKS,
