@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from scenes.language.mistakes import Mistake, schema_mistakes
-from scenes.language.schema import Section, keys_in, setting
+from scenes.language.schema import Section, setting
 
 SWEEP, STUDY = "sweep", "study"
 """Names of the sections."""
@@ -60,18 +59,11 @@ class Study(Section):
     )
 
 
-class _Outside(Section):
+class Outside(Section):
+    """Sections of a scene file that do not belong to the scene itself."""
+
     sweep: Sweep = Sweep(vary={})
     study: Study = Study()
-
-
-OUTSIDE = tuple(keys_in(_Outside))
-"""Sections of a scene file that do not belong to the scene itself."""
-
-
-def outside_mistakes(given: Mapping[str, object]) -> list[Mistake]:
-    """Return the mistakes in these sections."""
-    return schema_mistakes(_Outside, given)
 
 
 def varied_keys(vary: Mapping[str, Any], before: str = "") -> dict[str, Any]:

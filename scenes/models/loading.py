@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,11 @@ from scenes.language import own, toml
 from scenes.language.checks import Check, Passed, cross_mistakes, kind_checks
 from scenes.language.errors import SceneError, printable
 from scenes.language.loader import SHIPPED_FOLDER, find_scene, read_text
-from scenes.language.mistakes import Mistake, report, validated
+from scenes.language.mistakes import Mistake, report, schema_mistakes, validated
 from scenes.language.overrides import apply_overrides
 from scenes.language.reading import trusted
 from scenes.language.schema import Section, key_at, keys_in, with_own_defaults
-from scenes.language.sweep_section import OUTSIDE, STUDY, SWEEP, outside_mistakes
+from scenes.language.sweep_section import STUDY, SWEEP, Outside
 from scenes.models.base import Model
 from worm3d.values.spelling import did_you_mean
 
@@ -37,10 +37,6 @@ class Scene:
 
     def to_toml(self) -> str:
         """Return the resolved scene as TOML that can be loaded again, without [sweep] and [study]."""
-        return self._toml
-
-    @cached_property
-    def _toml(self) -> str:
         return toml.document(self.settings)
 
 
@@ -103,8 +99,8 @@ class Draft:
         """
         data, overridden, mistakes = apply_overrides(self._data, overrides)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
-        outside = {name: data.pop(name) for name in OUTSIDE if name in data}
-        mistakes += outside_mistakes(outside)
+        outside = {name: data.pop(name) for name in keys_in(Outside) if name in data}
+        mistakes += schema_mistakes(Outside, outside)
         model, model_mistakes = _model_of(data)
         # Every section, so that each missing mandatory key is reported by name.
         sections: dict[str, Any] = {name: {} for name, known in keys_in(model.schema).items() if known.section}

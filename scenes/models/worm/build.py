@@ -17,7 +17,7 @@ from control.parts import ACTUATOR, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, ME
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.errors import SceneError
-from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of
+from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of, values_of
 from scenes.models.base import Observer
 from scenes.models.checks import in_keys
 from scenes.models.sections import gait_from
@@ -28,7 +28,6 @@ from scenes.models.worm.schema import (
     AimedStart,
     AnyWormScene,
     GaitScene,
-    PlanarWorm,
     PlanarWormScene,
     Push,
     Start,
@@ -42,8 +41,8 @@ from worm3d.running.problem import Problem
 from worm3d.values import named
 from worm3d.values.named import Kind, declared
 
-WORM_KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
-"""Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
+WORM_KEYS = keys_by_parameter(worm3d.Worm, Worm)
+"""Key of each parameter of `worm3d.Worm` in the section [worm]."""
 
 PARTS = {
     "actuator": ACTUATOR,
@@ -122,7 +121,7 @@ def problem_of(
 def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm described by the section [worm]."""
     if isinstance(scene, PlanarWormScene):
-        return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
+        return worm3d.Worm.planar(**values_of(Linkage, scene.worm))
     chosen: dict[str, Any] = {name: _part(name, kind, getattr(scene, name)) for name, kind in PARTS.items()}
     return replace(part_of(worm3d.Worm, scene.worm), **chosen)
 
