@@ -69,18 +69,9 @@ def _worm_has_it(asked: bool, *sections: Section, name: str) -> Found:
     return f"got true: this worm has no {QUANTITIES[name].meaning}"
 
 
-def _senses(kind: str) -> tuple[str, ...]:
-    """Return the channels that a controller needs; empty for an unknown controller."""
-    try:
-        needed: tuple[str, ...] = getattr(controllers.controller(kind), "senses", ())
-    except ValueError:
-        return ()
-    return needed
-
-
 def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
     """Report a controller that needs a sensor that the scene does not switch on."""
-    if asked or name not in _senses(kind):
+    if asked or name not in getattr(controllers.controller(kind), "senses", ()):
         return None
     return {
         "controller.kind": f"got '{kind}': it needs a sensor of its own: set sensor.{name} = true",

@@ -168,15 +168,14 @@ def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, 
     """Report errors of the frame: a file without a cable, or more cable than the segment has."""
     scene = LoadFrameScene(model="load_frame", worm=worm, hysteresis=hysteresis, frame=frame, run=run)
     try:
-        cable = cable_of(scene.frame, instants(scene))
+        cable = cable_of(frame, instants(scene))
+        segment = worm_of(scene)
     except SceneError as error:
         return {"frame.file": str(error)}
-    try:
-        segment = worm_of(scene)
     except ValueError as error:
         return {"worm": in_keys(str(error), SEGMENT_KEYS)}
     try:
-        shape(segment, cable, scene.frame.cable_per_diameter)
+        shape(segment, cable, frame.cable_per_diameter)
     except ValueError as error:
         return dict.fromkeys(("frame", "worm"), in_keys(str(error), SEGMENT_KEYS))
     return None
