@@ -197,7 +197,7 @@ def init(
     init FILE -o gait.kind=my_robot:Kick' includes the keys of your own part.
     """
     from scenes import models
-    from scenes.language.template import template
+    from scenes.models.template import template
     from scenes.records.folder import write_bytes
     from scenes.running.terminal import counted
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from operator import is_
 from typing import Any
 
@@ -198,52 +198,35 @@ def _written_below(data: Any, path: KeyPath) -> Iterator[KeyPath]:
 
 
 def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any:
+    known = key_at(schema, path)
+    assert known is not None
     here: Any = data
     for key in path:
         if not isinstance(here, Mapping) or key not in here:
-            return _default(schema, path)
+            return known.default
         here = here[key]
-    section = _key(schema, path).section if isinstance(here, Mapping) else None
+    section = known.section if isinstance(here, Mapping) else None
     return here if section is None else read(section, here)[0] or LACKING
-
-
-@cache
-def _default(schema: type[Section], path: KeyPath) -> Any:
-    return _key(schema, path).default
-
-
-def _key(schema: type[Section], path: KeyPath) -> Key:
-    known = key_at(schema, path)
-    assert known is not None
-    return known
 
 
 def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
     """Return the checks that each key set in a section is for the value of the section's key `by`."""
-    tests = {name: [of_this_kind] * bool(known.only) for name, known in keys_in(schema).items()}
-    for name, known in keys_in(schema).items():
-        tests[name] += [_word_of_this_kind] * bool(known.kinds_by_word and name != by)
     return tuple(
-        Check(
-            (f"{section}.{name}", f"{section}.{by}"), partial(test, by=f"{section}.{by}", known=keys_in(schema)[name])
-        )
-        for name, asked in tests.items()
-        for test in asked
+        Check((f"{section}.{name}", f"{section}.{by}"), partial(of_this_kind, by=f"{section}.{by}", known=known))
+        for name, known in keys_in(schema).items()
+        if known.only or known.kinds_by_word
     )
 
 
-def _word_of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
-    allowed = known.words_for(kind)
-    # A kind without the key has no words; `of_this_kind` reports the mistake. The user's own part allows all words.
-    if not allowed or value in allowed or value not in known.choices:
-        return None
-    return f"got {value!r}: not for {by} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
-
-
 def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
-    """Report a key that is set but is for other kinds (values of the key `by`), unless the key is at its default."""
+    """Report a key or a word that is for other kinds (values of the key `by`), unless a key is at its default."""
+    if known.is_for(kind):
+        allowed = known.words_for(kind)  # none for the user's own part, which allows all words
+        if not allowed or value in allowed or value not in known.choices:
+            return None
+        return f"got {value!r}: not for {by} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
     defaults = (known.default, *known.defaults_by_kind.values())  # resolved scenes and templates hold all keys
-    if known.is_for(kind) or (tuple(value) if isinstance(value, list) else value) in defaults:
+    if (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
     kinds = " or ".join(few([repr(each) for each in known.only])) or "others"
     return (

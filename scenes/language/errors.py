@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-MAX_LINE_LENGTH = 1000
-"""Largest number of characters of a line of output; the middle of a longer line is left out."""
 
+def printable(text: str, most: int = 1000) -> str:
+    """Return a line of text made safe for a terminal: control characters are escaped, and long text is shortened.
 
-def printable(text: str) -> str:
-    """Return a line of text made safe for a terminal: control characters are escaped, and long text is shortened."""
+    The middle of a text of more than `most` characters is left out.
+    """
     shown = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
-    half = MAX_LINE_LENGTH // 2
-    return shown if len(shown) <= MAX_LINE_LENGTH else f"{shown[:half]} ... {shown[-half:]}"
+    return shown if len(shown) <= most else f"{shown[: most // 2]} ... {shown[-(most // 2) :]}"
 
 
 class SceneError(Exception):

@@ -67,7 +67,9 @@ def _explained(schema: type[Section], wrong: Wrong, models: Models) -> Mistake:
     if known.table:
         return Mistake(path, f"got {shown(found)}: must be sections of keys under headers [[{_header(path)}]]")
     words = [(word, word) for word in known.choices if isinstance(word, str)]
-    advice = _suggestion(found, words) if isinstance(found, str) and not text.endswith("a valid list") else ""
+    is_word = isinstance(found, str) and not text.endswith("a valid list")
+    meant = did_you_mean(found, words) if is_word else None
+    advice = f"; did you mean '{meant}'?" if meant else ""
     return Mistake(path, f"got {shown(found)}: {text}{advice}{known.described()}")
 
 
@@ -96,11 +98,6 @@ def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) ->
     owners = models(str(path[0])) if len(path) == 1 else ()
     hint = f"; scenes with model = {' or '.join(map(repr, owners))} have it" if owners else ""
     return Mistake(path, text + hint)
-
-
-def _suggestion(word: str, known: Iterable[tuple[str, str]]) -> str:
-    meant = did_you_mean(word, known)
-    return f"; did you mean '{meant}'?" if meant else ""
 
 
 def dotted(path: KeyPath) -> str:

@@ -11,25 +11,21 @@ from scenes.language.mistakes import Mistake, dotted
 from scenes.language.toml import MAX_NESTING, KeyPath, path_of, require_shallow
 from worm3d.values.named import is_own
 
-MAX_OVERRIDES = 1000
-"""Largest number of overrides of a scene; larger changes belong in the scene file."""
-
 
 def apply_overrides(
-    data: Mapping[str, Any], overrides: Iterable[str]
+    data: Mapping[str, Any], overrides: Iterable[str], most: int = 1000
 ) -> tuple[dict[str, Any], list[KeyPath], list[Mistake]]:
     """Return a copy of the data with the overrides applied, the paths of the overrides, and the unusable overrides.
 
     Raises
     ------
     SceneError
-        There are too many overrides, or an override is nested too deeply for a scene.
+        There are more overrides than `most` (larger changes belong in the scene file), or an override is nested too
+        deeply for a scene.
     """
     overrides = tuple(overrides)
-    if len(overrides) > MAX_OVERRIDES:
-        raise SceneError(
-            f"got {len(overrides)} overrides, at most {MAX_OVERRIDES} are allowed: write them into a scene's file"
-        )
+    if len(overrides) > most:
+        raise SceneError(f"got {len(overrides)} overrides, at most {most} are allowed: write them into a scene's file")
     result: dict[str, Any] = dict(data)
     paths: list[KeyPath] = []
     mistakes: list[Mistake] = []

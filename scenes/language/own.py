@@ -22,6 +22,9 @@ from worm3d.values.named import Kind
 
 S = TypeVar("S", bound=Section)
 
+Extended = tuple[type[Section], Mapping[str, Any], list[Mistake]]
+"""A section with the keys of users' own parts, the data of the section, and the mistakes."""
+
 
 class _Named(NamedTuple):
     """A user's own part that a section names."""
@@ -48,39 +51,45 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
     The modules of the parts are imported. In the data, a switch becomes a sub-section.
     """
     filled, mistakes, changed = dict(data), list[Mistake](), dict[str, type[Section]]()
-    for name, section, given, asked in _sections(schema, data):
-        found, lost = _found(name, asked, mistakes)
-        off = {each.name for each in found if each.key == ITSELF and given.get(each.name) is False}
-        found = [each for each in found if each.name not in off]
-        asked_for = {each.name: given.get(each.name, True) for each in found if each.in_a_section(section)}
-        kept = {key: value for key, value in given.items() if key not in lost | off}
-        kept |= {each: {} if value is True else value for each, value in asked_for.items()}
-        if lost:  # the keys of these parts are not known
-            kept = {key: value for key, value in kept.items() if key in {*keys_in(section), *asked_for}}
-        if found:
-            changed[name], clashes = _extended(section, tuple(found))
-            mistakes += [Mistake((name, each.key), text) for each, text in clashes]
-            mistakes += _of_other_kinds(name, section, changed[name], found[0], kept)
-        filled[name] = kept
     for name, declared in keys_in(schema).items():
-        outer, rest = changed.get(name) or declared.section, filled.get(name)
-        if outer is not None and isinstance(rest, Mapping):
-            extended, filled[name], wrong = _with_tables(name, outer, rest)
-            changed |= {name: extended} if extended is not outer else {}
-            mistakes += wrong
+        section, given = declared.section, data.get(name)
+        if section is not None and isinstance(given, Mapping):
+            extended, given, wrong = _with_parts(name, section, given)
+            extended, filled[name], wrong_tables = _with_tables(name, extended, given)
+            mistakes += wrong + wrong_tables
+            changed |= {name: extended} if extended is not section else {}
     return _with(schema, tuple(changed.items())) if changed else schema, filled, mistakes
 
 
-def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> tuple[list[_Named], set[str]]:
-    """Return the parts of a section, imported, and the names without a part; these names are added to the mistakes."""
-    found, lost = list[_Named](), set[str]()
+def _with_parts(name: str, section: type[Section], given: Mapping[str, Any]) -> Extended:
+    """Return a section with the keys of the parts that it names."""
+    asked, mistakes = _asked(section, given), list[Mistake]()
+    if not asked:
+        return section, given, mistakes
+    found = [*_found(name, asked, mistakes)]
+    lost = {each.name for each in asked} - {each.name for each in found}
+    off = {each.name for each in found if each.key == ITSELF and given.get(each.name) is False}
+    found = [each for each in found if each.name not in off]
+    asked_for = {each.name: given.get(each.name, True) for each in found if each.in_a_section(section)}
+    kept = {key: value for key, value in given.items() if key not in lost | off}
+    kept |= {each: {} if value is True else value for each, value in asked_for.items()}
+    if lost:  # the keys of these parts are not known
+        kept = {key: value for key, value in kept.items() if key in {*keys_in(section), *asked_for}}
+    if not found:
+        return section, kept, mistakes
+    extended, clashes = _extended(section, tuple(found))
+    mistakes += [Mistake((name, each.key), text) for each, text in clashes]
+    mistakes += _of_other_kinds(name, section, extended, found[0], kept)
+    return extended, kept, mistakes
+
+
+def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> Iterator[_Named]:
+    """Yield the parts of a section, imported; names without a part are added to the mistakes."""
     for each in asked:
         try:
-            found.append(each._replace(parts=(named.own(each.name, each.kind),)))
+            yield each._replace(parts=(named.own(each.name, each.kind),))
         except ValueError as error:
-            lost.add(each.name)
             mistakes.append(Mistake((name, each.key or each.name), str(error)))
-    return found, lost
 
 
 def _of_other_kinds(
@@ -95,10 +104,8 @@ def _of_other_kinds(
             yield Mistake((name, key), str(text))
 
 
-def _with_tables(
-    name: str, section: type[Section], given: Mapping[str, Any]
-) -> tuple[type[Section], Mapping[str, Any], list[Mistake]]:
-    """Return a section with the keys of the parts named in its arrays of tables, the data, and the mistakes."""
+def _with_tables(name: str, section: type[Section], given: Mapping[str, Any]) -> Extended:
+    """Return a section with the keys of the parts named in its arrays of tables."""
     mistakes = list[Mistake]()
     for key, by, kind, items in _tables(section, given):
         parts, lost = dict[str, Any](), set[int]()
@@ -130,27 +137,24 @@ def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str]
     keys.
     """
     filled = dict(data)
-    for name, section, given, there in _sections(schema, data):
-        filled[name] = {key: value for key, value in given.items() if key in keys_in(section)}
-        if name not in but and not there[0].in_a_section(section):
-            del filled[name]
     for name, known in keys_in(schema).items():
-        rest: Any = filled.get(name)
-        for key, by, _, items in _tables(known.section, rest) if known.section and isinstance(rest, Mapping) else ():
-            filled[name] = {**filled[name], key: [item for item in items if not _own_names(item, by)]}
+        section, given = known.section, data.get(name)
+        if section is None or not isinstance(given, Mapping):
+            continue
+        if there := _asked(section, given):
+            given = {key: value for key, value in given.items() if key in keys_in(section)}
+        for key, by, _, items in _tables(section, given):
+            given = {**given, key: [item for item in items if not _own_names(item, by)]}
+        filled[name] = given
+        if there and name not in but and not there[0].in_a_section(section):
+            del filled[name]
     return filled
 
 
-def _sections(
-    schema: type[Section], data: Mapping[str, Any]
-) -> Iterator[tuple[str, type[PartSection], Mapping[str, Any], list[_Named]]]:
-    """Yield the name, schema and data of each section that names users' own parts, and these parts."""
-    for name, known in keys_in(schema).items():
-        section, given = known.section, data.get(name)
-        if section is not None and issubclass(section, PartSection) and isinstance(given, Mapping):
-            there = [_Named(key, each, kind) for key, kind in section.holds.items() for each in _own_names(given, key)]
-            if there:
-                yield name, section, given, there
+def _asked(section: type[Section], given: Mapping[str, Any]) -> list[_Named]:
+    """Return the users' own parts that a section names."""
+    kinds = section.holds if issubclass(section, PartSection) else {}
+    return [_Named(key, each, kind) for key, kind in kinds.items() for each in _own_names(given, key)]
 
 
 def _own_names(given: Any, key: str) -> list[str]:

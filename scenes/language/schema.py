@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, FrozenInstanceError, dataclass
+from dataclasses import MISSING, dataclass
 from types import NoneType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar, Union, cast, get_args, get_origin
 
@@ -157,15 +157,14 @@ class Section:
             default = cls.__dict__.get(name)
             if isinstance(default, Section | None) and not str(hint).startswith("ClassVar"):  # a nested section
                 setattr(cls, name, Key(meaning="", default=default).as_field())
-        dataclass(init=False, repr=False, eq=False)(cls)  # a key need not be a Python name, such as my_robot:Slip
+        dataclass(init=False, repr=False, eq=False, frozen=True)(
+            cls
+        )  # a key need not be a Python name, such as my_robot:Slip
 
     def __init__(self, **given: Any) -> None:
         keys = keys_in(type(self))
         assert given.keys() <= keys.keys(), given.keys() - keys.keys()
         vars(self).update({name: given.get(name, known.default) for name, known in keys.items()})
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise FrozenInstanceError(f"cannot assign to field {name!r}")
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and vars(self) == vars(other)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from scenes.language.mistakes import Mistake, schema_mistakes
-from scenes.language.schema import Section, keys_in, setting
+from scenes.language.schema import Section, setting
 
 SWEEP, STUDY = "sweep", "study"
 """Names of the sections."""
@@ -31,8 +30,7 @@ class Sweep(Section):
         CASE_LIMIT, unit="s", gt=0, le=LONGEST_CASE_LIMIT, meaning="longest time of a case; one that takes longer fails"
     )
     choices: dict[str, dict[str, dict[str, Any]]] = setting(
-        {},
-        meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }',
+        {}, meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }'
     )
     set: dict[str, Any] = setting(
         {}, meaning='keys that follow from varied ones by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'
@@ -61,18 +59,11 @@ class Study(Section):
     )
 
 
-class _Outside(Section):
+class Outside(Section):
+    """Sections of a scene file that do not belong to the scene itself."""
+
     sweep: Sweep = Sweep(vary={})
     study: Study = Study()
-
-
-OUTSIDE = tuple(keys_in(_Outside))
-"""Sections of a scene file that do not belong to the scene itself."""
-
-
-def outside_mistakes(given: Mapping[str, object]) -> list[Mistake]:
-    """Return the mistakes in these sections."""
-    return schema_mistakes(_Outside, given)
 
 
 def varied_keys(vary: Mapping[str, Any], before: str = "") -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """TOML: parsing, the line of each key, pictures of syntax errors, and writing of settings and values.
 
-An error line needs a position, but tomllib keeps none: `key_lines` scans texts that tomllib has accepted.
+An error line needs a position, but tomllib keeps none: `key_lines` splits texts that tomllib has accepted.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import ast
 import json
 import re
 import tomllib
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
 from typing import Any
@@ -19,10 +18,6 @@ from scenes.language.errors import SceneError
 KeyPath = tuple[str | int, ...]
 """Path to a key, including the index in an array of tables: ("obstacle", 1, "radius_m")."""
 
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_KEY = r"""(?:[A-Za-z0-9_-]+|"(?:\\.|[^"\\])*"|'[^']*')"""
-_PART = re.compile(_KEY)
-_DOTTED = re.compile(rf"[ \t]*{_KEY}(?:[ \t]*\.[ \t]*{_KEY})*[ \t]*")
 _DOT = re.compile(r"""\.(?=(?:[^"']*(?:"[^"]*"|'[^']*'))*[^"']*$)""")
 """A dot outside of quotes."""
 _TOKEN = re.compile(
@@ -35,9 +30,6 @@ _TOKEN = re.compile(
     r"""|[^"'\#\[\]{}\n]+""",
     re.DOTALL,
 )
-
-SHOWN_CHARACTERS = 160
-"""Number of characters of a source line shown with a mistake."""
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
@@ -84,7 +76,8 @@ def _items(outer: Any) -> Iterator[Any]:
     return (item for item in inner if isinstance(item, dict | list))
 
 
-def _picture(text: str, message: str) -> tuple[str, str, str]:
+def _picture(text: str, message: str, most: int = 160) -> tuple[str, str, str]:
+    """Return an error of tomllib in words, `most` characters of the source line, and a caret under the column."""
     lines = text.replace("\r\n", "\n").split("\n")
     place = _PLACE.search(message)
     if place and place[1]:
@@ -93,8 +86,8 @@ def _picture(text: str, message: str) -> tuple[str, str, str]:
         line = max(n for n, content in enumerate(lines, 1) if content.strip())
         column = len(lines[line - 1]) + 1
     what = _KEY_TUPLE.sub(lambda keys: f"'{_dotted(keys[0])}'", _PLACE.sub("", message))
-    begin = max(0, column - 1 - SHOWN_CHARACTERS // 2) if len(lines[line - 1]) > SHOWN_CHARACTERS else 0
-    source = "".join(char if char.isprintable() else " " for char in lines[line - 1][begin : begin + SHOWN_CHARACTERS])
+    begin = max(0, column - 1 - most // 2) if len(lines[line - 1]) > most else 0
+    source = "".join(char if char.isprintable() else " " for char in lines[line - 1][begin : begin + most])
     return (
         f"line {line}, column {column}: broken TOML: {what[:1].lower()}{what[1:]}",
         f"    {source}",
@@ -108,83 +101,63 @@ def _dotted(keys: str) -> str:
 
 def key_lines(text: str) -> dict[KeyPath, int]:
     """Return the line, counted from 1, of every table, key and element of an array of tables."""
-    return _Scanner(text).lines
+    lines: dict[KeyPath, int] = {}
+    last: dict[KeyPath, int] = {}
+    """Index of the last element of each array of tables so far."""
+    table: KeyPath = ()
+    for line, statement in _statements(text):
+        keys = _keys_of(tomllib.loads(statement))
+        if statement.startswith("[["):
+            array = _resolved(keys[:-1], last) + keys[-1:]
+            last[array] = last.get(array, -1) + 1
+            path = table = (*array, last[array])
+        elif statement.startswith("["):
+            path = table = _resolved(keys, last)
+        else:
+            path = table + keys
+        for n in range(1, len(path) + 1):
+            lines.setdefault(path[:n], line)
+        if path == table:
+            lines[table] = line
+    return lines
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the line and the text of each header and each `key = value`, without comments."""
+    line, first, depth = 1, 1, 0
+    tokens: list[str] = []
+    for token in _TOKEN.findall(f"{text}\n"):
+        if token == "\n" and depth == 0:
+            if statement := "".join(tokens).strip():
+                yield first, statement
+            tokens = []
+        elif not token.startswith("#"):
+            first = first if tokens else line
+            depth += (token in ("[", "{")) - (token in ("]", "}"))
+            tokens.append(token)
+        line += token.count("\n")
+
+
+def _keys_of(data: Any) -> KeyPath:
+    """Return the path of the only key in data, or of the first key."""
+    if not isinstance(data, dict) or not data:
+        return ()
+    key, inner = next(iter(data.items()))
+    return (key, *_keys_of(inner))
+
+
+def _resolved(keys: KeyPath, last: Mapping[KeyPath, int]) -> KeyPath:
+    """Insert the index of the last element after each array of tables in a header."""
+    path: KeyPath = ()
+    for key in keys:
+        path = (*path, key)
+        path = (*path, last[path]) if path in last else path
+    return path
 
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
     """Return the line of `path`, or of the nearest enclosing table with a line; 1 if there is none."""
     return next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), 1)
-
-
-class _Scanner:
-    """Scanner of headers and `key = value` statements; values are skipped."""
-
-    def __init__(self, text: str) -> None:
-        self.lines: dict[KeyPath, int] = {}
-        self._text = text
-        self._begins = [0, *(match.end() for match in re.finditer("\n", text))]
-        self._table: KeyPath = ()
-        self._last_element: dict[KeyPath, int] = {}
-        position = self._after(_BLANK, 0)
-        while position < len(text):
-            statement = self._header if text[position] == "[" else self._assignment
-            position = self._after(_BLANK, statement(position))
-
-    def _after(self, pattern: re.Pattern[str], position: int) -> int:
-        match = pattern.match(self._text, position)
-        return match.end() if match else position
-
-    def _header(self, start: int) -> int:
-        brackets = 2 if self._text.startswith("[[", start) else 1
-        end = self._after(_DOTTED, start + brackets)
-        keys = _keys_of(self._text[start + brackets : end])
-        self._table = self._element(keys) if brackets == 2 else self._resolved(keys)
-        self._note(self._table, start)
-        self.lines[self._table] = self._line(start)
-        return end + brackets
-
-    def _assignment(self, start: int) -> int:
-        end = self._after(_DOTTED, start)
-        self._note(self._table + _keys_of(self._text[start:end]), start)
-        return self._after_value(end + 1)
-
-    def _after_value(self, position: int) -> int:
-        depth = 0
-        while match := _TOKEN.match(self._text, position):
-            token, position = match[0], match.end()
-            depth += (token in ("[", "{")) - (token in ("]", "}"))
-            if token == "\n" and depth == 0:
-                break
-        return position
-
-    def _element(self, keys: KeyPath) -> KeyPath:
-        array = (*self._resolved(keys[:-1]), keys[-1])
-        self._last_element[array] = self._last_element.get(array, -1) + 1
-        return (*array, self._last_element[array])
-
-    def _resolved(self, keys: KeyPath) -> KeyPath:
-        """Insert the index of the last element after each array of tables in a header."""
-        path: KeyPath = ()
-        for key in keys:
-            path = (*path, key)
-            if path in self._last_element:
-                path = (*path, self._last_element[path])
-        return path
-
-    def _note(self, path: KeyPath, position: int) -> None:
-        for n in range(1, len(path) + 1):
-            self.lines.setdefault(path[:n], self._line(position))
-
-    def _line(self, position: int) -> int:
-        return bisect_right(self._begins, position)
-
-
-def _keys_of(dotted: str) -> KeyPath:
-    return tuple(_unquoted(match[0]) for match in _PART.finditer(dotted))
-
-
-def _unquoted(part: str) -> str:
-    return str(tomllib.loads(f"key = {part}")["key"]) if part[0] in "\"'" else part
 
 
 def path_of(dotted: str) -> tuple[str, ...]:

@@ -66,13 +66,6 @@ class Watch:
     """Function that is called with the address of the page as soon as the page can be opened."""
 
 
-def status_word(status: worm3d.Status | planar.status.Status) -> Status:
-    """Return the status of a run as one word."""
-    if status.diverged:
-        return "diverged"
-    return "done" if status.name == "DONE" else "interrupted"
-
-
 @dataclass(frozen=True)
 class Outcome:
     """Outcome of a run, complete up to the last finished step, also after an early end."""
@@ -99,14 +92,21 @@ class Outcome:
     """Worm, world and end of the run (`run`), and their arrays, as in `Record`."""
 
 
-def pictures(module: str, **functions: str) -> dict[str, Draw]:
-    """Return the functions that draw pictures, by file stem; the module is imported for the first picture."""
+def status_word(status: worm3d.Status | planar.status.Status) -> Status:
+    """Return the status of a run as one word."""
+    if status.diverged:
+        return "diverged"
+    return "done" if status.name == "DONE" else "interrupted"
+
+
+def pictures(module: str, *stems: str) -> dict[str, Draw]:
+    """Return functions that draw pictures, by their name, the file stem; the first picture imports the module."""
 
     def draw(function: str, record: Record) -> tuple[Picture, Axes]:
         drawn: tuple[Picture, Axes] = getattr(import_module(module), function)(record)
         return drawn
 
-    return {stem: partial(draw, function) for stem, function in functions.items()}
+    return {stem: partial(draw, stem) for stem in stems}
 
 
 @dataclass(frozen=True, kw_only=True)

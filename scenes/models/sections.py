@@ -10,8 +10,6 @@ from control.parts import GAIT
 from scenes.language.parts import Keys, keys_of, meanings, part_named
 from scenes.language.schema import Section, setting
 
-LARGEST_SEED = 2**63 - 1
-
 WAVE = "travelling_wave"
 
 BODY_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
@@ -70,7 +68,7 @@ class Settings(Section):
     model: str = setting(meaning="which simulation the scene is for")
     title: str = setting("", meaning="name of the scene for people")
     says: str = setting("", meaning="what to look for, in one line; `worm3d list` prints it")
-    seed: int = setting(0, ge=0, le=LARGEST_SEED, meaning="seed of everything random")
+    seed: int = setting(0, ge=0, le=2**63 - 1, meaning="seed of everything random")
     run: Run = Run()
 
     @property

@@ -54,16 +54,17 @@ def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
     ValueError
         A name is not the name of a channel.
     """
-    own = {name: QUANTITIES[channel] for name, channel in own_channels(section).items()}
+    own = own_channels(section)
     require_known(names)
-    return {
+    shipped = {
         name: part_of(Channel, section, prefix=f"{name}_", units=_units(QUANTITIES[name]))
         if any(each.startswith(f"{name}_") for each in keys_in(type(section)))
         else QUANTITIES[name].default
         for name in names
-    } | {
-        own_channels(section)[name]: part_of(Channel, getattr(section, name), units=_units(quantity))
-        for name, quantity in own.items()
+    }
+    return shipped | {
+        channel: part_of(Channel, getattr(section, name), units=_units(QUANTITIES[channel]))
+        for name, channel in own.items()
     }
 
 

@@ -34,18 +34,18 @@ def switched_parts(kind: Kind, section: Any) -> list[Any]:
     """
     asked = [name for name in kind.registry if getattr(section, name, False)]
     own = [name for name, _ in section if is_own(name)]
-    shipped = [part_of(kind.registry[name], section, prefix=f"{name}_") for name in asked]
-    return [*shipped, *(part_named(kind, name, getattr(section, name)) for name in own)]
+    return [_part(kind, name, section) for name in asked + own]
 
 
 def parts_listed(kind: Kind, section: Any) -> list[Any]:
     """Return the parts that a section lists as `parts`; ValueError as in `switched_parts`."""
-    return [
-        part_of(kind.registry[name], section, prefix=f"{name}_")
-        if name in kind.registry
-        else part_named(kind, name, *([getattr(section, name)] if hasattr(section, name) else []))
-        for name in section.parts
-    ]
+    return [_part(kind, name, section) for name in section.parts]
+
+
+def _part(kind: Kind, name: str, section: Any) -> Any:
+    if name in kind.registry:
+        return part_of(kind.registry[name], section, prefix=f"{name}_")
+    return part_named(kind, name, getattr(section, name, None))
 
 
 def switched_checks(names: Iterable[str], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:

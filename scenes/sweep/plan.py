@@ -14,11 +14,10 @@ from typing import Any
 
 from scenes.language import toml
 from scenes.language.errors import SceneError
-from scenes.language.loader import Draft, ImpossibleError, find_scene, read_text
+from scenes.language.loader import find_scene, read_text
 from scenes.language.sweep_section import CASE_LIMIT, varied_keys
 from scenes.language.toml import path_of
-from scenes.models.base import Model
-from scenes.models.loading import Scene, draft
+from scenes.models.loading import Draft, ImpossibleError, Scene
 from scenes.running.terminal import counted
 from scenes.sweep.design import Design, told
 from scenes.sweep.job import Job
@@ -63,12 +62,11 @@ class Source:
         try:
             return self.parse()
         except ImpossibleError as error:
-            scene: Scene = error.scene
-            return scene
+            return error.scene
 
     @cached_property
-    def _draft(self) -> Draft[Model[Any]]:
-        return draft(self.text, self.name, self.overrides, self.folder)
+    def _draft(self) -> Draft:
+        return Draft(self.text, self.name, self.overrides, self.folder)
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,9 @@ from numpy.testing import assert_allclose
 from control.tracking.metrics import tracking
 from control.tracking.obstacles import OBSTACLES, Disc, Obstacle, Wall
 from scenes.language.errors import SceneError
-from scenes.language.loader import Scene
 from scenes.models.control.record import motion_of
 from scenes.models.control.reference import reference_of
-from scenes.models.loading import load_scene
+from scenes.models.loading import Scene, load_scene
 from scenes.running.runner import simulate
 from worm3d.values.arrays import FloatArray
 

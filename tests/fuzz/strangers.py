@@ -25,7 +25,7 @@ import control
 from control.parts import PART_KINDS
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene, read_text
-from scenes.models.loading import draft
+from scenes.models.loading import Draft
 
 ROOT = Path(control.__file__).parents[1]
 OURS = ("control", "planar", "scenes", "worm3d")
@@ -96,7 +96,7 @@ def stand_in(thing: Any, note: Callable[[], None]) -> Any:
 def main(seed: int, number: int) -> None:
     """Print what is called of so many values in each key."""
     warnings.simplefilter("ignore")
-    scenes = {name: draft(read_text(find_scene(name)), name, ["run.duration_s=1"]) for name in TRIED}
+    scenes = {name: Draft(read_text(find_scene(name)), name, ["run.duration_s=1"]) for name in TRIED}
     for each in scenes.values():
         each.checked()
     asked = [(scenes[name], key, kind) for name, keys in TRIED.items() for key, kind in keys.items()]

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scenes import models
 from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED_FOLDER, read_text, shipped_scenes
-from scenes.language.template import template
 from scenes.models.loading import parse_scene
+from scenes.models.template import template
 
 TEXTS = [*map(read_text, shipped_scenes().values()), *(template(models.get(name)) for name in models.names())]
 

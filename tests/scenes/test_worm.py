@@ -14,8 +14,10 @@ from PIL import Image
 
 import worm3d
 from control import gaits
+from planar.linkage import Linkage
 from scenes import models
 from scenes.language.errors import SceneError
+from scenes.language.parts import keys_by_parameter
 from scenes.language.reading import trusted
 from scenes.language.schema import keys_in
 from scenes.models.loading import load_scene
@@ -24,7 +26,6 @@ from scenes.models.worlds.schema import World
 from scenes.models.worm import build as worm_build
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import (
-    PLANAR_KEYS,
     WORM_KEYS,
     force_of,
     friction_of,
@@ -33,7 +34,7 @@ from scenes.models.worm.build import (
     start_of,
     worm_of,
 )
-from scenes.models.worm.schema import PlanarWormScene, Push, WormScene
+from scenes.models.worm.schema import PlanarWorm, PlanarWormScene, Push, WormScene
 from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running import drawing, terminal
@@ -260,7 +261,7 @@ def test_an_actuator_is_found_by_name_and_has_its_parameters_as_keys() -> None:
 
 def test_every_key_of_the_planar_worm_reaches_the_plant() -> None:
     of_the_planar_model = set(signature(worm3d.Worm.planar).parameters) - {"payload"}  # which `planar` does not have
-    assert set(PLANAR_KEYS) == of_the_planar_model
+    assert set(keys_by_parameter(Linkage, PlanarWorm)) == of_the_planar_model
     scene = load_scene("planar_case", ["worm.segments=2", "worm.half_height_m=[0.1, 0.2]", "worm.density_kg_m3=3"])
     expected = worm3d.Worm.planar(segments=2, half_height=np.array([0.1, 0.2]), density=3.0)
     assert isinstance(scene.settings, PlanarWormScene)

@@ -78,10 +78,7 @@ def parts_of(scene: ControlScene) -> dict[str, Any]:
     gains = part_of(Gains, asked, prefix="gain_")
     if gains != part_of(Gains, usual, prefix="gain_"):
         parts["gains"] = gains
-    for key, given, kind in (
-        ("terms", scene.cost, TERM),
-        ("constraints", scene.constraints, CONSTRAINT),
-    ):
+    for key, given, kind in (("terms", scene.cost, TERM), ("constraints", scene.constraints, CONSTRAINT)):
         if given != type(given)():
             parts[key] = parts_listed(kind, given)
     return parts
@@ -131,13 +128,11 @@ def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = No
 
 def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
     """Return the identified map that the controller would use for a wave; None if the default map is corrected."""
-    worm, ground, schedule = worm_of(scene), friction_of(scene), WAVE_SCHEDULES[wave]
-    chosen: dict[str, Callable[[], Identified | None]] = {
-        "own": lambda: kept.load(worm, ground, schedule),
-        "nearby": lambda: None,
-        "default": lambda: kept.load(worm3d.Worm(), schedule=schedule),
-    }
-    return chosen[scene.controller.map]()
+    if scene.controller.map == "nearby":
+        return None
+    if scene.controller.map == "default":
+        return kept.load(worm3d.Worm(), schedule=WAVE_SCHEDULES[wave])
+    return kept.load(worm_of(scene), friction_of(scene), WAVE_SCHEDULES[wave])
 
 
 def maps_of(scene: ControlScene) -> dict[Wave, Any]:

@@ -24,13 +24,13 @@ from scenes.models.control.schema import ControlScene, Faults, Sensor
 from scenes.models.sensors import own_channels
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
-from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
+from scenes.models.worm.checks import SPATIAL_CHECKS, scene_with, start_check
 from worm3d.values.named import is_own
 
 
 def _there_is_such_a_path(*sections: Section) -> Found:
     try:
-        scene = _scene(("reference", "world", "worm", "start", "run"), sections)
+        scene = scene_with(ControlScene, ("reference", "world", "worm", "start", "run"), sections)
         reference = reference_of(scene)
     except ValueError as error:
         return str(error)
@@ -52,7 +52,7 @@ def _there_is_such_a_path(*sections: Section) -> Found:
 
 def _faults(*sections: Section) -> None:
     """Raise ValueError for faults that are not possible for the worm or the controller of a scene."""
-    scene = _scene(FAULTY, sections)
+    scene = scene_with(ControlScene, FAULTY, sections)
     known = [name for name in QUANTITIES if any(key.startswith(f"{name}_") for key in keys_in(Sensor))]
     known += own_channels(scene.sensor).values()
     for channel in (getattr(fault, "channel", known[0]) for fault in faults_of(scene)):
@@ -64,32 +64,19 @@ def _faults(*sections: Section) -> None:
 
 
 def _worm_has_it(asked: bool, *sections: Section, name: str) -> Found:
-    if not asked or QUANTITIES[name].exists(worm_of(_scene(("worm", *PARTS), sections))):
+    if not asked or QUANTITIES[name].exists(worm_of(scene_with(ControlScene, ("worm", *PARTS), sections))):
         return None
     return f"got true: this worm has no {QUANTITIES[name].meaning}"
 
 
-def _senses(kind: str) -> tuple[str, ...]:
-    """Return the channels that a controller needs; empty for an unknown controller."""
-    try:
-        needed: tuple[str, ...] = getattr(controllers.controller(kind), "senses", ())
-    except ValueError:
-        return ()
-    return needed
-
-
 def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
     """Report a controller that needs a sensor that the scene does not switch on."""
-    if asked or name not in _senses(kind):
+    if asked or name not in getattr(controllers.controller(kind), "senses", ()):
         return None
     return {
         "controller.kind": f"got '{kind}': it needs a sensor of its own: set sensor.{name} = true",
         f"sensor.{name}": f"got false: the controller '{kind}' needs it: set it to true",
     }
-
-
-def _scene(names: Sequence[str], sections: Sequence[Section]) -> ControlScene:
-    return ControlScene(model="", **dict(zip(names, sections, strict=True)))
 
 
 def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key: str) -> Found:
@@ -127,7 +114,7 @@ def _steps_or_a_sine(speed_steps: Sequence[Any], speed_sine_m_s: float) -> Found
 
 
 def _there_are_such_parts(*sections: Section) -> Found:
-    scene = _scene(("controller", "cost", "constraints"), sections)
+    scene = scene_with(ControlScene, ("controller", "cost", "constraints"), sections)
     try:
         strange = controllers.refused(scene.controller.kind, parts_of(scene))
     except ValueError as error:

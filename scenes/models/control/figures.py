@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import groupby
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,11 +17,10 @@ from scenes.models.control.record import WAY, path_points, tracked
 from scenes.models.control.reference import speed_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.control.view import reference_seen
+from scenes.models.panels import at_least, ends, from_above, stacked
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
-
-SOURCE_COLOURS = {name: f"C{k}" for k, name in enumerate(SOURCES)}
 
 BOUND = 2.0
 """Half width of the drawn bounds [standard deviations]."""
@@ -33,28 +31,26 @@ STATE_UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s", "", "1", "d
 
 def tracking(record: Record) -> tuple[Figure, Axes]:
     """Draw the path of the worm and the reference path from above, and the offset and the heading error over time."""
-    seen, figure = _tracked(record), Figure(figsize=(6.8, 8.0), layout="constrained", dpi=120)
-    way, aside, turned = figure.subplots(3, 1, height_ratios=(2.2, 1, 1))
+    seen, (figure, (way, aside, turned)) = _tracked(record), stacked(8.0, (2.2, 1, 1), shared=False)
     _from_above(way, record, seen)
     if seen is not None:
         aside.plot(seen.time, 1e3 * seen.cross_track, color="C0")
         turned.plot(seen.time, np.rad2deg(seen.heading_error), color="C0")
-        for axes, least in ((aside, 10.0), (turned, 2.0)):
-            _at_least(axes, least)
-            _shade(axes, seen)
-    figure.legend(*way.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=7)
-    for axes, label in ((aside, "left of the path [mm]"), (turned, "heading error [deg]")):
+    for axes, label, span in ((aside, "left of the path [mm]", 20.0), (turned, "heading error [deg]", 4.0)):
         axes.axhline(0.0, color="0.6", lw=0.8)
-        axes.set(ylabel=label, xlim=_span(record))
+        axes.set(ylabel=label, xlim=record["time"][[0, -1]])
+        at_least(axes, span)
+        if seen is not None:
+            _shade(axes, seen)
         _mark_faults(axes, record)
+    figure.legend(*way.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=7)
     turned.set_xlabel("time [s]  (means over a period; grey: not counted)")
-    _grids(figure)
     return figure, way
 
 
 def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
     """Draw the path with bounds, the centre of mass, the period mean, the estimate, and the body at both ends."""
-    reference, com, joints = reference_seen(record, _scene(record)), record["com"][:, :2], record["joints"][..., :2]
+    reference, com = reference_seen(record, _scene(record)), record["com"][:, :2]
     if reference.path is not None:
         line = path_points(reference.path, com)
         axes.plot(*line.T, color="0.6", lw=3, alpha=0.6, label="path")
@@ -62,15 +58,13 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
     if WAY in record:
         axes.plot(*record[WAY].T, color="C2", lw=1.2, ls="--", label="way around obstacles")
     axes.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
-    for row, colour in ((0, "0.75"), (-1, "0.35")):
-        axes.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
-        axes.plot(*joints[row, -1], "o", color=colour, ms=6)
+    ends(axes, record["joints"])
     if "estimate" in record:
         axes.plot(*record["estimate"][:, :2].T, color="C3", lw=0.9, label="estimate")
     if seen is not None:
         axes.plot(*seen.place.T, color="C0", lw=1.6, label="its mean over a period")
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"{record.title}: seen from above")
-    _square(axes)
+    from_above(axes)
+    axes.set_title(f"{record.title}: seen from above")
 
 
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
@@ -87,16 +81,14 @@ def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
 
 def speed_and_heading(record: Record) -> tuple[Figure, Axes]:
     """Draw speed and heading, averaged over a period, with the desired and the estimated values."""
-    seen, figure = _tracked(record), Figure(figsize=(6.8, 5.6), layout="constrained", dpi=120)
-    speed, heading = figure.subplots(2, 1, sharex=True)
+    seen, (figure, (speed, heading)) = _tracked(record), stacked(5.6, (1, 1))
     _speed(speed, record, seen)
     _heading(heading, record, seen)
-    speed.set(ylabel="speed [m/s]", title=f"{record.title}: speed and heading", xlim=_span(record))
-    heading.set(ylabel="heading [deg]", xlabel="time [s]")
+    speed.set(ylabel="speed [m/s]", title=f"{record.title}: speed and heading", xlim=record["time"][[0, -1]])
+    heading.set_ylabel("heading [deg]")
     for axes in (speed, heading):
         if axes.lines:
             axes.legend(fontsize=7)
-    _grids(figure)
     return figure, speed
 
 
@@ -130,25 +122,21 @@ def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 def commands(record: Record) -> tuple[Figure, Axes]:
     """Draw the commanded gait parameters, coloured by their source."""
-    figure = Figure(figsize=(6.8, 6.4), layout="constrained", dpi=120)
-    rows = figure.subplots(4, 1, sharex=True, height_ratios=(2, 2, 2, 1))
+    figure, rows = stacked(6.4, (2, 2, 2, 1))
     amplitude, frequency, bias, hinge = record["decision_parameters"].T
     steers = ("hinge [deg]", np.rad2deg(hinge)) if np.any(hinge) or not np.any(bias) else ("bias", bias)
     time, source = record["decision_time"], record["decision_source"]
-    for axes, (label, values) in zip(
-        rows, (("amplitude", amplitude), ("frequency [Hz]", frequency), steers), strict=False
-    ):
+    shown = (("amplitude", amplitude), ("frequency [Hz]", frequency), steers)
+    for axes, (label, values) in zip(rows, shown, strict=False):
         axes.step(time, values, where="post", color="0.7", lw=0.8)
         for code in np.unique(source):
             of = source == code
-            name = SOURCES[code]
-            axes.plot(time[of], values[of], ".", ms=3, color=SOURCE_COLOURS[name], label=f"{name} ({int(of.sum())})")
+            axes.plot(time[of], values[of], ".", ms=3, color=f"C{code}", label=f"{SOURCES[code]} ({int(of.sum())})")
         axes.set_ylabel(label)
     rows[0].legend(fontsize=7)
     rows[3].step(time, record["decision_iterations"], where="post", color="0.3", lw=0.8)
-    rows[3].set(ylabel="iterations", xlabel="time [s]", xlim=_span(record))
+    rows[3].set(ylabel="iterations", xlim=record["time"][[0, -1]])
     rows[0].set_title(f"{record.title}: commands and whose they are")
-    _grids(figure)
     return figure, rows[0]
 
 
@@ -175,24 +163,23 @@ def estimates(record: Record) -> tuple[Figure, Axes]:
     last.axhline(5.99, color="0.4", lw=0.8)  # quantile of chi squared with two degrees of freedom
     last.set_ylabel("normalised innovation\nsquared; line: 95 %", fontsize=8)
     for axes in grid[-1]:
-        axes.set(xlabel="time [s]", xlim=_span(record))
+        axes.set(xlabel="time [s]", xlim=record["time"][[0, -1]])
+    for axes in grid.flat:
+        axes.grid(alpha=0.3)
     figure.suptitle(f"{record.title}: estimates with bounds of {BOUND:g} standard deviations", fontsize=10)
-    _grids(figure)
     return figure, grid[0, 0]
 
 
 def control_steps(record: Record) -> tuple[Figure, Axes]:
     """Draw the computing time of the control steps in comparison with the control period."""
-    figure = Figure(figsize=(6.8, 3.4), layout="constrained", dpi=120)
-    axes = figure.subplots()
+    figure, (axes,) = stacked(3.4)
     seconds = next((v.values for v in record.timing if v.name == "control_step_s"), np.zeros(0))
     period = _scene(record).controller.period_s
     axes.semilogy(record["decision_time"], np.maximum(1e3 * seconds, 1e-3), ".", ms=4)
-    for share, label in ((1.0, "control period"), (0.1, "a tenth of it")):
-        axes.axhline(1e3 * share * period, color="C3", lw=1.0, ls="-" if share == 1.0 else "--", label=label)
-    axes.set(xlabel="time [s]", ylabel="wall time of a control step [ms]", title=f"{record.title}: control steps")
+    axes.axhline(1e3 * period, color="C3", lw=1.0, label="control period")
+    axes.axhline(1e2 * period, color="C3", lw=1.0, ls="--", label="a tenth of it")
+    axes.set(ylabel="wall time of a control step [ms]", title=f"{record.title}: control steps")
     axes.legend(fontsize=7)
-    _grids(figure)
     return figure, axes
 
 
@@ -256,28 +243,3 @@ def _around(values: FloatArray, least: float = 1.0) -> tuple[float, float]:
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     room = 0.15 * (high - low) + max(least, 1e-6)
     return low - room, high + room
-
-
-def _span(record: Record) -> tuple[float, float]:
-    return float(record["time"][0]), float(record["time"][-1])
-
-
-def _at_least(axes: Axes, half: float) -> None:
-    """Widen the vertical range to both sides of 0, so that noise does not fill the picture."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(min(low, -half), max(high, half))
-
-
-def _square(axes: Axes) -> None:
-    """Widen a narrow strip, so that the picture is not a line."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    least = 0.3 * max(right - left, high - low)
-    for limits, put in (((left, right), axes.set_xlim), ((low, high), axes.set_ylim)):
-        middle, half = sum(limits) / 2.0, max(limits[1] - limits[0], least) / 2.0
-        put(middle - half, middle + half)
-
-
-def _grids(figure: Figure) -> None:
-    each: Any
-    for each in figure.axes:
-        each.grid(alpha=0.3)

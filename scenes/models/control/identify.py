@@ -45,35 +45,18 @@ DT = 0.01
 """Time step of the runs, the same as in the closed loop [s]."""
 TIPPED = np.deg2rad(20.0)
 """Mean roll of the segments beyond which a worm no longer stands on its feet [rad]: at rest it tips at 31 degrees."""
-SHRINK = 0.7
-"""Factor by which the largest steering is reduced while the worm tips."""
-TRIES = 4
-"""Number of values tried for the largest steering."""
-CHECK_RUNS = 12
-"""Number of runs with random parameters that check a map."""
-
-BEFORE, AFTER = 8, 8
+BEFORE = 8
 """Waves before and after a step of the parameters."""
 SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
 """Fractions of a wave at which the steps occur: the response depends on which feet stand at that moment."""
 FREQUENCY = 0.875
 """Frequency of the wave for the measurement of lags by steps, in the middle of the map [Hz]."""
-LEAST_LAG = 0.1
-"""Smallest lag of the steering beyond the lag of the generator [s]; shorter lags make no difference over a wave."""
-EXCITED = 60.0
-"""Duration of the run for the fit of the strains [s]."""
-CHANGES = 1.0
-"""Time between two changes of the wave in this run [s]."""
-UNEQUAL, SHIFTED, STEERED = (0.8, 1.15), 0.2, 0.5
-"""Smallest and largest factor of the chamber commands in this run, largest shift of their phases [rad], and largest
-steering as a factor of the map's largest steering: a worm with unequal chambers tips sooner."""
+EXCITED = 60
+"""Duration of the run for the fit of the strains [s]; the wave changes every second."""
 SUFFICIENT_SHARE = 2.0 / 3.0
 """Share of the turn of an intact worm that a worm with one segment held still has to reach with the same hinge angles.
 With segments 0, 2, 4 and 5 of the default worm held, the share is 0.87 or more. Separate hinge angles for these
 segments reduce the turn and change the offset from a line by -0.0002 to 0.003 body lengths (seed 10)."""
-MOST_HELD = 12
-"""Largest number of segments for which steering with one segment held still is measured: the number of runs grows with
-the square of the number of segments."""
 WINDING = 0.1
 """Frequency of the sines of the steering for the measurement of the steering lag [Hz]."""
 WINDING_WAVES = (0.6, 0.9, 1.1)
@@ -120,8 +103,13 @@ def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, s
     return Steady(motion, float(run.slip[first:].sum()) / (waves - skipped) / worm.length, roll)
 
 
-def identify(subject: Subject, design: Design, watch: Callable[[int], None] = lambda done: None) -> Identified:
+def identify(
+    subject: Subject, design: Design, watch: Callable[[int], None] = lambda done: None, most_held: int = 12
+) -> Identified:
     """Identify a worm on level ground; `watch` is called with the number of finished mechanisms.
+
+    Steering with one segment held still is measured for at most `most_held` segments: the number of runs grows with
+    the square of the number of segments.
 
     Raises
     ------
@@ -137,7 +125,7 @@ def identify(subject: Subject, design: Design, watch: Callable[[int], None] = la
         lags[mechanism] = measure_lags(subject, mechanism, steering, straight)
         watch(done)
     segments = subject.worm.segments
-    known = range(segments if segments <= MOST_HELD else 0)
+    known = range(segments if segments <= most_held else 0)
     held = tuple(held_steering(subject, design, segment) for segment in known)
     strain = strain_model(subject, maps["both"])
     return Identified(subject.schedule, MappingProxyType(maps), MappingProxyType(lags), held=held, strain=strain)
@@ -145,8 +133,8 @@ def identify(subject: Subject, design: Design, watch: Callable[[int], None] = la
 
 def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
     """Return the map of one mechanism, or a corrected map of a similar worm; raises the errors of `identify`."""
-    for attempt in range(TRIES):
-        greatest = MAX_STEERING[mechanism] * SHRINK**attempt
+    for attempt in range(4):
+        greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller while the worm tips
         ranges = design.ranges(greatest)
         fitted = samples(subject, design, design.parameters(mechanism, greatest))
         checks = fitted and samples(subject, design, check_parameters(ranges, mechanism))
@@ -205,12 +193,12 @@ def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteerin
     return HeldSteering((tuple(a), tuple(b)), by_pattern.turn)
 
 
-def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameters]:
-    """Return random parameters within the ranges, with whole steps in a period; they are the same in each call."""
+def check_parameters(ranges: Ranges, mechanism: Mechanism, count: int = 12) -> list[GaitParameters]:
+    """Return random parameters for runs that check a map, with whole steps in a period; the same in each call."""
     random = np.random.default_rng([7, len(mechanism)])
-    amplitudes = random.uniform(*ranges.amplitude, CHECK_RUNS)
-    periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, CHECK_RUNS) / DT)
-    steerings = random.uniform(-ranges.steering, ranges.steering, CHECK_RUNS)
+    amplitudes = random.uniform(*ranges.amplitude, count)
+    periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, count) / DT)
+    steerings = random.uniform(-ranges.steering, ranges.steering, count)
     return [
         GaitParameters(float(a), float(1.0 / t)).steered(mechanism, float(s))
         for a, t, s in zip(amplitudes, periods, steerings, strict=True)
@@ -224,7 +212,7 @@ def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straig
     """
     winding = [_winding(subject, mechanism, steering, frequency) for frequency in WINDING_WAVES]
     behind, swings = zip(*winding, strict=True)
-    turning = max(float(np.mean(behind)), LEAST_LAG)
+    turning = max(float(np.mean(behind)), 0.1)  # shorter lags make no difference over a wave
     rise, swing = np.polyfit(WINDING_WAVES, swings, 1).tolist()
     if straight is not None:
         return replace(straight, steering=turning, swing=swing, swing_rise=rise)
@@ -289,11 +277,11 @@ def step_response(
         phases.append(generator.waves)
         return begin if generator.waves < BEFORE + shift else end
 
-    duration = (BEFORE + shift) / begin.frequency + (AFTER + 1) / end.frequency
+    duration = (BEFORE + shift) / begin.frequency + (BEFORE + 1) / end.frequency
     run = _simulated(subject.worm, subject.ground, PlannedWave(plan, generator), round(duration / DT))
     # A command given at the beginning of a step takes effect at the end: entry k is the phase of row k's shape.
     times, waves = run.time[1 : len(phases)], np.array(phases)[1:]
-    ends = np.interp(np.arange(BEFORE + AFTER + 1) + shift, waves, times)
+    ends = np.interp(np.arange(2 * BEFORE + 1) + shift, waves, times)
 
     def mean(values: FloatArray) -> FloatArray:
         summed = np.concatenate([[0.0], np.cumsum(DT * (values[1:] + values[:-1]) / 2.0)])
@@ -314,15 +302,16 @@ def strain_model(subject: Subject, found: SteeringMap) -> StrainModel | None:
     the time when the worm tips. There is no fit for a worm that tips early or cannot stand.
     """
     (worm, ground, schedule), ranges = subject, found.ranges
-    random, count, generator = np.random.default_rng(0), round(EXCITED / CHANGES), WaveGenerator(schedule, worm)
-    places = random.uniform([0.0, 0.0, -STEERED], [1.0, 1.0, STEERED], (count, 3))
+    random, count, generator = np.random.default_rng(0), EXCITED, WaveGenerator(schedule, worm)
+    # At most half the steering of the map, since a worm with unequal chambers tips sooner.
+    places = random.uniform([0.0, 0.0, -0.5], [1.0, 1.0, 0.5], (count, 3))
     given = ranges.bounds[0] * (1.0 - places) + ranges.bounds[1] * places
     given[:, 2] = places[:, 2] * ranges.steering
     waves = [GaitParameters(a, f).steered(found.mechanism, s) for a, f, s in given.tolist()]
     shape, told = (count, worm.segments, 2), []
-    unequal = [*map(Correction, random.uniform(*UNEQUAL, shape), random.uniform(-SHIFTED, SHIFTED, shape))]
+    unequal = [*map(Correction, random.uniform(0.8, 1.15, shape), random.uniform(-0.2, 0.2, shape))]
     for k in range(round(EXCITED / DT)):
-        now = min(int(k * DT / CHANGES), count - 1)
+        now = min(int(k * DT), count - 1)
         generator.correction = unequal[now] if 2 * now >= count else None
         told.append(generator.step(DT, waves[now]))
     try:

@@ -29,15 +29,10 @@ from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
 
-FIGURE_NAMES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
-"""Names of the pictures of a controlled run, which are functions in `scenes.models.control.figures`."""
-
-OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
-"""Pictures of the worm that a controlled run also has."""
+FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 
 NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
-START_WAVES, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
-"""Duration of the start [waves], during which a heading is sought; `nis_mean` does not include the start."""
+NO_NIS = "this controller estimates nothing from innovations, or none came after its start"
 
 
 class Phased:
@@ -89,8 +84,9 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
 
 
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
-    drive = injected(driver, scene), sensors_of(scene)
-    result = simulate(scene, observer, live=live, drive=drive)
+    faults = faults_of(scene)
+    faulty = Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
+    result = simulate(scene, observer, live=live, drive=(faulty, sensors_of(scene)))
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result, scene), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
@@ -120,7 +116,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return (KF7) of a controller's estimator after the start, or the reasons for missing values."""
-    start = START_WAVES * controller.period
+    start = 3.0 * controller.period  # a heading is sought for three waves
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])
     nis = [value for t, value in seen if t >= start]
     if not nis:
@@ -129,23 +125,14 @@ def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, 
     return dict(zip(NIS, (found.mean, found.low, found.high), strict=True)), {}
 
 
-def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
-    """Return a driver with the faults of a scene added, if there are any."""
-    faults = faults_of(scene)
-    return Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
-
-
 CONTROL_MODEL = Model(
     name="worm_control",
     title="the 3D worm with a controller, sensors and a reference",
     schema=ControlScene,
     checks=CONTROL_CHECKS,
     run=run,
-    figures={
-        **pictures("scenes.models.control.figures", **{stem: stem for stem in FIGURE_NAMES}),
-        "side_and_top": worm_view.side_and_top,
-        **pictures(worm.FIGURES_MODULE, **{stem: stem for stem in OF_THE_WORM}),
-    },
+    figures=pictures("scenes.models.control.figures", *FIGURES)
+    | pictures("scenes.models.worm.figures", "side_and_top", *worm.OF_A_BODY),
     overview=worm_overview.draw,
     animate=worm_view.RunMovie,
     view=worm_view.view,

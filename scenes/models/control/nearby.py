@@ -24,8 +24,8 @@ rms errors, in % of the rms of the quantity itself, over 132 waves with hinges:
     friction 0.7, 1.3, 1.3      7      2    25         1.2    1.3   11           0.9   0.9  10
 
 (friction: factors forward, backward, sideways). The lags are those of the default worm. A worm is near if the map's
-error at `runs.CHECK_RUNS` new runs is at most `MAX_MAP_ERRORS`; a worm farther away is refused, because it has to be
-identified.
+error at the new runs of `identify.check_parameters` is at most `MAX_MAP_ERRORS`; a worm farther away is refused,
+because it has to be identified.
 """
 
 from __future__ import annotations

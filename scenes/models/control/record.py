@@ -19,7 +19,6 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
-PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading", "joints")
 OUTWARD = 2, 5
 """Apexes at the widest points of a segment, left and right."""
@@ -27,8 +26,6 @@ PATH_VARIABLE = "path"
 """Variable with the points of a user's own path."""
 WAY = "way"
 """Variable with the points of the path around obstacles."""
-SPACING = 0.02
-"""Spacing of the points of a path in pictures and records [m]."""
 STATE_NAMES = ", ".join(ReducedState._fields)
 
 
@@ -50,7 +47,7 @@ def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Vari
             ("decision", "parameter"),
             np.array([astuple(d.parameters) for d in decisions]).reshape(-1, 4),
             "1",
-            f"asked for: {PARAMETERS}",
+            "asked for: amplitude, frequency [Hz], bias, hinge [rad]",
         ),
         *_estimates(decisions),
         *_horizon(decisions),
@@ -59,12 +56,12 @@ def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Vari
 
 
 def _estimates(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
-    known = [d.estimate for d in decisions]
-    if any(estimate is None for estimate in known):
+    known = [d.estimate for d in decisions if d.estimate is not None]
+    if len(known) < len(decisions):
         return ()
-    states = np.array([e.state for e in known if e is not None], dtype=float).reshape(-1, STATES)
-    bounds = np.array([e.deviations for e in known if e is not None]).reshape(-1, STATES)
-    nis = [np.nan if e is None or e.nis is None else e.nis for e in known]
+    states = np.array([e.state for e in known], dtype=float).reshape(-1, STATES)
+    bounds = np.array([e.deviations for e in known]).reshape(-1, STATES)
+    nis = [np.nan if e.nis is None else e.nis for e in known]
     dims = ("decision", "state")
     return (
         Variable("estimate", dims, states, "SI", f"estimated {STATE_NAMES}"),
@@ -115,12 +112,12 @@ def timing_of(
     )
 
 
-def path_points(path: Path, com: FloatArray) -> FloatArray:
+def path_points(path: Path, com: FloatArray, spacing: float = 0.02) -> FloatArray:
     """Return points on the part of a path that a worm, shape (T, 2), passed, and a little beyond, shape (P, 2) [m]."""
     ends = [float(path.project(place)) for place in (com[0], com[-1])]
     end = path.length if math.isfinite(path.length) else max(ends) + 1.0
     begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
-    return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / SPACING) + 1)))
+    return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / spacing) + 1)))
 
 
 def way_variables(path: Path | None) -> tuple[Variable, ...]:

@@ -78,10 +78,7 @@ class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH_KIND}):
         (), only=HEADING_KIND, meaning="steps of the heading, each a table of at_s and heading_deg"
     )
     start_m: Pair | None = setting(
-        unit="m",
-        only=BEGUN,
-        left_out="the middle of the worm as it starts",
-        meaning="where the path begins: x, y",
+        unit="m", only=BEGUN, left_out="the middle of the worm as it starts", meaning="where the path begins: x, y"
     )
     azimuth_deg: float | None = setting(
         unit="deg",
@@ -187,10 +184,7 @@ def _begin(scene: Any) -> tuple[tuple[float, float], float]:
     """Return the start of a path and the direction there: as given, or the middle of the worm and its direction."""
     asked = scene.reference
     azimuth = scene.start.azimuth_deg if asked.azimuth_deg is None else asked.azimuth_deg
-    if asked.start_m is not None:
-        x, y = asked.start_m
-    else:
-        x, y = middle_of(scene)
+    x, y = middle_of(scene) if asked.start_m is None else asked.start_m
     return (float(x), float(y)), math.radians(azimuth)
 
 

@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from worm3d.running.live import Horizon
 
 
-ABOVE = 0.004
-"""Height of lines above the ground, so that they are visible [m]."""
-
-
 def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
     """Return the period, the path, obstacles and, at the stored instants, the predicted path and the desired speed.
 
@@ -57,13 +53,9 @@ def path_seen(record: Record, scene: ControlScene) -> Path | None:
 
 def reference_seen(record: Record, scene: ControlScene) -> Reference:
     """Return the task of the worm in a stored run, with `path_seen`."""
-    from control.tracking.references import Reference
-    from scenes.models.control.reference import reference_along, speed_of
+    from scenes.models.control.reference import reference_along
 
-    path = path_seen(record, scene)
-    if path is None and is_own(scene.reference.kind):
-        return Reference(speed_of(scene.reference))  # from an earlier version, without a stored path or bounds
-    return reference_along(scene, path)
+    return reference_along(scene, path_seen(record, scene))
 
 
 def period(record: Record) -> float | None:
@@ -104,5 +96,5 @@ def _in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatAr
     else:
         azimuth = math.radians(world.heading_deg)
         ascent = places @ np.array([math.cos(azimuth), math.sin(azimuth)])
-        heights = ABOVE + math.tan(math.radians(world.slope_deg)) * ascent
+        heights = 0.004 + math.tan(math.radians(world.slope_deg)) * ascent
     return np.concatenate([places, heights[..., None]], axis=-1)

@@ -16,7 +16,7 @@ import numpy as np
 from control.parts import HYSTERESIS
 from scenes.language.checks import Check, Found
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED_FOLDER
+from scenes.language.loader import file_named
 from scenes.language.parts import keys_by_parameter, part_named, part_of
 from scenes.models.base import Model, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, in_keys
@@ -50,9 +50,6 @@ OF_A_WORM = (
 
 LENGTH_KEY = SEGMENT_KEYS["length"]
 
-MOST_STEPS = 1_000_000
-"""Largest number of time steps."""
-
 
 def worm_of(scene: LoadFrameScene) -> PlantWorm:
     """Return the worm of one segment described by a scene."""
@@ -67,10 +64,7 @@ def instants(scene: LoadFrameScene) -> FloatArray:
 
 def file_of(frame: Frame) -> Path | None:
     """Return the file of the section [frame], or the shipped file of that name; None without a file."""
-    if frame.file == NO_FILE:
-        return None
-    path, shipped = Path(frame.file), SHIPPED_FOLDER / frame.file
-    return shipped if not path.exists() and shipped.is_file() else path
+    return None if frame.file == NO_FILE else file_named(frame.file)
 
 
 def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
@@ -174,25 +168,24 @@ def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, 
     """Report errors of the frame: a file without a cable, or more cable than the segment has."""
     scene = LoadFrameScene(model="load_frame", worm=worm, hysteresis=hysteresis, frame=frame, run=run)
     try:
-        cable = cable_of(scene.frame, instants(scene))
+        cable = cable_of(frame, instants(scene))
+        segment = worm_of(scene)
     except SceneError as error:
         return {"frame.file": str(error)}
-    try:
-        segment = worm_of(scene)
     except ValueError as error:
         return {"worm": in_keys(str(error), SEGMENT_KEYS)}
     try:
-        shape(segment, cable, scene.frame.cable_per_diameter)
+        shape(segment, cable, frame.cable_per_diameter)
     except ValueError as error:
         return dict.fromkeys(("frame", "worm"), in_keys(str(error), SEGMENT_KEYS))
     return None
 
 
-def _not_too_many(dt_s: float, duration_s: float) -> Found:
+def _not_too_many(dt_s: float, duration_s: float, most: int = 1_000_000) -> Found:
     steps = duration_s / dt_s
-    if steps <= MOST_STEPS:
+    if steps <= most:
         return None
-    return f"got {dt_s} s: makes {steps:.3g} steps of run.duration_s ({duration_s} s), at most {MOST_STEPS} are allowed"
+    return f"got {dt_s} s: makes {steps:.3g} steps of run.duration_s ({duration_s} s), at most {most} are allowed"
 
 
 LOAD_FRAME_CHECKS = (
@@ -207,7 +200,7 @@ LOAD_FRAME_MODEL = Model(
     schema=LoadFrameScene,
     checks=LOAD_FRAME_CHECKS,
     run=run,
-    figures=pictures("scenes.models.load_frame.figures", force_over_cable="force_over_cable", energy="energy"),
+    figures=pictures("scenes.models.load_frame.figures", "force_over_cable", "energy"),
     overview=overview.draw,
     advice="try a smaller run.dt_s",
     moves=False,

@@ -7,37 +7,34 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planar import figures
+from scenes.models import panels
 from scenes.models.planar.linkage import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from scenes.records.record import Record
-from worm3d.values.arrays import FloatArray
 
 
 def centre_of_mass(record: Record) -> tuple[Figure, Axes]:
-    """Draw the centre of mass along the ground."""
-    curves = {"centre of mass": record["com"][:, 0]}
+    """Draw the centre of mass along the ground, and any centre of mass reported by the published program."""
+    curves = {"all nodes": record["com"][:, 0]}
+    if "reported_com" in record:
+        curves["as the program reports it"] = record["reported_com"]
     return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
 
 
-def cumulative_cost(record: Record) -> tuple[Figure, Axes]:
-    """Draw the cumulative cost of transport of contraction and friction."""
+def cumulative_cost_of_transport(record: Record) -> tuple[Figure, Axes]:
+    """Draw the cumulative cost of transport of contraction and, of the corrected worm, of friction."""
+    time, title = record["step_time"], f"{record.title}: cumulative cost of transport"
+    if "cumulative_cot" in record:
+        return figures.cumulative_cost(time, {"contraction": record["cumulative_cot"]}, title=title)
     curves = {
         "contraction, (P12)": record["cumulative_cot_contract"],
         "friction, (P14)": record["cumulative_cot_friction"],
     }
-    title = f"{record.title}: cumulative cost of transport, sum of |work / dx|"
-    return figures.cumulative_cost(record["step_time"], curves, title=title, logarithmic=True)
+    return figures.cumulative_cost(time, curves, title=f"{title}, sum of |work / dx|", logarithmic=True)
 
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     """Draw the supply and the use of energy, summed over the steps."""
-
-    def summed(names: dict[str, str]) -> dict[str, FloatArray]:
-        return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
-
-    title = f"{record.title}: energy, summed over the steps"
-    return figures.energy_ledger(
-        record["step_time"], summed(SUPPLIED_ENERGY), summed(STORED_ENERGY), summed(LOST_ENERGY), title=title
-    )
+    return panels.energy_ledger(record, "step_time", SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY)
 
 
 def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
@@ -63,18 +60,6 @@ def contraction(record: Record) -> tuple[Figure, Axes]:
     return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
 
 
-def published_com(record: Record) -> tuple[Figure, Axes]:
-    """Draw the centre of mass along the ground, and the centre of mass reported by the program."""
-    curves = {"all nodes": record["com"][:, 0], "as the program reports it": record["reported_com"]}
-    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
-
-
-def published_cost(record: Record) -> tuple[Figure, Axes]:
-    """Draw the cumulative cost of transport of contraction."""
-    title = f"{record.title}: cumulative cost of transport"
-    return figures.cumulative_cost(record["step_time"], {"contraction": record["cumulative_cot"]}, title=title)
-
-
-def published_activation(record: Record) -> tuple[Figure, Axes]:
+def activation(record: Record) -> tuple[Figure, Axes]:
     """Draw the activation of the segments."""
     return figures.activation(record["step_time"], record["activation"], title=f"{record.title}: activation")

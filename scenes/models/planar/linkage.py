@@ -21,9 +21,6 @@ from worm3d.values.variable import Variable
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-SHORTEST_STEP = 1e-6
-"""Steps that move the centre of mass by less are left out of the cumulative cost of transport [m]."""
-
 LINKAGE_ADVICE = (
     "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
     "worm.torsion_J or worm.kelvin_voigt_time_s"
@@ -59,19 +56,16 @@ def run(scene: LinkageScene, observer: Observer) -> Outcome:
     result = simulate(scene, observer)
     wall_s = perf_counter() - start
     summary = merits(scene, result)
-    return Outcome(
-        status=status_word(result.status),
-        sentence=result.stop.sentence,
-        variables=_variables(scene, result),
-        summary=summary,
-        reasons=reasons(summary),
-        wall_s=wall_s,
-    )
+    ended = status_word(result.status), result.stop.sentence
+    return Outcome(*ended, _variables(scene, result), summary, reasons(summary), wall_s)
 
 
-def cumulative_cost(work: FloatArray, com_x: FloatArray) -> FloatArray:
-    """Return the sum of |work / dx| (P12), (P14) over the steps so far, as the paper plots it, shape (S,) [J/m]."""
-    cumulative: FloatArray = np.cumsum(np.abs(p12_cost_of_transport(work, com_x, SHORTEST_STEP)))
+def cumulative_cost(work: FloatArray, com_x: FloatArray, shortest: float = 1e-6) -> FloatArray:
+    """Return the sum of |work / dx| (P12), (P14) over the steps so far, as the paper plots it, shape (S,) [J/m].
+
+    Steps that move the centre of mass by less than `shortest` [m] are left out.
+    """
+    cumulative: FloatArray = np.cumsum(np.abs(p12_cost_of_transport(work, com_x, shortest)))
     return cumulative
 
 
@@ -196,11 +190,7 @@ LINKAGE_MODEL = Model(
     run=run,
     figures=pictures(
         "scenes.models.planar.figures",
-        centre_of_mass="centre_of_mass",
-        cumulative_cost_of_transport="cumulative_cost",
-        energy_ledger="energy_ledger",
-        loads_and_slip="loads_and_slip",
-        contraction="contraction",
+        *("centre_of_mass", "cumulative_cost_of_transport", "energy_ledger", "loads_and_slip", "contraction"),
     ),
     overview=_overview,
     animate=animate,

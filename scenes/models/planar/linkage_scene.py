@@ -120,17 +120,11 @@ def _is_flattened(scene: LinkageScene) -> bool:
 FRICTION = ("friction", "worm.segments")
 """Keys that decide whether friction has a value for each segment."""
 
-RULES = (
+LINKAGE_CHECKS = (
     *RUN_CHECKS,
     *gait_checks(LinkageGait, Worm, can_sense=False),
     building(worm_of, "worm"),
     building(lambda friction, segments: part_of(linkage.Friction, friction).coefficients(segments), *FRICTION),
-)
-"""Checks that do not start the worm."""
-
-LINKAGE_CHECKS = (
-    *RULES,
     memory_check(bytes_per_step),
     Check(("worm.mass_kg", "worm", "friction", "ground", "gait"), _can_start),
 )
-"""All checks, including errors of the model itself, such as for a weight that would flatten the worm."""

@@ -99,14 +99,8 @@ def run(scene: PublishedScene, observer: Observer) -> Outcome:
     # The last steps before a divergence may overflow; a reason explains the missing values in the summary.
     with np.errstate(all="ignore"):
         summary = _summary(scene, result)
-        return Outcome(
-            status=status_word(result.status),
-            sentence=result.stop.sentence,
-            variables=_variables(scene, result),
-            summary=summary,
-            reasons=_reasons(summary),
-            wall_s=wall_s,
-        )
+        ended = status_word(result.status), result.stop.sentence
+        return Outcome(*ended, _variables(scene, result), summary, _reasons(summary), wall_s)
 
 
 def parameters_of(scene: PublishedScene) -> Parameters:
@@ -191,12 +185,7 @@ PUBLISHED_MODEL = Model(
     schema=PublishedScene,
     checks=PUBLISHED_CHECKS,
     run=run,
-    figures=pictures(
-        "scenes.models.planar.figures",
-        centre_of_mass="published_com",
-        cumulative_cost_of_transport="published_cost",
-        activation="published_activation",
-    ),
+    figures=pictures("scenes.models.planar.figures", "centre_of_mass", "cumulative_cost_of_transport", "activation"),
     overview=_overview,
     animate=_animate,
     advice="try a smaller run.dt_s, a smaller gait.force_N or a larger worm.mass_kg",

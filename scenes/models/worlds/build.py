@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import worm3d
 from control.parts import WORLD
-from scenes.language.loader import SHIPPED_FOLDER
+from scenes.language.loader import file_named
 from scenes.language.parts import part_named
 from scenes.models.worlds.schema import NO_WORLD, Patch, Piece, World
 
@@ -62,7 +60,7 @@ def _heightfield(world: World) -> worm3d.Heightfield:
     """Return the terrain of a section."""
     (length, width), spacing, height, size = world.extent_m, world.spacing_m, world.height_m, world.size_m
     if world.surface == "image":
-        return worm3d.Heightfield.from_image(_file_of(world), spacing, 0.0, height, grip=world.grip)
+        return worm3d.Heightfield.from_image(file_named(world.file), spacing, 0.0, height, grip=world.grip)
     if world.surface == "steps":
         return worm3d.Heightfield.steps(
             length, width, spacing, height=height, tread=size, ramp=world.ramp_m, grip=world.grip
@@ -77,14 +75,7 @@ def _heightfield(world: World) -> worm3d.Heightfield:
 def _mesh(world: World) -> worm3d.Mesh:
     """Return the world from the mesh file of a section."""
     units = None if world.units == "unknown" else world.units
-    return worm3d.Mesh(_file_of(world), units, world.solid, world.cell_m, world.up, grip=world.grip)
-
-
-def _file_of(world: World) -> Path:
-    """Return the file of a section: the given path, or the shipped file of that name."""
-    path = Path(world.file)
-    shipped = SHIPPED_FOLDER / path.name
-    return shipped if not os.path.exists(path) and path.name == world.file and os.path.isfile(shipped) else path
+    return worm3d.Mesh(file_named(world.file), units, world.solid, world.cell_m, world.up, grip=world.grip)
 
 
 WORLDS: dict[str, Callable[[World], Any]] = {

@@ -42,10 +42,6 @@ NAMED = keys_of(
 """Keys of the kinds of world that are found by name, and the key `kind`."""
 
 
-class KindOfWorld(PartSection, keys={"kind": NAMED["kind"]}):
-    """The kind of world."""
-
-
 class Patch(Section):
     """A rectangle of the plane with different friction."""
 
@@ -57,27 +53,6 @@ class Patch(Section):
     )
     across_m: Pair | None = setting(
         unit="m", left_out="everywhere", meaning="from where to where to the left of it, from the origin"
-    )
-
-
-class PlaneKeys(Section):
-    """Keys of a plane."""
-
-    slope_deg: float = setting(
-        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), meaning="angle, rising towards x"
-    )
-    heading_deg: float = setting(
-        0.0,
-        unit="deg",
-        only=(PLANE, PIPE, SLOPE_INTO_PIPE),
-        meaning="azimuth of a plane's steepest ascent, or of a pipe where it starts, if not x",
-        aka=("azimuth_deg",),
-    )
-    patches: Tables[Patch] = setting(
-        (),
-        only=(PLANE, PIPE),
-        meaning="places with another friction, each a table of grip, along_m = [from, to] and (planes only) across_m; "
-        "in a pipe along its centre line",
     )
 
 
@@ -99,9 +74,27 @@ class Radius(Section):
     radius_m: float = setting(unit="m", gt=0, meaning="inner radius there")
 
 
-class PipeKeys(Section):
-    """Keys of a pipe."""
+class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
+    """Keys of the kinds written in this module."""
 
+    # Planes
+    slope_deg: float = setting(
+        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), meaning="angle, rising towards x"
+    )
+    heading_deg: float = setting(
+        0.0,
+        unit="deg",
+        only=(PLANE, PIPE, SLOPE_INTO_PIPE),
+        meaning="azimuth of a plane's steepest ascent, or of a pipe where it starts, if not x",
+        aka=("azimuth_deg",),
+    )
+    patches: Tables[Patch] = setting(
+        (),
+        only=(PLANE, PIPE),
+        meaning="places with another friction, each a table of grip, along_m = [from, to] and (planes only) across_m; "
+        "in a pipe along its centre line",
+    )
+    # Pipes
     radius_m: float = setting(0.12, unit="m", gt=0, only=PIPES, meaning="inner radius")
     tilt_deg: float = setting(
         0.0, unit="deg", ge=-90, le=90, only=PIPES, meaning="angle with the horizontal where it starts, 90: up"
@@ -113,15 +106,10 @@ class PipeKeys(Section):
         "or of bend_deg, bend_radius_m and towards = left, right, up or down",
     )
     points_m: Points = setting(
-        (),
-        unit="m",
-        only=PIPE,
-        meaning="instead of tilt_deg and pieces, places [x, y, z] that it goes through",
+        (), unit="m", only=PIPE, meaning="instead of tilt_deg and pieces, places [x, y, z] that it goes through"
     )
     radii: Tables[Radius] = setting(
-        (),
-        only=PIPES,
-        meaning="instead of radius_m, places with at_m and radius_m, between them the wall is a cone",
+        (), only=PIPES, meaning="instead of radius_m, places with at_m and radius_m, between them the wall is a cone"
     )
     rounding_m: float | None = setting(
         unit="m",
@@ -143,11 +131,7 @@ class PipeKeys(Section):
         left_out="the slope goes on",
         meaning="angle of the hill's face, which begins a radius of the pipe farther up than its bottom",
     )
-
-
-class TerrainKeys(Section):
-    """Keys of a heightfield."""
-
+    # Heightfields
     surface: Literal["rubble", "steps", "sinusoid", "image"] = setting(
         "rubble",
         only=HEIGHTFIELD,
@@ -163,19 +147,11 @@ class TerrainKeys(Section):
         meaning="of the highest stone, a step, a crest above the mean, or white above black",
     )
     size_m: float = setting(
-        0.15,
-        unit="m",
-        gt=0,
-        only=HEIGHTFIELD,
-        meaning="radius of the largest stone, tread of a step, or wavelength",
+        0.15, unit="m", gt=0, only=HEIGHTFIELD, meaning="radius of the largest stone, tread of a step, or wavelength"
     )
     ramp_m: float = setting(0.1, unit="m", gt=0, only=HEIGHTFIELD, meaning="length over which a step rises")
     stones: int = setting(0, ge=0, le=2**63 - 1, only=HEIGHTFIELD, meaning="seed of the stones")
-
-
-class MeshKeys(Section):
-    """Keys of a mesh."""
-
+    # Meshes
     file: str = setting(
         NO_FILE,
         only=FILES,
@@ -184,10 +160,7 @@ class MeshKeys(Section):
         is_file=True,
     )
     units: Literal["unknown", "m", "cm", "mm", "in", "ft"] = setting(
-        "unknown",
-        only=MESH,
-        meaning="of the file's coordinates; only GLB files say theirs",
-        aka=("mesh_units",),
+        "unknown", only=MESH, meaning="of the file's coordinates; only GLB files say theirs", aka=("mesh_units",)
     )
     solid: Literal["inside", "outside"] = setting(
         "inside", only=MESH, meaning="what it encloses is solid, or free, as the air in a tunnel"
@@ -197,10 +170,6 @@ class MeshKeys(Section):
     )
     up: Literal["z", "y"] = setting("z", only=MESH, meaning="the file's axis that points up")
     grip: float = setting(1.0, ge=0, only=FILES, meaning="multiplier of the friction")
-
-
-class WrittenKeys(MeshKeys, TerrainKeys, PipeKeys, PlaneKeys, KindOfWorld):
-    """Keys of the kinds written in this module; a written scene lists the keys of the last base class first."""
 
 
 def _shared(name: str, known: Key) -> Key:

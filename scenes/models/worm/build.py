@@ -17,7 +17,7 @@ from control.parts import ACTUATOR, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, ME
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.errors import SceneError
-from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of
+from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of, values_of
 from scenes.models.base import Observer
 from scenes.models.checks import in_keys
 from scenes.models.sections import gait_from
@@ -28,7 +28,6 @@ from scenes.models.worm.schema import (
     AimedStart,
     AnyWormScene,
     GaitScene,
-    PlanarWorm,
     PlanarWormScene,
     Push,
     Start,
@@ -42,8 +41,8 @@ from worm3d.running.problem import Problem
 from worm3d.values import named
 from worm3d.values.named import Kind, declared
 
-WORM_KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
-"""Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
+WORM_KEYS = keys_by_parameter(worm3d.Worm, Worm)
+"""Key of each parameter of `worm3d.Worm` in the section [worm]."""
 
 PARTS = {
     "actuator": ACTUATOR,
@@ -53,12 +52,6 @@ PARTS = {
     "load": LOAD_KIND,
 }
 """Kind of the parts in each section of the 3D worm, by the name of section and parameter."""
-
-STEPS_BETWEEN_LOOKS = 50
-"""Approximate number of steps between two checks whether the user wants to stop a run without a controller."""
-
-PUSH_DELAY_STEPS = 1e-6
-"""Fraction of a time step by which a push is delayed, so that rounding does not decide in which step it starts."""
 
 Force = Callable[[float], NDArray[np.float64]]
 
@@ -87,8 +80,9 @@ def simulate(
     """
     try:
         problem = problem_of(scene, state, done, drive)
-        # A run that ends between two stored states could not be continued without a gap.
-        rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
+        # Without a controller, the user is asked about every 50 steps whether to stop, and only at stored states: a
+        # run that ends between two of them could not be continued without a gap.
+        rows = 1 if drive is not None else max(1, 50 // problem.record_every)
         looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
         def observers(run: runs.Run) -> list[runs.Observer]:
@@ -127,7 +121,7 @@ def problem_of(
 def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm described by the section [worm]."""
     if isinstance(scene, PlanarWormScene):
-        return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
+        return worm3d.Worm.planar(**values_of(Linkage, scene.worm))
     chosen: dict[str, Any] = {name: _part(name, kind, getattr(scene, name)) for name, kind in PARTS.items()}
     return replace(part_of(worm3d.Worm, scene.worm), **chosen)
 
@@ -196,6 +190,6 @@ def force_of(push: Push, segments: int, dt: float) -> Force | None:
         return None
     force = np.zeros((segments + 1, 3))
     force[push.joint] = push.force_N
-    begin = push.begin_s + PUSH_DELAY_STEPS * dt
+    begin = push.begin_s + 1e-6 * dt  # so that rounding does not decide in which step the push starts
     end = math.inf if push.duration_s is None else begin + push.duration_s
     return lambda t: force if begin < t <= end else np.zeros_like(force)

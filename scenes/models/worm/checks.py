@@ -50,12 +50,12 @@ def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STA
     """Return the check that the worm of a scene can start; the sections `names` decide this."""
 
     def can_start(mass_kg: float | None, *sections: Section) -> Found:
-        return _refusal(_scene(schema, names, sections))
+        return _refusal(scene_with(schema, names, sections))
 
     return Check(("worm.mass_kg", *names), can_start)
 
 
-def _scene(schema: type[Surroundings], names: tuple[str, ...], sections: Sequence[Section]) -> Any:
+def scene_with(schema: type[Surroundings], names: tuple[str, ...], sections: Sequence[Section]) -> Any:
     """Return a scene with the given sections, and defaults for the other sections."""
     return schema(model="", **dict(zip(names, sections, strict=True)))
 
@@ -153,22 +153,17 @@ WORLD_CHECKS = (
 
 SPATIAL_CHECKS = (
     *WORLD_CHECKS,
-    building(lambda *sections: worm_of(_scene(SpatialScene, BODY, sections)), *BODY, refusals=IMPOSSIBLE),
+    building(lambda *sections: worm_of(scene_with(SpatialScene, BODY, sections)), *BODY, refusals=IMPOSSIBLE),
     building(_sized, "friction", "worm.segments"),
     *WORM_IN_PIPE_CHECKS,
 )
 """Checks for every 3D worm, with a gait or a controller."""
 
-WORM_CHECKS = (
-    *SPATIAL_CHECKS,
-    *gait_checks(WormGait, Worm),
-    *REFLEX_CHECKS,
-    start_check(WormScene),
-)
+WORM_CHECKS = (*SPATIAL_CHECKS, *gait_checks(WormGait, Worm), *REFLEX_CHECKS, start_check(WormScene))
 
 PLANAR_CHECKS = (
     *WORLD_CHECKS,
-    building(lambda worm: worm_of(_scene(PlanarWormScene, ("worm",), (worm,))), "worm", refusals=IMPOSSIBLE),
+    building(lambda worm: worm_of(scene_with(PlanarWormScene, ("worm",), (worm,))), "worm", refusals=IMPOSSIBLE),
     building(_sized, "friction", "worm.segments"),
     *gait_checks(PlanarGait, PlanarWorm),
     *REFLEX_CHECKS,

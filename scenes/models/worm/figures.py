@@ -11,9 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from planar import figures as planar_figures
+from scenes.models import panels
+from scenes.models.panels import at_least, ends, from_above, stacked
 from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
-from scenes.models.worm.view import scene_of
+from scenes.models.worm.view import scene_of, side_and_top
 from scenes.records.record import Record
 from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.values.arrays import FloatArray
@@ -21,58 +23,53 @@ from worm3d.values.arrays import FloatArray
 if TYPE_CHECKING:
     from scenes.models.worm.schema import AnyWormScene
 
-__all__ = ["body", "centre_of_mass_and_heading", "contraction", "energy_ledger", "loads_and_slip", "path"]
-
-
-ARROWS = 8
-"""Number of headings drawn along the path."""
-
-ALWAYS = ("work_contract", "kinetic")
-"""Terms of the energy ledger that are drawn even if they are always zero."""
-
-INFINITY_M = 1e3
-"""Distance that represents infinity in a picture [m]."""
+__all__ = [
+    "body",
+    "centre_of_mass_and_heading",
+    "contraction",
+    "energy_ledger",
+    "loads_and_slip",
+    "path",
+    "side_and_top",
+]
 
 
 def path(record: Record) -> tuple[Figure, Axes]:
     """Draw the path of the centre of mass from above, with headings, and the body at both ends."""
-    com, joints, heading = record["com"], record["joints"][..., :2], record["heading"]
-    axes = _map(joints.reshape(-1, 2))
-    for row, colour, label in ((0, "0.75", "body at the start"), (-1, "0.35", "body at the end")):
-        axes.plot(*joints[row].T, "o-", color=colour, ms=3, lw=2, label=label)
-        axes.plot(*joints[row, -1:].T, "o", color=colour, ms=8)
-    rows = np.unique(np.linspace(0, len(com) - 1, ARROWS).round().astype(int))
-    arrows = 0.05 * float(np.ptp(axes.get_xlim())) * np.array([np.cos(heading[rows]), np.sin(heading[rows])])
+    com, heading = record["com"], record["heading"]
+    figure, (axes,) = stacked(4.8)
+    ends(axes, record["joints"])
+    axes.plot(*com[:, :2].T, color="C0", lw=1.2, zorder=4, label="centre of mass")
+    from_above(axes)
+    wide, high = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    figure.set_figheight(min(max(5.6 * high / wide + 0.9, 2.4), 6.4))
+    rows = np.unique(np.linspace(0, len(com) - 1, 8).round().astype(int))
+    arrows = 0.05 * wide * np.array([np.cos(heading[rows]), np.sin(heading[rows])])
     style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "color": "C3"}
     axes.quiver(*com[rows, :2].T, *arrows, zorder=3, label="heading", **style)
-    axes.plot(*com[:, :2].T, color="C0", lw=1.2, zorder=4, label="centre of mass")
     _patches(axes, scene_of(record))
     axes.set_title(f"{record.title}: path seen from above", fontsize=10)
     axes.legend(fontsize=7)
-    figure = axes.figure
-    assert isinstance(figure, Figure)
     return figure, axes
 
 
 def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
     """Draw the displacement of the centre of mass, its height and the heading over time."""
-    time, moved, heading = record["time"], in_its_frame(record, record["com"]), np.rad2deg(record["heading"])
-    figure = Figure(figsize=(6.4, 6.0), layout="constrained", dpi=120)
-    way, height, turned = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
+    time, moved = record["time"], in_its_frame(record, record["com"])
+    figure, (way, height, turned) = stacked(6.0, (2, 1, 1))
     way.plot(time, moved[:, 0] - moved[0, 0], label="along the initial heading")
     way.plot(time, moved[:, 1] - moved[0, 1], label="to its left")
     way.legend(fontsize=8)
     height.plot(time, moved[:, 2], color="C2")
-    turned.plot(time, heading, color="C3")
-    _at_least(way, 0.002)
-    _at_least(height, 0.02)
-    _at_least(turned, 2.0)
-    labels = ("displacement of the\ncentre of mass [m]", "its height, z [m]", "heading [deg]")
-    for axes, label in zip((way, height, turned), labels, strict=True):
+    turned.plot(time, np.rad2deg(record["heading"]), color="C3")
+    for axes, label, span in (
+        (way, "displacement of the\ncentre of mass [m]", 0.002),
+        (height, "its height, z [m]", 0.02),
+        (turned, "heading [deg]", 2.0),
+    ):
         axes.set_ylabel(label)
-        axes.grid(alpha=0.3)
+        at_least(axes, span)
     way.set_title(f"{record.title}: centre of mass and heading", fontsize=10)
-    turned.set_xlabel("time [s]")
     return figure, turned
 
 
@@ -105,14 +102,8 @@ def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     """Draw the supply and the use of energy over time."""
-
-    def summed(names: tuple[str, ...]) -> dict[str, FloatArray]:
-        given = {name: record[name] for name in names if name in record}
-        return {n.replace("_", " "): np.cumsum(each) for n, each in given.items() if n in ALWAYS or np.any(each)}
-
-    title = f"{record.title}: energy, summed over the run"
-    terms = (summed(SUPPLIED_ENERGY), summed(STORED_ENERGY), summed(LOST_ENERGY))
-    figure, axes = planar_figures.energy_ledger(record["time"], *terms, title=title)
+    terms = ([name for name in names if name in record] for names in (SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY))
+    figure, axes = panels.energy_ledger(record, "time", *terms)
     figure.set_size_inches(8.4, 4.0)
     axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure, axes
@@ -125,33 +116,15 @@ def _of_segments(of_apexes: FloatArray, of_faces: FloatArray) -> FloatArray:
     return total
 
 
-def _map(places: FloatArray) -> Axes:
-    """Return axes that show all positions, shape (K, 2) [m], to one scale, in a strip that is not too narrow."""
-    low, high = places.min(axis=0), places.max(axis=0)
-    span = 1.1 * np.maximum(high - low, 0.4 * float((high - low).max()))
-    (left, bottom), (right, top) = 0.5 * (low + high - span), 0.5 * (low + high + span)
-    height = min(max(5.6 * span[1] / span[0] + 0.9, 2.4), 6.4)
-    axes = Figure(figsize=(6.4, height), layout="constrained", dpi=120).subplots()
-    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    axes.grid(alpha=0.3)
-    return axes
-
-
-def _at_least(axes: Axes, span: float) -> None:
-    """Widen the vertical range, so that noise does not fill the picture."""
-    low, high = axes.get_ylim()
-    if high - low < span:
-        axes.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
-
-
 def _patches(axes: Axes, scene: AnyWormScene) -> None:
     """Draw the areas with a different friction."""
     world, limits = scene.world, (axes.get_xlim(), axes.get_ylim())
     slope, heading = math.radians(world.slope_deg), math.radians(world.heading_deg)
     ascent = math.cos(slope) * np.array([math.cos(heading), math.sin(heading)])
     left = np.array([-math.sin(heading), math.cos(heading)])
+    everywhere = (-1e3, 1e3)
     for k, patch in enumerate(world.patches):
-        along, across = patch.along_m or (-INFINITY_M, INFINITY_M), patch.across_m or (-INFINITY_M, INFINITY_M)
+        along, across = patch.along_m or everywhere, patch.across_m or everywhere
         corners = [u * ascent + v * left for u, v in zip((*along, *along[::-1]), np.repeat(across, 2), strict=True)]
         area = Polygon(corners, facecolor=f"C{k + 1}", alpha=0.15, zorder=0, label=f"friction x {patch.grip:g}")
         axes.add_patch(area)

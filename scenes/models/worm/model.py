@@ -7,7 +7,6 @@ from typing import TypeVar
 
 import worm3d
 from scenes.language.checks import Check
-from scenes.language.errors import SceneError
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures, status_word
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
@@ -24,10 +23,8 @@ WORM_ADVICE = (
     "worm.spring_N, worm.torsion_J or worm.kelvin_voigt_time_s"
 )
 
-FIGURES_MODULE = "scenes.models.worm.figures"
-
-STEMS = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
-"""Names of the picture files; the function of the same name in `FIGURES_MODULE` draws each."""
+OF_A_BODY = ("body", "contraction", "loads_and_slip", "energy_ledger")
+"""Pictures of every 3D worm, also of a worm with a controller."""
 
 OF_THE_CLOCK = ("status", "real_time_factor")
 """Entries of the plant's summary that a record keeps elsewhere."""
@@ -46,13 +43,11 @@ def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
     """Continue from the end of a record to the end of the scene."""
-    from scenes.models.worm.record import joined, missing  # imports the libraries of files
+    from scenes.models.worm.record import ENERGY_TERMS, STORED_SERIES, joined  # imports the libraries of files
     from worm3d.results.files import state_of
 
-    if lacking := missing(earlier):
-        raise SceneError(
-            f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
-        )
+    for name in (*STORED_SERIES, *ENERGY_TERMS):
+        earlier.variable(name)  # before the simulation: an error for a record without the variable
     rest = simulate(scene, observer, state_of(earlier.checkpoint), earlier.sizes["step"])
     return outcome(joined(earlier, rest), scene)
 
@@ -89,12 +84,12 @@ def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
     reasons = {**result.reasons(), **{name: why for name, (value, why) in asked.items() if value is None}}
     run, parts = described(result, asked)
     return Outcome(
-        status=status_word(result.status),
-        sentence=result.stop.sentence,
-        variables=tuple(result.variables()),
-        summary=merits,
-        reasons={**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
-        wall_s=result.wall_s,
+        status_word(result.status),
+        result.stop.sentence,
+        tuple(result.variables()),
+        merits,
+        {**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
+        result.wall_s,
         checkpoint=checkpoint_of(result.state),
         errors=_errors(result),
         run=run,
@@ -126,7 +121,9 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
         checks=checks,
         run=run,
         resume=resume,
-        figures={"side_and_top": worm_view.side_and_top, **pictures(FIGURES_MODULE, **{stem: stem for stem in STEMS})},
+        figures=pictures(
+            "scenes.models.worm.figures", "side_and_top", "path", "centre_of_mass_and_heading", *OF_A_BODY
+        ),
         overview=worm_overview.draw,
         animate=worm_view.RunMovie,
         view=worm_view.view,

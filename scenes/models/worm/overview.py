@@ -11,8 +11,8 @@ from scenes.records import overview
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
-APEX_ROWS = (("below", 0, 3), ("above", 1, 4), ("outward", 2, 5))
-"""Apexes of a segment by position: rows of the left and of the right chamber."""
+APEX_ROWS = ((0, 3), (1, 4), (2, 5))
+"""Apexes of a segment, below, above and outward: rows of the left and of the right chamber."""
 
 
 def draw(record: Record) -> Image:
@@ -20,7 +20,7 @@ def draw(record: Record) -> Image:
     com = in_its_frame(record, record["com"])
     joints, points = (in_its_frame(record, record[name][[0, -1]]) for name in ("joints", "points"))
     given = record["contraction"][-1]
-    below, above, outward = ([points[:, :, row] for row in rows] for _, *rows in APEX_ROWS)
+    below, above, outward = ([points[:, :, row] for row in rows] for rows in APEX_ROWS)
     tail, head = joints[:, :-1], joints[:, 1:]
     most = float(np.abs(record["contraction"]).max()) or 1.0
     left, right = (np.stack([tail, above[k], head, below[k]], axis=2) for k in (0, 1))

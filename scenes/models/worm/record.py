@@ -12,7 +12,7 @@ import numpy as np
 import worm3d
 from scenes.records.record import Record
 from worm3d.recorded.series import Recorded, Steps, series_of, states_of
-from worm3d.results.files import FIELD_PREFIX, STATE_FIELDS, restored
+from worm3d.results.files import restored
 from worm3d.values.arrays import FloatArray
 
 STORED_SERIES = {
@@ -21,16 +21,6 @@ STORED_SERIES = {
 """Stored series: all that are not computed from other series."""
 
 ENERGY_TERMS = tuple(each.name for each in fields(worm3d.Energy))
-
-
-def missing(earlier: Record) -> list[str]:
-    """Return the variables that are needed to continue a record but missing, as in records of other versions."""
-    known = {variable.name for variable in (*earlier.variables, *earlier.checkpoint)}
-    return [
-        name
-        for name in (*STORED_SERIES, *ENERGY_TERMS, *(FIELD_PREFIX + name for name in STATE_FIELDS))
-        if name not in known
-    ]
 
 
 def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:

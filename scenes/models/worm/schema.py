@@ -27,9 +27,7 @@ def _of_hinges(registry: Mapping[str, Any]) -> Keys:
 
 
 class Actuator(
-    PartSection,
-    holds={"kind": ACTUATOR},
-    keys=partial(chosen, meaning="what drives the chambers", own_defaults=True),
+    PartSection, holds={"kind": ACTUATOR}, keys=partial(chosen, meaning="what drives the chambers", own_defaults=True)
 ):
     """Actuator of the chambers: the response to the commands."""
 

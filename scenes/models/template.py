@@ -6,16 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import Model, with_own_parts
 from scenes.language.mistakes import report, schema_mistakes
 from scenes.language.overrides import apply_overrides
 from scenes.language.parts import head
 from scenes.language.schema import Section, keys_in
 from scenes.language.sweep_section import SWEEP, Sweep
 from scenes.language.toml import key, value
+from scenes.models.base import Model
+from scenes.models.loading import with_own_parts
 
 
-def template(model: Model, overrides: Iterable[str] = ()) -> str:
+def template(model: Model[Any], overrides: Iterable[str] = ()) -> str:
     """Return a scene of a model with every key at its default, and with meaning, unit and range as comments.
 
     Overrides, `section.key=value`, replace defaults; the overrides may name users' own parts.
