@@ -51,10 +51,10 @@ METRICS = {
 }
 
 SAYS = (
-    "Time steps against one of 0.2 ms, scene by scene; the last column is of `run.accuracy=0.01`, where gaits that feel "
-    "decide every 10 ms. Where a cell has two numbers they are mean and standard deviation over 8 starts within 1 mm of "
-    "the scene's, of both time steps alike: less than two thirds of the second is no difference. Made by `python "
-    "tests/benchmarks/accuracy.py`."
+    "Time steps against one of 0.2 ms, scene by scene; the last column is of `run.accuracy=0.01`, where gaits that "
+    "feel decide every 10 ms. Where a cell has two numbers they are mean and standard deviation over 8 starts within "
+    "1 mm of the scene's, of both time steps alike: less than two thirds of the second is no difference. Made by "
+    "`python tests/benchmarks/accuracy.py`."
 )
 
 SPREADS = {".4g": ".1g", ".1f": ".1f", "+.1f": ".1f"}
