@@ -57,9 +57,6 @@ SAYS = (
     "`python tests/benchmarks/accuracy.py`."
 )
 
-SPREADS = {".4g": ".1g", ".1f": ".1f", "+.1f": ".1f"}
-"""How a standard deviation is written, by how the mean is."""
-
 
 @dataclass(frozen=True)
 class Case:
@@ -177,7 +174,7 @@ def _shown(values: FloatArray, form: str) -> str:
         return "-"
     mean = f"{values.mean():{form}}"
     mean = mean[1:] if float(mean) == 0.0 and mean[0] in "+-" else mean
-    return mean if len(values) == 1 else f"{mean} ± {values.std(ddof=1):{SPREADS[form]}}"
+    return mean if len(values) == 1 else f"{mean} ± {values.std(ddof=1):.1{form[-1]}}"
 
 
 def drawn(rng: np.random.Generator) -> Problem:

@@ -5,7 +5,7 @@
 Measured are the constants that have a row in a table of `control/CONSTANTS.md`, which says what the cells are, or of
 `worm3d/solver/README.md`; all take hours. `--only` chooses constants by a part of "module.NAME". For the solver a cell
 has the evaluations of the residual per step (mean of four scenes, the first 6 s of each), the fallbacks in all of them,
-and Newton's iterations with a new Jacobian in each; "!" marks a run that did not reach its end.
+and of each Newton's iterations with a new Jacobian, and the distance; "!" marks a run that did not reach its end.
 
 Each value is measured in a process of its own, which imports a copy of the package with that value. The solver is then
 compiled anew, which takes half a minute.
@@ -178,12 +178,12 @@ def _told(tasks: list[tuple[str, int, str]]) -> Found:
 
 
 def _solver() -> Found:
-    """Return evaluations, fallbacks and Newton's iterations of four scenes."""
+    """Return evaluations and fallbacks of four scenes, and Newton's iterations and the distance of each."""
     import worm3d
     from scenes.models.loading import load_scene
     from scenes.models.worm.build import simulate
 
-    iterations, evaluations, fallbacks = [], list[float](), 0
+    iterations, distances, evaluations, fallbacks = [], [], list[float](), 0
     for name in ("flat", "pipe_bend", "slope_15", "rubble"):
         settings: Any = load_scene(name, ["run.duration_s=6"]).settings
         run = simulate(settings, lambda done: True)
@@ -191,8 +191,9 @@ def _solver() -> Found:
         iterations.append(f"{run.newton_iterations.mean():.2f}" if done else "!")
         evaluations += [float((run.newton_iterations + run.gradient_evaluations).mean())] if done else []
         fallbacks += int(run.fallbacks.sum())
+        distances.append(f"{run.distance:.5f}")
     mean = sum(evaluations) / max(len(evaluations), 1)
-    return Found((), f"{mean:.2f}, {fallbacks} ({', '.join(iterations)})")
+    return Found((), f"{mean:.2f}, {fallbacks} ({', '.join(iterations)}; {', '.join(distances)} m)")
 
 
 def _nothing() -> Found:
