@@ -16,8 +16,6 @@ from worm3d.values.arrays import FloatArray
 
 ROWS = 12
 PASSES = 20_000
-ROUNDS = 5
-"""Timed calls, of which the fastest counts."""
 
 
 def calibrate() -> float:
@@ -26,7 +24,7 @@ def calibrate() -> float:
     matrix = 1.0 / (1.0 + np.abs(place[:, None] - place)) + ROWS * np.eye(ROWS)
     solve_often(matrix, 1)
     times = []
-    for _ in range(ROUNDS):
+    for _ in range(5):  # the fastest counts
         began = perf_counter()
         solve_often(matrix, PASSES)
         times.append(perf_counter() - began)

@@ -26,7 +26,7 @@ less than here adds 0.2 and 2 %.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from xml.etree.ElementTree import Element, SubElement, tostring
 
@@ -35,50 +35,17 @@ from rivals import Task
 
 TIP_RADIUS = 0.005
 """Radius of the spheres whose lowest points are the apexes [m]."""
-SOFTNESS = 0.0033
-"""Softness of the contacts of 6 segments, (MJ4)."""
-TIE_SOFTNESS = 0.1
-"""Softness of ties and welds over that of the contacts; a tenth of it changes the distance by less than 0.5 %."""
-LEAST_INERTIA = 1e-3
-"""Moment of inertia of a foot about its own axis over its others, where point masses have none."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """How MuJoCo computes.
-
-    Attributes
-    ----------
-    integrator, solver, cone, jacobian : str
-        As in MJCF.
-    per_tree : int
-        Greatest number of segments in a kinematic tree.
-    """
-
-    integrator: str = "discrete"
-    solver: str = "Newton"
-    cone: str = "elliptic"
-    jacobian: str = "sparse"
-    per_tree: int = 6
-
-    @classmethod
-    def fastest(cls, segments: int) -> Settings:
-        """Return the settings with the greatest real-time factor at 1 % error, see `mujoco_worm.compare`."""
-        return cls(per_tree=6 if segments <= 20 else 3)
-
-    def __str__(self) -> str:
-        return ", ".join(f"{f.name} {getattr(self, f.name)}" for f in fields(self))
-
-
-def mjcf(task: Task, dt: float, settings: Settings) -> str:
-    """Return the model as XML."""
+def mjcf(task: Task, dt: float, per_tree: int) -> str:
+    """Return the model as XML, with so many segments in a kinematic tree at most."""
     root = Element("mujoco")
     SubElement(root, "compiler", angle="radian")
-    _options(root, task, dt, settings)
+    _options(root, dt)
     world = SubElement(root, "worldbody")
     SubElement(world, "geom", name="floor", type="plane", size="0 0 1", contype="0", conaffinity="0")
     contact, equality, actuator = (SubElement(root, tag) for tag in ("contact", "equality", "actuator"))
-    for low, high in _trees(task.worm.segments, settings.per_tree):
+    for low, high in _trees(task.worm.segments, per_tree):
         _Tree(task, low, high, equality).grow(world)
     for i in range(task.worm.segments):
         _touch(contact, task, i)
@@ -86,17 +53,9 @@ def mjcf(task: Task, dt: float, settings: Settings) -> str:
     return tostring(root, encoding="unicode")
 
 
-def _options(root: Element, task: Task, dt: float, settings: Settings) -> None:
-    option = SubElement(
-        root,
-        "option",
-        timestep=repr(dt),
-        gravity=f"0 0 {-task.gravity}",
-        integrator=settings.integrator,
-        solver=settings.solver,
-        cone=settings.cone,
-        jacobian=settings.jacobian,
-    )
+def _options(root: Element, dt: float) -> None:
+    kinds = {"integrator": "discrete", "solver": "Newton", "cone": "elliptic", "jacobian": "sparse"}
+    option = SubElement(root, "option", kinds, timestep=repr(dt), gravity="0 0 -9.81")
     SubElement(option, "flag", island="disable", midphase="disable", autoreset="disable")
 
 
@@ -109,7 +68,7 @@ def _trees(segments: int, per_tree: int) -> Iterator[tuple[int, int]]:
 
 def _touch(contact: Element, task: Task, i: int) -> None:
     """Let the feet of segment i touch the floor, with the same friction in all directions."""
-    friction, impedance = f"{task.backward} {task.backward}", _impedance(_softness(task))
+    friction, impedance = " ".join(2 * [str(task.friction.backward)]), _impedance(_softness(task))
     for side in "LR":
         ends = {"geom1": "floor", "geom2": f"{side}{i}"}
         SubElement(contact, "pair", ends, condim="3", friction=friction, solimp=impedance)
@@ -117,7 +76,7 @@ def _touch(contact: Element, task: Task, i: int) -> None:
 
 def _softness(task: Task) -> float:
     """Return how soft the contacts are, (MJ4)."""
-    softness: float = SOFTNESS * (6.0 / task.worm.segments) ** 0.6
+    softness: float = 0.0033 * (6.0 / task.worm.segments) ** 0.6
     return softness
 
 
@@ -195,7 +154,7 @@ class _Tree:
         b, h, mass = worm.chamber_offset, self._half_height(i), 2.0 * worm.apex_mass[i, 0]
         foot = SubElement(far, "body", pos=f"{-sign * worm.l0 / 2.0} 0 0")
         inertia = mass * b**2
-        _inertial(foot, mass, -h, (inertia, LEAST_INERTIA * inertia, inertia))
+        _inertial(foot, mass, -h, (inertia, 1e-3 * inertia, inertia))  # point masses have none about their line
         SubElement(foot, "joint", name=f"foot{i}", type="slide", axis=f"{-sign / 2.0} 0 {s}")
         for side, y in (("L", b), ("R", -b)):
             position, size = f"0 {y} {TIP_RADIUS - h}", repr(TIP_RADIUS)
@@ -229,7 +188,8 @@ class _Tree:
         _inertial(body, share * mass, up, (share * (pitch + yaw) * (1.0 - 1e-9), share * pitch, share * yaw))
 
     def _tie(self) -> str:
-        return _impedance(TIE_SOFTNESS * _softness(self.task))
+        # A tenth of this softness changes the distance by less than 0.5 %.
+        return _impedance(0.1 * _softness(self.task))
 
     def _half_height(self, i: int) -> float:
         return float(np.asarray(self.task.worm.half_height)[i])

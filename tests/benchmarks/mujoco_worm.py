@@ -1,6 +1,6 @@
 """MuJoCo on the task: an extensible chain with feet that move out as their segment shortens (`mujoco_model`).
 
-Real-time factors at 1 % error that `compare` found for 6 and 20 segments (MuJoCo 4.0.0, AMD EPYC, one core). The
+Real-time factors at 1 % error for 6 and 20 segments (MuJoCo 4.0.0, AMD EPYC, one core). The
 integrator `discrete`, which takes stiffness, damping and constraints implicitly, allows the largest steps; with
 elliptic cones the distance converges smoothly; Newton needs a fourth of the time of CG.
 
@@ -19,15 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
-from mujoco_model import Settings, mjcf
-from rivals import SEARCH_SECONDS, Measured, Rival, measure
-from step_search import NotConvergedError
+from mujoco_model import mjcf
+from rivals import Rival, Task
 
 from worm3d.values.arrays import FloatArray
 
@@ -38,26 +35,14 @@ UNSTABLE = (
     mujoco.mjtWarning.mjWARN_BADQACC,
 )
 
-OTHERS: tuple[dict[str, Any], ...] = (
-    {"integrator": "implicitfast"},
-    {"integrator": "Euler"},
-    {"solver": "CG"},
-    {"cone": "pyramidal"},
-    {"jacobian": "dense"},
-    {"per_tree": 1000},
-)
-"""Changes to the fastest settings that were tried; the last is one tree, however long the worm."""
-
 
 class MuJoCoWorm(Rival):
     """The worm in MuJoCo.
 
     Parameters
     ----------
-    given : Settings, optional
-        How it computes; the fastest settings for the number of segments if left out.
-    seconds, ground
-        As in `Rival`.
+    per_tree : int, optional
+        Greatest number of segments in a kinematic tree; the fastest for the number of segments if left out.
     """
 
     name = f"MuJoCo {mujoco.__version__}"
@@ -70,23 +55,21 @@ class MuJoCoWorm(Rival):
         "a spring that stiffens as its rest length is commanded shorter",
     )
 
-    def __init__(
-        self, given: Settings | None = None, seconds: float = SEARCH_SECONDS, ground: str = "bristles"
-    ) -> None:
-        super().__init__(seconds, ground)
-        self.given = given
+    def __init__(self, per_tree: int = 0) -> None:
+        self.given = per_tree
 
     def settings(self, segments: int) -> str:
         """Return the configuration it runs in, in words."""
-        return str(self._settings(segments))
+        return f"discrete, Newton, elliptic, sparse, {self.per_tree(segments)} segments a tree"
 
-    def _settings(self, segments: int) -> Settings:
-        return self.given or Settings.fastest(segments)
+    def per_tree(self, segments: int) -> int:
+        """Return the greatest number of segments in a tree."""
+        return self.given or (6 if segments <= 20 else 3)
 
-    def prepare(self, segments: int, duration: float, steps: int) -> Callable[[], float]:
+    def prepare(self, task: Task, duration: float, steps: int) -> Callable[[], float]:
         """Return a simulation, ready to go: called once, it returns the distance along x [m]."""
-        task, dt = self.task(segments), duration / steps
-        model = mujoco.MjModel.from_xml_string(mjcf(task, dt, self._settings(segments)))
+        dt = duration / steps
+        model = mujoco.MjModel.from_xml_string(mjcf(task, dt, self.per_tree(task.worm.segments)))
         data = mujoco.MjData(model)
         times = (np.arange(steps) + 0.5) * dt
         controls = -task.worm.l0 * task.contractions(times)
@@ -126,16 +109,3 @@ def _centre_of_mass(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Return x of the centre of mass [m]."""
     mujoco.mj_kinematics(model, data)
     return float(model.body_mass @ data.xipos[:, 0] / model.body_mass.sum())
-
-
-def compare(segments: int, seconds: float = SEARCH_SECONDS) -> dict[Settings, Measured | None]:
-    """Measure the fastest settings and all single changes to them; None where no step holds the tolerance in time."""
-    fastest = Settings.fastest(segments)
-    return {s: _measured(s, segments, seconds) for s in (fastest, *(replace(fastest, **other) for other in OTHERS))}
-
-
-def _measured(settings: Settings, segments: int, seconds: float) -> Measured | None:
-    try:
-        return measure(MuJoCoWorm(settings, seconds), segments)
-    except NotConvergedError:
-        return None

@@ -1,44 +1,31 @@
-"""Random fields of obstacles: whether the whole body stays clear of them, and whether those without a way are refused.
-
-    python tests/benchmarks/obstacle_fields.py [--seed 300] [--count 20] [--controller mpc] [--workers 2]
+"""Random fields of obstacles, and a search for a way through them: the family `obstacles` of `closed_loop.py`.
 
 Each draw is a line with an end, an S-curve or a circle, with 2 to 5 discs and walls beside it, each of which may be
 unknown until it is near. A draw is solvable if a search that shares nothing with the planner finds a way: arcs of the
 curvatures 0, 0.75 and 1.5 per body length, on which a body with 0.02 BL of room keeps off all obstacles, unknown ones
-too. Draws go on until `count` of them are solvable; the others must be refused or end in a stop. Printed are, for each
-run, the clearance of the body and the offset from the bare path [body lengths], the way made along it, and the faults.
+too.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Iterator
-from multiprocessing import get_context
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from control.tracking.obstacles import Disc, Obstacle, Wall, nearest
-from control.tracking.paths import track
 from control.tracking.references import Reference
-from scenes.language.errors import SceneError
 from scenes.models.control.reference import reference_of
 from scenes.models.loading import load_scene
-from scenes.running.runner import simulate
 
-DURATION = 55.0
-"""Time of a run [s], in which a worm at 0.08 m/s goes 4.4 m."""
 PATHS: dict[str, tuple[str, ...]] = {
     "path_line": ("reference.length_m=4.0", "reference.ends=true"),
     "path_s_curve": ("reference.amplitude_m=0.3",),
     "path_circle": ("reference.radius_m=1.5",),
 }
-LENGTH, HALF_WIDTH, ROOM = 1.0, 0.116, 0.02
-"""The default worm, and how far it is to keep off in the search for a way [m]."""
-ARC, CURVATURES, CELL, TURN, AWAY = 0.2, (-1.5, -0.75, 0.0, 0.75, 1.5), 0.05, np.deg2rad(7.5), 1.0
 WAY = 3.9
-"""Way along the path after which a search has passed the field [m]."""
+"""Way along the path after which a search has passed the field [m]; the worm, of 1 m, makes 4.4 m in a run."""
+ARC, CURVATURES = 0.2, (-1.5, -0.75, 0.0, 0.75, 1.5)
+"""Length of the arcs of the search [m], and their curvatures [1/m]."""
 
 
 class Field(NamedTuple):
@@ -56,7 +43,7 @@ def field(seed: int) -> Field:
     """Return a draw."""
     random = np.random.default_rng([300, seed])
     name = str(random.choice(list(PATHS)))
-    common = [f"seed={seed}", "controller.map=default", f"run.duration_s={DURATION}", "run.record_every=4"]
+    common = [f"seed={seed}", "controller.map=default", "run.duration_s=55.0", "run.record_every=4"]
     corridor = "reference.corridor_m=" + (f"{random.uniform(0.4, 1.0):.3f}" if random.uniform() < 0.5 else "5.0")
     base = [*PATHS[name], corridor, *common]
     bare = reference_of(load_scene(name, base).settings)
@@ -83,7 +70,7 @@ def solvable(drawn: Field) -> bool:
     """Return whether arcs lead a body past all obstacles of a draw, layer by layer from where it begins."""
     reference, path = drawn.bare, drawn.bare.path
     assert path is not None
-    spots, near = LENGTH * np.linspace(-0.5, 0.5, 11), np.linspace(-0.6, WAY + 0.6, 181)
+    spots, near = np.linspace(-0.5, 0.5, 11), np.linspace(-0.6, WAY + 0.6, 181)
     line, turned = path.point(near), path.heading(near)
     states, seen = np.array([[*path.point(0.0), float(path.heading(0.0))]]), set[tuple[int, ...]]()
     while len(states):
@@ -97,71 +84,13 @@ def solvable(drawn: Field) -> bool:
             )
             off = np.linalg.norm(body[:, 5, None] - line, axis=-1)
             s, off = off.argmin(axis=1), off.min(axis=1)
-            keeps = nearest(drawn.obstacles, body).min(axis=1) > HALF_WIDTH + ROOM
-            keeps &= (off < reference.corridor) & (np.abs(np.angle(np.exp(1j * (h - turned[s])))) < AWAY)
+            keeps = nearest(drawn.obstacles, body).min(axis=1) > 0.116 + 0.02  # half width of the worm, and room
+            keeps &= (off < reference.corridor) & (np.abs(np.angle(np.exp(1j * (h - turned[s])))) < 1.0)
             x, y, h, s, turn, off = (each[keeps] for each in (x, y, h, s, turn, off))
         if ((near[s] > WAY - ARC) & ((off < 0.1) | (not reference.ends))).any():
             return True
-        cells = np.stack([np.floor(x / CELL), np.floor(y / CELL), np.round(h / TURN)], axis=-1).astype(int)
+        cells = np.stack([np.floor(x / 0.05), np.floor(y / 0.05), np.round(h / np.deg2rad(7.5))], axis=-1).astype(int)
         first = {cell: k for k, cell in enumerate(map(tuple, cells.tolist())) if cell not in seen}
         seen |= set(first)
         states = np.stack([x, y, h], axis=-1)[list(first.values())].reshape(-1, 3)
     return False
-
-
-def measured(task: tuple[Field, str]) -> dict[str, Any]:
-    """Return the figures of one run."""
-    drawn, controller = task
-    try:
-        scene = load_scene(drawn.scene, [*drawn.overrides, f"controller.kind={controller}"])
-    except SceneError as error:
-        return {"refused": str(error).splitlines()[-1]}
-    run = simulate(scene)
-    assert drawn.bare.path is not None
-    return {
-        "clearance": run.summary["body_clearance_min_bl"],
-        "offset": run.summary["cross_track_max_bl"],
-        "way": track(drawn.bare.path, run["com"][::25, :2])[-1],
-        "faults": [str(row["kind"]) for row in run.summary.faults],
-    }
-
-
-def lines(seed: int, wanted: int, controller: str, workers: int) -> Iterator[str]:
-    """Yield a line for each draw, and one that sums them up."""
-    fields, hard = list[Field](), set[int]()
-    while len(fields) - len(hard) < wanted:
-        fields.append(field(seed + len(fields)))
-        hard |= set() if solvable(fields[-1]) else {fields[-1].seed}
-    yield f"{len(fields)} draws, {len(hard)} of them without a way by the search"
-    entered = refused = stopped = kept = 0
-    with get_context("spawn").Pool(workers) as pool:
-        for drawn, each in zip(fields, pool.imap(measured, [(one, controller) for one in fields]), strict=True):
-            what = f"{drawn.seed:4d} {drawn.scene:12s} {'no way' if drawn.seed in hard else 'solvable':8s}"
-            if "refused" in each:
-                refused += drawn.seed in hard
-                kept += drawn.seed not in hard
-                yield f"{what} refused: {each['refused']}"
-                continue
-            entered += each["clearance"] < 0.0
-            stopped += "blocked" in each["faults"]
-            figures = f"clearance {each['clearance']:7.4f}  offset {each['offset'] or 0.0:.3f}  way {each['way']:.2f} m"
-            yield f"{what} {figures}  {', '.join(each['faults'])}"
-    ends = f"stopped before an obstacle that came into sight: {stopped}"
-    yield f"clearance below 0: {entered}; refused: {refused} without a way, {kept} with one; {ends}"
-
-
-def main() -> None:
-    """Print the lines."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--seed", type=int, default=300)
-    parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--controller", default="mpc")
-    parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
-    for line in lines(given.seed, given.count, given.controller, given.workers):
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main()

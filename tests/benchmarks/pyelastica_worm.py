@@ -101,9 +101,9 @@ class PyElasticaWorm(Rival):
         """Return the configuration it runs in, in words."""
         return f"position Verlet, {segments} elements, implicit Kelvin-Voigt damper"
 
-    def prepare(self, segments: int, duration: float, steps: int) -> Callable[[], float]:
+    def prepare(self, task: Task, duration: float, steps: int) -> Callable[[], float]:
         """Return a simulation, ready to go: called once, it returns the distance along x [m]."""
-        task, dt = self.task(segments), duration / steps
+        dt = duration / steps
         rod, simulation = _simulation(task, dt, steps)
         stepper = elastica.PositionVerlet()
         start = _centre_of_mass(rod)
@@ -128,7 +128,7 @@ def _simulation(task: Task, dt: float, steps: int) -> tuple[Any, Simulation]:
     rod, ground, simulation = _rod(task), elastica.Plane(np.zeros(3), np.array([0.0, 0.0, 1.0])), Simulation()
     simulation.append(rod)
     simulation.append(ground)
-    simulation.add_forcing_to(rod).using(elastica.GravityForces, acc_gravity=np.array([0.0, 0.0, -task.gravity]))
+    simulation.add_forcing_to(rod).using(elastica.GravityForces, acc_gravity=np.array([0.0, 0.0, -9.81]))
     k = np.asarray(task.worm.k_spring)
     simulation.add_forcing_to(rod).using(Contraction, _lagged(task, dt, steps), k)
     _stand(simulation, rod, ground, task)
@@ -141,14 +141,15 @@ def _simulation(task: Task, dt: float, steps: int) -> tuple[Any, Simulation]:
 
 def _stand(simulation: Simulation, rod: Any, ground: Any, task: Task) -> None:
     """Let the rod touch the ground."""
-    kinetic = np.array([task.forward, task.backward, task.lateral])
+    friction = task.friction
+    kinetic = np.array([friction.forward, friction.backward, friction.lateral])
     mass = task.worm.mass / task.worm.segments
     simulation.detect_contact_between(rod, ground).using(
         elastica.RodPlaneContactWithAnisotropicFriction,
         k=mass * CONTACT_RATE**2,
         nu=2.0 * mass * CONTACT_RATE,
         slip_velocity_tol=SLIP_SPEED,
-        static_mu_array=task.static_ratio * kinetic,
+        static_mu_array=friction.static_ratio * kinetic,
         kinetic_mu_array=kinetic,
     )
 

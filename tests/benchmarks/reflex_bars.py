@@ -1,6 +1,6 @@
 """Bars of the reflex `wall_load`: energy lost to slip and speed in narrowing pipes, beside waves without it.
 
-    python tests/benchmarks/reflex_bars.py [--pipes NAME ...]
+    python tests/benchmarks/reflex_bars.py [PIPE ...] [--falls] [--workers 2]
 
 In each pipe the worm of the shipped pipe scenes advances by `FAR`, through the narrowing. Compared are the fastest sine
 wave in that very pipe (period, wavelength and amplitude are searched for, not rectified: `GRID`, then steps by factors
@@ -19,22 +19,20 @@ same wave without the reflex loses beside it with the reflex, and its speed:
 75 degrees up was looked at with other waves before the steep one was chosen; 10 and 80 degrees up were added before
 anything was run in them. The bound of the rate came last, for the falls, when all pipes had been seen (without it 43 to
 82 %). The search is at a step of 10 ms; at 5 ms the savings are 41 to 79 %, at most 7 points less.
-Then come falls: steep pipes, worms, frictions, time steps and noisy sensors around the shipped case.
+`--falls` varies steep pipes, worms, frictions, time steps and noisy sensors around the shipped case instead.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
-import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from measuring import mapped, options, say
 
 import worm3d
 from control.gaits import Reflexive, TravellingWave, WallLoad
@@ -44,10 +42,8 @@ WORM = worm3d.Worm(k_spring=100.0)
 GROUND = worm3d.Friction(forward=0.3, backward=0.8, lateral=0.8)
 FAR = 2.0
 """Distance over which is measured [m]; the pipe narrows from 1.2 to 1.5 m, the worm starts from 0 to 1 m."""
-LONGEST = 40.0
-"""Time after which a worm that has not arrived counts as stuck [s]."""
-STEP, SEARCH_STEP = 0.0025, 0.01
-"""Time steps of what is compared, and of the search for the fastest sine wave [s]."""
+STEP = 0.0025
+"""Time step of what is compared [s]."""
 FALLEN = 0.1
 """Distance below its highest place at which a worm has fallen [m]; climbing waves sink by up to 3 cm."""
 
@@ -56,8 +52,7 @@ LEVEL = TravellingWave(period=0.7, wavelength=2.5, amplitude=0.25, rectified=Fal
 STEEP = TravellingWave(period=0.45, wavelength=1.05, amplitude=0.3, rectified=False)
 
 
-@dataclass(frozen=True)
-class Narrowing:
+class Narrowing(NamedTuple):
     """Pipe that narrows between 1.2 and 1.5 m."""
 
     wide: float
@@ -90,8 +85,7 @@ PIPES = {
 }
 
 
-@dataclass(frozen=True)
-class Passage:
+class Passage(NamedTuple):
     """How a worm got through."""
 
     arrives: bool
@@ -121,7 +115,7 @@ def passage(
 
     every = round(0.05 / dt)
     given = {"dt": dt, "record_every": every, "every": every, "tolerance": 1e-9, **others}
-    run = worm3d.simulate(worm, world, ground, gait, LONGEST, state=state, observer=goes_on, **given)
+    run = worm3d.simulate(worm, world, ground, gait, 40.0, state=state, observer=goes_on, **given)
     way = (run.com - run.com[0]) @ along
     arrives, lost = bool(way[-1] >= FAR), float(run.energy.friction_loss.sum())
     speed = float(way[-1] / run.time[-1]) if arrives else 0.0
@@ -129,18 +123,12 @@ def passage(
 
 
 def fastest(send: Callable[[TravellingWave], float]) -> TravellingWave:
-    """Return the fastest sine wave that the search finds."""
-    waves = [
-        TravellingWave(period=period, wavelength=wavelength, amplitude=amplitude, rectified=False)
-        for period, wavelength, amplitude in itertools.product(*GRID.values())
-    ]
-    return climbed(send, *max(((send(wave), wave) for wave in waves), key=lambda each: each[0]))[1]
-
-
-def climbed(
-    send: Callable[[TravellingWave], float], speed: float, wave: TravellingWave
-) -> tuple[float, TravellingWave]:
-    """Return the wave, and its speed, at which no step of a parameter is faster."""
+    """Return the fastest sine wave that the search finds: no step of a parameter is faster."""
+    shapes = (dict(zip(GRID, values, strict=True)) for values in itertools.product(*GRID.values()))
+    waves = [TravellingWave(**shape, rectified=False) for shape in shapes]
+    speeds = [send(wave) for wave in waves]
+    speed = max(speeds)
+    wave = waves[speeds.index(speed)]
     for factor in (1.15, 1.05):
         improved = True
         while improved:
@@ -149,13 +137,13 @@ def climbed(
                 tried = replace(wave, **{name: getattr(wave, name) * step})
                 if (found := send(tried)) > speed:
                     speed, wave, improved = found, tried, True
-    return speed, wave
+    return wave
 
 
-def compared(name: str) -> list[str]:
+def compared(name: str) -> str:
     """Return the lines of one pipe."""
     pipe = PIPES[name]
-    sine = fastest(lambda wave: passage(pipe, wave, dt=SEARCH_STEP).speed)
+    sine = fastest(lambda wave: passage(pipe, wave, dt=0.01).speed)
     rows: dict[str, Any] = {
         "fastest sine": sine,
         "with reflex": Reflexive(pipe.wave, (WallLoad(),)),
@@ -170,7 +158,8 @@ def compared(name: str) -> list[str]:
         lines.append(f"    {what:14} {each.speed:.4f} m/s  {each.slip:.3f} J/m   {shape}")
     saved, faster = 1.0 - reflexed.slip / best.slip, reflexed.speed / best.speed - 1.0
     verdict = "passes" if saved >= 0.4 and faster >= 0.0 else "MISSES THE BAR"
-    return [*lines, f"    beside the fastest sine: {saved:.0%} less slip, {faster:+.1%} speed: {verdict}"]
+    lines.append(f"    beside the fastest sine: {saved:.0%} less slip, {faster:+.1%} speed: {verdict}")
+    return "\n".join(lines)
 
 
 def around() -> Iterator[tuple[str, Callable[[], Passage]]]:
@@ -179,7 +168,7 @@ def around() -> Iterator[tuple[str, Callable[[], Passage]]]:
     for wide, narrow in itertools.product((0.091, 0.093, 0.095), (0.084, 0.087, 0.09)):
         yield f"pipe {wide} to {narrow} m", partial(passage, Narrowing(wide, narrow, 90.0), gait)
     for tilt in (50.0, 60.0, 80.0):
-        yield f"tilt {tilt:g} deg", partial(passage, replace(shipped, tilt_deg=tilt), gait)
+        yield f"tilt {tilt:g} deg", partial(passage, shipped._replace(tilt_deg=tilt), gait)
     for share in (0.5, 0.75, 1.5):
         ground = replace(GROUND, forward=0.3 * share, backward=0.8 * share, lateral=0.8 * share)
         yield f"friction x {share}", partial(passage, shipped, gait, ground=ground)
@@ -204,17 +193,7 @@ def fall_lines() -> Iterator[str]:
         yield f"    {what:40} {end}"
 
 
-def main() -> None:
-    """Print all comparisons."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--falls", action="store_true", help="only what is varied around the shipped case")
-    parser.add_argument("--pipes", nargs="*", default=list(PIPES), choices=list(PIPES))
-    given = parser.parse_args()
-    with ProcessPoolExecutor(2) as pool:
-        for lines in fall_lines() if given.falls else itertools.chain.from_iterable(pool.map(compared, given.pipes)):
-            sys.stdout.write(lines + "\n")
-            sys.stdout.flush()
-
-
 if __name__ == "__main__":
-    main()
+    given = options(__doc__, PIPES, falls=False, workers=2)
+    for lines in fall_lines() if given.falls else mapped(compared, given.names, given.workers):
+        say(lines)

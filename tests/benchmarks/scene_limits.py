@@ -9,11 +9,11 @@ tail has not come as far as it should.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from measuring import options, say
 
 import worm3d
 from scenes.language.errors import SceneError
@@ -23,9 +23,6 @@ from scenes.models.worm.schema import WormScene
 
 WAY = 0.06
 """Body lengths a wave, the bar for climbing a vertical pipe."""
-
-MOST = 60
-"""Steps of a parameter at most."""
 
 Overrides = list[str]
 
@@ -70,7 +67,7 @@ def pipe_of(run: worm3d.Result) -> worm3d.Pipe:
 def measured(limit: Limit) -> tuple[float, float | None]:
     """Return the last value that passes, and the first that does not (None: it passes as far as was tried)."""
     last = np.nan
-    for k in range(MOST):
+    for k in range(60):
         value = round(limit.begin + k * limit.step, 10)
         if not passes(limit, value):
             return last, value
@@ -123,6 +120,6 @@ def table(limits: tuple[Limit, ...] = LIMITS) -> Iterator[str]:
 
 
 if __name__ == "__main__":
+    options(__doc__)
     for line in table():
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
+        say(line)

@@ -24,20 +24,13 @@ from worm3d import Friction, Plane, Result, Status, Worm
 
 DT = 0.01
 """Time step at which speeds are measured [s]."""
-FINER = 20
-"""Time step of a measured run over that of its reference."""
 TOLERANCE = 1e-9
 """Tolerance of Newton's iteration; it changes distances by less than 1e-6 of themselves."""
 FLATTENED = 3
-"""Greatest number of segments with which the default worm is pressed flat by its own weight."""
-STIFFER = 3.0
-"""Factor of the chambers' stiffness by which such a worm stands."""
-LONG = 20
-"""Number of segments from which on the growth of a step's time is fitted."""
+"""Greatest number of segments with which the default worm is pressed flat by its own weight. Its chambers are three
+times as stiff here."""
 SEGMENTS = 6
 """Number of segments of the worms of a batch, and of those in fresh processes."""
-PERIODS = (1.6, 2.4)
-"""Gait periods of the first and the last worm of a batch [s]."""
 
 
 class StoppedError(SceneError):
@@ -59,7 +52,7 @@ def relative_error(distance: float, reference: float) -> float:
 def standing(segments: int) -> Worm:
     """Return the default worm of N segments, with stiffer chambers where it would not stand."""
     worm = Worm(segments=segments)
-    return worm if segments > FLATTENED else Worm(segments=segments, k_spring=STIFFER * np.asarray(worm.k_spring))
+    return worm if segments > FLATTENED else Worm(segments=segments, k_spring=3.0 * np.asarray(worm.k_spring))
 
 
 def crawl(
@@ -125,7 +118,7 @@ def measure_speed(segments: int, duration: float, repeats: int) -> Speed:
         call = min(call, perf_counter() - began)
         times.append(us_per_step(result))
     best = min(times)
-    exact = crawl(segments, duration, DT / FINER, recorded=False).distance
+    exact = crawl(segments, duration, DT / 20.0, recorded=False).distance
     return Speed(
         segments=segments,
         duration_s=duration,
@@ -140,30 +133,23 @@ def measure_speed(segments: int, duration: float, repeats: int) -> Speed:
     )
 
 
-@dataclass(frozen=True)
-class Growth:
-    """Time of a step = us_of_one N^exponent, by least squares in the logarithms over `segments`."""
+def growth(speeds: Sequence[Speed]) -> tuple[float, list[int]]:
+    """Return the exponent of the growth of a step's time, and the numbers of segments that it is fitted to.
 
-    exponent: float
-    us_of_one: float
-    segments: tuple[int, ...]
-
-
-def growth(speeds: Sequence[Speed]) -> Growth:
-    """Fit the growth of long worms; of all, where fewer than two are long."""
-    long = [speed for speed in speeds if speed.segments >= LONG]
+    The fit is by least squares in the logarithms, to worms of 20 segments and more; to all, where fewer than two are
+    so long.
+    """
+    long = [speed for speed in speeds if speed.segments >= 20]
     taken = long if len(long) > 1 else list(speeds)
-    sizes, times = (np.log([getattr(s, name) for s in taken]) for name in ("segments", "us_per_step"))
-    exponent, constant = np.polyfit(sizes, times, 1)
-    return Growth(float(exponent), float(np.exp(constant)), tuple(s.segments for s in taken))
+    sizes = [speed.segments for speed in taken]
+    exponent, _ = np.polyfit(np.log(sizes), np.log([speed.us_per_step for speed in taken]), 1)
+    return float(exponent), sizes
 
 
 @dataclass(frozen=True)
 class Throughput:
     """A batch over the gait's period against as many single runs, all of `duration_s`."""
 
-    runs: int
-    segments: int
     threads: int
     duration_s: float
     single_s: float
@@ -177,52 +163,43 @@ class Throughput:
     """Whether the distances are those of the single runs."""
 
 
-def measure_throughput(
-    runs: int, duration: float, repeats: int, threads: Sequence[int] = (1, 2)
-) -> tuple[Throughput, ...]:
-    """Measure batches on so many threads each, in turns with single runs; 1 comes first."""
-    gaits = [TravellingWave(period=float(period)) for period in np.linspace(*PERIODS, runs)]
-    batches = (partial(_batch, gaits, duration, count) for count in threads)
-    times, results = _fastest_in_turns([partial(_singles, gaits, duration), *batches], repeats)
+def measure_throughput(number: int, duration: float, repeats: int) -> list[Throughput]:
+    """Measure batches of a number of runs on one thread and on two, in turns with single runs."""
+    gaits = [TravellingWave(period=float(period)) for period in np.linspace(1.6, 2.4, number)]
+    calls = [partial(_singles, gaits, duration), *(partial(_batch, gaits, duration, threads) for threads in (1, 2))]
+    seconds, results = _fastest_in_turns(calls, repeats)
     distances = [[result.distance for result in found] for found in results]
     steps = sum(len(result.newton_iterations) for result in results[0])
-    return tuple(
-        Throughput(
-            runs=runs,
-            segments=SEGMENTS,
-            threads=count,
-            duration_s=duration,
-            single_s=times[0],
-            batch_s=seconds,
-            worm_steps_per_s=steps / seconds,
-            gain=times[0] / seconds,
-            over_one_thread=times[1] / seconds,
-            equal=own == distances[0],
-        )
-        for count, seconds, own in zip(threads, times[1:], distances[1:], strict=True)
-    )
-
-
-def _singles(gaits: list[TravellingWave], duration: float) -> list[Result]:
-    worm = Worm(segments=SEGMENTS)
     return [
-        worm3d.simulate(worm, Plane(), actuation=gait, duration=duration, dt=DT, tolerance=TOLERANCE) for gait in gaits
+        Throughput(
+            threads=threads,
+            duration_s=duration,
+            single_s=seconds[0],
+            batch_s=seconds[threads],
+            worm_steps_per_s=steps / seconds[threads],
+            gain=seconds[0] / seconds[threads],
+            over_one_thread=seconds[1] / seconds[threads],
+            equal=distances[threads] == distances[0],
+        )
+        for threads in (1, 2)
     ]
 
 
+def _singles(gaits: list[TravellingWave], duration: float) -> list[Result]:
+    worm, given = Worm(segments=SEGMENTS), {"duration": duration, "dt": DT, "tolerance": TOLERANCE}
+    return [worm3d.simulate(worm, Plane(), actuation=gait, **given) for gait in gaits]
+
+
 def _batch(gaits: list[TravellingWave], duration: float, threads: int) -> list[Result]:
-    worm = Worm(segments=SEGMENTS)
-    return worm3d.simulate_batch(
-        worm, Plane(), actuation=gaits, duration=duration, dt=DT, tolerance=TOLERANCE, threads=threads
-    )
+    given = {"duration": duration, "dt": DT, "tolerance": TOLERANCE, "threads": threads}
+    return worm3d.simulate_batch(Worm(segments=SEGMENTS), Plane(), actuation=gaits, **given)
 
 
 def _fastest_in_turns(
     calls: Sequence[Callable[[], list[Result]]], repeats: int
 ) -> tuple[list[float], list[list[Result]]]:
     """Return the least wall time [s] of each call, and what it last returned."""
-    best: list[float] = [float("inf")] * len(calls)
-    results: list[list[Result]] = [[] for _ in calls]
+    best, results = [np.inf] * len(calls), [list[Result]()] * len(calls)
     for _ in range(repeats):
         for k, call in enumerate(calls):
             began = perf_counter()
@@ -251,39 +228,19 @@ print(peak() - before)
 """
 
 
-@dataclass(frozen=True)
-class Start:
-    """Time from the start of Python to the end of the first step, without and with compiled code in the cache."""
+def measure_start() -> tuple[float, float, str]:
+    """Return the times from the start of Python to the end of the first step, and what the first start says.
 
-    segments: int
-    cold_s: float
-    warm_s: float
-    cold_says_so: bool
-    """Whether the cold start tells on standard error what takes so long."""
-
-
-@dataclass(frozen=True)
-class MemoryGrowth:
-    """Peak memory of a run with recording off."""
-
-    segments: int
-    steps: int
-    grown_kib: int | None
-    """Peak after the run less the peak after 1000 steps; None where the system does not tell."""
-
-
-def measure_start(warm_starts: int = 3) -> Start:
-    """Start Python with an empty cache, and then some times more, of which the fastest counts."""
+    The first time is without compiled code in the cache, the second the fastest of three with it [s].
+    """
     with tempfile.TemporaryDirectory() as cache:
         cold, said = _first_step(cache)
-        warm = min(_first_step(cache)[0] for _ in range(warm_starts))
-    return Start(SEGMENTS, cold, warm, bool(said.strip()))
+        return cold, min(_first_step(cache)[0] for _ in range(3)), said
 
 
-def measure_memory(steps: int) -> MemoryGrowth:
-    """Run so many steps in a process of their own."""
-    known = Path("/proc/self/status").exists()
-    return MemoryGrowth(SEGMENTS, steps, int(_python(RUN + LONG_RUN, str(steps))[0]) if known else None)
+def measure_memory(steps: int) -> int | None:
+    """Return the peak memory after so many steps less that after 1000 [KiB]; None where the system does not tell."""
+    return int(_python(RUN + LONG_RUN, str(steps))[0]) if Path("/proc/self/status").exists() else None
 
 
 def _first_step(cache: str) -> tuple[float, str]:

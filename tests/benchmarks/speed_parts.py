@@ -8,13 +8,13 @@ fallback) is "other".
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 from speed_measures import DT, crawl, us_per_step
 
-from worm3d import Friction, Result
+from worm3d import Friction
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
 from worm3d.machine.vectors import BLOCK_SIZE
@@ -34,72 +34,49 @@ from worm3d.values.arrays import FloatArray
 
 Loop = Callable[[int], None]
 
-BEFORE = 1.3
-"""Simulated time before the step whose parts are timed, when some contacts stick and some slide [s]."""
 ROUNDS = 7
 """Number of rounds, in each of which everything is timed once; the fastest counts."""
 LOOP_S = 0.01
 """Least duration of a timed loop [s]."""
 
 
-@dataclass(frozen=True)
-class Shares:
-    """Time of a step of the worm of N segments, and of its parts, which with "other" add up to it [µs]."""
+def measure_shares(segments: int, duration: float) -> dict[str, float]:
+    """Return the time of a step of the worm of N segments, and of its parts, which with "other" add up to it [µs].
 
-    segments: int
-    us_per_step: float
-    us: dict[str, float]
-
-    @property
-    def fractions(self) -> dict[str, float]:
-        """Each part over the measured step."""
-        return {name: value / self.us_per_step for name, value in self.us.items()}
-
-
-@dataclass(frozen=True)
-class Counts:
-    """How often an average step does what."""
-
-    solves: float
-    """Newton from the start, and again after contacts broke away."""
-    jacobians: float
-    residuals: float
-    """Evaluations without a new Jacobian."""
-
-    @classmethod
-    def of(cls, result: Result) -> Counts:
-        """Return the means of a run."""
-        means = (x.mean() for x in (result.breakaways, result.newton_iterations, result.gradient_evaluations))
-        breakaways, jacobians, residuals = map(float, means)
-        return cls(1.0 + breakaways, jacobians, residuals)
-
-
-def measure_shares(segments: int, duration: float) -> Shares:
-    """Measure a step and its parts in turns: a machine that is busy for a while then slows all of them down."""
-    step, counts = _MiddleOfStep(segments), Counts.of(crawl(segments, duration))
-    timed = step.loops()
-    for loop in timed.values():
+    All are measured in turns: a machine that is busy for a while then slows all of them down.
+    """
+    step, result = _MiddleOfStep(segments), crawl(segments, duration)
+    loops = step.loops()
+    for loop in loops.values():
         step.us(loop)  # compiles it
-    us, whole = dict.fromkeys(timed, np.inf), np.inf
+    us, whole = dict.fromkeys(loops, np.inf), np.inf
     for _ in range(ROUNDS):
         whole = min(whole, us_per_step(crawl(segments, duration)))
-        for name, loop in timed.items():
+        for name, loop in loops.items():
             us[name] = min(us[name], step.us(loop))
-    parts = parts_of_step(us, counts)
-    return Shares(segments, whole, {**parts, "other": whole - sum(parts.values())})
+    counts = (result.breakaways, result.newton_iterations, result.gradient_evaluations)
+    parts = parts_of_step(us, *(float(count.mean()) for count in counts))
+    return {**parts, "other": whole - sum(parts.values()), "a step": whole}
 
 
-def parts_of_step(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
+def parts_of_step(us: Mapping[str, float], breakaways: float, jacobians: float, residuals: float) -> dict[str, float]:
     """Return the time of each part in a step [µs]; a solve begins with a whole Jacobian, its others cost less.
 
     Each of the others is assumed to exchange one contact in the middle of the body, which costs about least.
+
+    Parameters
+    ----------
+    us : mapping
+        Time of a pass of each loop [µs].
+    breakaways, jacobians, residuals : float
+        Number in a step: of solves after the first, of evaluations with a new Jacobian and of those without.
     """
-    iterations, whole = counts.jacobians + counts.residuals, min(counts.solves, counts.jacobians)
-    exchanged = counts.jacobians - whole
+    whole = min(1.0 + breakaways, jacobians)
+    exchanged = jacobians - whole
     return {
-        "kernels": whole * us["whole"] + exchanged * us["exchanged"] + counts.residuals * us["residual"],
-        "linear solver": whole * us["factorise"] + exchanged * us["refactorise"] + counts.residuals * us["solve"],
-        "contact regimes": iterations * us["ahead"] + us["expect"],
+        "kernels": whole * us["whole"] + exchanged * us["exchanged"] + residuals * us["residual"],
+        "linear solver": whole * us["factorise"] + exchanged * us["refactorise"] + residuals * us["solve"],
+        "contact regimes": (jacobians + residuals) * us["ahead"] + us["expect"],
         "start and end of a step": us["start"] + us["end"],
         "ledger": us["ledger"],
         "recording": us["record"],
@@ -110,47 +87,42 @@ class _MiddleOfStep:
     """A worm of so many segments in the middle of a step, on which loops can be timed."""
 
     def __init__(self, segments: int) -> None:
-        result = crawl(segments, BEFORE)
+        result = crawl(segments, 1.3)  # some contacts stick then, and some slide
         worm, self.state = result.worm, result.state
         mask = held_mask(None, segments, flat=worm.flat, clamped=False)
         self.plant = Plant(worm, result.world, Friction(), result.gravity, mask)
-        self.core = self.plant.core
-        self.command = np.zeros(5 * segments)
         self.records = self.plant.records(2)
 
     def loops(self) -> dict[str, Loop]:
         """Return what is timed, by name; each takes the number of passes."""
-        core, block = self.core, self.records.block
+        core = self.plant.core
         return {
-            "whole": lambda times: evaluate_loop(core, WHOLE_HESSIAN, times),
-            "exchanged": lambda times: exchange_loop(core, times),
-            "residual": lambda times: evaluate_loop(core, NO_HESSIAN, times),
-            "factorise": lambda times: linear_loop(core, 0, times),
-            "refactorise": lambda times: linear_loop(core, BLOCK_SIZE * (core.n // 2), times),
-            "solve": lambda times: linear_loop(core, -1, times),
-            "ahead": lambda times: ahead_loop(core, times),
-            "expect": lambda times: expect_loop(core, times),
-            "start": lambda times: start_loop(core, self.command, DT, times),
-            "end": lambda times: end_loop(core, times),
-            "ledger": lambda times: ledger_loop(core, times),
-            "record": lambda times: record_loop(core, block, times),
+            "whole": partial(evaluate_loop, core, WHOLE_HESSIAN),
+            "exchanged": partial(exchange_loop, core),
+            "residual": partial(evaluate_loop, core, NO_HESSIAN),
+            "factorise": partial(linear_loop, core, 0),
+            "refactorise": partial(linear_loop, core, BLOCK_SIZE * (core.n // 2)),
+            "solve": partial(linear_loop, core, -1),
+            "ahead": partial(ahead_loop, core),
+            "expect": partial(expect_loop, core),
+            "start": partial(start_loop, core, np.zeros(5 * core.n), DT),
+            "end": partial(end_loop, core),
+            "ledger": partial(ledger_loop, core),
+            "record": partial(record_loop, core, self.records.block),
         }
 
     def us(self, loop: Loop) -> float:
         """Return the time of one pass of a loop [µs]."""
         self.plant.set_pose(self.state)
         self.plant.remember(self.state.memory)
-        ready(self.core, DT)
-        times = 16
-        while (seconds := _seconds(loop, times)) < LOOP_S:
+        ready(self.plant.core, DT)
+        times, seconds = 8, 0.0
+        while seconds < LOOP_S:
             times *= 2
+            began = perf_counter()
+            loop(times)
+            seconds = perf_counter() - began
         return 1e6 * seconds / times
-
-
-def _seconds(loop: Loop, times: int) -> float:
-    began = perf_counter()
-    loop(times)
-    return perf_counter() - began
 
 
 @njit

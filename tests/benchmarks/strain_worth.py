@@ -18,14 +18,13 @@ worse by 1.16 and 1.14 times, the heading by 1.38 and 1.27 times, and the filter
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 from unittest import mock
 
 import numpy as np
+from measuring import options, say
 
 from control.estimation.estimator import Estimator
 from control.estimation.kalman import RIPPLE, Uncertainty
@@ -38,9 +37,6 @@ from scenes.models.loading import Scene, load_scene
 from scenes.models.worm.build import worm_of
 from scenes.running.runner import simulate
 
-SETTLED = 10.0
-OF_SPEED, OF_TURN = 0.5, 0.2
-"""Shares of the variance that strains explain at most."""
 Taken = tuple[float, Measurement, GaitParameters, float]
 
 
@@ -64,9 +60,9 @@ def replayed(estimator: Estimator, taken: Iterable[Taken], *, strain: bool) -> d
     for k, (t, measurement, parameters, phase) in enumerate(taken):
         given = measurement if strain else measurement.changed(strain=(None, float("nan")))
         estimator.take(t, given, parameters, phase)
-        if t > SETTLED and k % 20 == 0:
+        if t > 10.0 and k % 20 == 0:
             deviations.append(estimator.estimate(t).deviations[:3])
-    nis = [value for t, value in estimator.innovations if t > SETTLED]
+    nis = [value for t, value in estimator.innovations if t > 10.0]
     x, y, heading = np.mean(deviations, axis=0)
     return {"place_mm": 1e3 * float(np.hypot(x, y) / np.sqrt(2.0)), "heading_deg": float(np.rad2deg(heading)),
             "nis": float(np.mean(nis)), "noise_mm": 1e3 * estimator.noise.deviation}  # fmt: skip
@@ -74,11 +70,8 @@ def replayed(estimator: Estimator, taken: Iterable[Taken], *, strain: bool) -> d
 
 def main() -> None:
     """Print a line for each estimator and scene."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("scenes", nargs="*", default=["path_line", "path_circle", "path_s_curve"])
-    parser.add_argument("--seed", type=int, default=10)
-    given = parser.parse_args()
-    for name in given.scenes:
+    given = options(__doc__, ("path_line", "path_circle", "path_s_curve"), seed=10)
+    for name in given.names:
         whole = load_scene(name, [f"seed={given.seed}"])
         scene, taken = whole.settings, recorded(whole)
         assert isinstance(scene, ControlScene)
@@ -87,15 +80,14 @@ def main() -> None:
         trust = replace(Uncertainty().sized(worm.length), com=max(scene.sensor.com_noise_m, RIPPLE * worm.length))
         most = replace(
             trust,
-            speed=trust.speed * np.sqrt(1.0 - OF_SPEED),
-            **{key: getattr(trust, key) * np.sqrt(1.0 - OF_TURN) for key in ("turn_rate", "turning", "heading")},
+            speed=trust.speed * np.sqrt(0.5),
+            **{key: getattr(trust, key) * np.sqrt(0.8) for key in ("turn_rate", "turning", "heading")},
         )
         for label, each, strain in (("with", trust, True), ("without", trust, False), ("at most", most, True)):
             model = ReducedModel.of(worm, found, scene.controller.mechanism)
             estimator = Estimator(worm, model, found.schedule, uncertainty=each)
             seen = replayed(estimator, taken, strain=strain)
-            sys.stdout.write(f"{name:14} {label:8} {'  '.join(f'{k} {v:.2f}' for k, v in seen.items())}\n")
-            sys.stdout.flush()
+            say(f"{name:14} {label:8} {'  '.join(f'{k} {v:.2f}' for k, v in seen.items())}")
 
 
 if __name__ == "__main__":

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import accuracy
+import measuring
 import numpy as np
-import pages
 import pytest
 from accuracy import Case, Found
-from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from speed_measures import StoppedError
 
@@ -58,8 +57,8 @@ def test_rough_ground_is_entered_at_several_places_within_a_millimetre() -> None
         for start in starts
     ]
     off = np.array(places) - load_scene("rubble").settings.start.position_m  # type: ignore[attr-defined]
-    assert len(np.unique(off, axis=0)) == accuracy.STARTS
-    assert 0.0 < np.abs(off).max() <= accuracy.SHIFT
+    assert len(np.unique(off, axis=0)) == 8
+    assert 0.0 < np.abs(off).max() <= 0.001
 
 
 def test_what_has_no_value_is_a_dash() -> None:
@@ -78,8 +77,19 @@ def test_the_program_prints_and_writes_its_page(
 ) -> None:
     page = tmp_path / "new" / "page.md"
     monkeypatch.setattr("sys.argv", ["accuracy.py", "--quick", "--out", str(page)])
-    given = pages.options("", "accuracy.md")
+    given = measuring.options("", quick=False, out=Path("runs", "accuracy.md"), seed=6)
     assert given.quick
-    pages.publish("# Title\n", given.out, Figure())
+    assert given.seed == 6
+    measuring.publish("# Title\n", given.out)
     assert page.read_text() == capsys.readouterr().out == "# Title\n"
-    assert page.with_suffix(".png").is_file()
+
+
+def test_a_name_that_is_not_known_ends_the_program(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["worlds.py"])
+    assert measuring.options("", ("pipe", "mesh")).names == ["pipe", "mesh"]
+    monkeypatch.setattr("sys.argv", ["worlds.py", "pip"])
+    with pytest.raises(SystemExit):
+        measuring.options("", ("pipe", "mesh"))
+    assert "NAME: got 'pip', must be one of pipe, mesh" in capsys.readouterr().err

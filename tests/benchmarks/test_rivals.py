@@ -10,10 +10,8 @@ import plant
 import pytest
 import rivals
 from numpy.testing import assert_allclose
-from plant import Contender
-from rivals import RIVALS, Measured, Rival, Task
+from rivals import RIVALS, Contender, NotConvergedError, Rival, Task, largest_step
 from speed_measures import relative_error
-from step_search import NotConvergedError, largest_step
 from typer.testing import CliRunner
 
 from scenes.language.errors import MissingPartError
@@ -37,16 +35,10 @@ class Exact(Rival):
     def settings(self, segments: int) -> str:
         return f"{segments} segments"
 
-    def prepare(self, segments: int, duration: float, steps: int):
+    def prepare(self, task: Task, duration: float, steps: int):
         return lambda: duration * (1.0 + duration / steps)
 
-    def step_at_error(self, segments: int, tolerance: float = 0.01) -> float:
-        return tolerance
-
-    def distance_error(self, segments: int, dt: float) -> float:
-        return dt
-
-    def real_time_factor(self, segments: int, dt: float, duration: float) -> float:
+    def real_time_factor(self, task: Task, dt: float, duration: float) -> float:
         return dt / 2e-6
 
 
@@ -54,15 +46,16 @@ OWN = Contender("worm3d", "", 4, "bristles", 0.01, 0.0, 0.7, 1.0, 1e4, 5e3)
 
 
 def test_measured_speeds_belong_together() -> None:
-    measured = rivals.measure(Exact(), 6)
-    assert (measured.dt, measured.error, measured.distance) == (0.01, 0.01, 10.1)
-    assert_allclose(measured.us_per_step, 2.0)
-    assert_allclose(measured.real_time_factor, 5000.0)
+    found = Exact().measured(6, "isotropic", 10.0)
+    assert (found.name, found.settings, found.segments, found.ground) == ("Exact 1.0", "6 segments", 6, "isotropic")
+    assert 0.005 < found.dt_s <= 0.0115
+    assert_allclose(found.distance, 10.0 * (1.0 + found.dt_s), rtol=1e-3)
+    assert_allclose([found.us_per_step, found.real_time_factor], [2.0, found.dt_s / 2e-6])
 
 
 @pytest.mark.parametrize(("order", "largest"), [(1, 0.01), (2, 0.1)])
 def test_search_finds_the_largest_step_of_a_known_error(order: int, largest: float) -> None:
-    step = largest_step(lambda dt: 1.0 + dt**order, coarsest=0.32, tolerance=0.01, seconds=10.0)
+    step = largest_step(lambda dt: 1.0 + dt**order, coarsest=0.32, seconds=10.0)
     assert step.error <= 0.01
     assert step.reference_dt <= step.dt / 8.0
     assert largest / 2**0.25 <= step.dt <= largest * 1.15
@@ -72,17 +65,17 @@ def test_a_coarse_step_that_is_right_by_luck_does_not_count() -> None:
     def distance(dt: float) -> float:
         return 1.0 if dt > 0.3 else 1.0 + dt
 
-    assert largest_step(distance, coarsest=0.32, tolerance=0.01, seconds=10.0).dt < 0.012
+    assert largest_step(distance, coarsest=0.32, seconds=10.0).dt < 0.012
 
 
 def test_unstable_steps_are_passed_over() -> None:
-    step = largest_step(lambda dt: np.nan if dt > 0.003 else 1.0, coarsest=0.02, tolerance=0.01, seconds=10.0)
+    step = largest_step(lambda dt: np.nan if dt > 0.003 else 1.0, coarsest=0.02, seconds=10.0)
     assert_allclose(step.dt, 0.0025 * 2**0.25)
 
 
 def test_search_gives_up_when_its_time_is_up() -> None:
     with pytest.raises(NotConvergedError, match=r"no step from 0\.02 s down to .* allow more time"):
-        largest_step(lambda dt: 1.0 / dt, coarsest=0.02, tolerance=0.01, seconds=1e-4)
+        largest_step(lambda dt: 1.0 / dt, coarsest=0.02, seconds=1e-4)
 
 
 def test_an_error_is_relative_to_the_reference_and_unknown_where_that_is_zero() -> None:
@@ -92,7 +85,12 @@ def test_an_error_is_relative_to_the_reference_and_unknown_where_that_is_zero() 
 
 def test_the_task_is_the_default_worm() -> None:
     task = Task.of(12)
-    assert (task.worm.segments, task.worm.l0, task.forward, task.backward) == (12, 1.0 / 12, 0.03, 0.2)
+    assert (task.worm.segments, task.worm.l0, task.friction.forward, task.friction.backward) == (
+        12,
+        1.0 / 12,
+        0.03,
+        0.2,
+    )
     crest_at_tail = 0.5 - 1.0 / 12
     assert_allclose(task.contractions(np.array([crest_at_tail]))[0, [0, -1]], [0.2, 0.2 * np.cos(np.pi / 6)])
 
@@ -110,12 +108,11 @@ def test_a_missing_rival_says_how_to_get_it(name: str, monkeypatch: pytest.Monke
         rivals.load(name)
 
 
-def test_a_rival_without_a_step_is_a_sentence() -> None:
-    class Lost(Exact):
-        def step_at_error(self, segments: int, tolerance: float = 0.01) -> float:
-            raise NotConvergedError("no step in time")
-
-    assert plant.theirs(Lost(), OWN) == "Exact 1.0 (4 segments), 4 segments: no step in time"
+def test_a_rival_without_a_step_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plant, "ours", lambda segments, ground: OWN)
+    own, lost = plant.beside(4, "bristles", [Exact()], 0.0)
+    assert own is OWN
+    assert str(lost).startswith("Exact 1.0 (4 segments), 4 segments: no step from 0.02 s")
 
 
 def test_the_largest_step_is_that_up_to_which_all_hold() -> None:
@@ -127,23 +124,11 @@ def test_the_largest_step_is_that_up_to_which_all_hold() -> None:
         plant.largest_that_holds({0.005: math.nan}, 0.01)
 
 
-def test_a_single_tree_without_a_step_is_timed_at_that_of_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mujoco", reason="mujoco is not installed; it comes with the extra 'bench'")
-    monkeypatch.setattr(plant, "ONE_TREE_S", 0.05)
-    own = Contender("worm3d", "", 3, "isotropic", 0.01, 0.0, 0.7, 1.0, 1e4, 5e3)
-    timed, why = plant.one_tree(own, Contender("MuJoCo", "", 3, "isotropic", 5e-3, 0.01, 0.7, 1.0, 1e4), seconds=0.0)
-    assert isinstance(timed, Contender)
-    assert (timed.dt_s, timed.error is not None and math.isnan(timed.error)) == (5e-3, True)
-    assert_allclose(timed.ratio, 1e4 / timed.real_time_factor)
-    assert "per_tree 3" in timed.settings
-    assert "no step from 0.02 s" in str(why)
-
-
 def test_a_rivals_ratios_are_those_of_the_real_time_factors() -> None:
-    found = plant.against(Exact(), OWN, Measured(0.01, math.nan, 2.0, 5e3, 0.7), "no search")
-    assert (found.ratio, found.ratio_of_call, found.title) == (2.0, 1.0, "Exact 1.0 (no search)")
+    found = plant.against(OWN, Contender("Exact 1.0", "", 4, "bristles", 0.01, math.nan, 0.7, 2.0, 5e3))
+    assert (found.ratio, found.ratio_of_call) == (2.0, 1.0)
     _, rows = plant.table(plant.COLUMNS, [found])
-    assert rows == [("bristles", "4", "Exact 1.0 (no search)", "10", "", "0.700", "2.0", "5000.0", "2.0", "1.0")]
+    assert rows == [("bristles", "4", "Exact 1.0", "10", "", "0.700", "2.0", "5000.0", "2.0", "1.0")]
 
 
 @pytest.fixture
@@ -160,10 +145,10 @@ def compare(*arguments: object):
 
 
 def test_the_comparison_prints_and_writes(short: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def load_one(name: str, seconds: float, ground: str = "bristles") -> Rival:
+    def load_one(name: str) -> Rival:
         if name == "pyelastica":
             raise MissingPartError("pyelastica cannot be imported")
-        return Exact(seconds, ground)
+        return Exact()
 
     monkeypatch.setattr(plant, "load", load_one)
     done = compare("--out", tmp_path / "out", "--segments", 4, "--ground", "isotropic")
@@ -172,7 +157,7 @@ def test_the_comparison_prints_and_writes(short: None, monkeypatch: pytest.Monke
     own, exact = study["rivals"]
     assert own["name"].startswith("worm3d ")
     assert (own["ground"], exact["ground"]) == ("isotropic", "isotropic")
-    assert_allclose(exact["ratio"], own["real_time_factor"] / 5000.0)
+    assert_allclose(exact["ratio"], own["real_time_factor"] / exact["real_time_factor"])
     assert_allclose(1e6 * exact["dt_s"] / exact["us_per_step"], exact["real_time_factor"])
     for text in (done.output, (tmp_path / "out" / "rivals.md").read_text()):
         assert "Exact 1.0 cannot express: friction; gravity." in text
@@ -202,24 +187,24 @@ def test_a_rival_says_what_it_is_and_what_it_cannot_express(rival: Rival) -> Non
 
 
 def test_a_rival_converges_with_its_step(rival: Rival) -> None:
-    reference = rival.run(3, 1.0, 2e-4)
-    coarse, fine = (abs(rival.run(3, 1.0, dt) - reference) for dt in (3.2e-3, 8e-4))
+    reference = rival.run(Task.of(3), 1.0, 2e-4)
+    coarse, fine = (abs(rival.run(Task.of(3), 1.0, dt) - reference) for dt in (3.2e-3, 8e-4))
     assert 1e-3 < abs(reference) < 0.1
     assert fine < max(0.5 * coarse, 1e-4)
     assert fine < 5e-4
 
 
 def test_a_rival_crawls_towards_its_head(rival: Rival) -> None:
-    assert 0.3 < rival.run(6, 10.0, 2.5e-3) < 0.6
+    assert 0.3 < rival.run(Task.of(6), 10.0, 2.5e-3) < 0.6
 
 
 def test_a_step_that_blows_up_is_not_a_distance(rival: Rival) -> None:
-    distance = rival.run(3, 1.0, 0.2)
-    assert np.isnan(distance) or abs(distance - rival.run(3, 1.0, 1e-3)) > 0.01
+    distance = rival.run(Task.of(3), 1.0, 0.2)
+    assert np.isnan(distance) or abs(distance - rival.run(Task.of(3), 1.0, 1e-3)) > 0.01
 
 
 def test_speed_is_positive(rival: Rival) -> None:
-    assert rival.real_time_factor(3, 5e-3, 0.1) > 0.0
+    assert rival.real_time_factor(Task.of(3), 5e-3, 0.1) > 0.0
 
 
 class TestMuJoCo:
@@ -230,9 +215,9 @@ class TestMuJoCo:
     @staticmethod
     def model(segments: int, per_tree: int = 6):
         import mujoco
-        from mujoco_model import Settings, mjcf
+        from mujoco_model import mjcf
 
-        return mujoco.MjModel.from_xml_string(mjcf(Task.of(segments), 2e-3, Settings(per_tree=per_tree)))
+        return mujoco.MjModel.from_xml_string(mjcf(Task.of(segments), 2e-3, per_tree))
 
     @pytest.mark.parametrize("per_tree", [3, 20])
     def test_mass_is_the_worms_however_it_is_cut(self, per_tree: int) -> None:
@@ -241,10 +226,9 @@ class TestMuJoCo:
         assert model.ntree == -(-7 // per_tree)
 
     def test_cut_into_trees_it_crawls_as_far(self) -> None:
-        from mujoco_model import Settings
         from mujoco_worm import MuJoCoWorm
 
-        whole, cut = (MuJoCoWorm(Settings(per_tree=n)).run(6, 4.0, 2e-3) for n in (6, 2))
+        whole, cut = (MuJoCoWorm(n).run(Task.of(6), 4.0, 2e-3) for n in (6, 2))
         assert_allclose(cut, whole, rtol=0.02)
 
     def test_a_fully_contracted_foot_is_where_the_rhombus_has_its_apex(self) -> None:

@@ -1,4 +1,4 @@
-"""What a step costs in a world over what it costs on a plane: a table and a figure.
+"""What a step costs in a world over what it costs on a plane.
 
     python tests/benchmarks/worlds.py [--quick] [--out PAGE.md]
 
@@ -15,9 +15,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pages
 import trimesh
-from matplotlib.figure import Figure
+from measuring import options, publish
 from speed_measures import StoppedError, us_per_step
 
 import worm3d
@@ -28,12 +27,6 @@ from scenes.running.terminal import each
 from worm3d import Bend, Centreline, Heightfield, Mesh, Pipe, Plane, Profile, Result, Status, Straight, Worm
 from worm3d.worlds import World
 
-FULL, QUICK = (8.0, 20), (0.5, 2)
-"""Simulated time in each world [s], and runs there, of which the fastest counts."""
-RADIUS = 0.12
-"""Radius of the pipes [m]."""
-BIAS = 0.05
-"""Bias of the gait of the worm that turns on the plane."""
 BARS: Mapping[str, float] = {"pipe": 1.5, "mesh": 2.0}
 """Greatest time of a step over the plane's that is asked for, by the first word of a world's name."""
 COLUMNS = {
@@ -75,25 +68,31 @@ def worlds(folder: Path) -> dict[str, World]:
     box = trimesh.creation.box((3.0, 1.5, 0.2))
     box.apply_translation((1.0, 0.0, -0.1))
     (folder / "box.stl").write_bytes(box.export(file_type="stl"))
-    along = np.linspace(0.0, 1.0, 7)
+    radius, along = 0.12, np.linspace(0.0, 1.0, 7)
     snake = np.column_stack([4.0 * along, 0.5 * np.sin(4.0 * along), 0.3 * along])
-    narrowing = Profile([0.0, 0.8, 1.0, 3.0], [RADIUS, RADIUS, 0.8 * RADIUS, 0.8 * RADIUS])
-    level = np.zeros((120, 60))
+    narrowing = Profile([0.0, 0.8, 1.0, 3.0], [radius, radius, 0.8 * radius, 0.8 * radius])
     return {
         "plane": Plane(),
         "plane, turning": Plane(),
-        "pipe straight": Pipe(Centreline.of([Straight(3.0)]), RADIUS),
+        "pipe straight": Pipe(Centreline.of([Straight(3.0)]), radius),
         "pipe narrowing": Pipe(Centreline.of([Straight(3.0)]), narrowing),
-        "pipe bend 0.48 m": Pipe(Centreline.of([Straight(0.3), Bend(np.pi / 2, 0.48), Straight(3.0)]), RADIUS),
-        "pipe bend 2 m": Pipe(Centreline.of([Straight(0.3), Bend(np.pi / 2, 2.0), Straight(3.0)]), RADIUS),
-        "pipe spline": Pipe(Centreline.through(snake), RADIUS),
-        "heightfield level": Heightfield(level, 0.05, origin=(-1.5, -1.5)),
+        "pipe bend 0.48 m": Pipe(Centreline.of([Straight(0.3), Bend(np.pi / 2, 0.48), Straight(3.0)]), radius),
+        "pipe bend 2 m": Pipe(Centreline.of([Straight(0.3), Bend(np.pi / 2, 2.0), Straight(3.0)]), radius),
+        "pipe spline": Pipe(Centreline.through(snake), radius),
+        "heightfield level": Heightfield(np.zeros((120, 60)), 0.05, origin=(-1.5, -1.5)),
         "mesh box": Mesh(folder / "box.stl", units="m"),
     }
 
 
 def measure_worlds(duration: float, repeats: int) -> list[Visit]:
     """Measure all in turns, after a run of each that warms up; the plane comes first.
+
+    Parameters
+    ----------
+    duration : float
+        Simulated time in each world [s].
+    repeats : int
+        Number of runs there, of which the fastest counts.
 
     Raises
     ------
@@ -116,7 +115,7 @@ def _visit_all(places: Mapping[str, World], duration: float, best: dict[str, Res
 
 
 def _crawled(name: str, world: World, duration: float) -> Result:
-    gait = TravellingWave(bias=BIAS if name.endswith("turning") else 0.0)
+    gait = TravellingWave(bias=0.05 if name.endswith("turning") else 0.0)
     result = worm3d.simulate(Worm(), world, actuation=gait, duration=duration)
     if result.status is not Status.DONE:
         raise StoppedError(f"bench: {name}: {result.stop.sentence}")
@@ -128,33 +127,13 @@ def _visit(name: str, result: Result, plane: float) -> Visit:
     return Visit(name, us_per_step(result), us_per_step(result) / plane, jacobians, residuals)
 
 
-def markdown(visits: list[Visit], picture: str) -> str:
-    """Return the page; `picture` is the file beside the page, which the page shows."""
+def markdown(visits: list[Visit]) -> str:
+    """Return the page."""
     about = machine()
-    lines = ["# A step in worlds", "", f"{about['cpu']}, {about['date']}", "", f"![time of a step]({picture})", ""]
+    lines = ["# A step in worlds", "", f"{about['cpu']}, {about['date']}", ""]
     return "\n".join([*lines, *markdown_table(*table(COLUMNS, visits))]) + "\n"
 
 
-def draw(visits: list[Visit]) -> Figure:
-    """Return the figure: times over the plane's, the bars, and iterations over the plane's."""
-    plane, places = visits[0], np.arange(len(visits))
-    figure = Figure(figsize=(9.0, 4.5), layout="constrained", dpi=120)
-    axes = figure.subplots()
-    times = axes.bar(places, [each.over_plane for each in visits], 0.6, label="time of a step")
-    axes.bar_label(times, fmt="%.2f", label_type="center", color="white", fontsize=9)
-    counts = [(each.jacobians + each.residuals) / (plane.jacobians + plane.residuals) for each in visits]
-    axes.plot(places, counts, "kD", ms=5, label="iterations of Newton")
-    asked = [(place, each.bar) for place, each in zip(places, visits, strict=True) if each.bar is not None]
-    axes.hlines([bar for _, bar in asked], [k - 0.4 for k, _ in asked], [k + 0.4 for k, _ in asked], "C3", label="bar")
-    axes.set_xticks(places, [each.name.replace(" ", "\n", 1) for each in visits], fontsize=8)
-    axes.set_ylabel("over those on the plane")
-    axes.set_title("A step of the default worm in worlds")
-    axes.set_ylim(0.0, 1.15 * max(2.0, *axes.get_ylim()))
-    axes.legend(loc="upper left", fontsize=8, ncols=3)
-    return figure
-
-
 if __name__ == "__main__":
-    given = pages.options(__doc__, "worlds.md")
-    visits = measure_worlds(*(QUICK if given.quick else FULL))
-    pages.publish(markdown(visits, given.out.with_suffix(".png").name), given.out, draw(visits))
+    given = options(__doc__, quick=False, out=Path("runs", "worlds.md"))
+    publish(markdown(measure_worlds(0.5, 2) if given.quick else measure_worlds(8.0, 20)), given.out)

@@ -18,7 +18,7 @@ from scenes.models.control.model import CONTROL_MODEL
 from scenes.models.loading import load_scene
 from scenes.running import packages
 from scenes.running.report import markdown, terminal_lines
-from scenes.studies.bench import control, control_report, control_score
+from scenes.studies.bench import control, control_error, control_report, control_score, control_trials
 from scenes.studies.bench.control import DONE, Case, Found
 from scenes.studies.bench.control_report import Options
 from scenes.studies.bench.control_trials import CLASSES, Trial, chosen, drawn
@@ -207,10 +207,21 @@ def test_outside_controllers_run_beside_those_that_ship(
 
 
 def test_the_page_of_rules_is_that_of_the_tables() -> None:
-    kept = Path(control.__file__).with_name("CONTROL.md").read_text()
-    assert kept == control_page.page(), (
-        "write it again: python tests/benchmarks/control_page.py > scenes/studies/bench/CONTROL.md"
-    )
+    kept = control_page.PAGE.read_text()
+    assert kept == control_page.page(kept), "write it again: python tests/benchmarks/control_page.py"
+    quick = " and ".join(f"a {name}" for name in control_trials.QUICK)
+    least, most = control_trials.SPEEDS
+    for sentence in (
+        f"# {Options().trials} trials of seed 0",
+        f"ends with {control_report.LOST_TRIAL_EXIT_CODE} if a trial was lost",
+        f"`--quick` runs {quick}, for {control_trials.SHORT[0].partition('=')[2]} s each",
+        f"averaged over windows of {control_error.WINDOW:g} s",
+        f"counts from {control_error.MIN_RUN_DURATION_S:g} s on",
+        f"into the first {control_error.STARTUP_TIME_S:g} s.",
+        f"E = max(error, {control_score.FLOOR:g})",
+        f"{len(CLASSES)} classes of tasks take turns. All last 60 s; speeds are {least:g} to {most:g} m/s.",
+    ):
+        assert sentence in kept
 
 
 RUNS = [
