@@ -59,7 +59,13 @@ def test_two_runs_a_case_and_a_measurement(worm3d, folder: Path) -> None:
     ended = worm3d("compare", "straight", "turning/result.nc", f"{case}.json", "lab.csv", "--out", "x")
     assert ended.code == 0
     assert ended.err == ""
-    for said in ("gait.hinge_deg", "distance_m", "com_displacement [m]", "marker_head [m]", "Written to x: compare.csv"):
+    for said in (
+        "gait.hinge_deg",
+        "distance_m",
+        "com_displacement [m]",
+        "marker_head [m]",
+        "Written to x: compare.csv",
+    ):
         assert said in ended.out
     assert {path.name for path in (folder / "x").iterdir()} == {
         *("compare.csv", "compare.html", "path.png", "centre_of_mass_and_heading.png", "strain.png", "markers.png"),
