@@ -147,7 +147,7 @@ def test_the_search_on_the_grid_finds_what_trying_all_ways_finds() -> None:
             slope += turn
             aside += 0.01 * slope
             cost += 0.1 * (aside**2 + searching.BENDS**4 * turn**2)
-        at = search._row(aside), slope + searching.MAX_SLOPE
+        at = search._row(aside), slope + len(searching.SLOPES) // 2
         best[at] = min(best.get(at, np.inf), cost)
     step = search.step
     assert step == pytest.approx(0.1, abs=1e-3)
