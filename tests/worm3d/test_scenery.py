@@ -47,7 +47,7 @@ def test_the_tiles_of_a_plane_lie_in_it_around_the_worm(world: worm3d.Plane) -> 
 def test_tiles_stay_where_they_are_wherever_the_worm_is() -> None:
     def dark(window: Window) -> set[tuple[float, ...]]:
         mesh = scenery(worm3d.Plane(), window).meshes[1]
-        middles = mesh.vertices.reshape(-1, 4, 3).mean(axis=1)
+        middles = mesh.vertices[mesh.faces].reshape(-1, 6, 3).mean(axis=1)
         return {tuple(np.round(middle, 6)) for middle in middles}
 
     one, other = dark(AROUND), dark(Window(WORM + np.array([0.37, 0.11, 0.0]), 1.0))
