@@ -118,15 +118,33 @@ def simulate(
     ValueError
         Another argument is out of range or has the wrong shape.
     """
-    given = {name: value for name, value in locals().items() if name not in ("observer", "every", "live")}
     if observer is not None:
         arguments.function("observer", observer, "a function of the time and the view of a run, or None")
     arguments.whole("every", every)
     if live is not None and not hasattr(live, "follow"):
         raise ValueError(f"live: got {type(live).__name__}, must be a worm3d.Live, or None")
 
+    problem = Problem(
+        worm=worm,
+        world=world,
+        ground=ground,
+        actuation=actuation,
+        duration=duration,
+        dt=dt,
+        integrator=integrator,
+        gravity=gravity,
+        external_force=external_force,
+        state=state,
+        held=held,
+        sensor=sensor,
+        record_every=record_every,
+        settle_first=settle_first,
+        tolerance=tolerance,
+        accuracy=accuracy,
+    )
+
     def observers(run: Run) -> list[Observer]:
         shown = [] if live is None else [live.follow(run)]
         return [*shown, *([] if observer is None else [watched(observer, every)])]
 
-    return begin(Problem(**given), place_kept, observers)()
+    return begin(problem, place_kept, observers)()
