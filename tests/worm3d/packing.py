@@ -69,7 +69,10 @@ def _called() -> list[Call]:
     exec(RUNS, {})
     Function._built = built  # type: ignore[method-assign]
     if "numba" in sys.modules:
-        raise RuntimeError("the cache does not keep what the runs compile; set XDG_CACHE_HOME to a folder of your own")
+        raise RuntimeError(
+            "the runs compile: the object code is not of these sources (run 'python tests/worm3d/packing.py'), or the "
+            "cache does not keep what is compiled (set XDG_CACHE_HOME to a folder of your own)"
+        )
     return calls
 
 
