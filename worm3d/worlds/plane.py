@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, lru_cache
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -74,13 +74,10 @@ class Plane(World):
         arguments.number("heading", self.heading, "rad")
         object.__setattr__(self, "patches", patches_of(self.patches))
 
-    @cached_property
+    @property
     def axes(self) -> FloatArray:
         """Rows: steepest ascent, left of the ascent, and outward normal, shape (3, 3)."""
-        up, turn = (np.array([np.cos(a), np.sin(a)]) for a in (self.slope, self.heading))
-        ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
-        left = np.array([-turn[1], turn[0], 0.0])
-        return np.asarray(read_only(np.array([ascent, left, np.cross(ascent, left)])))
+        return _axes(self.slope, self.heading)
 
     def symbolic(self) -> Formula:
         """Return the world's rows as a function of a point and parameters, and the parameters."""
@@ -110,6 +107,14 @@ class Plane(World):
         tangent /= np.linalg.norm(tangent)
         joints = above(position) + along[:, None] * tangent + clearance * normal
         return joints, np.cross(normal, tangent)
+
+
+@lru_cache(maxsize=100)
+def _axes(slope: float, heading: float) -> FloatArray:
+    up, turn = (np.array([np.cos(a), np.sin(a)]) for a in (slope, heading))
+    ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
+    left = np.array([-turn[1], turn[0], 0.0])
+    return np.asarray(read_only(np.array([ascent, left, np.cross(ascent, left)])))
 
 
 @documented
