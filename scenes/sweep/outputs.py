@@ -91,7 +91,7 @@ def headlines(base: Scene) -> dict[str, tuple[str, str]]:
 
 def report(base: Scene, table: Table) -> list[str]:
     """Return the lines of the first cases for a terminal: values and headlines."""
-    own = [name for name, _, _ in base.model.headlines][:3]  # three fit into the width of a terminal
+    own = [name for name, _, _ in base.model.headlines][:3]  # further headlines, at most three
     known = {name for name, column in table.figures.items() if np.isfinite(column).any()}
     shown = {name: each for name, each in headlines(base).items() if name in {*REPORTED, *own} & known}
     keys = [varied.key for varied in table.design.varied]
