@@ -32,14 +32,12 @@ VIEWER = "viewer.html"
 TEMPORARY_PREFIX = ".worm3d-"
 """Prefix of the names of temporary files."""
 LOCK = f"{TEMPORARY_PREFIX}lock"
-LOCKED_BYTE = 1 << 20
-"""Byte that is locked on Windows, because other processes cannot read locked bytes."""
 
 if sys.platform == "win32":
     import msvcrt
 
     def _lock(handle: int) -> None:
-        os.lseek(handle, LOCKED_BYTE, os.SEEK_SET)
+        os.lseek(handle, 1 << 20, os.SEEK_SET)  # other processes cannot read locked bytes
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         os.lseek(handle, 0, os.SEEK_SET)
 else:
@@ -68,17 +66,29 @@ def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path
 
 
 def _require_empty(folder: Path, *, force: bool) -> None:
+    if not force and is_used(folder):
+        raise SceneError(f"{folder} exists and is not empty: choose another --out, or replace its results with --force")
+
+
+def is_used(folder: Path) -> bool:
+    """Return whether a folder contains files other than temporary ones; DiscError if the folder cannot be read."""
+    with disc_errors(folder):
+        return folder.is_dir() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir())
+
+
+@contextmanager
+def disc_errors(path: Path) -> Iterator[None]:
+    """Raise a `DiscError` about a path in place of errors of the file system."""
     try:
-        if (
-            not force
-            and folder.is_dir()
-            and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir())
-        ):
-            raise SceneError(
-                f"{folder} exists and is not empty: choose another --out, or replace its results with --force"
-            )
+        yield
     except OSError as error:
-        raise DiscError.writing(folder, error) from error
+        raise DiscError.writing(path, error) from error
+
+
+def remove(path: Path) -> None:
+    """Remove a file, if the file exists; DiscError if the file cannot be removed."""
+    with disc_errors(path):
+        path.unlink(missing_ok=True)
 
 
 def made(folder: Path) -> Path:
@@ -91,14 +101,12 @@ def made(folder: Path) -> Path:
     DiscError
         The folder cannot be created or written.
     """
-    try:
+    with disc_errors(folder):
         if folder.exists() and not folder.is_dir():
             raise SceneError(f"{folder} is a file: choose a folder for --out")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
-    except OSError as error:
-        raise DiscError.writing(folder, error) from error
 
 
 def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
@@ -131,10 +139,9 @@ def written_whole(path: Path) -> Iterator[Path]:
     """
     part = path.with_name(f"{TEMPORARY_PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:
-        raise DiscError.writing(path, error) from error
+        with disc_errors(path):
+            yield part
+            os.replace(part, path)
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)

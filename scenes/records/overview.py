@@ -23,19 +23,14 @@ Colour = tuple[int, int, int] | str
 SCALE = 3
 """Factor by which pictures are drawn larger and then averaged down, since the edges of Pillow are not smooth."""
 
-TICKS = 6
-"""Largest number of labels on an axis."""
-
 INK, GRID = "#333333", "#dddddd"
 
 PICTURE_WIDTH, LEFT_MARGIN, RIGHT_MARGIN, TOP_MARGIN, BOTTOM_MARGIN, HEADER_HEIGHT = 720, 62, 16, 24, 36, 46
 """Width of the picture, margins around each panel, and height of the header [pixels]."""
 
-BODY_HIGH, CURVES_HIGH = 190, 150
-"""Heights of panels with a body (at most) and with curves [pixels]."""
-
-MOST_LENGTHS = 4.0
-"""Largest distance, in body lengths, at which both start and end are shown; beyond, only the end is shown."""
+PANEL_WIDTH = PICTURE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN
+CURVES_HIGH = 150
+"""Height of a panel with curves [pixels]."""
 
 SHORTER_COLOUR, REST_COLOUR, LONGER_COLOUR = (
     tuple(round(255 * part) for part in each)
@@ -105,7 +100,7 @@ def _window(side: Side) -> tuple[FloatArray, FloatArray]:
     places = side.bodies.reshape(2, -1, 2)
     with np.errstate(invalid="ignore"):
         length = float(np.ptp(places[0, :, 0]))
-        far = not np.ptp(places[:, :, 0]) <= MOST_LENGTHS * length
+        far = not np.ptp(places[:, :, 0]) <= 4.0 * length  # then only the end is shown
     shown = places[1:] if far else places
     x, y = (limits(shown[..., axis], 1.1 * length if axis == 0 else 0.2 * length, 0.08) for axis in (0, 1))
     return np.array([x[0], y[0]]), np.array([x[1], y[1]])
@@ -113,15 +108,13 @@ def _window(side: Side) -> tuple[FloatArray, FloatArray]:
 
 def _height(side: Side) -> int:
     low, high = _window(side)
-    return round(
-        min(BODY_HIGH, (PICTURE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN) * float((high[1] - low[1]) / (high[0] - low[0])))
-    )
+    return round(min(190.0, PANEL_WIDTH * float((high[1] - low[1]) / (high[0] - low[0]))))
 
 
 def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
     """Draw a view to one scale; the panel is made narrower if the view would be too high."""
     low, high = _window(side)
-    scale = min((PICTURE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN) / (high[0] - low[0]), height / (high[1] - low[1]))
+    scale = min(PANEL_WIDTH / (high[0] - low[0]), height / (high[1] - low[1]))
     right = LEFT_MARGIN + scale * float(high[0] - low[0])
     panel = Panel(canvas, (LEFT_MARGIN, top, right, top + scale * float(high[1] - low[1])), low, high)
     panel.frame(side.title, side.along)
@@ -240,7 +233,7 @@ def limits(values: ArrayLike, least: float, margin: float = 0.06) -> tuple[float
     return low - more, high + more
 
 
-def ticks(low: float, high: float, most: int = TICKS) -> list[tuple[float, str]]:
+def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
     """Return round numbers between two limits, at most `most`, each as text with the digits needed."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))

@@ -1,13 +1,8 @@
-"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, CSV for spreadsheets, and NPZ for NumPy.
-
-Files of earlier versions have no digest of the content; they are accepted with a warning.
-"""
+"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, CSV for spreadsheets, and NPZ for NumPy."""
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +14,6 @@ from scenes.records.record import Record, Summary
 from worm3d.values import netcdf
 from worm3d.values.netcdf import Content, FileError
 from worm3d.values.variable import write_csv
-
-WITHOUT_DIGEST = "worm3d result 1"
-"""Value of the attribute `format` in files of earlier versions."""
 
 
 def save(record: Record, path: Path) -> None:
@@ -35,18 +27,8 @@ def save(record: Record, path: Path) -> None:
     write_bytes(path, netcdf.packed(netcdf.signed(content_of(record))))
 
 
-def _to_standard_error(warning: str) -> None:
-    sys.stderr.write(f"warning: {warning}\n")
-
-
-def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record:
+def load(path: Path) -> Record:
     """Read a record; for a folder, the file `result.nc` in the folder; a file ending in .csv is a measurement.
-
-    Parameters
-    ----------
-    path : Path
-    warn : callable
-        Function that gets a sentence if damage could not be detected, because an earlier version wrote the file.
 
     Raises
     ------
@@ -62,10 +44,7 @@ def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record
         raise SceneError(f"{file}: no such file; a result is the folder that 'worm3d run' wrote, or its {RESULT}")
     try:
         content = netcdf.load(file)
-        if content.attributes.get("format") == WITHOUT_DIGEST:
-            warn(f"{file} was written by an earlier version of worm3d, without a checksum: damage to it goes unnoticed")
-        else:
-            content.require_digest(str(file))
+        content.require_digest(str(file))
         return _record(content)
     except OSError as error:
         raise DiscError(f"cannot read {file}: {(error.strerror or str(error)).lower()}") from error

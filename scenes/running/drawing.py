@@ -6,11 +6,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenes import models
-from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.sweep_section import SWEEP
 from scenes.models.base import MOVIE_S, Model, Movie, Pictures
 from scenes.records import measured
-from scenes.records.folder import ANIMATION, OVERVIEW, SUMMARY, TEMPORARY_PREFIX, VIEWER, write_bytes, written_whole
+from scenes.records.folder import (
+    ANIMATION,
+    OVERVIEW,
+    SUMMARY,
+    TEMPORARY_PREFIX,
+    VIEWER,
+    remove,
+    write_bytes,
+    written_whole,
+)
 from scenes.records.record import Record
 from scenes.running.overlays import measured_pictures
 
@@ -156,10 +165,7 @@ def clear_pictures(folder: Path) -> None:
     stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
     unfinished = [path.name for path in folder.glob(f"{TEMPORARY_PREFIX}*.part*")]
     for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
-        try:
-            (folder / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise DiscError.writing(folder / name, error) from error
+        remove(folder / name)
 
 
 def cut_short(record: Record) -> str | None:

@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from scenes.language.errors import SceneError
+from scenes.records import store
 from scenes.records.folder import write_bytes
 from scenes.records.record import Metric, Record
 from scenes.records.text import finite
@@ -91,7 +93,7 @@ def write(result: CaseResult, path: Path) -> None:
 
 def read(path: Path) -> CaseResult | None:
     """Return the content of a case file, JSON or NetCDF; None if the file is missing, damaged or not a case file."""
-    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
+    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, SceneError):
         result = _of_record(path) if path.suffix == ".nc" else _of_json(path)
         return result if result.key == path.stem else None
     return None
@@ -107,23 +109,8 @@ def _of_json(path: Path) -> CaseResult:
 def _of_record(path: Path) -> CaseResult:
     if not netcdf.is_whole(path):
         raise ValueError(f"{path}: damaged, or not a record")
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
-        said, timing = dict(file.attrs), file.groups[netcdf.TIMING]
-        wall = {name: float(v[...]) for name, v in timing.variables.items() if not v.dimensions}
-    summary = json.loads(said["summary"])
-    return CaseResult(
-        key=path.stem,
-        **{name: str(said[name]) for name in ("name", "model", "status", "sentence")},
-        seed=int(said["seed"]),
-        reasons=summary.pop("reasons"),
-        errors=summary.pop("errors", {}),
-        summary=summary,
-        timing=wall,
-        versions=json.loads(said["versions"]),
-        scene=tomllib.loads(said["scene"]),
-    )
+    record = store.load(path)
+    return result_of(path.stem, record, tomllib.loads(record.scene))
 
 
 def _digest(content: Mapping[str, Any]) -> str:

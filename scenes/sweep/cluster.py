@@ -14,8 +14,8 @@ import typer
 from distributed import Client, LocalCluster
 from distributed.utils import silence_logging_cmgr
 
-from scenes.language.errors import DiscError, MissingPartError, SceneError
-from scenes.records.folder import TEMPORARY_PREFIX
+from scenes.language.errors import MissingPartError, SceneError
+from scenes.records.folder import TEMPORARY_PREFIX, disc_errors
 from scenes.sweep.executors import LOOPBACK, Perform, Stopped
 from scenes.sweep.flight import WORKER_TIMEOUT_S, Flight
 from scenes.sweep.job import Ended, Job
@@ -129,10 +129,9 @@ def _require_folder(client: Client, folder: Path) -> None:
     """Check that all workers have worm3d, and access to the folder of the cases."""
     probe = folder / f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.part"
     try:
-        probe.write_text(probe.name)
-        found = client.run(_sees, str(probe), on_error="return")
-    except OSError as error:
-        raise DiscError.writing(folder, error) from error
+        with disc_errors(folder):
+            probe.write_text(probe.name)
+            found = client.run(_sees, str(probe), on_error="return")
     finally:
         with suppress(OSError):
             probe.unlink(missing_ok=True)

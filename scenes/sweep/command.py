@@ -19,15 +19,12 @@ from scenes.sweep.design import Design, told
 from scenes.sweep.engine import Sweep, chosen, require_place
 from scenes.sweep.executors import LOOPBACK, Executor
 from scenes.sweep.limit import limit_of
-from scenes.sweep.outputs import CSV, report, write_outputs
+from scenes.sweep.outputs import CSV, MOST_LINES, report, write_outputs
 from scenes.sweep.plan import Plan, Source, planned
 from scenes.sweep.progress import shown, summed_up
 from scenes.sweep.table import Table
 from scenes.sweep.vary import cases_of, texts
 
-INTERRUPTED_CODE = EXIT_CODES["interrupted"]
-MOST_TOLD = 20
-"""Largest number of failed cases that are reported individually."""
 QUICKLY_CHECKED = 500
 """Number of cases from which on the check shows the progress."""
 
@@ -94,46 +91,42 @@ def checked(source: Source, options: Options) -> Plan:
 def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options, then: Then) -> int:
     name = plan.base.name
     try:
-        stopped, told_at_end, code = _run_and_write(folder, plan, executor, options, then)
+        status, told_at_end = _run_and_write(folder, plan, executor, options, then)
     except KeyboardInterrupt:
-        stopped, told_at_end, code = True, (), INTERRUPTED_CODE
-    if stopped:
+        status, told_at_end = "interrupted", ()
+    if status == "interrupted":
         typer.echo(f"{name}: stopped by Ctrl-C; finished cases are safe, and the same command runs the rest", err=True)
     if not options.quiet:
         for line in told_at_end:
             typer.echo(line)
-    return code
+    return EXIT_CODES[status]
 
 
 def _run_and_write(
     folder: Path, plan: Plan, executor: Executor, options: Options, then: Then
-) -> tuple[bool, Sequence[str], int]:
-    """Return whether Ctrl-C stopped the sweep, the lines at the end of the report, and the exit code."""
-    sweep, name, begun = (
-        Sweep(plan, folder, options.results, options.case_limit_s or CASE_LIMIT),
-        plan.base.name,
-        time.monotonic(),
-    )
+) -> tuple[str, Sequence[str]]:
+    """Return the status of the sweep, and the lines at the end of the report."""
+    sweep = Sweep(plan, folder, options.results, options.case_limit_s or CASE_LIMIT)
+    name, begun = plan.base.name, time.monotonic()
     with Interruption() as interruption, shown(name, quiet=options.quiet) as show:
         far = sweep.run(
             executor, lambda: interruption.requested, show, anew=options.force, retry_failed=options.retry_failed
         )
     seconds = time.monotonic() - begun
     with busy("drawing", quiet=options.quiet):
-        written = write_outputs(folder, plan.base, plan.design, sweep.ended())
-        more = () if interruption.requested else tuple(then(folder, plan.base, written.table))
-    for line in failures(plan.design, written.table):
+        table = write_outputs(folder, plan.base, plan.design, sweep.ended())
+        more = () if interruption.requested else tuple(then(folder, plan.base, table))
+    for line in failures(plan.design, table):
         typer.echo(line, err=True)
-    lines = (*report(plan.base, written.table), *more, f"{'files':22}{folder}")
+    lines = (*report(plan.base, table), *more, f"{'files':22}{folder}")
     told_at_end = (f"{name}: {summed_up(far, seconds)}", *(f"  {line}" for line in lines))
-    stopped = interruption.requested
-    return stopped, told_at_end, INTERRUPTED_CODE if stopped else EXIT_CODES[written.status]
+    return "interrupted" if interruption.requested else table.ending, told_at_end
 
 
 def failures(design: Design, table: Table) -> Iterator[str]:
     """Yield a line for each failed case; if there are many, only for the first cases."""
     failed = [(row, values) for row, values in enumerate(design.cases()) if table.failed[row]]
-    for row, values in failed[:MOST_TOLD]:
+    for row, values in failed[:MOST_LINES]:
         yield f"with {told(values)}: {table.status[row]}: {table.reasons[row]}"
-    if len(failed) > MOST_TOLD:
-        yield f"and {counted(len(failed) - MOST_TOLD, 'case')} more failed: see {CSV}"
+    if len(failed) > MOST_LINES:
+        yield f"and {counted(len(failed) - MOST_LINES, 'case')} more failed: see {CSV}"

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
-from scenes.language.errors import DiscError, SceneError
+from scenes.language.errors import SceneError
 from scenes.language.sweep_section import CASE_LIMIT
-from scenes.records.folder import TEMPORARY_PREFIX, made
+from scenes.records.folder import TEMPORARY_PREFIX, is_used, made, remove
 from scenes.sweep.case_file import CASES, FAILED_STATUS, NOT_RUN, CaseResult
 from scenes.sweep.executors import LOOPBACK, Executor, InProcess, Stopped
-from scenes.sweep.job import Ended, found, perform, refused
-from scenes.sweep.plan import Case, Jobs, Plan
+from scenes.sweep.job import Ended, Job, found, perform, refused
+from scenes.sweep.plan import Case, Plan
 
 
 @dataclass
@@ -80,8 +81,8 @@ class Sweep:
         made(self.cases_folder)
         self._remove_parts()
         cases = {case.key: case for case in self.plan.cases}.values()
-        impossible = self._jobs(tuple(case for case in cases if case.refused))
-        jobs = self._jobs(tuple(case for case in cases if not case.refused))
+        impossible = [case for case in cases if case.refused]
+        jobs = [self._job(case) for case in cases if not case.refused]
         missing, failed = self._missing(jobs, anew=anew, retry_failed=retry_failed)
         self._refuse(impossible)
         progress = Progress(
@@ -89,7 +90,7 @@ class Sweep:
         )
         watch(progress)
         try:
-            for ended in executor.run(missing, perform, stopped) if len(missing) else ():
+            for ended in executor.run(missing, perform, stopped) if missing else ():
                 self._note(ended, progress)
                 watch(progress)
         finally:
@@ -98,34 +99,35 @@ class Sweep:
 
     def ended(self) -> Iterator[CaseResult]:
         """Yield the result of each case, in the order of the design."""
-        jobs = self._jobs(self.plan.cases)
-        for case, job in zip(self.plan.cases, jobs, strict=True):
-            yield found(job) or self._without_file(case)
+        for case in self.plan.cases:
+            yield found(self._job(case)) or self._without_file(case)
 
-    @property
+    @cached_property
     def cases_folder(self) -> Path:
         """Folder of the files of the cases."""
         return self.folder.resolve() / CASES
 
-    def _jobs(self, cases: tuple[Case, ...]) -> Jobs:
-        return Jobs(self.plan.base.name, cases, self.cases_folder, self.results, self.limit_s)
+    def _job(self, case: Case) -> Job:
+        path = self.cases_folder / f"{case.key}{'.nc' if self.results else '.json'}"
+        return Job(case.key, self.plan.base.name, case.packed, str(path), self.results, self.limit_s)
 
-    def _missing(self, jobs: Jobs, *, anew: bool, retry_failed: bool) -> tuple[Jobs, int]:
+    def _missing(self, jobs: Sequence[Job], *, anew: bool, retry_failed: bool) -> tuple[list[Job], int]:
         """Return the jobs to run, and the number of other jobs that failed; remove outdated files."""
         missing, failed = [], 0
-        for case, job in zip(jobs.cases, jobs, strict=True):
+        for job in jobs:
             earlier = found(job)
             if earlier is not None and not anew and (earlier.status == "done" or not retry_failed):
                 failed += earlier.status != "done"
                 continue
             for suffix in (".json", ".nc"):
-                _remove(Path(job.path).with_suffix(suffix))
-            missing.append(case)
-        return replace(jobs, cases=tuple(missing)), failed
+                remove(Path(job.path).with_suffix(suffix))
+            missing.append(job)
+        return missing, failed
 
-    def _refuse(self, jobs: Jobs) -> None:
+    def _refuse(self, cases: Iterable[Case]) -> None:
         """Write the files of impossible cases."""
-        for case, job in zip(jobs.cases, jobs, strict=True):
+        for case in cases:
+            job = self._job(case)
             if found(job) is None:
                 refused(job, self.plan.base.model.name, case.seed, tomllib.loads(job.scene), case.refused)
 
@@ -144,14 +146,7 @@ class Sweep:
         """Remove unfinished files of killed workers."""
         with suppress(OSError):
             for path in self.cases_folder.glob(f"{TEMPORARY_PREFIX}*.part"):
-                _remove(path)
-
-
-def _remove(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise DiscError.writing(path, error) from error
+                remove(path)
 
 
 def require_place(folder: Path, *, force: bool) -> None:
@@ -164,13 +159,7 @@ def require_place(folder: Path, *, force: bool) -> None:
     DiscError
         The folder cannot be read.
     """
-    try:
-        there = (
-            [path for path in folder.iterdir() if not path.name.startswith(TEMPORARY_PREFIX)] if folder.is_dir() else []
-        )
-    except OSError as error:
-        raise DiscError.writing(folder, error) from error
-    if there and not force and not (folder / CASES).is_dir():
+    if is_used(folder) and not force and not (folder / CASES).is_dir():
         raise SceneError(
             f"{folder} is not empty, and no folder of a sweep: choose another --out, or write to it with --force"
         )

@@ -16,15 +16,11 @@ from worm3d.values.arrays import FloatArray
 
 FAILED_MARKER: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
 
-MOST_TICKS = 12
-"""Largest number of values on an axis that are all labelled."""
-NARROWEST_GAP = 0.06
-"""Smallest distance between two labelled values, as a share of the axis."""
+MOST_LABELS = 12
+"""Largest number of values on an axis that are all labelled, and of curves in a legend."""
 MOST_NUMBERS = 64
 """Largest number of cells in a map with a number in each cell."""
-MOST_CURVES = 12
-"""Largest number of curves in a legend."""
-LEAST_DECADES = 8.0
+LEAST_RATIO = 8.0
 """Smallest ratio of the largest to the smallest value for a logarithmic axis."""
 CATEGORIES = ("seed",)
 """Keys whose numbers are only names."""
@@ -82,7 +78,7 @@ def _draw_curves(
         axes.plot(x[order], values[order], style, ms=4, label=name)
     axes.plot(x, np.full(len(x), np.nanmean(values)), linestyle="none")  # the axis covers all cases
     _mark_absent(axes, table, x, values)
-    if others and len(axes.lines) <= MOST_CURVES:
+    if others and len(axes.lines) <= MOST_LABELS:
         axes.legend(title=others[0].key, fontsize=8, title_fontsize=8)
     _scale(axes, "x", x)
     _name(axes, varied.key, label)
@@ -152,8 +148,7 @@ def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, 
             _scale(axes, which, along)
         else:
             _ticks(axes, which, [str(cell(value)) for value in key.values])
-    axes.set_xlabel(keys[0].key)
-    axes.set_ylabel(keys[1].key)
+    axes.set(xlabel=keys[0].key, ylabel=keys[1].key)
 
 
 def _marks(varied: Varied) -> FloatArray:
@@ -177,7 +172,7 @@ def edges(marks: FloatArray) -> FloatArray:
 def is_logarithmic(values: FloatArray) -> bool:
     """Return whether values span a wide range, with their middle nearer to the geometric mean of the ends."""
     low, high = float(values.min()), float(values.max())
-    if low <= 0.0 or high < LEAST_DECADES * low:
+    if low <= 0.0 or high < LEAST_RATIO * low:
         return False
     geometric, arithmetic = np.sqrt(low * high), 0.5 * (low + high)
     return bool(np.median(values) < np.sqrt(geometric * arithmetic))
@@ -189,14 +184,14 @@ def _scale(axes: Axes, which: str, values: FloatArray) -> None:
     places = np.log(distinct) if logarithmic else distinct
     if logarithmic:
         getattr(axes, f"set_{which}scale")("log")
-    if len(distinct) <= MOST_TICKS and (np.diff(places) > NARROWEST_GAP * np.ptp(places)).all():
+    if len(distinct) <= MOST_LABELS and (np.diff(places) > 0.06 * np.ptp(places)).all():
         getattr(axes, f"set_{which}ticks")(distinct, [f"{value:.4g}" for value in distinct])
         getattr(axes, f"set_{which}ticks")([], minor=True)
 
 
 def _ticks(axes: Axes, which: str, names: list[str]) -> None:
     """Label categories along an axis; if there are many, only the first categories."""
-    step = 1 + (len(names) - 1) // (3 * MOST_TICKS)
+    step = 1 + (len(names) - 1) // (3 * MOST_LABELS)
     turned = which == "x" and sum(map(len, names)) > 60
     getattr(axes, f"set_{which}ticks")(range(0, len(names), step), names[::step], rotation=30 if turned else 0)
     if turned:
@@ -229,7 +224,6 @@ def _mark_absent(axes: Axes, table: Table, x: FloatArray, values: FloatArray) ->
 
 
 def _name(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(xlabel=x, ylabel=y)
     axes.grid(alpha=0.3)
     axes.set_axisbelow(True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,14 +30,19 @@ class Job:
     """Key of the case (`scenes.sweep.key`)."""
     name: str
     """Name of the scene."""
-    scene: str
-    """The resolved and checked scene as TOML."""
+    packed: bytes
+    """The resolved and checked scene as TOML, compressed, since the scenes of many cases would fill the memory."""
     path: str
     """Absolute path of the case's file, `<key>.json`, or `<key>.nc` if the whole record is stored."""
     results: bool = False
     """Whether the file contains the whole record."""
     limit_s: float = CASE_LIMIT
     """Time limit, counted from the first step [s]."""
+
+    @property
+    def scene(self) -> str:
+        """The resolved and checked scene as TOML."""
+        return zlib.decompress(self.packed).decode()
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from scenes.language.errors import DiscError, SceneError
+from scenes.language.errors import SceneError
 from scenes.language.sweep_section import CASE_LIMIT, LONGEST_CASE_LIMIT
-from scenes.records.folder import TEMPORARY_PREFIX
+from scenes.records.folder import TEMPORARY_PREFIX, disc_errors
 
 LONGEST_START = 600.0
 """Time from the beginning of a case to the first step after which a worker counts as stuck [s]: compiling all kernels
@@ -80,10 +80,8 @@ def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
     if witness.is_file() and witness.stat().st_size:
         yield True
         return
-    try:
+    with disc_errors(path):
         _witness = witness.open("w")
-    except OSError as error:
-        raise DiscError.writing(path, error) from error
     try:
         with _witness:
             _end_process_after(LONGEST_START + limit_s)

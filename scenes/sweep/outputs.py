@@ -10,16 +10,14 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 
-from scenes.language.errors import DiscError
 from scenes.language.sweep_section import SWEEP
 from scenes.models.loading import Scene
-from scenes.records.folder import SUMMARY, write_bytes, written_whole
+from scenes.records.folder import SUMMARY, remove, write_bytes, written_whole
 from scenes.records.record import Cell, Metric, Summary
 from scenes.records.text import aligned, json_bytes
 from scenes.running.drawing import save_figure
@@ -45,11 +43,9 @@ NOT_DRAWN = ("energy_balance_error",)
 MOST_ROWS = 1000
 """Largest number of cases, and of failures, that `summary.json` lists; `sweep.csv` lists all."""
 MOST_LINES = 20
-"""Largest number of cases in the report at the end."""
+"""Largest number of cases in the report at the end, and of failures that are reported individually."""
 REPORTED = ("distance_m", "cost_of_transport")
 """Headlines in the report for every model."""
-OF_THE_MODEL = 3
-"""Largest number of further headlines of the model in the report."""
 
 PER_CASE = "a sweep has one for each case: see sweep.csv"
 NONE_DONE = "no case came to its end"
@@ -60,22 +56,8 @@ NO_SINGLE_VALUE = (
 """Entries of every `summary.json` that a sweep has for each case."""
 
 
-Status = Literal["done", "incomplete", "interrupted"]
-
-
-@dataclass(frozen=True)
-class Written:
-    """Written files, and the status of the sweep."""
-
-    status: Status
-    """`done`, `incomplete` if a case failed, `interrupted` if a case was not run."""
-    table: Table
-    summary: Summary
-    paths: tuple[Path, ...]
-
-
-def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[CaseResult]) -> Written:
-    """Write the outputs of a sweep into the folder of the sweep, each file completely or not at all.
+def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[CaseResult]) -> Table:
+    """Write the outputs of a sweep, each file completely or not at all, and return the table of the results.
 
     Parameters
     ----------
@@ -97,10 +79,8 @@ def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[C
         _write_csv(table, part)
     write_bytes(folder / DATASET, netcdf.packed(netcdf.signed(_content(base, table, summary))))
     write_bytes(folder / SUMMARY, json_bytes(summary.to_dict()))
-    figures = tuple(_draw(folder, base, table))
-    return Written(
-        cast(Status, summary["status"]), table, summary, (folder / CSV, folder / DATASET, folder / SUMMARY, *figures)
-    )
+    _draw(folder, base, table)
+    return table
 
 
 def headlines(base: Scene) -> dict[str, tuple[str, str]]:
@@ -111,7 +91,7 @@ def headlines(base: Scene) -> dict[str, tuple[str, str]]:
 
 def report(base: Scene, table: Table) -> list[str]:
     """Return the lines of the first cases for a terminal: values and headlines."""
-    own = [name for name, _, _ in base.model.headlines][:OF_THE_MODEL]
+    own = [name for name, _, _ in base.model.headlines][:3]  # further headlines, at most three
     known = {name for name, column in table.figures.items() if np.isfinite(column).any()}
     shown = {name: each for name, each in headlines(base).items() if name in {*REPORTED, *own} & known}
     keys = [varied.key for varied in table.design.varied]
@@ -148,7 +128,7 @@ def _summary(table: Table) -> Summary:
     failures = [row for row, lost in zip(table.rows(), table.failed, strict=True) if lost][:MOST_ROWS]
     keys = [varied.key for varied in table.design.varied]
     metrics: dict[str, Metric] = {
-        "status": "interrupted" if skipped else "incomplete" if failed else "done",
+        "status": table.ending,
         "duration_s": _merged(table, "duration_s", np.sum) or 0.0,
         **dict.fromkeys(NO_SINGLE_VALUE),
         "energy_balance_error": _merged(table, "energy_balance_error", np.max),
@@ -176,10 +156,11 @@ def _merged(table: Table, name: str, merge: Any) -> float | None:
 def _content(base: Scene, table: Table, summary: Summary) -> Content:
     """Return a sweep as the content of a file."""
     sizes = table.design.sizes
-    keys, seeds = [varied.key for varied in table.design.varied], np.array(table.seeds)
+    keys = [varied.key for varied in table.design.varied]
     texts = {"case": "key of the case", "status": "how it ended", "reason": "why"}
     cells = {"case": table.keys, "status": table.status, "reason": table.reasons}
     dims, shape = tuple(sizes), tuple(sizes.values())
+    seed = Variable(SEED_KEY, dims, np.array(table.seeds).reshape(shape), "1", "seed of everything random")
     attributes = {
         "name": base.name,
         "model": SWEEP,
@@ -193,11 +174,7 @@ def _content(base: Scene, table: Table, summary: Summary) -> Content:
     variables = (
         *map(_coordinate, table.design.varied),
         *(Variable(name, dims, np.array(cells[name]).reshape(shape), "1", text) for name, text in texts.items()),
-        *(
-            ()
-            if SEED_KEY in keys
-            else (Variable(SEED_KEY, dims, seeds.reshape(shape), "1", "seed of everything random"),)
-        ),
+        *([] if SEED_KEY in keys else [seed]),
         *_figures(table.figures, dims, shape),
     )
     return Content(attributes, {netcdf.ROOT: variables, netcdf.TIMING: tuple(_figures(table.timing, dims, shape))})
@@ -214,13 +191,10 @@ def _figures(columns: dict[str, FloatArray], dims: tuple[str, ...], shape: tuple
         yield Variable(name, dims, column.reshape(shape), unit or "1", words)
 
 
-def _draw(folder: Path, base: Scene, table: Table) -> Iterator[Path]:
+def _draw(folder: Path, base: Scene, table: Table) -> None:
     """Draw the headlines that are not all zero over one or two varied keys; remove figures of an earlier sweep."""
     for path in folder.glob(FIGURE.format("*")):
-        try:
-            path.unlink()
-        except OSError as error:
-            raise DiscError.writing(path, error) from error
+        remove(path)
     if len(table.design.varied) > 2:
         return
     from scenes.sweep.figures import draw  # imports matplotlib
@@ -228,6 +202,5 @@ def _draw(folder: Path, base: Scene, table: Table) -> Iterator[Path]:
     title = getattr(base.settings, "title", "") or base.name
     for name, (label, unit) in headlines(base).items():
         if (np.abs(table.figures.get(name, np.zeros(1))) > METRIC_ROUNDING.get(unit, 0.0)).any():
-            path = folder / FIGURE.format(name)
-            save_figure(draw(table, name, f"{label} [{unit}]" if unit else label, title), path)
-            yield path
+            figure = draw(table, name, f"{label} [{unit}]" if unit else label, title)
+            save_figure(figure, folder / FIGURE.format(name))

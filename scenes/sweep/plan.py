@@ -1,4 +1,4 @@
-"""Plan of a sweep: the scene of each case, checked before the first run, with a seed and a job."""
+"""Plan of a sweep: the scene of each case, checked before the first run, with a seed."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ from typing import Any
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene, read_text
-from scenes.language.sweep_section import CASE_LIMIT, varied_keys
+from scenes.language.sweep_section import varied_keys
 from scenes.language.toml import path_of
 from scenes.models.loading import Draft, ImpossibleError, Scene
 from scenes.running.terminal import counted
 from scenes.sweep.design import Design, told
-from scenes.sweep.job import Job
 from scenes.sweep.key import key_of
 from scenes.sweep.links import Links, value_at
 from scenes.sweep.vary import design_of, with_meaning
@@ -82,11 +81,6 @@ class Case:
     refused: str = ""
     """Reason why the case is impossible, although each key is valid; empty for a possible case."""
 
-    def job(self, name: str, folder: Path, *, results: bool, limit_s: float) -> Job:
-        """Return the job that runs the case, with a folder for the file."""
-        path = folder / f"{self.key}{'.nc' if results else '.json'}"
-        return Job(self.key, name, zlib.decompress(self.packed).decode(), str(path), results, limit_s)
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -97,30 +91,6 @@ class Plan:
     design: Design
     cases: tuple[Case, ...]
     """Cases in the order of the design; cases with the same scene have the same key."""
-
-
-@dataclass(frozen=True)
-class Jobs(Sequence[Job]):
-    """Jobs of cases, each created on access, since the scenes of many cases would fill the memory."""
-
-    name: str
-    """Name of the scene."""
-    cases: tuple[Case, ...]
-    folder: Path
-    """Folder of the files of the cases."""
-    results: bool
-    limit_s: float = CASE_LIMIT
-    """Time limit of a case, counted from the first step [s]."""
-
-    def __len__(self) -> int:
-        """Return the number of jobs."""
-        return len(self.cases)
-
-    def __getitem__(self, place: Any) -> Any:
-        """Return the job at an index, or the jobs of a slice."""
-        if isinstance(place, slice):
-            return replace(self, cases=self.cases[place])
-        return self.cases[place].job(self.name, self.folder, results=self.results, limit_s=self.limit_s)
 
 
 def planned(

@@ -26,7 +26,7 @@ def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
     elif sys.stderr.isatty():
         yield from _bar(title)
     else:
-        yield _Lines(title)
+        yield _lines(title)
 
 
 def summed_up(progress: Progress, seconds: float) -> str:
@@ -52,19 +52,19 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
-class _Lines:
-    def __init__(self, title: str) -> None:
-        self._title, self._begun, self._told = title, time.monotonic(), 0.0
+def _lines(title: str) -> Watch:
+    """Return a function that prints a line, unless the previous line is recent."""
+    begun, told = time.monotonic(), 0.0
 
-    def __call__(self, progress: Progress) -> None:
-        """Print a line, unless the previous line is recent."""
+    def show(progress: Progress) -> None:
+        nonlocal begun, told
         now = time.monotonic()
-        if progress.ran == 0:
-            self._begun = now
-        elif now - self._told < BETWEEN_LINES_S:
-            return
-        self._told = now
-        typer.echo(f"{self._title}: {summed_up(progress, now - self._begun)}", err=True)
+        begun = begun if progress.ran else now
+        if progress.ran == 0 or now >= told + BETWEEN_LINES_S:
+            told = now
+            typer.echo(f"{title}: {summed_up(progress, now - begun)}", err=True)
+
+    return show
 
 
 def _bar(title: str) -> Iterator[Watch]:

@@ -89,6 +89,13 @@ class Table:
         failed: NDArray[np.bool_] = ~self.done & (np.array(self.status) != NOT_RUN)
         return failed
 
+    @property
+    def ending(self) -> str:
+        """Status of the sweep: `done`, `incomplete` if a case failed, `interrupted` if a case was not run."""
+        if NOT_RUN in self.status:
+            return "interrupted"
+        return "incomplete" if self.failed.any() else "done"
+
     def values(self) -> Iterator[dict[str, Cell]]:
         """Yield the varied values of each case by key, converted by `cell`."""
         for case in self.design.cases():

@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import time
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from scenes.sweep.limit import Clock
 def jobs(folder: Path, what: str, number: int, first: int = 0) -> list[Job]:
     """Return jobs that all do the same: `spin 0.1`, `kill`, `hang`, `crash`, `raise`, `full`."""
     keys = [f"{what.split()[0]}{k:04}" for k in range(first, first + number)]
-    return [Job(key, key, what, str(folder / f"{key}.json")) for key in keys]
+    return [Job(key, key, zlib.compress(what.encode()), str(folder / f"{key}.json")) for key in keys]
 
 
 def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,8 @@ KEY = key_of(SCENE)
 
 
 def job_in(folder: Path, *, results: bool = False) -> Job:
-    return Job(KEY, SCENE.name, SCENE.to_toml(), str(folder / f"{KEY}{'.nc' if results else '.json'}"), results)
+    packed = zlib.compress(SCENE.to_toml().encode())
+    return Job(KEY, SCENE.name, packed, str(folder / f"{KEY}{'.nc' if results else '.json'}"), results)
 
 
 @pytest.fixture(scope="module")

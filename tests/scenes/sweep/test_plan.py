@@ -13,8 +13,9 @@ from scenes.language.loader import find_scene
 from scenes.models.loading import load_scene, parse_scene, trusted_scene
 from scenes.running import packages
 from scenes.sweep import key as keys
+from scenes.sweep.engine import Sweep
 from scenes.sweep.key import key_of
-from scenes.sweep.plan import LARGEST_SEED, Jobs, Plan, Source, _seeded, planned
+from scenes.sweep.plan import LARGEST_SEED, Plan, Source, _seeded, planned
 
 SHORT = ("run.duration_s=0.5",)
 
@@ -31,19 +32,18 @@ def refused(*arguments: Any, **options: Any) -> list[str]:
 
 def test_each_case_is_the_scene_with_its_values_and_a_seed_of_its_own() -> None:
     found = plan({"gait.period_s": [2, 3], "gait.direction": "direct,retrograde"})
-    jobs = Jobs("planar_wave", found.cases, Path("/x"), results=False)
-    assert len(jobs) == 4
-    for case, job in zip(found.cases, jobs, strict=True):
+    assert len(found.cases) == 4
+    for case in found.cases:
+        job = Sweep(found, Path("/x"))._job(case)
         written = tomllib.loads(job.scene)
         assert written["gait"]["period_s"] == case.values["gait.period_s"]
         assert written["gait"]["direction"] == case.values["gait.direction"]
         assert written["run"]["duration_s"] == 0.5
         assert 0 < written["seed"] == case.seed <= LARGEST_SEED
-        assert job.path == f"/x/{job.key}.json"
+        assert job.path == f"/x/cases/{job.key}.json"
         assert pickle.loads(pickle.dumps(job)) == job
         assert key_of(trusted_scene(tomllib.loads(job.scene), job.name)) == job.key
     assert len({case.seed for case in found.cases}) == 4
-    assert [job.key for job in jobs[1:3]] == [case.key for case in found.cases[1:3]]
 
 
 def test_a_seed_does_not_depend_on_the_order_in_which_keys_are_named() -> None:
