@@ -138,24 +138,21 @@ def _tried(length: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _power(series: FloatArray) -> FloatArray:
     """Return the power at each frequency, shape (..., T)."""
-    power: FloatArray = fft.dct(series, norm="ortho", axis=-1) ** 2
-    return power
+    return np.asarray(fft.dct(series, norm="ortho", axis=-1) ** 2)
 
 
 def _shape(a: FloatArray | float, q: FloatArray | float, length: int) -> FloatArray:
     """Return the power of noise of variance 1 at each frequency, S_k of (FL2), shape (..., T)."""
     cosine = np.cos(np.pi * np.arange(length) / length)
     a, q = np.asarray(a)[..., None], np.asarray(q)[..., None]
-    shape: FloatArray = (1.0 - q) * (1.0 - a**2) / (1.0 - 2.0 * a * cosine + a**2) + q
-    return shape
+    return np.asarray((1.0 - q) * (1.0 - a**2) / (1.0 - 2.0 * a * cosine + a**2) + q)
 
 
 def _worst(relative: FloatArray) -> FloatArray:
     """Return the largest mean over a band of low frequencies of relative power, shape (..., T)."""
     bands = max(1, relative.shape[-1] // (SLOW * BAND_FREQUENCIES))
     split = relative[..., : bands * BAND_FREQUENCIES].reshape(*relative.shape[:-1], bands, BAND_FREQUENCIES)
-    worst: FloatArray = split.mean(axis=-1).max(axis=-1)
-    return worst
+    return np.asarray(split.mean(axis=-1).max(axis=-1))
 
 
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:

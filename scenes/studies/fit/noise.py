@@ -55,31 +55,26 @@ class Noise:
         weights[0] = 1.0
         if size % 2 == 0:
             weights[-1] = 1.0
-        summed: FloatArray = np.tensordot(weights, both, 1) / size
-        return summed
+        return np.asarray(np.tensordot(weights, both, 1) / size)
 
     def draw(self, length: int, random: np.random.Generator) -> FloatArray:
         """Return a stationary series of a length, shape (C, length)."""
         size = fft.next_fast_len(length + self._memory(), real=True)  # round a circle that is too large to be noticed
         white = np.zeros(len(self.covariance))
         innovations = random.multivariate_normal(white, self.covariance, size, method="eigh").T
-        series: FloatArray = fft.irfft(fft.rfft(innovations) / self._response(size), size)[:, :length]
-        return series
+        return np.asarray(fft.irfft(fft.rfft(innovations) / self._response(size), size)[:, :length])
 
     def _response(self, size: int) -> FloatArray:
         """Return the transform of 1 - a_1 z - ... - a_p z^p over `size` points, shape (C, F), complex."""
         lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
-        response: FloatArray = fft.rfft(lags, size)
-        return response
+        return np.asarray(fft.rfft(lags, size))
 
     def _memory(self) -> int:
         """Return the number of samples after which an innovation is forgotten."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
-        return (
-            0
-            if radius == 0.0
-            else min(LONGEST_MEMORY, int(np.log(FORGOTTEN_FRACTION) / np.log(min(radius, 1.0 - 1e-9))) + 1)
-        )
+        if radius == 0.0:
+            return 0
+        return min(LONGEST_MEMORY, int(np.log(FORGOTTEN_FRACTION) / np.log(min(radius, 1.0 - 1e-9))) + 1)
 
 
 def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:

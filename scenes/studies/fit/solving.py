@@ -242,8 +242,7 @@ class _Problem:
         """Return one over the standard deviation of the residuals of each channel, shape (C,)."""
         squares = np.nanmean(self._residuals(u) ** 2, axis=1)
         used = 1.0 - len(u) / np.count_nonzero(self.known)
-        weights: FloatArray = 1.0 / np.maximum(np.sqrt(squares / used), MIN_RESIDUAL_FRACTION * self.data.spread)
-        return weights
+        return np.asarray(1.0 / np.maximum(np.sqrt(squares / used), MIN_RESIDUAL_FRACTION * self.data.spread))
 
     def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
         """Return quick estimates of the standard errors, infinite for undetermined keys, shape (P,)."""
@@ -321,8 +320,7 @@ class _Problem:
             if found is None:
                 return np.full(len(factor), np.inf)
             off: FloatArray = factor[:, 0] * (found - self._values(u))[self.known]
-            slope: FloatArray = off * (np.abs(direction).max() / TINY_STEP)
-            return slope
+            return np.asarray(off * (np.abs(direction).max() / TINY_STEP))
 
         own = determined([self.varied[k] for k in free], weighted[:, free], rough[:, free], probe)
         inverse = np.zeros((len(u), len(u)))

@@ -56,8 +56,7 @@ class Uncertainty:
     @property
     def standard_error(self) -> FloatArray:
         """Standard deviation of each estimate, shape (P,)."""
-        errors: FloatArray = np.sqrt(np.diag(self.covariance))
-        return errors
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 @dataclass(frozen=True)
@@ -76,8 +75,7 @@ class Group:
 
     def score(self, series: FloatArray) -> FloatArray:
         """Return J' W e of a series, shape (P,)."""
-        summed: FloatArray = np.einsum("c,ctp,ct->p", self.squared_weights, self.slopes, series)
-        return summed
+        return np.asarray(np.einsum("c,ctp,ct->p", self.squared_weights, self.slopes, series))
 
 
 def uncertainty_of(
@@ -134,15 +132,13 @@ def _patterns(estimators: FloatArray) -> FloatArray:
     size = np.sqrt((estimators**2).sum(axis=(0, 1)))
     rows = (estimators / np.where(size > 0.0, size, 1.0)).reshape(len(estimators), -1)
     _, patterns = linalg.eigh(rows @ rows.T, subset_by_index=(len(rows) - MOST_CHANNELS, len(rows) - 1))
-    found: FloatArray = patterns
-    return found
+    return np.asarray(patterns)
 
 
 def _covariance(groups: Sequence[Group], models: Sequence[Noise], inverse: FloatArray) -> FloatArray:
     """Return (F2), shape (P, P)."""
     inner = sum(model.score_covariance(g.spectra, g.size) for g, model in zip(groups, models, strict=True))
-    covariance: FloatArray = inverse @ inner @ inverse
-    return covariance
+    return np.asarray(inverse @ inner @ inverse)
 
 
 def _drawn(

@@ -181,8 +181,7 @@ def _level_with_best(view: View, values: FloatArray, off: FloatArray) -> NDArray
     """Return which values of a figure are not apart from the best value; the result has the shape of the values."""
     off, known = np.nan_to_num(off), np.isfinite(values)
     best = int(np.nanargmin(values) if view.measure.better == "less" else np.nanargmax(values))
-    level: NDArray[np.bool_] = known & ~apart(values, values.flat[best], off, off.flat[best])
-    return level
+    return np.asarray(known & ~apart(values, values.flat[best], off, off.flat[best]))
 
 
 def _best_of_all(grid: Grid, view: View) -> str:
@@ -277,11 +276,8 @@ def _curves(grid: Grid, curves: Sequence[int]) -> str:
         return ""
     if not grid.other.is_number:
         return _listed([grid.curves[c] for c in curves])
-    return (
-        _places(grid.other, curves)
-        if len(curves) == len(grid.curves)
-        else f"{grid.other.words} {_runs(grid.other, curves)}"
-    )
+    every = len(curves) == len(grid.curves)
+    return _places(grid.other, curves) if every else f"{grid.other.words} {_runs(grid.other, curves)}"
 
 
 def _other(grid: Grid) -> Axis:
