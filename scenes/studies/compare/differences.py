@@ -22,8 +22,8 @@ ROUNDED = 1e-9
 """Range of a series, as a fraction of its largest number, below which the series counts as constant."""
 CASE = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}$")
 """End of the label of a sweep case that has its key as name."""
-MOST_SETTINGS, SHORT_KEY = 3, 8
-"""Largest number of settings that name a case, and number of key digits where settings do not distinguish the case."""
+MOST_SETTINGS = 3
+"""Largest number of settings that name a case."""
 ABSENT = "-"
 """Value of a key that a scene does not have."""
 
@@ -80,7 +80,7 @@ def named_by_settings(given: Sequence[Source]) -> list[Source]:
     labels = [source.label for source in given]
     for k, begin in cases.items():
         is_one = texts[k] and [*texts.values()].count(texts[k]) == 1
-        labels[k] = texts[k] if is_one else labels[k][: begin + SHORT_KEY]
+        labels[k] = texts[k] if is_one else labels[k][: begin + 8]  # eight digits of the key
     if len(set(labels)) < len(labels):
         return list(given)
     return [replace(source, label=label) for source, label in zip(given, labels, strict=True)]

@@ -10,9 +10,6 @@ from scenes.studies.fit.fitting import Fit
 from scenes.studies.fit.noise import autocorrelation
 from worm3d.values.arrays import FloatArray
 
-MAX_DRAWN_CHANNELS = 6
-"""Largest number of drawn channels: the channels whose data vary most relative to their residuals."""
-
 
 def draw(fit: Fit) -> tuple[Figure, Axes]:
     """Return the figure: a row for each channel."""
@@ -42,11 +39,11 @@ def draw(fit: Fit) -> tuple[Figure, Axes]:
 
 
 def _chosen(fit: Fit) -> list[int]:
-    """Return the channels that are drawn, in their order."""
+    """Return the channels that are drawn: the six whose data vary most relative to their residuals, in order."""
     spread = np.nanstd(fit.data.values, axis=1)
     rms = np.array([channel.residual_rms for channel in fit.channels])
     signal = np.divide(spread, rms, out=np.full_like(spread, np.inf), where=rms > 0.0)
-    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:MAX_DRAWN_CHANNELS].tolist())
+    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:6].tolist())
 
 
 def _draw_alike(axes: Axes, time: FloatArray, left: FloatArray) -> None:

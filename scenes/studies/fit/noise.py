@@ -19,10 +19,6 @@ HIGHEST_ORDER = 12
 """Highest order in the search; half as many lose the shape of smooth residuals, twice as many cost time only."""
 SAMPLES_PER_ORDER = 10
 """Least number of samples for each order, so that a short series does not get a long memory."""
-FORGOTTEN_FRACTION = 1e-6
-"""Fraction of an innovation that may remain when the innovation counts as forgotten."""
-LONGEST_MEMORY = 20_000
-"""Largest number of samples after which an innovation counts as forgotten."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +66,11 @@ class Noise:
         return np.asarray(fft.rfft(lags, size))
 
     def _memory(self) -> int:
-        """Return the number of samples after which an innovation is forgotten."""
+        """Return the number of samples, at most 20 000, after which a millionth of an innovation remains."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
         if radius == 0.0:
             return 0
-        return min(LONGEST_MEMORY, int(np.log(FORGOTTEN_FRACTION) / np.log(min(radius, 1.0 - 1e-9))) + 1)
+        return min(20_000, int(np.log(1e-6) / np.log(min(radius, 1.0 - 1e-9))) + 1)
 
 
 def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:

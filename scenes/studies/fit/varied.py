@@ -13,9 +13,6 @@ from scenes.language.toml import path_of
 from scenes.models.loading import Scene
 from scenes.sweep.links import value_at
 
-BOUND_CLEARANCE = 1e-6
-"""Distance to a bound that a value may not reach, as a fraction of the start."""
-
 Wanted = Sequence[str] | Mapping[str, tuple[float, float] | None]
 """Keys to vary: `key` or `key=lo:hi` each, or a mapping of keys to ranges; None means the scene language's range."""
 
@@ -114,9 +111,9 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
 
 
 def _bounds(known: Key, value: float | None) -> tuple[float, float]:
-    """Return the range of a number; an open end is moved inwards by a small distance."""
+    """Return the range of a number; an open end is moved inwards by a millionth of the start."""
     bounds = known.bounds
-    hair = BOUND_CLEARANCE * (abs(value) if value else 1.0)
+    hair = 1e-6 * (abs(value) if value else 1.0)
     low = bounds.get("ge", bounds["gt"] + hair if "gt" in bounds else -math.inf)
     high = bounds.get("le", bounds["lt"] - hair if "lt" in bounds else math.inf)
     return low, high

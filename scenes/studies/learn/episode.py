@@ -5,7 +5,8 @@ the path, the speed V along the path and the wanted speed V_ref, the reward is
 
     1 - ln(1 + (e / 0.01 L)^2) / 2 - ln(1 + ((V/V_ref - 1) / 0.05)^2) / 2.                                     (LE1)
 
-An offset of 0.01 L, or an error of the speed of 5 %, reduces the reward by a third of a unit. The slope of the reward is noticeable from a millimetre to a body length, and stays bounded where a worm is far off.
+An offset of 0.01 L, or an error of the speed of 5 %, reduces the reward by a third of a unit. The slope of the reward
+is noticeable from a millimetre to a body length, and stays bounded where a worm is far off.
 """
 
 from __future__ import annotations

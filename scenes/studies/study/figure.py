@@ -21,14 +21,8 @@ from worm3d.values.arrays import FloatArray
 
 PANEL = (4.2, 3.4)
 """Size of a panel [inch]."""
-FAINT = 0.05
-"""Largest magnitude of negative values, over the largest value, that colours need not distinguish from zero."""
-WIDE = 20.0
-"""Least ratio of the largest to the smallest value that makes a scale logarithmic."""
 HATCHES = ("///", "\\\\\\", "...")
 MARKERS = "os^Dv<>ph*X"
-MOST_NUMBERS = 9
-"""Largest number of values of an axis that are all labelled."""
 
 
 def draw(grid: Grid) -> Figure:
@@ -131,15 +125,15 @@ def _colours(values: FloatArray) -> dict[str, Any]:
 
 
 def _spans_much(values: FloatArray) -> bool:
-    """Return whether values are better seen on a logarithmic scale."""
+    """Return whether values span a factor above 20, and are therefore better seen on a logarithmic scale."""
     known = values[np.isfinite(values)]
-    return bool(known.min() > 0.0 and known.max() > WIDE * known.min())
+    return bool(known.min() > 0.0 and known.max() > 20.0 * known.min())
 
 
 def _without_faint(values: FloatArray) -> FloatArray:
-    """Return values with faint negative values replaced by 0."""
+    """Return values with 0 for negative values, if these are at most a twentieth of the largest value."""
     known = values[np.isfinite(values)]
-    return np.maximum(values, 0.0) if -known.min() <= FAINT * known.max() else values
+    return np.maximum(values, 0.0) if -known.min() <= 0.05 * known.max() else values
 
 
 def _plain_ticks(axes: Axes, which: str) -> None:
@@ -162,9 +156,9 @@ def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None
 
 
 def _apart(places: FloatArray) -> Iterator[int]:
-    """Yield the values of an axis that can be labelled without overlap."""
+    """Yield the values of an axis, ten at most, that can be labelled without overlap."""
     last = -np.inf
     for k, place in enumerate(places):
-        if place - last >= np.ptp(places) / MOST_NUMBERS:
+        if place - last >= np.ptp(places) / 9.0:
             yield k
             last = float(place)

@@ -139,6 +139,7 @@ def _each(grid: Grid, view: View) -> str:
 
 def _moving(grid: Grid, view: View) -> str:
     """Return the place of the best value of each curve, or of each row of a map."""
+    assert grid.other is not None
     runs: list[tuple[str, list[int]]] = []
     for c in range(len(grid.curves)):
         if np.isfinite(view.values[:, c]).any():
@@ -148,7 +149,7 @@ def _moving(grid: Grid, view: View) -> str:
                 runs.append((best, []))
             runs[-1][1].append(c)
     if len(runs) == 1:
-        return f"The {_most(view)} is at {grid.x.words} {runs[0][0]} in every case of {_other(grid).words}."
+        return f"The {_most(view)} is at {grid.x.words} {runs[0][0]} in every case of {grid.other.words}."
     places = "; ".join(f"{best} for {_curves(grid, curves)}" for best, curves in runs)
     return f"The {grid.x.words} of the {_most(view)}: {places}."
 
@@ -278,8 +279,3 @@ def _curves(grid: Grid, curves: Sequence[int]) -> str:
         return _listed([grid.curves[c] for c in curves])
     every = len(curves) == len(grid.curves)
     return _places(grid.other, curves) if every else f"{grid.other.words} {_runs(grid.other, curves)}"
-
-
-def _other(grid: Grid) -> Axis:
-    assert grid.other is not None
-    return grid.other
