@@ -48,8 +48,6 @@ CHANCE = 1e-4
 at most two or three of 2000 sets of four noisy series have it. A tenth of it would miss a wrong mass more often."""
 NOISE_DRAWS = 100
 """Number of drawn series of each channel, for mean and scatter of the logarithm of the ratio to 10 %."""
-BURN_IN_SAMPLES = 100
-"""Number of samples after which a drawn series has forgotten its start."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,8 @@ def _worst(relative: FloatArray) -> FloatArray:
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
     """Return noise of variance 1, shape (NOISE_DRAWS, length), for the values of a and q in `noise`, shape (2,)."""
     a, q = map(float, noise)
-    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + BURN_IN_SAMPLES))
-    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, BURN_IN_SAMPLES:]
+    burn_in = 100  # samples, after which the series has forgotten its start
+    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + burn_in))
+    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, burn_in:]
     coloured += np.sqrt(q) * random.standard_normal(coloured.shape)
     return coloured

@@ -25,8 +25,6 @@ MAX_KEPT_RUNS, MAX_KEPT_VALUES = 100, 4_000_000
 """Largest number of runs whose channels are kept, since a minimum and slopes often need the same run, and the largest
 number of kept values. At least `FEWEST_KEPT` runs are kept."""
 FEWEST_KEPT = 12
-ROUNDING_DEVIATION = 1e-12
-"""Standard deviation, in SI units, of series that contain only rounding, such as the heading of a straight crawl."""
 
 
 class SpentError(Exception):
@@ -51,10 +49,13 @@ class Data:
 
     @property
     def spread(self) -> FloatArray:
-        """Largest standard deviation over time among the channels of a unit, shape (C,); 1 if only rounding."""
+        """Largest standard deviation over time among the channels of a unit, shape (C,).
+
+        It is 1 if the series contain only rounding, such as the heading of a straight crawl.
+        """
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
-        return np.where(np.array(largest) > ROUNDING_DEVIATION, largest, 1.0)
+        return np.where(np.array(largest) > 1e-12, largest, 1.0)
 
 
 class Trials:

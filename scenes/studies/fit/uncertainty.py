@@ -29,8 +29,6 @@ as noise counts only along the few patterns of channels that the keys move."""
 MOST_SERIES = 2400
 """Largest number of drawn series times channels, though at least `LEAST_DRAWS` series are drawn."""
 LEAST_DRAWS = 20
-COVERAGE = 0.95
-"""Probability that an interval contains the value."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Uncertainty:
     covariance: FloatArray
     """Covariance of the estimates, shape (P, P)."""
     half_width: FloatArray
-    """Half of the width of the intervals with the probability `COVERAGE`, shape (P,)."""
+    """Half of the width of the intervals with a probability of 95 %, shape (P,)."""
 
     def scaled(self, factor: float) -> Uncertainty:
         """Return the uncertainty with all errors multiplied by a factor."""
@@ -100,14 +98,14 @@ def uncertainty_of(
     models = [noise_of(group.residuals) for group in groups]
     found = _covariance(groups, models, inverse)
     if not draws:
-        return Uncertainty(found, special.ndtri(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)))
+        return Uncertainty(found, special.ndtri(0.975) * np.sqrt(np.diag(found)))
     draws = min(draws, max(LEAST_DRAWS, MOST_SERIES // sum(len(group.residuals) for group in groups)))
     drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(0))
     mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
     variance = np.diag(found)
     bias = np.sqrt(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0.0))
     degrees = 2.0 * mean**2 / np.maximum(scatter, np.finfo(float).tiny)
-    half_width = special.stdtrit(np.maximum(degrees, 1.0), 0.5 + 0.5 * COVERAGE) * np.sqrt(variance) * bias
+    half_width = special.stdtrit(np.maximum(degrees, 1.0), 0.975) * np.sqrt(variance) * bias
     return Uncertainty(found * np.outer(bias, bias), half_width)
 
 
