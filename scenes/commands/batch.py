@@ -149,8 +149,9 @@ def learn(
     drawn. Prints the mean reward during the training. Needs the optional part 'learn'; the trained policy needs only
     numpy (see control/README.md for use). Ctrl-C ends the training early, and keeps the trained policy.
     """
-    from scenes.studies.learn.command import Options, run
+    from scenes.studies.learn.command import run
+    from scenes.studies.learn.task import Task
+    from scenes.sweep.vary import texts
 
-    raise typer.Exit(
-        run(scene, to, vary or (), o or (), Options(minutes, practice, acts, seed, worms, threads, force, quiet))
-    )
+    task = Task(scene, minutes, practice, seed, o or (), texts(vary or ()), worms, threads, acts)
+    raise typer.Exit(run(task, to, force=force, quiet=quiet))

@@ -27,8 +27,8 @@ from worm3d.values.metrics import written
 
 COMPARISON_TABLE_FILE = "compare.csv"
 
-MOST_ROWS, WIDEST = 20, 30
-"""Largest number of printed settings, and largest number of characters of their values."""
+MOST_ROWS = 20
+"""Largest number of printed settings."""
 
 MAIN = (
     *("duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "speed_BL_per_period", "heading_change_deg"),
@@ -121,7 +121,7 @@ def _settings(given: Sequence[Source]) -> Iterator[Block]:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
+    return text if len(text) <= 30 else f"{text[:27]}..."
 
 
 def _both(found: Sequence[Difference]) -> Table:

@@ -18,14 +18,12 @@ from scenes.sweep.key import KEY_LENGTH
 from worm3d.values.arrays import FloatArray
 from worm3d.values.metrics import METRIC_ROUNDING, named
 
-NOT_SHOWN = ("title", "says")
-"""Keys of a scene that do not affect the run."""
 ROUNDED = 1e-9
 """Range of a series, as a fraction of its largest number, below which the series counts as constant."""
 CASE = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}$")
 """End of the label of a sweep case that has its key as name."""
-MOST_SETTINGS, SHORT_KEY = 3, 8
-"""Largest number of settings that name a case, and number of key digits where settings do not distinguish the case."""
+MOST_SETTINGS = 3
+"""Largest number of settings that name a case."""
 ABSENT = "-"
 """Value of a key that a scene does not have."""
 
@@ -63,8 +61,9 @@ def settings(given: Sequence[Source]) -> list[Setting]:
     """Return the keys that differ between the scenes of simulations."""
     scenes = [{} if source.is_measured else flat(source.scene) for source in given]
     simulated = [scene for source, scene in zip(given, scenes, strict=True) if not source.is_measured]
-    keys = [key for key in dict.fromkeys(key for scene in simulated for key in scene) if key not in NOT_SHOWN]
-    differing = [key for key in keys if len({scene.get(key) for scene in simulated}) > 1]
+    keys = dict.fromkeys(key for scene in simulated for key in scene)
+    shown = [key for key in keys if key not in ("title", "says")]  # these two do not affect the run
+    differing = [key for key in shown if len({scene.get(key) for scene in simulated}) > 1]
     return [Setting(key, tuple(scene.get(key, ABSENT) for scene in scenes)) for key in differing]
 
 
@@ -81,7 +80,7 @@ def named_by_settings(given: Sequence[Source]) -> list[Source]:
     labels = [source.label for source in given]
     for k, begin in cases.items():
         is_one = texts[k] and [*texts.values()].count(texts[k]) == 1
-        labels[k] = texts[k] if is_one else labels[k][: begin + SHORT_KEY]
+        labels[k] = texts[k] if is_one else labels[k][: begin + 8]  # eight digits of the key
     if len(set(labels)) < len(labels):
         return list(given)
     return [replace(source, label=label) for source, label in zip(given, labels, strict=True)]
@@ -128,9 +127,8 @@ def _difference(
 ) -> Difference:
     difference = None if value is None or reference is None else value - reference
     known = reference is not None and abs(reference) >= METRIC_ROUNDING.get(unit, 0.0)
-    return Difference(
-        kind, name, unit, source, reference, value, difference, _over(difference, reference) if known else None
-    )
+    relative = _over(difference, reference) if known else None
+    return Difference(kind, name, unit, source, reference, value, difference, relative)
 
 
 def _over(difference: float | None, reference: float | None) -> float | None:

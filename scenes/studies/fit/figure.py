@@ -10,13 +10,6 @@ from scenes.studies.fit.fitting import Fit
 from scenes.studies.fit.noise import autocorrelation
 from worm3d.values.arrays import FloatArray
 
-MAX_DRAWN_CHANNELS = 6
-"""Largest number of drawn channels: the channels whose data vary most relative to their residuals."""
-LAGS = 0.25
-"""Longest drawn lag of the autocorrelation, as a fraction of the series."""
-SIGNIFICANT = 1.96
-"""Bound of the autocorrelation of white residuals, times the root of their number."""
-
 
 def draw(fit: Fit) -> tuple[Figure, Axes]:
     """Return the figure: a row for each channel."""
@@ -46,18 +39,18 @@ def draw(fit: Fit) -> tuple[Figure, Axes]:
 
 
 def _chosen(fit: Fit) -> list[int]:
-    """Return the channels that are drawn, in their order."""
+    """Return the channels that are drawn: the six whose data vary most relative to their residuals, in order."""
     spread = np.nanstd(fit.data.values, axis=1)
-    rms = np.array([channel.rms for channel in fit.channels])
+    rms = np.array([channel.residual_rms for channel in fit.channels])
     signal = np.divide(spread, rms, out=np.full_like(spread, np.inf), where=rms > 0.0)
-    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:MAX_DRAWN_CHANNELS].tolist())
+    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:6].tolist())
 
 
 def _draw_alike(axes: Axes, time: FloatArray, left: FloatArray) -> None:
-    """Draw the autocorrelation, and the band that would contain the autocorrelation of white residuals."""
-    lags = max(1, int(LAGS * len(left)))
+    """Draw the autocorrelation, and the band that would contain 95 % of the autocorrelation of white residuals."""
+    lags = max(1, len(left) // 4)
     found = autocorrelation(left, lags)
-    bound = SIGNIFICANT / np.sqrt(len(left))
+    bound = 1.96 / np.sqrt(len(left))
     axes.axhspan(-bound, bound, color="0.88")
     axes.axhline(0.0, color="0.6", lw=0.8)
     axes.plot(np.arange(lags + 1) * float(np.median(np.diff(time))), found, color="C0", lw=1.0)

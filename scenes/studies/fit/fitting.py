@@ -21,9 +21,6 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 from worm3d.values.variable import Variable
 
-MOST_RUNS = 1000
-"""Default of the largest number of runs of a fit; a fit of three keys needs some 250."""
-
 
 @dataclass(frozen=True)
 class Fitted:
@@ -59,13 +56,12 @@ class Channel:
     """A measured series and the residuals of the fit to the series."""
 
     name: str
-    rms: float
+    residual_rms: float
     """Root mean square of the residuals, in the unit of the channel."""
-    relative_rms: float
+    residual_rms_over_peak: float
     """The root mean square as a fraction of the largest magnitude of the data."""
-    correlation: float
-    """Autocorrelation of the residuals at a lag of one sample."""
-    order: int
+    residual_autocorrelation_at_one_sample: float
+    order_of_residuals: int
     """Order of the autoregressive model of the residuals."""
 
 
@@ -130,7 +126,7 @@ def fit(
     to: str | Path | Record,
     vary: Wanted,
     overrides: Iterable[str] = (),
-    most_runs: int = MOST_RUNS,
+    most_runs: int = 1000,
     go_on: Callable[[int], bool] = lambda done: True,
 ) -> Fit:
     """Fit keys of a scene to a measurement by least squares.
@@ -147,7 +143,7 @@ def fit(
     overrides : iterable of str
         `section.key=value` each.
     most_runs : int
-        Largest number of runs of the search.
+        Largest number of runs of the search; a fit of three keys needs some 250.
     go_on : callable
         Called with the number of finished runs; if the result is False, the fit ends with a `StoppedError`.
 
@@ -200,8 +196,7 @@ def _fitted(trials: Trials, found: Solution, k: int) -> Fitted:
 def _correlation(found: Solution) -> FloatArray:
     errors = np.where(found.known, found.uncertainty.standard_error, 0.0)
     inverse = np.divide(1.0, errors, out=np.zeros_like(errors), where=errors > 0.0)
-    correlation: FloatArray = found.uncertainty.covariance * np.outer(inverse, inverse)
-    return correlation
+    return np.asarray(found.uncertainty.covariance * np.outer(inverse, inverse))
 
 
 def _channels(data: Data, simulated: FloatArray) -> list[Channel]:

@@ -24,8 +24,6 @@ INVOLVED = 0.1
 """Least component of a key in a direction of length 1 for the key to be named."""
 VAGUE = 0.3
 """Least standard error of a direction, in scales of the keys, that counts as not determined by the data."""
-EXAMPLE = 0.1
-"""Largest change of a key, in units of its scale, in the example changes that illustrate a direction."""
 
 Probe = Callable[[FloatArray], FloatArray]
 
@@ -37,19 +35,16 @@ class Relation:
     keys: tuple[str, ...]
     changes: tuple[float, ...]
     """Change of each key in its unit; all changes together have the effect."""
-    effect: float
+    effect_over_residual_rms: float
     """Root mean square change of the simulation, as a fraction of the root mean square of the residuals."""
 
     @property
     def sentence(self) -> str:
         """Meaning of the relation, for people."""
         moves = " and ".join(f"{key} by {change:+.3g}" for key, change in zip(self.keys, self.changes, strict=True))
-        what = (
-            f"the data cannot tell apart {', '.join(self.keys)}"
-            if len(self.keys) > 1
-            else f"the data say little about {self.keys[0]}"
-        )
-        return f"{what}: to change {moves} moves the simulation by {self.effect:.2g} of the residuals' rms"
+        what = f"cannot tell apart {', '.join(self.keys)}" if len(self.keys) > 1 else f"say little about {self.keys[0]}"
+        effect = f"{self.effect_over_residual_rms:.2g} of the residuals' rms"
+        return f"the data {what}: to change {moves} moves the simulation by {effect}"
 
 
 @dataclass(frozen=True)
@@ -114,9 +109,12 @@ def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) 
 
 
 def relation(varied: Sequence[Varied], direction: FloatArray, slopes: FloatArray) -> Relation:
-    """Return a direction, shape (P,) in scales of the keys, as example changes; changes of 0 are left out."""
+    """Return a direction, shape (P,) in scales of the keys, as example changes up to a tenth of a key's scale.
+
+    Changes of 0 are left out.
+    """
     largest = int(np.argmax(np.abs(direction)))
-    move = direction * (EXAMPLE / direction[largest])
+    move = direction * (0.1 / direction[largest])
     named = [int(k) for k in np.flatnonzero(move)]
     return Relation(
         tuple(varied[k].key for k in named),

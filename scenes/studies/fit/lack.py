@@ -48,8 +48,6 @@ CHANCE = 1e-4
 at most two or three of 2000 sets of four noisy series have it. A tenth of it would miss a wrong mass more often."""
 NOISE_DRAWS = 100
 """Number of drawn series of each channel, for mean and scatter of the logarithm of the ratio to 10 %."""
-BURN_IN_SAMPLES = 100
-"""Number of samples after which a drawn series has forgotten its start."""
 
 
 @dataclass(frozen=True)
@@ -138,30 +136,28 @@ def _tried(length: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _power(series: FloatArray) -> FloatArray:
     """Return the power at each frequency, shape (..., T)."""
-    power: FloatArray = fft.dct(series, norm="ortho", axis=-1) ** 2
-    return power
+    return np.asarray(fft.dct(series, norm="ortho", axis=-1) ** 2)
 
 
 def _shape(a: FloatArray | float, q: FloatArray | float, length: int) -> FloatArray:
     """Return the power of noise of variance 1 at each frequency, S_k of (FL2), shape (..., T)."""
     cosine = np.cos(np.pi * np.arange(length) / length)
     a, q = np.asarray(a)[..., None], np.asarray(q)[..., None]
-    shape: FloatArray = (1.0 - q) * (1.0 - a**2) / (1.0 - 2.0 * a * cosine + a**2) + q
-    return shape
+    return np.asarray((1.0 - q) * (1.0 - a**2) / (1.0 - 2.0 * a * cosine + a**2) + q)
 
 
 def _worst(relative: FloatArray) -> FloatArray:
     """Return the largest mean over a band of low frequencies of relative power, shape (..., T)."""
     bands = max(1, relative.shape[-1] // (SLOW * BAND_FREQUENCIES))
     split = relative[..., : bands * BAND_FREQUENCIES].reshape(*relative.shape[:-1], bands, BAND_FREQUENCIES)
-    worst: FloatArray = split.mean(axis=-1).max(axis=-1)
-    return worst
+    return np.asarray(split.mean(axis=-1).max(axis=-1))
 
 
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
     """Return noise of variance 1, shape (NOISE_DRAWS, length), for the values of a and q in `noise`, shape (2,)."""
     a, q = map(float, noise)
-    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + BURN_IN_SAMPLES))
-    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, BURN_IN_SAMPLES:]
+    burn_in = 100  # samples, after which the series has forgotten its start
+    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + burn_in))
+    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, burn_in:]
     coloured += np.sqrt(q) * random.standard_normal(coloured.shape)
     return coloured

@@ -19,10 +19,6 @@ HIGHEST_ORDER = 12
 """Highest order in the search; half as many lose the shape of smooth residuals, twice as many cost time only."""
 SAMPLES_PER_ORDER = 10
 """Least number of samples for each order, so that a short series does not get a long memory."""
-FORGOTTEN_FRACTION = 1e-6
-"""Fraction of an innovation that may remain when the innovation counts as forgotten."""
-LONGEST_MEMORY = 20_000
-"""Largest number of samples after which an innovation counts as forgotten."""
 
 
 @dataclass(frozen=True)
@@ -55,31 +51,26 @@ class Noise:
         weights[0] = 1.0
         if size % 2 == 0:
             weights[-1] = 1.0
-        summed: FloatArray = np.tensordot(weights, both, 1) / size
-        return summed
+        return np.asarray(np.tensordot(weights, both, 1) / size)
 
     def draw(self, length: int, random: np.random.Generator) -> FloatArray:
         """Return a stationary series of a length, shape (C, length)."""
         size = fft.next_fast_len(length + self._memory(), real=True)  # round a circle that is too large to be noticed
         white = np.zeros(len(self.covariance))
         innovations = random.multivariate_normal(white, self.covariance, size, method="eigh").T
-        series: FloatArray = fft.irfft(fft.rfft(innovations) / self._response(size), size)[:, :length]
-        return series
+        return np.asarray(fft.irfft(fft.rfft(innovations) / self._response(size), size)[:, :length])
 
     def _response(self, size: int) -> FloatArray:
         """Return the transform of 1 - a_1 z - ... - a_p z^p over `size` points, shape (C, F), complex."""
         lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
-        response: FloatArray = fft.rfft(lags, size)
-        return response
+        return np.asarray(fft.rfft(lags, size))
 
     def _memory(self) -> int:
-        """Return the number of samples after which an innovation is forgotten."""
+        """Return the number of samples, at most 20 000, after which a millionth of an innovation remains."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
-        return (
-            0
-            if radius == 0.0
-            else min(LONGEST_MEMORY, int(np.log(FORGOTTEN_FRACTION) / np.log(min(radius, 1.0 - 1e-9))) + 1)
-        )
+        if radius == 0.0:
+            return 0
+        return min(20_000, int(np.log(1e-6) / np.log(min(radius, 1.0 - 1e-9))) + 1)
 
 
 def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:

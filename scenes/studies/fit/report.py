@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 from scenes.records.text import Column, json_bytes
@@ -25,9 +26,9 @@ KEY_COLUMNS = {
 }
 CHANNEL_COLUMNS = {
     "residuals of": Column("name"),
-    "rms": Column("rms", ".3g"),
-    "of the peak": Column("relative_rms", ".2%"),
-    "autocorrelation at lag 1": Column("correlation", ".2f"),
+    "rms": Column("residual_rms", ".3g"),
+    "of the peak": Column("residual_rms_over_peak", ".2%"),
+    "autocorrelation at lag 1": Column("residual_autocorrelation_at_one_sample", ".2f"),
 }
 """Columns at a terminal."""
 
@@ -65,7 +66,7 @@ def warnings(fit: Fit) -> Iterator[str]:
             "an interval of a value would mean nothing"
         )
     yield from (relation.sentence for relation in fit.relations)
-    long = [channel.name for channel in fit.channels if channel.order == HIGHEST_ORDER and not fit.exact]
+    long = [channel.name for channel in fit.channels if channel.order_of_residuals == HIGHEST_ORDER and not fit.exact]
     if fit.lack.found:
         yield from doubts(fit.lack)
     elif long:
@@ -112,25 +113,8 @@ def content(fit: Fit) -> dict[str, Any]:
         "lack_of_fit": _lack(fit.lack),
         "keys": [_key(each) for each in fit.keys],
         "correlation": fit.correlation.tolist(),
-        "cannot_tell_apart": [
-            {
-                "keys": each.keys,
-                "changes": each.changes,
-                "effect_over_residual_rms": each.effect,
-                "sentence": each.sentence,
-            }
-            for each in fit.relations
-        ],
-        "channels": [
-            {
-                "name": each.name,
-                "residual_rms": each.rms,
-                "residual_rms_over_peak": each.relative_rms,
-                "residual_autocorrelation_at_one_sample": each.correlation,
-                "order_of_residuals": each.order,
-            }
-            for each in fit.channels
-        ],
+        "cannot_tell_apart": [asdict(each) | {"sentence": each.sentence} for each in fit.relations],
+        "channels": [asdict(each) for each in fit.channels],
         "left_out": fit.left_out,
         "warnings": list(warnings(fit)),
     }

@@ -39,10 +39,8 @@ PASSES = 4
 """Largest number of minimisations with new weights."""
 MIN_RESIDUAL_FRACTION = 1e-6
 """Least standard deviation of residuals that counts, as a fraction of the data's: the size of integration errors."""
-UNMOVED = 1e-9
-"""Effect of keys that counts as rounding, as a fraction of the standard deviation of the data."""
-COARSE_TOLERANCE, FINE_TOLERANCE = 1e-3, 1e-6
-"""Relative changes of the sum of squares that end the first minimisations and the last minimisations."""
+COARSE_TOLERANCE = 1e-3
+"""Relative change of the sum of squares that ends the first minimisations."""
 DEEPER = 0.01
 """Least relative difference of the sums of squares for a lower minimum to replace another minimum at the end."""
 VALLEYS = 3
@@ -100,14 +98,14 @@ def solve(trials: Trials) -> Solution:
     try:
         u = problem.lowest(problem.minimum(u, weights, steps, COARSE_TOLERANCE), weights, steps)
         for _ in range(PASSES):
-            before, u = u, problem.minimum(u, weights, steps, FINE_TOLERANCE)
+            before, u = u, problem.minimum(u, weights, steps)
             weights = problem.weights(u)
             errors = problem.errors(u, weights, steps)
             steps = np.clip(STEP_PER_ERROR * errors, *DERIVATIVE_STEP_RANGE)
             if np.all(np.abs(u - before) <= ALIKE * errors):
                 break
         tiny = np.full(len(u), DERIVATIVE_STEP_RANGE[0])  # chords lead past the bottom of a small valley
-        u = problem.minimum(u, weights, tiny, FINE_TOLERANCE)
+        u = problem.minimum(u, weights, tiny)
         before, u = u, problem.beside(u, weights, tiny)
         u = problem.elsewhere(u, weights, tiny)
         weights = problem.weights(u)
@@ -128,7 +126,7 @@ def _narrow(trials: Trials) -> None:
         return
     problem, steps = _Problem(trials), np.full(len(trials.varied), FIRST_STEP)
     moves = np.nanmax(np.abs(problem.slopes(problem.best, steps).values * steps), axis=(1, 2))
-    used = moves > UNMOVED * trials.data.spread
+    used = moves > 1e-9 * trials.data.spread  # a smaller effect is rounding
     if used.any():  # otherwise all channels together report that the data do not determine the keys
         trials.narrow(used)
 
@@ -178,7 +176,7 @@ class _Problem:
             found = dips(floor, u, axes)
             if not found or floor(found[0]) >= (1.0 - DEEPER) * floor(u):
                 break
-            other = self.minimum(found[0], weights, steps, FINE_TOLERANCE)
+            other = self.minimum(found[0], weights, steps)
             if self._squares(other, weights) >= (1.0 - DEEPER) * self._squares(u, weights):
                 break
             u = other
@@ -197,7 +195,7 @@ class _Problem:
                 lowest = min(lowest, other, key=lambda place: self._squares(place, weights))
         if self._squares(lowest, weights) >= (1.0 - DEEPER) * self._squares(u, weights):
             return u
-        return self.minimum(lowest, weights, steps, FINE_TOLERANCE)
+        return self.minimum(lowest, weights, steps)
 
     def _floor(self, u: FloatArray, factor: FloatArray, basis: FloatArray) -> float:
         """Return the sum (F3) without the part in a space with an orthonormal basis, shape (M, K)."""
@@ -212,7 +210,7 @@ class _Problem:
             return np.inf
         return float(np.nansum((weights[:, None] * (found - self.data.values)) ** 2))
 
-    def minimum(self, start: FloatArray, weights: FloatArray, steps: FloatArray, tolerance: float) -> FloatArray:
+    def minimum(self, start: FloatArray, weights: FloatArray, steps: FloatArray, tolerance: float = 1e-6) -> FloatArray:
         """Return the values that minimise (F3); the tolerance is relative to the sum of squares."""
         factor = self._each(weights)
         least = np.inf
@@ -242,8 +240,7 @@ class _Problem:
         """Return one over the standard deviation of the residuals of each channel, shape (C,)."""
         squares = np.nanmean(self._residuals(u) ** 2, axis=1)
         used = 1.0 - len(u) / np.count_nonzero(self.known)
-        weights: FloatArray = 1.0 / np.maximum(np.sqrt(squares / used), MIN_RESIDUAL_FRACTION * self.data.spread)
-        return weights
+        return np.asarray(1.0 / np.maximum(np.sqrt(squares / used), MIN_RESIDUAL_FRACTION * self.data.spread))
 
     def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
         """Return quick estimates of the standard errors, infinite for undetermined keys, shape (P,)."""
@@ -321,8 +318,7 @@ class _Problem:
             if found is None:
                 return np.full(len(factor), np.inf)
             off: FloatArray = factor[:, 0] * (found - self._values(u))[self.known]
-            slope: FloatArray = off * (np.abs(direction).max() / TINY_STEP)
-            return slope
+            return np.asarray(off * (np.abs(direction).max() / TINY_STEP))
 
         own = determined([self.varied[k] for k in free], weighted[:, free], rough[:, free], probe)
         inverse = np.zeros((len(u), len(u)))

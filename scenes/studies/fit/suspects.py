@@ -45,8 +45,6 @@ CHANCE = 0.005
 """Largest chance of noise that makes a share significant: one fit of a right scene in 200."""
 CHANCE_DRAWS = 400
 """Number of drawn series; half as many cannot resolve `CHANCE`, twice as many cost time only."""
-MAX_NAMED_CHANGES, MIN_RELATIVE_SHARE = 3, 0.5
-"""Largest number of changes that are named, and their least share relative to the best share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +89,7 @@ NO_SUSPECTS = Suspects()
 def suspects_of(
     trials: Trials, values: FloatArray, residuals: FloatArray, slopes: FloatArray, weights: FloatArray
 ) -> Suspects:
-    """Return the fixed keys that would take most of the residuals away.
+    """Return the fixed keys that would take most of the residuals away: up to three, with at least half the best share.
 
     Parameters
     ----------
@@ -117,13 +115,13 @@ def suspects_of(
     test = _Test(whole, residuals, weights, slopes.shape[-1])
     shares, scores = test.shares([group.residuals for group in test.groups])
     order = np.argsort(-shares)
-    best = [k for k in order if shares[k] >= MIN_RELATIVE_SHARE * shares[order[0]] > 0.0]
+    best = [k for k in order if shares[k] >= 0.5 * shares[order[0]] > 0.0]
     named: dict[str, Suspect] = {}
     for k in best:
         what, value, larger, _ = tried[k]
         shift = -scores[k] * test.mends[:, k] / units
         named.setdefault(what, Suspect(what, value, larger == bool(scores[k] > 0.0), float(shares[k]), shift))
-    return Suspects(tuple(named.values())[:MAX_NAMED_CHANGES], test.chance(int(order[0]), float(shares[order[0]])))
+    return Suspects(tuple(named.values())[:3], test.chance(int(order[0]), float(shares[order[0]])))
 
 
 def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | None, bool, FloatArray]]:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from scenes.language.errors import DiscError, MissingPartError, SceneError
-from scenes.language.toml import path_of
 from scenes.models.loading import Scene, parse_scene
 from scenes.records.measured import at_instants, simulated_like
 from scenes.records.record import Record
 from scenes.running.runner import simulate
 from scenes.studies.fit.varied import Varied
+from scenes.sweep.links import value_at
 from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.variable import Variable, column_names
 
@@ -26,8 +25,6 @@ MAX_KEPT_RUNS, MAX_KEPT_VALUES = 100, 4_000_000
 """Largest number of runs whose channels are kept, since a minimum and slopes often need the same run, and the largest
 number of kept values. At least `FEWEST_KEPT` runs are kept."""
 FEWEST_KEPT = 12
-ROUNDING_DEVIATION = 1e-12
-"""Standard deviation, in SI units, of series that contain only rounding, such as the heading of a straight crawl."""
 
 
 class SpentError(Exception):
@@ -52,10 +49,13 @@ class Data:
 
     @property
     def spread(self) -> FloatArray:
-        """Largest standard deviation over time among the channels of a unit, shape (C,); 1 if only rounding."""
+        """Largest standard deviation over time among the channels of a unit, shape (C,).
+
+        It is 1 if the series contain only rounding, such as the heading of a straight crawl.
+        """
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
-        return np.where(np.array(largest) > ROUNDING_DEVIATION, largest, 1.0)
+        return np.where(np.array(largest) > 1e-12, largest, 1.0)
 
 
 class Trials:
@@ -81,12 +81,7 @@ class Trials:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        measured: Record,
-        varied: Sequence[Varied],
-        most: int,
-        go_on: Callable[[int], bool] = lambda done: True,
+        self, scene: Scene, measured: Record, varied: Sequence[Varied], most: int, go_on: Callable[[int], bool]
     ) -> None:
         self.varied, self.most, self.runs, self.failed = tuple(varied), most, 0, 0
         self._go_on, self._measured, self._model = go_on, measured, scene.model
@@ -129,9 +124,7 @@ class Trials:
 
     def number(self, key: str) -> float | None:
         """Return the scene's number for a key; None if there is no number, or the key is varied."""
-        value: Any = None if key in [each.key for each in self.varied] else self._settings
-        for name in path_of(key):
-            value = getattr(value, name, None)
+        value = None if key in [each.key for each in self.varied] else value_at(self._settings, key, None)
         return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
 
     def narrow(self, used: BoolArray) -> None:
@@ -152,22 +145,11 @@ class Trials:
         given = [f"{each.key}={float(value)!r}" for each, value in zip(self.varied, values, strict=True)]
         return parse_scene(self._text, self._name, [*given, *changes])
 
-    def told(self, values: Sequence[float]) -> str:
-        """Return the values of the keys as text for people."""
-        return ", ".join(f"{each.key} = {value:.6g}" for each, value in zip(self.varied, values, strict=True))
-
     def _channels(self, values: tuple[float, ...], *changes: str) -> FloatArray | None:
-        try:
-            record = self._run(values, *changes)
-            if record is None:
-                return None
-            found = simulated_like(record, self._measured)
-        except (DiscError, MissingPartError):
-            raise
-        except SceneError as error:
-            self.why = str(error)
+        record = self._run(values, *changes)
+        if record is None:
             return None
-        rows = {name: _rows(series) for name, series in found.items()}
+        rows = {name: _rows(series) for name, series in simulated_like(record, self._measured).items()}
         channels = np.array([rows[name][k] for name, k in self._places])
         channels[~np.isfinite(self.data.values)] = np.nan
         if not np.array_equal(np.isfinite(channels), np.isfinite(self.data.values)):
@@ -176,21 +158,24 @@ class Trials:
         return channels
 
     def _run(self, values: tuple[float, ...], *changes: str) -> Record | None:
-        """Return the record of a run, None if the run diverged."""
+        """Return the record of a run, None if the scene is refused or the run diverges."""
         if self.runs >= self.most:
             raise SpentError
         if not self._go_on(self.runs):
             raise StoppedError
         self.runs += 1
-        going = True
 
         def observer(done: int) -> bool:
-            nonlocal going
-            going = self._go_on(self.runs - 1)
-            return going
+            return self._go_on(self.runs - 1)
 
-        record = simulate(self.scene(values, *self._shorter, *changes), observer)
-        if not going:
+        try:
+            record = simulate(self.scene(values, *self._shorter, *changes), observer)
+        except (DiscError, MissingPartError):
+            raise
+        except SceneError as error:
+            self.why = str(error)
+            return None
+        if record.status == "interrupted":
             raise StoppedError
         if record.status != "done":
             self.why = record.sentence
@@ -198,18 +183,12 @@ class Trials:
         return record
 
     def _data(self) -> Data:
-        start = [each.start for each in self.varied]
-        record = None
-        try:
-            record = self._run(tuple(start))
-        except (DiscError, MissingPartError):
-            raise
-        except SceneError as error:
-            self.why = str(error)
+        record = self._run(tuple(each.start for each in self.varied))
         if record is None:
+            start = ", ".join(f"{each.key} = {each.start:.6g}" for each in self.varied)
             raise SceneError(
-                f"{self._name}: the run from the start, {self.told(start)}, fails: {self.why}; start from a run that "
-                "comes to its end, with -o KEY=VALUE"
+                f"{self._name}: the run from the start, {start}, fails: {self.why}; start from a run that comes to its "
+                "end, with -o KEY=VALUE"
             )
         found = simulated_like(record, self._measured)
         found = {name: series for name, series in found.items() if name not in self._model.inputs}

@@ -29,8 +29,6 @@ as noise counts only along the few patterns of channels that the keys move."""
 MOST_SERIES = 2400
 """Largest number of drawn series times channels, though at least `LEAST_DRAWS` series are drawn."""
 LEAST_DRAWS = 20
-COVERAGE = 0.95
-"""Probability that an interval contains the value."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Uncertainty:
     covariance: FloatArray
     """Covariance of the estimates, shape (P, P)."""
     half_width: FloatArray
-    """Half of the width of the intervals with the probability `COVERAGE`, shape (P,)."""
+    """Half of the width of the intervals with a probability of 95 %, shape (P,)."""
 
     def scaled(self, factor: float) -> Uncertainty:
         """Return the uncertainty with all errors multiplied by a factor."""
@@ -56,8 +54,7 @@ class Uncertainty:
     @property
     def standard_error(self) -> FloatArray:
         """Standard deviation of each estimate, shape (P,)."""
-        errors: FloatArray = np.sqrt(np.diag(self.covariance))
-        return errors
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 @dataclass(frozen=True)
@@ -76,8 +73,7 @@ class Group:
 
     def score(self, series: FloatArray) -> FloatArray:
         """Return J' W e of a series, shape (P,)."""
-        summed: FloatArray = np.einsum("c,ctp,ct->p", self.squared_weights, self.slopes, series)
-        return summed
+        return np.asarray(np.einsum("c,ctp,ct->p", self.squared_weights, self.slopes, series))
 
 
 def uncertainty_of(
@@ -102,14 +98,14 @@ def uncertainty_of(
     models = [noise_of(group.residuals) for group in groups]
     found = _covariance(groups, models, inverse)
     if not draws:
-        return Uncertainty(found, special.ndtri(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)))
+        return Uncertainty(found, special.ndtri(0.975) * np.sqrt(np.diag(found)))
     draws = min(draws, max(LEAST_DRAWS, MOST_SERIES // sum(len(group.residuals) for group in groups)))
     drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(0))
     mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
     variance = np.diag(found)
     bias = np.sqrt(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0.0))
     degrees = 2.0 * mean**2 / np.maximum(scatter, np.finfo(float).tiny)
-    half_width = special.stdtrit(np.maximum(degrees, 1.0), 0.5 + 0.5 * COVERAGE) * np.sqrt(variance) * bias
+    half_width = special.stdtrit(np.maximum(degrees, 1.0), 0.975) * np.sqrt(variance) * bias
     return Uncertainty(found * np.outer(bias, bias), half_width)
 
 
@@ -134,15 +130,13 @@ def _patterns(estimators: FloatArray) -> FloatArray:
     size = np.sqrt((estimators**2).sum(axis=(0, 1)))
     rows = (estimators / np.where(size > 0.0, size, 1.0)).reshape(len(estimators), -1)
     _, patterns = linalg.eigh(rows @ rows.T, subset_by_index=(len(rows) - MOST_CHANNELS, len(rows) - 1))
-    found: FloatArray = patterns
-    return found
+    return np.asarray(patterns)
 
 
 def _covariance(groups: Sequence[Group], models: Sequence[Noise], inverse: FloatArray) -> FloatArray:
     """Return (F2), shape (P, P)."""
     inner = sum(model.score_covariance(g.spectra, g.size) for g, model in zip(groups, models, strict=True))
-    covariance: FloatArray = inverse @ inner @ inverse
-    return covariance
+    return np.asarray(inverse @ inner @ inverse)
 
 
 def _drawn(

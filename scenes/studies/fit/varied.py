@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import meant_key
-from scenes.language.schema import Key, Section, key_at, keys_in
+from scenes.language.schema import Key, key_at
 from scenes.language.toml import path_of
 from scenes.models.loading import Scene
-
-BOUND_CLEARANCE = 1e-6
-"""Distance to a bound that a value may not reach, as a fraction of the start."""
+from scenes.sweep.links import value_at
 
 Wanted = Sequence[str] | Mapping[str, tuple[float, float] | None]
 """Keys to vary: `key` or `key=lo:hi` each, or a mapping of keys to ranges; None means the scene language's range."""
@@ -82,19 +79,17 @@ def _range(key: str, text: str) -> tuple[float, float]:
 def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied:
     path = path_of(key)
     known = key_at(scene.model.schema, path) if all(path) else None
-    value = _value(scene.settings, path)
+    value = value_at(scene.settings, key, KeyError)
     if known is None or value is KeyError:
         meant = meant_key(scene.model.schema, path) if all(path) else None
         guess = f"; did you mean '{meant}'?" if meant else ";"
         raise SceneError(
             f"--vary {key}: the scene {scene.name} has no such key{guess} 'worm3d init FILE' lists all keys"
         )
-    if not known.is_number or isinstance(value, tuple | str):
-        raise SceneError(
-            f"--vary {key}: got {value!r} in the scene, must be one number; set it with -o {key}=NUMBER"
-            if known.is_number
-            else f"--vary {key}: is no number, a fit varies numbers"
-        )
+    if not known.is_number:
+        raise SceneError(f"--vary {key}: is no number, a fit varies numbers")
+    if isinstance(value, tuple | str):
+        raise SceneError(f"--vary {key}: got {value!r} in the scene, must be one number; set it with -o {key}=NUMBER")
     if known.is_whole:
         raise SceneError(f"--vary {key}: is an integer, a fit varies real numbers; 'worm3d sweep' varies any key")
     low, high = _bounds(known, value)
@@ -115,19 +110,10 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
     return Varied(key, start, low, high, known.unit_or_one, known.meaning_in_section)
 
 
-def _value(settings: Any, path: tuple[str, ...]) -> Any:
-    """Return the value at a path, KeyError if there is none."""
-    for name in path:
-        if not isinstance(settings, Section) or name not in keys_in(type(settings)):
-            return KeyError
-        settings = getattr(settings, name)
-    return settings
-
-
 def _bounds(known: Key, value: float | None) -> tuple[float, float]:
-    """Return the range of a number; an open end is moved inwards by a small distance."""
+    """Return the range of a number; an open end is moved inwards by a millionth of the start."""
     bounds = known.bounds
-    hair = BOUND_CLEARANCE * (abs(value) if value else 1.0)
+    hair = 1e-6 * (abs(value) if value else 1.0)
     low = bounds.get("ge", bounds["gt"] + hair if "gt" in bounds else -math.inf)
     high = bounds.get("le", bounds["lt"] - hair if "lt" in bounds else math.inf)
     return low, high

@@ -48,9 +48,6 @@ except ImportError as error:
 Seen = NDArray[np.float32]
 Info = dict[str, Any]
 
-MOST_SEED = 2**31
-"""Upper bound of the seeds of episodes, exclusive."""
-
 
 class _Worm:
     """Common part of single and vector environments: a scene with variants, and the spaces.
@@ -63,13 +60,7 @@ class _Worm:
         The control period is less than a time step, or a meaning of actions or a channel is unknown.
     """
 
-    def __init__(
-        self,
-        scene: str,
-        overrides: Sequence[str],
-        vary: Mapping[str, Any] | None,
-        how: Terms,
-    ) -> None:
+    def __init__(self, scene: str, overrides: Sequence[str], vary: Mapping[str, Any] | None, how: Terms) -> None:
         self._scene, self._overrides, self._vary, self._how = scene, tuple(overrides), dict(vary or {}), how
         plain = self._settings(())
         self.episode(np.random.default_rng(0))
@@ -80,7 +71,7 @@ class _Worm:
 
     def episode(self, random: np.random.Generator) -> Episode:
         """Return an episode with random noise and random values of the varied keys."""
-        seed, keys = int(random.integers(MOST_SEED)), []
+        seed, keys = int(random.integers(2**31)), []
         if self._vary:
             drawn = 1 if any(map(is_drawn, self._vary.values())) else None
             cases = list(design_of(self._scene, ControlScene, self._vary, random=drawn, seed=seed).cases())
@@ -93,8 +84,7 @@ class _Worm:
             raise ValueError(f"practice: got actions by {self._how.acts!r}, must be 'course'")
         scene = self._settings(())
         found = identified_of(scene)
-        length, mechanism = worm_of(scene).length, scene.controller.mechanism
-        return Practice(count, found, length, mechanism, self._how.control_period)
+        return Practice(count, found, worm_of(scene).length, scene.controller.mechanism, self._how.control_period)
 
     def _settings(self, more: Sequence[str]) -> ControlScene:
         asked = (*self._overrides, *more)
@@ -227,8 +217,11 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
     def _observed(self) -> Seen:
         return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)
 
-    def practice(self, count: int) -> Practice:
-        """Return the scene's worm in the reduced model, `count` times; ValueError unless actions are by "course"."""
+    def practice(self, count: int = 64) -> Practice:
+        """Return the scene's worm in the reduced model, `count` times; ValueError unless actions are by "course".
+
+        In the reduced model, a worm costs next to nothing.
+        """
         return self._worm.practice(count)
 
     def close_extras(self, **_: Any) -> None:

@@ -5,7 +5,8 @@ the path, the speed V along the path and the wanted speed V_ref, the reward is
 
     1 - ln(1 + (e / 0.01 L)^2) / 2 - ln(1 + ((V/V_ref - 1) / 0.05)^2) / 2.                                     (LE1)
 
-The slope of the reward is noticeable from a millimetre to a body length, and stays bounded where a worm is far off.
+An offset of 0.01 L, or an error of the speed of 5 %, reduces the reward by a third of a unit. The slope of the reward
+is noticeable from a millimetre to a body length, and stays bounded where a worm is far off.
 """
 
 from __future__ import annotations
@@ -37,11 +38,6 @@ from scenes.studies.learn.sampled import Sampled
 from worm3d.recorded.status import Status
 from worm3d.running.run import Run
 from worm3d.values.arrays import FloatArray
-
-OFFSET_SCALE, SPEED_ERROR_SCALE = 0.01, 0.05
-"""Offset [body lengths] and relative error of the speed that each reduce the reward by a third of a unit, (LE1)."""
-FALLEN = -5.0
-"""Reward of a period with divergence of the run: less than for any offset that worms reach."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +111,7 @@ class Episode:
                 elapsed[0] = 0.0  # the wave begins with the run
             status = self._run.follow(self.generator.steps(elapsed, wave))
             if status is not Status.DONE:
-                return FALLEN, True, False, self._facts(status)
+                return -5.0, True, False, self._facts(status)  # less than for any offset that worms reach
             self._sense(wave)
         facts = self._facts(status)
         return self._reward(facts), False, self._run.done >= self._run.steps, facts
@@ -167,7 +163,7 @@ class Episode:
 
 def reward_of(aside: ArrayLike, miss: ArrayLike) -> FloatArray:
     """Return (LE1) of offsets [body lengths] and relative errors of the speed."""
-    lost = np.log1p((np.asarray(aside) / OFFSET_SCALE) ** 2) + np.log1p((np.asarray(miss) / SPEED_ERROR_SCALE) ** 2)
+    lost = np.log1p((np.asarray(aside) / 0.01) ** 2) + np.log1p((np.asarray(miss) / 0.05) ** 2)
     return np.asarray(1.0 - 0.5 * lost)
 
 

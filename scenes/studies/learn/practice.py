@@ -113,9 +113,6 @@ class Practice:
             seen = self._observed()
         return seen, rewards, np.zeros_like(over), over, info
 
-    def close(self) -> None:
-        """Do nothing: there is nothing to close."""
-
     def _begin(self, which: NDArray[np.bool_]) -> None:
         """Draw new episodes of some worms."""
         n = int(which.sum())

@@ -24,11 +24,8 @@ class Sampled:
     def __init__(self, path: Path, length: float, body: float) -> None:
         self._s = np.arange(-body, length + body, CORNER_SPACING * body)
         self._r, self._headings = path.point(self._s), path.heading(self._s)
-        self._curvatures, self._reach, self.length = (
-            path.curvature(self._s),
-            round(PATH_SEARCH_DISTANCE / CORNER_SPACING),
-            length,
-        )
+        self._curvatures, self.length = path.curvature(self._s), length
+        self._reach = round(PATH_SEARCH_DISTANCE / CORNER_SPACING)
 
     def point(self, s: ArrayLike) -> FloatArray:
         """Return the points; see `Path`."""

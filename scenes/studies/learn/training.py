@@ -10,8 +10,8 @@ tenth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from control.learned.policy import Policy
 from scenes.language.errors import MissingPartError
 from scenes.studies.learn.practice import Practice
-from worm3d.values import arguments
+from scenes.studies.learn.task import Task
 
 try:
     import torch
@@ -37,18 +37,10 @@ except ImportError as error:
 
 DISCOUNT = 0.97
 """Discount of a control period; rewards are scaled by 1 - DISCOUNT, so that values have the size of a reward."""
-HIDDEN = [32, 32]
-"""Widths of the hidden layers, for both policy and value."""
 PERIODS_PER_UPDATE = 32
 """Number of control periods of each worm between two updates."""
-BATCH = 256
-"""Number of samples in a step of the optimiser."""
-INITIAL_LOG_NOISE = -1.5
-"""Logarithm of the initial noise of the actions."""
 RATES, LATER_RATES = (1e-3, 1e-4), (2e-4, 5e-5)
 """Learning rates at the beginning and at the end; `LATER_RATES` apply after practice."""
-PRACTISING = 64
-"""Number of worms that practise at once in the reduced model, where a worm costs next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -63,50 +55,28 @@ class Point:
     """Mean reward of a control period since the previous update."""
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
-    """Task of the training, and its duration."""
-
-    scene: str
-    minutes: float
-    """Wall time with the worm of the scene."""
-    practice: float = 0.0
-    """Wall time [min] of prior practice in a reduced model (`practice` beside this file); for actions by "course"."""
-    seed: int = 0
-    overrides: Sequence[str] = ()
-    vary: Mapping[str, str] = field(default_factory=dict)
-    worms: int = 16
-    threads: int = 1
-    acts: str = "course"
-
-    def __post_init__(self) -> None:
-        arguments.number("minutes", self.minutes, "min", gt=0.0)
-        arguments.number("practice", self.practice, "min", ge=0.0)
-        arguments.whole("seed", self.seed, ge=0)
-
-
-def train(task: Task, watch: Callable[[Point], bool] = lambda point: True) -> Policy:
+def train(task: Task, watch: Callable[[Point], None]) -> Policy:
     """Return a trained policy.
 
     Parameters
     ----------
     task : Task
     watch : callable
-        Called after every update; the result False ends the training.
+        Called after every update.
 
     Raises
     ------
     SceneError
         The scene is wrong, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        A duration is not above 0, or a seed is below 0.
+        The meaning of actions is unknown, or a number of worms or threads is below 1.
     """
     envs = WormVectorEnv(task.worms, task.scene, task.overrides, acts=task.acts, vary=task.vary, threads=task.threads)
     torch.set_num_threads(1)  # faster for networks this small
     stages: list[tuple[WormVectorEnv | Practice, float, tuple[float, float]]] = [(envs, task.minutes, RATES)]
     began = None
     if task.practice > 0.0:
-        stages = [(envs.practice(PRACTISING), task.practice, RATES), (envs, task.minutes, LATER_RATES)]
+        stages = [(envs.practice(), task.practice, RATES), (envs, task.minutes, LATER_RATES)]
     clocks = []
     for worms, minutes, rates in stages:
         clock = _Clock(60.0 * minutes, watch)
@@ -116,7 +86,8 @@ def train(task: Task, watch: Callable[[Point], bool] = lambda point: True) -> Po
         try:
             ppo.learn(10**12, callback=clock)
         except KeyboardInterrupt:
-            clock.interrupted, clock.lasted = True, (clock.elapsed, clock.cpu)
+            clock.interrupted = True
+        clock.lasted = clock.elapsed, clock.cpu
         began = ppo.policy.state_dict()
         clocks.append(clock)
         if clock.interrupted:
@@ -131,9 +102,9 @@ def _ppo(worms: _Worms, rates: tuple[float, float], clock: _Clock, seed: int) ->
         worms,
         learning_rate=lambda _: rates[0] + (rates[1] - rates[0]) * clock.share,
         n_steps=PERIODS_PER_UPDATE,
-        batch_size=min(BATCH, worms.num_envs * PERIODS_PER_UPDATE),
+        batch_size=min(256, worms.num_envs * PERIODS_PER_UPDATE),
         gamma=DISCOUNT,
-        policy_kwargs={"net_arch": HIDDEN, "log_std_init": INITIAL_LOG_NOISE},
+        policy_kwargs={"net_arch": [32, 32], "log_std_init": -1.5},
         seed=seed,
         device="cpu",
     )
@@ -142,7 +113,7 @@ def _ppo(worms: _Worms, rates: tuple[float, float], clock: _Clock, seed: int) ->
 class _Clock(BaseCallback):
     """Ends the training on time, and records the learning curve."""
 
-    def __init__(self, seconds: float, watch: Callable[[Point], bool]) -> None:
+    def __init__(self, seconds: float, watch: Callable[[Point], None]) -> None:
         super().__init__()
         self._seconds, self._watch = seconds, watch
         self._began, self._cpu = perf_counter(), process_time()
@@ -169,15 +140,12 @@ class _Clock(BaseCallback):
 
     def _on_step(self) -> bool:
         self._rewards.append(float(np.mean(self.locals["rewards"])) / (1.0 - DISCOUNT))
-        return self.elapsed < self._seconds and not self.interrupted
-
-    def _on_training_end(self) -> None:
-        self.lasted = self.elapsed, self.cpu
+        return self.elapsed < self._seconds
 
     def _on_rollout_end(self) -> None:
         self.points.append(Point(self.num_timesteps, self.elapsed, float(np.mean(self._rewards))))
         self._rewards.clear()
-        self.interrupted = not self._watch(self.points[-1])
+        self._watch(self.points[-1])
 
 
 class _Worms(VecEnv):
@@ -202,7 +170,7 @@ class _Worms(VecEnv):
         return seen, (1.0 - DISCOUNT) * rewards, ended, told
 
     def close(self) -> None:
-        self._envs.close()
+        """Do nothing: `train` closes the worms."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         return [getattr(self._envs, attr_name, None)] * self.num_envs

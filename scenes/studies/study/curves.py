@@ -21,10 +21,6 @@ RIPPLE = 0.05
 twice as much would miss the dip at half a wavelength."""
 NEGLIGIBLE_LOSS = 0.05
 """Loss relative to the best value that hardly matters."""
-MAIN_CHANGE_SHARE = 0.9
-"""Share that counts as most of a change."""
-EARLY = 2.0 / 3.0
-"""Largest share of the places at which reaching `MAIN_CHANGE_SHARE` of a change counts as early."""
 AT_END, AT_GAP = "the range ends there", "the values end there"
 
 Told = Callable[[int], str]
@@ -137,12 +133,9 @@ def sentence(shape: Shape, what: str, along: str, x: Told, told: Told, better: s
     at = [f"{text}{end if k == best else ''}" for k, text in zip(shape.turns, at, strict=True)]
     match shape.kind:
         case "none":
-            known = np.flatnonzero(np.isfinite(y)).tolist()
-            return (
-                f"{what} is known at one value of {along} alone, {told(known[0])} at {x(known[0])}"
-                if known
-                else f"{what} is known nowhere"
-            )
+            for k in np.flatnonzero(np.isfinite(y)).tolist():
+                return f"{what} is known at one value of {along} alone, {told(k)} at {x(k)}"
+            return f"{what} is known nowhere"
         case "flat":
             low, high = told(shape.best("less")), told(shape.best("more"))
             return f"{what} hardly depends on {along}: {low} to {high}{_unresolved(shape)}"
@@ -182,11 +175,11 @@ def factor(y: FloatArray, shape: Shape) -> str:
 
 
 def _early(shape: Shape, x: Told) -> str:
-    """Return the place where most of a rise or fall is reached, if this place is early."""
+    """Return the place where most of a rise or fall is reached, if this place is in the first two thirds."""
     begin, end = shape.turns
     change = (shape.y[begin : end + 1] - shape.y[begin]) / (shape.y[end] - shape.y[begin])
-    place = begin + int(np.nanargmax(change >= MAIN_CHANGE_SHARE))
-    early = place - begin <= EARLY * (end - begin) and place > begin
+    place = begin + int(np.nanargmax(change >= 0.9))
+    early = place - begin <= 2.0 / 3.0 * (end - begin) and place > begin
     return f", nine tenths of the way at {x(place)}" if early else ""
 
 

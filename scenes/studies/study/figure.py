@@ -19,33 +19,23 @@ from scenes.studies.study.view import Axis, View
 from scenes.sweep.figures import FAILED_MARKER, colours, edges, is_logarithmic
 from worm3d.values.arrays import FloatArray
 
-FIGURE_COLUMNS = 3
 PANEL = (4.2, 3.4)
 """Size of a panel [inch]."""
-WRAPPED = 50
-"""Number of characters of a line above a panel."""
-FAINT = 0.05
-"""Largest magnitude of negative values, over the largest value, that colours need not distinguish from zero."""
-WIDE = 20.0
-"""Least ratio of the largest to the smallest value that makes a scale logarithmic."""
 HATCHES = ("///", "\\\\\\", "...")
-STYLES: dict[str, Any] = {"ms": 4, "lw": 1.5}
 MARKERS = "os^Dv<>ph*X"
-MOST_NUMBERS = 9
-"""Largest number of values of an axis that are all labelled."""
 
 
 def draw(grid: Grid) -> Figure:
     """Return the figure of a study."""
     panels = [view for view in grid.views() if np.isfinite(view.values).any()]
-    columns = min(len(panels), 2 if len(panels) == 4 else FIGURE_COLUMNS)
+    columns = min(len(panels), 2 if len(panels) == 4 else 3)
     rows = math.ceil(len(panels) / columns)
     figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.8), layout="constrained", dpi=120)
     places = figure.subplots(rows, columns, squeeze=False)
     for axes, view in zip(places.flat, panels, strict=False):
         (_map if grid.is_map else _curves if grid.x.is_number else _bars)(axes, grid, view)
         said = "; ".join(filter(None, (view.where, _errors(view.without(grid.left_out())))))
-        axes.set_title(textwrap.fill(said, WRAPPED), fontsize=8)
+        axes.set_title(textwrap.fill(said, 50), fontsize=8)
     for axes in places.flat[len(panels) :]:
         axes.set_axis_off()
     handles, labels = places.flat[0].get_legend_handles_labels()
@@ -71,27 +61,21 @@ def _curves(axes: Axes, grid: Grid, view: View) -> None:
     x = np.array(grid.x.varied.values, dtype=float)
     order, foot = np.argsort(x, kind="stable"), axes.get_xaxis_transform()
     for c, (name, y, off) in enumerate(zip(grid.curves, values.T, np.nan_to_num(view.off).T, strict=True)):
-        style: dict[str, Any] = {"color": _colour(c), "label": name, **STYLES}
-        axes.errorbar(x[order], y[order], yerr=off[order], fmt=f"{MARKERS[c % len(MARKERS)]}-", **style)
+        style, colour = f"{MARKERS[c % len(MARKERS)]}-", f"C{c}" if c < 10 else "k"  # ten colours, then black
+        axes.errorbar(x[order], y[order], yerr=off[order], fmt=style, color=colour, label=name, ms=4)
     for marked in grid.marked().values():
         rows, columns = np.nonzero(marked)
         axes.plot(x[rows], values[rows, columns], "o", ms=9, mfc="none", color="k")
-    axes.scatter(
-        x[grid.failed.any(axis=1)], np.full(grid.failed.any(axis=1).sum(), 0.03), transform=foot, **FAILED_MARKER
-    )
+    failed = x[grid.failed.any(axis=1)]
+    axes.scatter(failed, np.full(len(failed), 0.03), transform=foot, **FAILED_MARKER)
     _number_axis(axes, "x", grid.x, x)
-    if (values[np.isfinite(values)] <= 0.0).any() and (values[np.isfinite(values)] >= 0.0).any():
+    if np.nanmin(values) <= 0.0 <= np.nanmax(values):
         axes.axhline(0.0, color="0.5", lw=0.8)
     elif _spans_much(values):
         axes.set_yscale("log")
         _plain_ticks(axes, "y")
     axes.set_ylabel(view.measure.label, fontsize=9)
     axes.grid(alpha=0.3)
-
-
-def _colour(curve: int) -> str:
-    """Return the colour of a curve: ten colours, then black."""
-    return f"C{curve}" if curve < 10 else "k"
 
 
 def _bars(axes: Axes, grid: Grid, view: View) -> None:
@@ -141,15 +125,15 @@ def _colours(values: FloatArray) -> dict[str, Any]:
 
 
 def _spans_much(values: FloatArray) -> bool:
-    """Return whether values are better seen on a logarithmic scale."""
+    """Return whether values span a factor above 20, and are therefore better seen on a logarithmic scale."""
     known = values[np.isfinite(values)]
-    return bool(known.min() > 0.0 and known.max() > WIDE * known.min())
+    return bool(known.min() > 0.0 and known.max() > 20.0 * known.min())
 
 
 def _without_faint(values: FloatArray) -> FloatArray:
-    """Return values with faint negative values replaced by 0."""
+    """Return values with 0 for negative values, if these are at most a twentieth of the largest value."""
     known = values[np.isfinite(values)]
-    return np.maximum(values, 0.0) if -known.min() <= FAINT * known.max() else values
+    return np.maximum(values, 0.0) if -known.min() <= 0.05 * known.max() else values
 
 
 def _plain_ticks(axes: Axes, which: str) -> None:
@@ -172,9 +156,9 @@ def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None
 
 
 def _apart(places: FloatArray) -> Iterator[int]:
-    """Yield the values of an axis that can be labelled without overlap."""
+    """Yield the values of an axis, ten at most, that can be labelled without overlap."""
     last = -np.inf
     for k, place in enumerate(places):
-        if place - last >= np.ptp(places) / MOST_NUMBERS:
+        if place - last >= np.ptp(places) / 9.0:
             yield k
             last = float(place)

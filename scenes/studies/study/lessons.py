@@ -139,6 +139,7 @@ def _each(grid: Grid, view: View) -> str:
 
 def _moving(grid: Grid, view: View) -> str:
     """Return the place of the best value of each curve, or of each row of a map."""
+    assert grid.other is not None
     runs: list[tuple[str, list[int]]] = []
     for c in range(len(grid.curves)):
         if np.isfinite(view.values[:, c]).any():
@@ -148,7 +149,7 @@ def _moving(grid: Grid, view: View) -> str:
                 runs.append((best, []))
             runs[-1][1].append(c)
     if len(runs) == 1:
-        return f"The {_most(view)} is at {grid.x.words} {runs[0][0]} in every case of {_other(grid).words}."
+        return f"The {_most(view)} is at {grid.x.words} {runs[0][0]} in every case of {grid.other.words}."
     places = "; ".join(f"{best} for {_curves(grid, curves)}" for best, curves in runs)
     return f"The {grid.x.words} of the {_most(view)}: {places}."
 
@@ -181,8 +182,7 @@ def _level_with_best(view: View, values: FloatArray, off: FloatArray) -> NDArray
     """Return which values of a figure are not apart from the best value; the result has the shape of the values."""
     off, known = np.nan_to_num(off), np.isfinite(values)
     best = int(np.nanargmin(values) if view.measure.better == "less" else np.nanargmax(values))
-    level: NDArray[np.bool_] = known & ~apart(values, values.flat[best], off, off.flat[best])
-    return level
+    return np.asarray(known & ~apart(values, values.flat[best], off, off.flat[best]))
 
 
 def _best_of_all(grid: Grid, view: View) -> str:
@@ -277,13 +277,5 @@ def _curves(grid: Grid, curves: Sequence[int]) -> str:
         return ""
     if not grid.other.is_number:
         return _listed([grid.curves[c] for c in curves])
-    return (
-        _places(grid.other, curves)
-        if len(curves) == len(grid.curves)
-        else f"{grid.other.words} {_runs(grid.other, curves)}"
-    )
-
-
-def _other(grid: Grid) -> Axis:
-    assert grid.other is not None
-    return grid.other
+    every = len(curves) == len(grid.curves)
+    return _places(grid.other, curves) if every else f"{grid.other.words} {_runs(grid.other, curves)}"

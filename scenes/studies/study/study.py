@@ -16,7 +16,7 @@ from scenes.language.reading import trusted
 from scenes.language.sweep_section import Study
 from scenes.models.loading import Scene
 from scenes.studies.study.view import Axis, Measure, View, rounded
-from scenes.sweep.design import CASE, SAMPLE
+from scenes.sweep.design import CASE, SAMPLE, Varied
 from scenes.sweep.links import given_keys, value_at
 from scenes.sweep.table import Table
 from scenes.sweep.waves import ALIASED
@@ -35,6 +35,11 @@ PERIOD = "gait.period_s"
 """Key of the time scale of inertia and lags in a gait: sentences name the value if all cases have the same value."""
 DEFAULT: Mapping[str, Any] = {"mean_speed_m_s": "more", "cost_of_transport": "less"}
 """Default figures of a study, and whether more or less of each is better."""
+
+
+def _words(varied: Varied) -> str:
+    """Return the last part of a key, without its unit, in words."""
+    return varied.key.split(".")[-1].removesuffix("_" + varied.unit.replace("/", "_")).replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -76,14 +81,8 @@ class Grid:
 
     @cached_property
     def _axes(self) -> list[Axis]:
-        def words(key: str) -> str:
-            return key.split(".")[-1].removesuffix("_" + unit.replace("/", "_")).replace("_", " ")
-
-        axes = []
-        for varied in self.table.design.varied:
-            unit = varied.unit
-            axes.append(Axis(varied, self.asked.names.get(varied.key, words(varied.key))))
-        return axes
+        names = self.asked.names
+        return [Axis(each, names.get(each.key, _words(each))) for each in self.table.design.varied]
 
     @cached_property
     def _roles(self) -> tuple[Axis, Axis | None]:
@@ -131,20 +130,13 @@ class Grid:
             for measure in self.measures:
                 if measure.name != figure and measure.better == "less" and self.by is not None:
                     where = f"at equal {equal.words} of {equal.told(target)}, by the {self.by.words}"
-                    yield View(
-                        ", ".join([where, *self._period]),
-                        measure,
-                        *self.equal_values(measure.name, figure, target, measure.better),
-                    )
+                    found = self.equal_values(measure.name, figure, target)
+                    yield View(", ".join([where, *self._period]), measure, *found)
 
     def view(self, measure: Measure, place: int | None = None) -> View:
         """Return a view of a figure; `place` as in `values`."""
-        return View(
-            self.at(self._own if place is None else place),
-            measure,
-            self.values(measure.name, place),
-            self.errors(measure.name, place),
-        )
+        where = self.at(self._own if place is None else place)
+        return View(where, measure, self.values(measure.name, place), self.errors(measure.name, place))
 
     def values(self, name: str, place: int | None = None) -> FloatArray:
         """Return a figure at a place along `by` (default: the scene's), shape (X, C); NaN for none, 0 for rounding."""
@@ -162,19 +154,17 @@ class Grid:
     def _least(self, name: str) -> float:
         """Return the least magnitude of a figure that does not count as rounding."""
         known = np.abs(self._column(name))
-        return max(
-            METRIC_ROUNDING.get(named(name)[1], 0.0),
-            RELATIVE_ROUNDING * float(known[np.isfinite(known)].max(initial=0.0)),
-        )
+        largest = float(known[np.isfinite(known)].max(initial=0.0))
+        return max(METRIC_ROUNDING.get(named(name)[1], 0.0), RELATIVE_ROUNDING * largest)
 
     def _at(self, column: NDArray[Any], place: int | None) -> NDArray[Any]:
         """Return a column of the table at a place along `by`, or at the scene's own value, shape (X, C)."""
         return self._cube(column)[..., self._own if place is None else place]
 
-    def equal_values(self, name: str, figure: str, target: float, better: str) -> tuple[FloatArray, FloatArray]:
+    def equal_values(self, name: str, figure: str, target: float) -> tuple[FloatArray, FloatArray]:
         """Return a figure at a given value of another figure, interpolated linearly along `by`, and its error.
 
-        Both have the shape (X, C). If several places reach the given value, the best counts; NaN if no place does.
+        Both have the shape (X, C). If several places reach the given value, the least counts; NaN if no place does.
         Let a figure y be interpolated at a share s of the way from a case 1 to a case 2, where the figure x has the
         given value. The error of y is then at most (1 - s) dy1 + s dy2 + |dy/dx| ((1 - s) dx1 + s dx2).
         """
@@ -189,9 +179,7 @@ class Grid:
             each[..., :-1] + share * np.diff(each) for each in map(self._cube, map(self._errors, (name, figure)))
         )
         at = wanted[..., :-1] + share * np.diff(wanted)
-        worst = np.inf if better == "less" else -np.inf
-        reached = np.where(np.isnan(at), worst, at)
-        best = (np.argmin if better == "less" else np.argmax)(reached, axis=-1)[..., None]
+        best = np.argmin(np.where(np.isnan(at), np.inf, at), axis=-1)[..., None]
         found = np.take_along_axis(np.stack([at, off + np.abs(slope) * given_off]), best[None], axis=-1)[..., 0]
         return found[0], rounded(found[1])
 
@@ -211,10 +199,7 @@ class Grid:
 
     def left_out(self, place: int | None = None) -> NDArray[np.bool_]:
         """Return whether each case is marked and thus cannot be best, shape (X, C); `place` as in `values`."""
-        left_out = np.zeros(self.failed.shape, dtype=bool)
-        for marked in self.marked(place).values():
-            left_out |= marked
-        return left_out
+        return np.asarray(np.any([np.zeros_like(self.failed), *self.marked(place).values()], axis=0))
 
     @cached_property
     def _own(self) -> int:

@@ -82,8 +82,7 @@ class View:
     @property
     def unknown(self) -> NDArray[np.bool_]:
         """Whether a case has a value with an unknown error, although other cases have known errors, shape (X, C)."""
-        lacking: NDArray[np.bool_] = np.isfinite(self.values) & ~np.isfinite(self.off) & np.isfinite(self.off).any()
-        return lacking
+        return np.asarray(np.isfinite(self.values) & ~np.isfinite(self.off) & np.isfinite(self.off).any())
 
     def without(self, left_out: NDArray[np.bool_]) -> View:
         """Return the view without some cases, shape (X, C), and without the `unknown` cases."""

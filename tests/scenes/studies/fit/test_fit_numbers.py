@@ -208,7 +208,7 @@ def test_keys_that_cancel_each_other_are_named() -> None:
     (relation,) = found.relations
     assert relation.keys == ("a", "b")
     np.testing.assert_allclose(relation.changes[0] / relation.changes[1], -1.0)  # a moves 2 u, b 4 u / 2
-    assert relation.effect < 1e-12
+    assert relation.effect_over_residual_rms < 1e-12
     assert "cannot tell apart a, b: to change a by" in relation.sentence
     without = determined(keys, slopes * [1.0, 0.0, 1.0], np.zeros_like(slopes), lambda direction: 0.0 * TIME)
     assert without.known.tolist() == [True, False, True]
@@ -244,7 +244,7 @@ def test_a_direction_with_a_large_error_is_said_in_units_of_its_keys() -> None:
     (found,) = vague(keys, covariance, slopes)
     assert found.keys == ("a", "b")
     np.testing.assert_allclose(found.changes[1] / found.changes[0], -3.0 / 2.0)
-    np.testing.assert_allclose(found.effect, abs(found.changes[0] / 2.0) * np.sqrt(2.0 / 3.0))
+    np.testing.assert_allclose(found.effect_over_residual_rms, abs(found.changes[0] / 2.0) * np.sqrt(2.0 / 3.0))
     assert list(vague(keys, covariance / 5.0, slopes)) == []
 
 
