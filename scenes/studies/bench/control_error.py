@@ -70,7 +70,8 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
 
     wanted = scipy.integrate.cumulative_trapezoid(np.asarray(reference.speed(time), dtype=float), time, initial=0.0)
     asked = gained(wanted)
-    offset_bl = heading_deg = None
+    offset_bl: float | None = None
+    heading_deg: float | None = None
     if reference.path is not None:
         s = track(reference.path, com)
         ahead, aside = gained(s - wanted), offset(reference.path, com, s)[2 * rows :][counted]
