@@ -27,7 +27,7 @@ def page(text: str) -> str:
 
 
 def _classes() -> Iterator[tuple[str, str]]:
-    for name, maker in CLASSES.items():
+    for name, (_, maker) in CLASSES.items():
         yield name, str(maker.__doc__).removeprefix("Yield ").removesuffix(".")
 
 

@@ -12,7 +12,7 @@ from numpy.random import Generator
 from control.planning.feed_forward import FeedForward
 from scenes.models.control.build import identified_of, reference_of
 from scenes.models.loading import load_scene
-from scenes.studies.bench.control_trials import CLASSES
+from scenes.studies.bench.control_trials import task_of
 from worm3d import Friction, Worm
 
 
@@ -76,7 +76,7 @@ SMOOTH = ("s_curve", "circle", "eight", "spiral", "square", "waypoints")
 
 def paths(seed: int, random: Generator) -> Case:
     """Return a path at a share of the speed at which its sharpest bend can be followed."""
-    task = [each for each in CLASSES[SMOOTH[seed % 6]](random, 0.05) if "speed" not in each]
+    task = [each for each in task_of(SMOOTH[seed % 6], random, 0.05) if "speed" not in each]
     path = reference_of(load_scene("path_line", [*task, "controller.map=default"]).settings).path
     assert path is not None
     s = np.linspace(0.0, min(path.length, 8.0), 400)
@@ -127,7 +127,7 @@ def clean(seed: int, random: Generator) -> Case:
         case = paths(seed, random)
     else:
         speed = float(np.round(random.uniform(0.02, 0.1), 3))
-        task = CLASSES[("line", "heading", "stop_and_go", "speed_sine")[seed % 10 - len(SMOOTH)]](random, speed)
+        task = task_of(("line", "heading", "stop_and_go", "speed_sine")[seed % 10 - len(SMOOTH)], random, speed)
         case = Case("path_line", tuple(task), speed)
     slope = _slope(random, 2.0, 1.0)
     kept = [each for each in case.overrides if not each.startswith("run.duration_s")]

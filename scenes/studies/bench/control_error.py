@@ -70,25 +70,23 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
 
     wanted = scipy.integrate.cumulative_trapezoid(np.asarray(reference.speed(time), dtype=float), time, initial=0.0)
     asked = gained(wanted)
+    offset_bl: float | None = None
+    heading_deg: float | None = None
     if reference.path is not None:
         s = track(reference.path, com)
         ahead, aside = gained(s - wanted), offset(reference.path, com, s)[2 * rows :][counted]
-        return _parts(np.hypot(ahead, aside), asked, ahead, aside / length, None)
-    h = between(record["heading"])
-    psi = h if reference.heading is None else between(np.asarray(reference.heading(time), dtype=float))
-    way = np.sum(gained(com) * np.column_stack([np.cos(h), np.sin(h)]), axis=1)
-    missed = np.abs(way * np.exp(1j * h) - asked * np.exp(1j * psi))
-    return _parts(missed, asked, way - asked, None, np.remainder(h - psi + np.pi, 2.0 * np.pi) - np.pi)
-
-
-def _parts(
-    missed: FloatArray, asked: FloatArray, ahead: FloatArray, aside: FloatArray | None, turned: FloatArray | None
-) -> dict[str, float | None]:
+        missed, offset_bl = np.hypot(ahead, aside), _rms(aside / length)
+    else:
+        h = between(record["heading"])
+        psi = h if reference.heading is None else between(np.asarray(reference.heading(time), dtype=float))
+        way = np.sum(gained(com) * np.column_stack([np.cos(h), np.sin(h)]), axis=1)
+        missed, ahead = np.abs(way * np.exp(1j * h) - asked * np.exp(1j * psi)), way - asked
+        heading_deg = math.degrees(_rms(np.remainder(h - psi + np.pi, 2.0 * np.pi) - np.pi))
     return {
         "error": min(1.0, _rms(missed) / _rms(asked)),
         "way": _rms(ahead) / _rms(asked),
-        "offset_bl": None if aside is None else _rms(aside),
-        "heading_deg": None if turned is None else math.degrees(_rms(turned)),
+        "offset_bl": offset_bl,
+        "heading_deg": heading_deg,
     }
 
 

@@ -164,15 +164,10 @@ def draw(found: Sequence[Found]) -> Figure:
     trials = list(dict.fromkeys(each.trial for each in found))
     figure = Figure(figsize=(8.0, 1.6 + 0.22 * len(trials)), layout="constrained", dpi=120)
     axes = figure.subplots()
-    for k, name in enumerate(names(found)):
+    axes.set_prop_cycle(color=CONTROLLER_COLOURS)
+    for name in names(found):
         errors = {each.trial: each.error for each in found if each.controller == name}
-        axes.plot(
-            list(errors.values()),
-            [trials.index(each) for each in errors],
-            "o",
-            color=CONTROLLER_COLOURS[k % len(CONTROLLER_COLOURS)],
-            label=name,
-        )
+        axes.plot(list(errors.values()), [trials.index(each) for each in errors], "o", label=name)
     axes.set(xscale="log", xlabel="error (1: as if it stood)", ylim=(len(trials) - 0.5, -0.5))
     axes.set_yticks(range(len(trials)), trials)
     axes.grid(True, alpha=0.3)

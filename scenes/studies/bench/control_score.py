@@ -55,7 +55,8 @@ def names(found: Sequence[Found]) -> list[str]:
 
 
 def _score(name: str, mine: Sequence[Found], of: dict[tuple[str, str], float]) -> Score:
-    ratios = [_ratio(each.error, of[each.trial, RIVAL]) for each in mine if (each.trial, RIVAL) in of]
+    rivals = [(each.error, of[each.trial, RIVAL]) for each in mine if (each.trial, RIVAL) in of]
+    ratios = [math.log(max(error, FLOOR) / max(rival, FLOOR)) for error, rival in rivals]
     errors = [each.error for each in mine]
 
     def known(metric: str) -> list[float]:
@@ -71,11 +72,6 @@ def _score(name: str, mine: Sequence[Found], of: dict[tuple[str, str], float]) -
         max(known("step_share_p50"), default=None),
         max(known("step_share_p99"), default=None),
     )
-
-
-def _ratio(mine: float, theirs: float) -> float:
-    """Return the logarithm of the ratio of two errors."""
-    return math.log(max(mine, FLOOR) / max(theirs, FLOOR))
 
 
 SCORE_COLUMNS = {

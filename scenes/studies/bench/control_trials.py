@@ -122,7 +122,7 @@ def drawn(seed: int, number: int) -> Trial:
     """Return trial `number` of a seed."""
     random = np.random.default_rng([seed, number])
     kind = tuple(CLASSES)[number % len(CLASSES)]
-    changed = list(CLASSES[kind](random, float(_log_uniform(random, *SPEEDS))))
+    changed = task_of(kind, random, float(_log_uniform(random, *SPEEDS)))
     for group in GROUPS:
         values = [each.drawn(random) for each in group.ranges]
         if random.uniform() < group.share and not (kind == "pipe" and group is SLOPE):
@@ -133,21 +133,18 @@ def drawn(seed: int, number: int) -> Trial:
 
 def _line(random: Generator, speed: float) -> Iterator[str]:
     """Yield a line that begins beside the worm and points to one side."""
-    yield from _at(speed, "line")
     yield f"reference.start_m=[{START_POSITION_M[0]}, {random.uniform(-0.1, 0.1):.3f}]"
     yield f"reference.azimuth_deg={random.uniform(-20.0, 20.0):.1f}"
 
 
 def _circle(random: Generator, speed: float) -> Iterator[str]:
     """Yield a circle that turns to a random side."""
-    yield from _at(speed, "circle")
     yield f"reference.radius_m={_log_uniform(random, 0.6, 2.0):.3g}"
     yield f"reference.towards={_side(random)}"
 
 
 def _s_curve(random: Generator, speed: float) -> Iterator[str]:
     """Yield an S-curve that first turns to a random side."""
-    yield from _at(speed, "s_curve")
     yield f"reference.amplitude_m={random.uniform(0.2, 0.4):.3g}"
     yield f"reference.wavelength_m={random.uniform(3.0, 5.0):.3g}"
     yield f"reference.towards={_side(random)}"
@@ -158,7 +155,6 @@ def _eight(random: Generator, speed: float) -> Iterator[str]:
     # x = a sin u, y = 0.31 a sin 2u, with radii of at least a/4, turned to begin along +x where u = pi/2. A worm that
     # begins at the crossing would be on two branches at once.
     u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.2, 1.6)
-    yield from _at(speed, "spline")
     yield "reference.closed=true"
     yield _points(random, a * np.column_stack([-0.31 * np.sin(2.0 * u), np.sin(u) - 1.0]))
 
@@ -167,7 +163,6 @@ def _spiral(random: Generator, speed: float) -> Iterator[str]:
     """Yield one and a quarter turns of a spiral whose radius decreases to a half."""
     u, radius = np.linspace(0.0, 2.5 * np.pi, 16), random.uniform(1.0, 1.6)
     r = radius * (1.0 - u / (5.0 * np.pi))
-    yield from _at(speed, "spline")
     yield _points(random, np.column_stack([r * np.sin(u), radius - r * np.cos(u)]))
 
 
@@ -175,7 +170,6 @@ def _square(random: Generator, speed: float) -> Iterator[str]:
     """Yield a square with round corners that starts in the middle of a side and has three corners."""
     half = random.uniform(0.7, 1.1)
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [-1.0, 2.0], [-1.0, 0.3]])
-    yield from _at(speed, "way_points")
     yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
     yield _points(random, half * corners)
 
@@ -184,7 +178,6 @@ def _waypoints(random: Generator, speed: float) -> Iterator[str]:
     """Yield way points with round corners between them."""
     turns, ways = np.radians(random.uniform(-60.0, 60.0, 5)), random.uniform(1.0, 1.8, 6)
     azimuths = np.cumsum([0.0, *turns])
-    yield from _at(speed, "way_points")
     yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
     steps = ways[:, None] * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
     yield _points(random, np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]))
@@ -193,7 +186,6 @@ def _waypoints(random: Generator, speed: float) -> Iterator[str]:
 def _heading(random: Generator, speed: float) -> Iterator[str]:
     """Yield a heading with two steps."""
     first, second = random.uniform(-40.0, 40.0, 2)
-    yield from _at(speed, "heading")
     yield (
         f"reference.heading_steps=[{{at_s={random.uniform(10.0, 20.0):.1f}, heading_deg={first:.1f}}}, "
         f"{{at_s={random.uniform(30.0, 45.0):.1f}, heading_deg={second:.1f}}}]"
@@ -203,7 +195,6 @@ def _heading(random: Generator, speed: float) -> Iterator[str]:
 def _stop_and_go(random: Generator, speed: float) -> Iterator[str]:
     """Yield a line on which the worm stops twice."""
     stop, rest, again, last = random.uniform((12.0, 4.0, 10.0, 4.0), (20.0, 8.0, 16.0, 8.0)).cumsum()
-    yield from _at(speed, "line")
     yield _steps((stop, 0.0), (rest, float(_log_uniform(random, *SPEEDS))), (again, 0.0), (last, speed))
 
 
@@ -224,31 +215,34 @@ def _speed_sine(random: Generator, speed: float) -> Iterator[str]:
 def _pipe(random: Generator, speed: float) -> Iterator[str]:
     """Yield a pipe with a bend; the worm crawls along the bottom of the pipe."""
     bend = f"{{bend_deg={random.uniform(20.0, 60.0):.0f}, bend_radius_m=2.0, towards='{_side(random)}'}}"
-    yield from _at(speed, "pipe")
     yield f"world.radius_m={random.uniform(0.12, 0.16):.3g}"
     yield f"world.pieces=[{{straight_m={random.uniform(1.0, 2.0):.2f}}}, {bend}, {{straight_m=3.0}}]"
 
 
-CLASSES: dict[str, Callable[[Generator, float], Iterator[str]]] = {
-    "circle": _circle,
-    "heading": _heading,
-    "stop_and_go": _stop_and_go,
-    "waypoints": _waypoints,
-    "speed_sine": _speed_sine,
-    "pipe": _pipe,
-    "eight": _eight,
-    "line": _line,
-    "square": _square,
-    "speed_steps": _speed_steps,
-    "spiral": _spiral,
-    "s_curve": _s_curve,
+Maker = Callable[[Generator, float], Iterator[str]]
+"""Function that yields the overrides of a task, except kind and speed of the reference; the speed is in m/s."""
+
+CLASSES: dict[str, tuple[str, Maker]] = {
+    "circle": ("circle", _circle),
+    "heading": ("heading", _heading),
+    "stop_and_go": ("line", _stop_and_go),
+    "waypoints": ("way_points", _waypoints),
+    "speed_sine": ("s_curve", _speed_sine),
+    "pipe": ("pipe", _pipe),
+    "eight": ("spline", _eight),
+    "line": ("line", _line),
+    "square": ("way_points", _square),
+    "speed_steps": ("circle", _speed_steps),
+    "spiral": ("spline", _spiral),
+    "s_curve": ("s_curve", _s_curve),
 }
-"""Maker of the task of each class of trials, in the order of the turns."""
+"""Kind of the reference, and maker of the task, of each class of trials, in the order of the turns."""
 
 
-def _at(speed: float, kind: str) -> Iterator[str]:
-    yield f"reference.kind={kind}"
-    yield f"reference.speed_m_s={speed:.3f}"
+def task_of(name: str, random: Generator, speed: float) -> list[str]:
+    """Return the overrides of a task of a class; the speed is in m/s."""
+    kind, maker = CLASSES[name]
+    return [f"reference.kind={kind}", f"reference.speed_m_s={speed:.3f}", *maker(random, speed)]
 
 
 def _points(random: Generator, points: FloatArray) -> str:

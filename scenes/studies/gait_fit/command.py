@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from control.gaits.neural.chain import FASTEST, EiChain
-from control.gaits.neural.shared import ALONE, LeftOut, Profile, left_out, shared
+from control.gaits.neural.shared import ALONE, Profile, left_out, shared
 from control.gaits.neural.training import StoppedError, Target, Training, fit
 from scenes.language.errors import SceneError
 from scenes.language.parts import key_of
@@ -19,14 +19,12 @@ from scenes.records.text import Column, csv_bytes, json_bytes
 from scenes.running.report import Items, Report, StudyStoppedError, Table, report_study
 from scenes.running.terminal import Interruption, busy
 from scenes.studies.gait_fit import recordings
-from scenes.studies.gait_fit.comparison import Comparison, compared, sentences
+from scenes.studies.gait_fit.comparison import Comparison, Row, compared, sentences
 from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
 MIN_PERIOD_RATIO = 1.5
 """Smallest ratio of the two periods at which a chain has the profile: less does not determine the exponent of pace."""
-DIGITS = 4
-"""Significant digits of the constants in the scene."""
 
 
 def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: bool) -> int:
@@ -80,12 +78,10 @@ def _report(training: Training, comparison: Comparison, found: list[Recording], 
         ],
         files={
             "gait.toml": scene(training.gait, comparison, fitted, to).encode(),
-            "gait.csv": csv_bytes(
-                [CSV_COLUMNS, *([_cell(getattr(row, k)) for k in CSV_COLUMNS] for row in comparison.rows)]
-            ),
+            "gait.csv": csv_bytes([CSV_COLUMNS, *map(_cells, comparison.rows)]),
             "gait.json": json_bytes(_content(training, comparison, fitted, to)),
         },
-        pictures={"gait.png": figure.draw(comparison, found, title)[0]},
+        pictures={"gait.png": figure.draw(comparison, found, title)},
     )
 
 
@@ -103,11 +99,11 @@ def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path
 
 
 def _short(number: Any) -> Any:
-    """Return a number or a list of numbers with few digits; other values are returned unchanged."""
+    """Return a number or a list of numbers with four digits; other values are returned unchanged."""
     if isinstance(number, str):
         return number
     given = number.tolist() if hasattr(number, "tolist") else number
-    return [_short(each) for each in given] if isinstance(given, list) else float(f"{given:.{DIGITS}g}")
+    return [_short(each) for each in given] if isinstance(given, list) else float(f"{given:.4g}")
 
 
 CSV_COLUMNS = (
@@ -136,12 +132,13 @@ DELAY_COLUMNS = {
 """Columns at a terminal."""
 
 
-def _cell(item: Any) -> str:
-    return f"{item:.4f}" if isinstance(item, float) else str(item)
+def _cells(row: Row) -> list[str]:
+    items = [getattr(row, name) for name in CSV_COLUMNS]
+    return [f"{item:.4f}" if isinstance(item, float) else str(item) for item in items]
 
 
 def _content(training: Training, comparison: Comparison, fitted: Sequence[str], to: Path) -> dict[str, Any]:
-    gait = {name: getattr(training.gait, name) for name in parameters_of(EiChain)}
+    gait, told = {name: getattr(training.gait, name) for name in parameters_of(EiChain)}, comparison.told
     return {
         "status": "done",
         "measured": str(to),
@@ -150,12 +147,8 @@ def _content(training: Training, comparison: Comparison, fitted: Sequence[str], 
         "cost": training.cost,
         "networks_tried": training.tried,
         "carried": comparison.carried,
-        "leaving_one_out": None if comparison.told is None else _told(comparison.told),
-        "paces": [{field.name: getattr(pace, field.name) for field in fields(pace)} for pace in comparison.paces],
+        "leaving_one_out": None if told is None else {**asdict(told), "learnt": told.learnt},
+        "paces": [asdict(pace) for pace in comparison.paces],
         "rows": [{name: getattr(row, name) for name in (*CSV_COLUMNS, "kept")} for row in comparison.rows],
         "sentences": list(sentences(comparison)),
     }
-
-
-def _told(told: LeftOut) -> dict[str, Any]:
-    return {field.name: getattr(told, field.name) for field in fields(told)} | {"learnt": told.learnt}

@@ -11,15 +11,13 @@ from matplotlib.figure import Figure
 from scenes.studies.gait_fit.comparison import Comparison
 from scenes.studies.gait_fit.recordings import Recording
 
-DRAWN_DURATION_S = 25.0
-"""Duration of the drawn part of a recording, around the middle wave [s]."""
-MAX_DRAWN_RECORDINGS = 8
-"""Largest number of drawn recordings."""
+HALF_STRETCH_S = 12.5
+"""Half of the duration of the drawn part of a recording, around the middle wave [s]."""
 
 
-def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> tuple[Figure, Axes]:
-    """Return the figure: a row for each recording."""
-    shown = recordings[:MAX_DRAWN_RECORDINGS]
+def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> Figure:
+    """Return the figure: a row for each of the first eight recordings."""
+    shown = recordings[:8]
     figure = Figure(figsize=(13.0, 1.0 + 2.6 * len(shown)), layout="constrained", dpi=110)
     grid = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.0, 2.2))
     for (left, right), each in zip(grid, shown, strict=True):
@@ -30,7 +28,7 @@ def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> tupl
     grid[-1][1].set_xlabel("time [s]")
     grid[0][1].set_title("recorded bands, and their troughs that make waves", fontsize=9)
     figure.suptitle(title, fontsize=11)
-    return figure, grid[0][0]
+    return figure
 
 
 def _draw_delays(axes: Axes, found: Comparison, each: Recording) -> None:
@@ -54,12 +52,12 @@ def _draw_delays(axes: Axes, found: Comparison, each: Recording) -> None:
 def _draw_stretch(axes: Axes, each: Recording) -> None:
     waves = each.waves
     centre = float(waves.times[len(waves.times) // 2, waves.middle])
-    near = np.abs(each.time - centre) < DRAWN_DURATION_S / 2
+    near = np.abs(each.time - centre) < HALF_STRETCH_S
     scale = 0.4 / max(float(np.nanmax(np.abs(each.values[near]))), 1e-300)
     for k in range(len(waves.bands)):
         axes.plot(each.time[near], k + 2.0 * scale * each.values[near, k], color="0.4", lw=0.8)
     for wave in waves.times:
-        if abs(wave[waves.middle] - centre) < DRAWN_DURATION_S / 2:
+        if abs(wave[waves.middle] - centre) < HALF_STRETCH_S:
             axes.plot(wave, np.arange(len(wave)), "C3.-", lw=1.0, ms=5)
     axes.set_yticks(range(len(waves.bands)), waves.bands)
-    axes.set_xlim(centre - DRAWN_DURATION_S / 2, centre + DRAWN_DURATION_S / 2)
+    axes.set_xlim(centre - HALF_STRETCH_S, centre + HALF_STRETCH_S)

@@ -17,7 +17,7 @@ from scenes.models.control.identify import Gait, Steady, Subject, steady
 
 WAVE_AMPLITUDE, WAVE_PERIOD_S = 0.3, 1.25
 """Amplitude and period [s] of all waves."""
-RUN_WAVES, TRANSIENT_WAVES = 9, 5
+WAVES = (9, 5)
 """Number of waves of a run, and number of its first waves that are not steady yet."""
 CURVE_STEERINGS: dict[Mechanism, tuple[float, ...]] = {
     "hinge": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.2, 0.25, 0.3),
@@ -109,7 +109,7 @@ def curves(subject: Subject, watch: Callable[[int], None] = lambda done: None) -
     found: list[Curve] = []
     for mechanism, name, body, gaits in _plans(subject.worm, subject.schedule):
         runs = zip(CURVE_STEERINGS[mechanism], gaits, strict=True)
-        points = tuple(_point(s, steady(body, subject.ground, gait, RUN_WAVES, TRANSIENT_WAVES)) for s, gait in runs)
+        points = tuple(_point(s, steady(body, subject.ground, gait, *WAVES)) for s, gait in runs)
         found.append(Curve(mechanism, name, points))
         watch(len(found))
     return tuple(found)
@@ -156,7 +156,7 @@ def _phases(worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mech
     name, ahead = f"{mechanism}_phase", 2.0 * np.pi * schedule.lead / WAVE_PERIOD_S
     turned: list[dict[str, Any]] = [{name: float(np.deg2rad(phase)) - ahead} for phase in PHASES_DEG]
     waves = [SteeredWave(parameters, replace(schedule, **phase)) for phase in turned]
-    runs = [steady(worm, ground, wave, RUN_WAVES, TRANSIENT_WAVES) for wave in waves]
+    runs = [steady(worm, ground, wave, *WAVES) for wave in waves]
     stood = [None if run.tipped else run.motion for run in runs]
     motions = [(np.nan, np.nan) if each is None else (np.rad2deg(each.turn), each.drift) for each in stood]
     turn, drift = np.array(motions).T

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +51,8 @@ def by_segments(what: str, values: Sequence[float | None]) -> Claim:
     return Claim(
         claim=f"{what} rises with the number of segments up to 6 and drops at 7",
         source="IV.A, Fig. 10 and 11",
-        verdict=verdict(_rises_then_drops(_numbers(values))),
-        evidence="n = " + listed(SEGMENTS, values) + _change_to_the_last(_numbers(values)),
+        verdict=verdict(_rises(values[:-1]) and _rises(values[:-3:-1])),
+        evidence="n = " + listed(SEGMENTS, values) + _change_to_the_last(*values[-2:]),
     )
 
 
@@ -62,7 +61,7 @@ def by_period(what: str, values: Sequence[float | None]) -> Claim:
     return Claim(
         claim=f"a shorter wave period means {what}",
         source="IV.B, Fig. 12 and 13",
-        verdict=verdict(_rises(_numbers(values)[::-1])),
+        verdict=verdict(_rises(values[::-1])),
         evidence="T_wave = " + listed([f"{T:g} s" for T in PAPER_PERIODS_S], values),
     )
 
@@ -72,23 +71,15 @@ def verdict(holds: bool) -> str:
     return "holds" if holds else "does not hold"
 
 
-def _rises_then_drops(values: Sequence[float]) -> bool:
-    """Whether the values rise up to the last but one and the last value is smaller."""
-    return all(a < b for a, b in pairwise(values[:-1])) and values[-1] < values[-2]
+def _rises(values: Sequence[float | None]) -> bool:
+    """Whether every value is larger than the value before; missing values neither rise nor drop."""
+    return bool((np.diff(np.array(values, dtype=float)) > 0.0).all())
 
 
-def _rises(values: Sequence[float]) -> bool:
-    return all(a < b for a, b in pairwise(values))
-
-
-def _change_to_the_last(values: Sequence[float]) -> str:
-    change = values[-1] / values[-2] - 1.0
-    return f" ({change:+.0%} from 6 to 7)" if np.isfinite(change) and values[-2] > 0.0 else ""
-
-
-def _numbers(values: Sequence[float | None]) -> list[float]:
-    """Return the values, with NaN for missing values: NaN neither rises nor drops."""
-    return [float("nan") if value is None else value for value in values]
+def _change_to_the_last(before: float | None, last: float | None) -> str:
+    if before is None or last is None or not (before > 0.0 and np.isfinite(last)):
+        return ""
+    return f" ({last / before - 1.0:+.0%} from 6 to 7)"
 
 
 def listed(labels: Sequence[object], values: Sequence[float | None]) -> str:
@@ -206,7 +197,7 @@ def _loads_claim(run: Run) -> Claim:
     return Claim(
         claim="the predictor is crucial for the normal loads of the friction",
         source="III.B",
-        verdict="does not hold" if constant else "holds",
+        verdict=verdict(not constant),
         evidence=f"the friction is {', '.join(f'{value:g}' for value in used)} times m g throughout: "
         "the loads are constant, nothing of the predictor enters them",
     )

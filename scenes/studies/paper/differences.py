@@ -8,21 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from planar import published
 from planar.published import Parameters, Run
 
-REST_AREA = np.sqrt(3.0) / 4.0 / 6.0
-"""Area of the six rhombi at rest [m^2]."""
-
-DENSITY = 10.0
-"""Table I [kg/m^3]."""
-
-BLOW_UP_STEPS = 200
-"""Number of steps of a run that blows up."""
+MASS = 10.0 * (np.sqrt(3.0) / 4.0 / 6.0)
+"""Density of Table I [kg/m^3] times the area of the six rhombi at rest [m^2], for a depth of 1 m [kg]."""
 
 
 @dataclass(frozen=True)
@@ -43,23 +36,21 @@ def differences(program_run: Run) -> list[Difference]:
     return [Difference(what, text, program, effect(program_run)) for what, text, program, effect in _ENTRIES]
 
 
-def _outcome(other: Run, run: Run) -> str:
-    unconverged = f"; {other.unconverged_steps} steps unconverged" if other.unconverged_steps else ""
-    inverted = f"; segments inside out in {other.inverted_steps} steps" if other.inverted_steps else ""
-    ending = f"; {other.stop.sentence}" if other.status.diverged else ""
-    return (
-        f"reported distance {other.reported_distance:.6g} m (program {run.reported_distance:.6g}), "
-        f"true {other.true_displacement:.6g} m ({run.true_displacement:.6g}), "
-        f"work {other.work:.6g} J ({run.work:.6g}){unconverged}{inverted}{ending}"
-    )
+def _with(parameters: Parameters, label: str) -> Callable[[Run], str]:
+    """Return the function that compares the published run with a run of other parameters."""
 
+    def effect(run: Run) -> str:
+        other = published.simulate(parameters=parameters)
+        unconverged = f"; {other.unconverged_steps} steps unconverged" if other.unconverged_steps else ""
+        inverted = f"; segments inside out in {other.inverted_steps} steps" if other.inverted_steps else ""
+        ending = f"; {other.stop.sentence}" if other.status.diverged else ""
+        return (
+            f"{label}: reported distance {other.reported_distance:.6g} m (program {run.reported_distance:.6g}), "
+            f"true {other.true_displacement:.6g} m ({run.true_displacement:.6g}), "
+            f"work {other.work:.6g} J ({run.work:.6g}){unconverged}{inverted}{ending}"
+        )
 
-def _compared(run: Run, parameters: Parameters, label: str = "as the text has it") -> str:
-    return f"{label}: {_outcome(published.simulate(parameters=parameters), run)}"
-
-
-def _with(parameters: Parameters, label: str = "as the text has it") -> Callable[[Run], str]:
-    return partial(_compared, parameters=parameters, label=label)
+    return effect
 
 
 def _torsion(run: Run) -> str:
@@ -73,17 +64,11 @@ def _torsion(run: Run) -> str:
     )
 
 
-def _mass(run: Run) -> str:
-    mass = DENSITY * REST_AREA
-    parameters = Parameters(mass=mass, connector_mass=1e-3 * mass)
-    return _compared(run, parameters, f"with {mass:.3g} kg (a depth of 1 m; the shares as in the program)")
-
-
 def _residual_loads(run: Run) -> str:
-    other = published.simulate(steps=BLOW_UP_STEPS, parameters=Parameters(normal_load="residual"))
+    other = published.simulate(steps=200, parameters=Parameters(normal_load="residual"))
     return (
         f"it blows up: after {other.time[-1]:g} s the true displacement is {other.true_displacement:.3g} m, "
-        f"{other.unconverged_steps} of {BLOW_UP_STEPS} steps unconverged; loads of newtons act on a worm of 1e-8 kg"
+        f"{other.unconverged_steps} of 200 steps unconverged; loads of newtons act on a worm of 1e-8 kg"
     )
 
 
@@ -150,7 +135,15 @@ _ENTRIES: list[tuple[str, str, str, Callable[[Run], str]]] = [
         _with(Parameters(k_link=0.12), "with 0.12 N in (P7)"),
     ),
     ("torsional springs", "k_torsion = 1e4 (Table I), (P6)", "switched off", _torsion),
-    ("mass", "density 10 kg/m^3 (Table I), no depth", "1e-8 kg in all, 1e-11 kg of it on the connectors", _mass),
+    (
+        "mass",
+        "density 10 kg/m^3 (Table I), no depth",
+        "1e-8 kg in all, 1e-11 kg of it on the connectors",
+        _with(
+            Parameters(mass=MASS, connector_mass=1e-3 * MASS),
+            f"with {MASS:.3g} kg (a depth of 1 m; the shares as in the program)",
+        ),
+    ),
     (
         "where friction acts",
         "on what touches the ground",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from control import gaits
@@ -16,7 +17,6 @@ from scenes.studies.paper.cases import (
     GROUND_NAMES,
     PAPER_PERIODS_S,
     SEGMENTS,
-    CorrectedRow,
     Ground,
     GroundKey,
     Key,
@@ -27,19 +27,13 @@ from worm3d.values.arrays import FloatArray
 CONTRACTION_FORCE = published.Parameters().contraction_force
 """Force of a segment at activation 1 [N]."""
 
-FIGURE_SEGMENTS = 6
-"""Number of segments in figures 7 to 9."""
-
 ENGINE = SegmentDriven()
 
-T_CONTRACT = ENGINE.T_wave / FIGURE_SEGMENTS
+T_CONTRACT = ENGINE.T_wave / 6
 """Duration of a contraction in figures 7 and 8: one segment at a time [s]."""
 
 OUR_CHOICE = f"T_contract = {T_CONTRACT:.3g} s (one segment at a time)"
 """The paper does not say which duration its figures show."""
-
-COMPARED = (2.0, 5.0)
-"""Wave periods for the comparison of the grounds [s]."""
 
 
 def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
@@ -58,8 +52,15 @@ def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
 
 
 def _sampled(activation: Callable[[float, int], FloatArray], duration: float) -> tuple[FloatArray, FloatArray]:
+    """Return times and the activation of six segments."""
     time = np.arange(0.0, duration, 0.01)
-    return time, np.array([activation(t, FIGURE_SEGMENTS) for t in time])
+    return time, np.array([activation(t, 6) for t in time])
+
+
+def _wide(panels: int, sharey: bool) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels side by side."""
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
+    return figure, list(figure.subplots(1, panels, sharey=sharey))
 
 
 def _segment_activation() -> Figure:
@@ -72,9 +73,9 @@ def _segment_activation() -> Figure:
 
 
 def _segment_force() -> Figure:
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
+    figure, panels = _wide(3, sharey=True)
     pulses: tuple[gaits.Pulse, ...] = ("gaussian", "square", "dirac")
-    for axes, pulse in zip(figure.subplots(1, 3, sharey=True), pulses, strict=True):
+    for axes, pulse in zip(panels, pulses, strict=True):
         time, activation = _sampled(SegmentDriven(contractType=pulse, T_contract=T_CONTRACT).activation, 4.0)
         figures.activation(
             time, CONTRACTION_FORCE * activation, f"Fig. 8: {pulse} pulse", "contraction force", "N", axes
@@ -96,8 +97,7 @@ def _wave_force() -> Figure:
 
 
 def _published_com(runs: Mapping[str, published.Run], title: str) -> Figure:
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
-    reported, true = figure.subplots(1, 2, sharey=True)
+    figure, (reported, true) = _wide(2, sharey=True)
     time = next(iter(runs.values())).time
     reported_curves = {label: run.reported_com for label, run in runs.items()}
     true_curves = {label: run.q[:, run.net.main, 0].mean(axis=1) for label, run in runs.items()}
@@ -116,21 +116,19 @@ def _published_cost(runs: Mapping[str, published.Run], title: str) -> Figure:
 
 
 def corrected_figures(
-    runs: Mapping[GroundKey, linkage.Run], rows: Sequence[CorrectedRow], overstatements: Sequence[Overstatement]
+    runs: Mapping[GroundKey, linkage.Run], overstatements: Sequence[Overstatement]
 ) -> dict[str, Figure]:
     """Return the figures by file stem."""
-    contact = {(r.n, r.T_wave_s): r for r in rows if r.law == "anchored"}
     by_segments = {f"n = {n}": runs[n, 2.0, "anchored"] for n in SEGMENTS}
     by_period = {f"T = {T:g} s": runs[6, T, "anchored"] for T in PAPER_PERIODS_S}
-    table_2, table_3 = [contact[n, 2.0] for n in SEGMENTS], [contact[6, T] for T in PAPER_PERIODS_S]
     return {
         "corrected_figure_10_centre_of_mass_by_segments": _corrected_com(by_segments, "Fig. 10 corrected, T = 2 s"),
         "corrected_figure_11_cost_by_segments": _corrected_cost(
-            by_segments, np.array(SEGMENTS, dtype=float), table_2, "number of segments", "Fig. 11 corrected, T = 2 s"
+            by_segments, SEGMENTS, "number of segments", "Fig. 11 corrected, T = 2 s"
         ),
         "corrected_figure_12_centre_of_mass_by_period": _corrected_com(by_period, "Fig. 12 corrected, n = 6"),
         "corrected_figure_13_cost_by_period": _corrected_cost(
-            by_period, np.array(PAPER_PERIODS_S), table_3, "wave period [s]", "Fig. 13 corrected, n = 6"
+            by_period, PAPER_PERIODS_S, "wave period [s]", "Fig. 13 corrected, n = 6"
         ),
         "friction_threshold_against_set_valued": _friction(runs, overstatements),
     }
@@ -142,24 +140,22 @@ def _corrected_com(runs: Mapping[str, linkage.Run], title: str) -> Figure:
     return figure
 
 
-def _corrected_cost(
-    runs: Mapping[str, linkage.Run], parameter: FloatArray, rows: Sequence[CorrectedRow], xlabel: str, title: str
-) -> Figure:
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
-    left, right = figure.subplots(1, 2)
+def _corrected_cost(runs: Mapping[str, linkage.Run], parameter: Sequence[float], xlabel: str, title: str) -> Figure:
+    figure, (left, right) = _wide(2, sharey=False)
     time = next(iter(runs.values())).time[1:]
     curves = {label: cumulative_cost(run.ledger.work_contract_p11, run.com[:, 0]) for label, run in runs.items()}
     figures.cumulative_cost(time, curves, f"{title}: sum of |work / dx|, (P12)", left, logarithmic=True)
-    cost = np.array([np.nan if row.cost_of_transport is None else row.cost_of_transport for row in rows])
-    figures.case_panel(right, parameter, cost, xlabel, "cost of transport W / (m g d)")
+    cost = np.array([run.cost_of_transport for run in runs.values()])
+    figures.case_panel(right, np.array(parameter, dtype=float), cost, xlabel, "cost of transport W / (m g d)")
     right.set_title("work over weight and distance; none: no way forward", fontsize=10)
     return figure
 
 
 def _friction(runs: Mapping[GroundKey, linkage.Run], overstatements: Sequence[Overstatement]) -> Figure:
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
+    """Draw the ways on each ground, for two of the periods."""
+    figure, panels = _wide(2, sharey=False)
     by_period = {each.T_wave_s: each for each in overstatements}
-    for axes, T in zip(figure.subplots(1, 2), COMPARED, strict=True):
+    for axes, T in zip(panels, (2.0, 5.0), strict=True):
         curves = {_labelled(ground, by_period[T]): runs[6, T, ground].com[:, 0] for ground in GROUND_NAMES}
         figures.centre_of_mass(runs[6, T, "anchored"].time, curves, f"six segments, T = {T:g} s", axes)
     return figure

@@ -88,7 +88,7 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
         with busy("judging the claims", quiet=quiet):
             found = _study(runs, corrected)
         with busy("drawing", quiet=quiet):
-            drawn = published_figures(runs) | corrected_figures(corrected, found.corrected, found.overstatements)
+            drawn = published_figures(runs) | corrected_figures(corrected, found.overstatements)
         pictures = {f"{stem}.png": figure for stem, figure in drawn.items()}
         return report(found, {**pictures, MOVIE: _movie(runs[6, 2.0])})
 
@@ -132,8 +132,7 @@ def _published(study: Study) -> Iterator[Block]:
         "is the mean displacement of the main nodes. The program inverts the sign of the elastic force: these numbers "
         "are a regression target, not physics."
     )
-    for title, part in _tables(study.rows):
-        yield from (Heading(title), Table.of(PUBLISHED, part))
+    yield from _tables(study.rows)
     yield Heading("What the program prints at T_wave = 2 s, ours, and ours less the printed")
     columns = {title: column for title, column in PUBLISHED.items() if title != "T_wave [s]"}
     printed = [row for row in study.rows if row.T_wave_s == 2.0 and row.n in PRINTED]
@@ -176,8 +175,7 @@ def _judged(claims: Sequence[Claim]) -> Items:
 
 def _said(study: Study) -> Iterator[Block]:
     """Yield the tables and the verdicts; the evidence is in the report."""
-    for title, part in _tables(study.rows):
-        yield from (Heading(title), Table.of(PUBLISHED, part))
+    yield from _tables(study.rows)
     yield from (Heading("The paper's claims"), _verdicts(study.claims))
     yield f"{len(study.differences)} differences between text and program, each with its effect, are in the report."
     yield from (Heading("The corrected worm"), Table.of(CORRECTED, study.corrected))
@@ -191,7 +189,9 @@ def _verdicts(claims: Sequence[Claim]) -> Items:
     return Items([f"{c.verdict}: {c.claim}" for c in claims])
 
 
-def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
-    yield "Table II: segments", [r for r in rows if r.T_wave_s == 2.0 and r.n in SEGMENTS]
+def _tables(rows: Sequence[Row]) -> Iterator[Block]:
+    yield Heading("Table II: segments")
+    yield Table.of(PUBLISHED, [r for r in rows if r.T_wave_s == 2.0 and r.n in SEGMENTS])
+    yield Heading("Table III: wave period")
     by_period = [r for r in rows if r.n == 6 and r.T_wave_s in PAPER_PERIODS_S]
-    yield "Table III: wave period", sorted(by_period, key=lambda r: r.T_wave_s)
+    yield Table.of(PUBLISHED, sorted(by_period, key=lambda r: r.T_wave_s))

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from scenes.studies.technologies.limits import ALL, MOVES, Verdict
 from scenes.studies.technologies.runs import Bench
@@ -35,19 +35,14 @@ def draw(bench: Bench, verdicts: Sequence[Verdict]) -> Figure:
 def _speeds(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
     rows = np.arange(len(verdicts))
     own = np.array([each.own.speed for each in verdicts])
-    axes.barh(rows, np.nan_to_num(own), color=[LIMIT_COLOURS[each.limit] for each in verdicts], height=0.7)
+    colours = [LIMIT_COLOURS[each.limit] for each in verdicts]
+    axes.barh(rows, np.nan_to_num(own), color=colours, height=0.7)
     free = [each.without[each.limit].speed if each.limit else np.nan for each in verdicts]
     axes.plot(free, rows, "k|", ms=14, mew=2)
     for k, each in enumerate(verdicts):
         if not each.moves:
-            axes.text(
-                np.nanmax([0.0, free[k]]),
-                k,
-                "  does not move it",
-                va="center",
-                fontsize=8,
-                color=LIMIT_COLOURS[each.limit],
-            )
+            end = np.nanmax([0.0, free[k]])
+            axes.text(end, k, "  does not move it", va="center", fontsize=8, color=colours[k])
     axes.set_yticks(rows, [each.kind for each in verdicts])
     axes.set_ylim(len(verdicts) - 0.4, -0.6)
     axes.set_xlabel(f"speed at the scene's period of {bench.period:g} s [BL/s]")
@@ -66,7 +61,7 @@ def _periods(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
     axes.set(xscale="log", yscale="log", xlabel="period of the gait [s]", ylabel="speed [BL/s]")
     axes.grid(alpha=0.3, which="both")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
     axes.legend(ncols=3, handlelength=3.5, **BELOW)
 

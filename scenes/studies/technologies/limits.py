@@ -14,9 +14,6 @@ from worm3d.values.arrays import FloatArray
 MOVES = 0.002
 """Least way in a period of a moving worm [BL]."""
 
-COUNTS = 1.05
-"""Least ratio of speeds that makes a limit count."""
-
 ALL = "all"
 """Name of the run without any limit."""
 
@@ -100,7 +97,8 @@ class Verdict:
         return self.limit or "-"
 
     def _counts(self, speed: float) -> bool:
-        return bool(speed * self.own.period > max(MOVES, COUNTS * self.own.stride))
+        """Whether a limit counts: the worm without it moves, and is faster by more than 5 %."""
+        return bool(speed * self.own.period > max(MOVES, 1.05 * self.own.stride))
 
     @property
     def sentence(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,20 +27,11 @@ LAGS = 12.0
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Periods of the runs, over the scene's period."""
 
-LONGEST_STEP = 2.0
-"""Largest time step of runs with long periods, over the scene's time step."""
-
 STRONGER = 10.0
 """Strength of actuators whose force is not to limit them, over the larger of their own and the needed strength."""
 
 RIGID = ("actuator.series=100", "actuator.droop=0", "actuator.scales=false")
 """Changes that make an actuator a source of position."""
-
-AT_ONCE = 1e6
-"""Rate of a drive without limit [1/s]."""
-
-REST_SPEED = 1e-12
-"""Speed of a worm at rest, by rounding errors [BL/s]."""
 
 Changes = tuple[str, ...]
 
@@ -111,17 +102,14 @@ class Bench:
         if found is None:
             raise SceneError(f"{scene}: its gait has no period; choose a periodic one, such as travelling_wave")
         self.name, self.period, self._dt = loaded.name, float(found), float(settings.run.dt_s)
-        self.asked = self._asked(settings)
+        bound = gait_of(settings).bind(worm_of(settings))
+        times = np.linspace(4.0, 5.0, 200, endpoint=False) * self.period
+        self.asked = _swing(np.array([bound(float(t)).contraction for t in times]))
+        """Swing of the contraction that the gait commands, averaged over the chambers that it moves."""
 
     def scene_of(self, changes: Changes) -> Scene:
         """Return the scene with changes, which override the user's changes."""
         return load_scene(self._scene, (*self._overrides, *changes))
-
-    def _asked(self, settings: Any) -> float:
-        """Return the swing of the contraction that the gait commands, averaged over the chambers that it moves."""
-        bound = gait_of(settings).bind(worm_of(settings))
-        times = np.linspace(4.0, 5.0, 200, endpoint=False) * self.period
-        return _swing(np.array([bound(float(t)).contraction for t in times]))
 
     def technology(self, kind: str) -> Acting:
         """Return the actuators of a kind, with the scene's numbers."""
@@ -134,7 +122,7 @@ class Bench:
     def run(self, kind: str, period: float | None = None, changes: Changes = ()) -> Trial:
         """Run the worm on a technology, with the scene's period or another period."""
         period = self.period if period is None else period
-        dt = self._dt * min(period / self.period, LONGEST_STEP)
+        dt = self._dt * min(period / self.period, 2.0)  # long periods have steps of at most twice the scene's
         count = max(MIN_RUN_PERIODS, 2 * math.ceil(LAGS * self.technology(kind).slowest / (2.0 * period)))
         told = (
             f"actuator.kind={kind}",
@@ -161,7 +149,7 @@ def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
     """
     acting, area, needed = bench.technology(kind)
     thermal, stroke = acting.hot > 0.0, np.minimum(acting.strain * np.asarray(acting.lever), MOST_STROKE)
-    at_once: Changes = ("actuator.delay_s=0", "actuator.rise_s=0", f"actuator.rate_per_s={AT_ONCE!r}")
+    at_once: Changes = ("actuator.delay_s=0", "actuator.rise_s=0", "actuator.rate_per_s=1e6")
     strong = STRONGER * np.maximum(area, needed)
     bundled: Changes = (
         () if acting.gauge is None else (f"actuator.gauge_m2={(acting.gauge * strong / area).tolist()!r}",)
@@ -195,7 +183,7 @@ def _measured(record: Record, period: float) -> Trial:
     drawn, kept, lost = (float(record[name][last].sum()) for name in ("work_contract", "actuator", "actuator_loss"))
     span, waves = float(time[-1] - time[~last][-1]), time > time[-1] - period * (1.0 + 1e-9)
     v = float(speed) if isinstance(speed, float) else math.nan
-    v = 0.0 if abs(v) < REST_SPEED else v
+    v = 0.0 if abs(v) < 1e-12 else v  # a worm at rest, but for rounding
     way = v * worm.length * span
     carried = worm.mass * 9.81 * way if way > 0.0 else math.nan
     return Trial(

@@ -11,10 +11,12 @@ from matplotlib.lines import Line2D
 
 from scenes.studies.validate.rows import AGREES, DEPENDS, MISSES, Row
 
-MIN_DRAWN_RATIO, MAX_DRAWN_RATIO = 0.03, 30.0
+Range = tuple[float, float]
+
+RATIOS: Range = (0.03, 30.0)
 """Range of the ratios; a ratio outside is drawn at the end of the range."""
 
-MIN_DRAWN_ERROR, MAX_DRAWN_ERROR = 1e-4, 30.0
+ERRORS: Range = (1e-4, 30.0)
 """Range of errors over tolerances; an error outside is drawn at the end of the range."""
 
 AGREEMENT_COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
@@ -23,10 +25,7 @@ AGREEMENT_COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
 NOT_COUNTED = "0.6"
 """Colour of rows that do not count."""
 
-ERROR_AXIS_LABEL, RATIO_AXIS_LABEL = (
-    "error over tolerance",
-    "model over published number (trends: model), bands, and spreads",
-)
+RATIO_LABEL = "model over published number (trends: model), bands, and spreads"
 
 
 def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
@@ -34,52 +33,50 @@ def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
     rows = [row for each in chapters.values() for row in each]
     exact = [row for row in rows if not isinstance(row.tolerance, tuple)]
     banded = [row for row in rows if isinstance(row.tolerance, tuple) and _scale(row) is not None]
-    panels = [each for each in ((exact, _error, ERROR_AXIS_LABEL), (banded, _ratio, RATIO_AXIS_LABEL)) if each[0]]
+    both = ((exact, _error, ERRORS, "error over tolerance"), (banded, _ratio, RATIOS, RATIO_LABEL))
+    panels = [panel for panel in both if panel[0]]
     if not panels:
         return Figure()
-    heights = [len(each) + 3 for each, _, _ in panels]
+    heights = [len(panel[0]) + 3 for panel in panels]
     figure = Figure(figsize=(9.0, 0.22 * sum(heights) + 0.3), layout="constrained", dpi=110)
     grid = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
-    for axes, (some, mark, label) in zip(grid, panels, strict=True):
-        _panel(axes, some, mark, label)
+    for axes, panel in zip(grid, panels, strict=True):
+        _panel(axes, *panel)
     words = {**AGREEMENT_COLOURS, "fitted or input, not counted": NOT_COUNTED}
     marks = [Line2D([], [], marker="o", ls="", color=colour, label=word) for word, colour in words.items()]
     figure.legend(handles=marks, loc="outside upper right", ncols=len(marks), fontsize=7)
     return figure
 
 
-def _panel(axes: Axes, rows: Sequence[Row], mark: Callable[[Axes, int, Row], None], label: str) -> None:
+def _panel(axes: Axes, rows: Sequence[Row], mark: Callable[[Axes, int, Row], None], limits: Range, label: str) -> None:
     axes.axvline(1.0, color="0.4", lw=0.8)
     for place, row in enumerate(reversed(rows)):
         mark(axes, place, row)
-    axes.set_xscale("log")
+    axes.set(xscale="log", xlim=limits, ylim=(-0.7, len(rows) - 0.3))
     axes.set_xlabel(label, fontsize=8)
-    axes.set_ylim(-0.7, len(rows) - 0.3)
     axes.set_yticks(range(len(rows)), [row.name for row in reversed(rows)], fontsize=7)
     axes.tick_params(axis="x", labelsize=7)
-    axes.set_xlim((MIN_DRAWN_ERROR, MAX_DRAWN_ERROR) if mark is _error else (MIN_DRAWN_RATIO, MAX_DRAWN_RATIO))
 
 
 def _error(axes: Axes, place: int, row: Row) -> None:
     low, high = row.band
     if math.isfinite(row.model):
-        error = abs(row.model - 0.5 * (low + high)) / (0.5 * (high - low))
-        _dot(axes, place, error, (MIN_DRAWN_ERROR, MAX_DRAWN_ERROR), row)
+        _dot(axes, place, abs(row.model - 0.5 * (low + high)) / (0.5 * (high - low)), ERRORS, row)
 
 
 def _ratio(axes: Axes, place: int, row: Row) -> None:
-    scale, limits = _scale(row), (MIN_DRAWN_RATIO, MAX_DRAWN_RATIO)
+    scale = _scale(row)
     assert scale is not None
-    low, high = (_within(end / scale, limits) for end in row.band)
+    low, high = (_within(end / scale, RATIOS) for end in row.band)
     axes.barh(place, high - low, left=low, height=0.7, color="0.88", zorder=0)
     if row.spread is not None:
-        ends = [_within(end / scale, limits) for end in row.spread]
+        ends = [_within(end / scale, RATIOS) for end in row.spread]
         axes.plot(ends, (place, place), color=_colour(row), lw=1.5)
     if math.isfinite(row.model):
-        _dot(axes, place, row.model / scale, limits, row)
+        _dot(axes, place, row.model / scale, RATIOS, row)
 
 
-def _dot(axes: Axes, place: int, value: float, limits: tuple[float, float], row: Row) -> None:
+def _dot(axes: Axes, place: int, value: float, limits: Range, row: Row) -> None:
     marker = "<" if value < limits[0] else ">" if value > limits[1] else "o" if row.ok else "X"
     axes.plot(_within(value, limits), place, marker, color=_colour(row), ms=5, clip_on=False, zorder=3)
 
@@ -95,5 +92,5 @@ def _scale(row: Row) -> float | None:
     return row.published or None
 
 
-def _within(value: float, limits: tuple[float, float]) -> float:
+def _within(value: float, limits: Range) -> float:
     return min(max(value, limits[0]), limits[1])

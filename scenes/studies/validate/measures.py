@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -46,7 +46,7 @@ class Measure(Protocol):
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a run, by its name in `RUN_FIGURES` or in the summary."""
+    """A figure of a run, by its name in `run_figures` or in the summary."""
 
     name: str
     scene: str
@@ -100,7 +100,7 @@ class Exponent:
 def figures(scene: str, changes: Changes) -> dict[str, float]:
     """Run a scene of this package, or a shipped scene, and return its figures.
 
-    The figures are the numbers of the summary, and for worms the numbers of `RUN_FIGURES`.
+    The figures are the numbers of the summary, and for worms the numbers of `run_figures`.
 
     Raises
     ------
@@ -115,40 +115,24 @@ def figures(scene: str, changes: Changes) -> dict[str, float]:
     if record.status != "done":
         raise StoppedError(record.sentence)
     known = {name: value for name, value in record.summary.metrics.items() if isinstance(value, float)}
-    return known | ({name: figure(record) for name, figure in RUN_FIGURES.items()} if "com" in record else {})
+    return known | (run_figures(record) if "com" in record else {})
 
 
-def stride(record: Record) -> float:
-    """Return the displacement of the centre of mass in a period of the gait, in the initial direction of the head [m].
+def run_figures(record: Record) -> dict[str, float]:
+    """Return strides and speeds of a run; body lengths are rest lengths.
 
-    The stride is the mean over the last whole periods in the second half of the run.
+    The stride is the displacement of the centre of mass in a period of the gait, in the initial direction of the head,
+    and the mean over the last whole periods in the second half of the run.
     """
-    time, com, period = record["time"], record["com"], _period(record)
+    settings = tomllib.loads(record.scene)
+    period, length = float(settings["gait"]["period_s"]), float(settings["worm"]["length_m"])
+    time, com = record["time"], record["com"]
     periods = max(1, int(0.5 * time[-1] / period + 1e-9))
     first = int(np.argmin(np.abs(time - (time[-1] - periods * period))))
     chord = record["joints"][0, -1] - record["joints"][0, 0]
-    return float((com[-1] - com[first]) @ chord / np.linalg.norm(chord) / periods)
-
-
-def _period(record: Record) -> float:
-    return float(_settings(record)["gait"]["period_s"])
-
-
-def _length(record: Record) -> float:
-    return float(_settings(record)["worm"]["length_m"])
-
-
-RUN_FIGURES: Mapping[str, Callable[[Record], float]] = {
-    "stride_m": stride,
-    "stride_BL": lambda record: stride(record) / _length(record),
-    "speed_m_s": lambda record: stride(record) / _period(record),
-    "speed_BL_s": lambda record: stride(record) / _period(record) / _length(record),
-}
-"""Figures of a run by name; body lengths are rest lengths."""
-
-
-def _settings(record: Record) -> Mapping[str, Mapping[str, float]]:
-    return tomllib.loads(record.scene)
+    stride = float((com[-1] - com[first]) @ chord / np.linalg.norm(chord) / periods)
+    speed = stride / period
+    return {"stride_m": stride, "stride_BL": stride / length, "speed_m_s": speed, "speed_BL_s": speed / length}
 
 
 def _merged(own: Changes, further: Iterable[str]) -> Changes:

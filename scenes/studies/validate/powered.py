@@ -14,11 +14,10 @@ from scenes.studies.validate.robots import CMMWORM, GROUNDS, SOFT_TO_STIFF
 
 BRAID_TABLE = Source("the table of robots of Active Braid Crawler's authors", "R2", "robot")
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.021)
-"""Periods of the search over the scene's period, in turn, until `PAST` in a row are slower than the fastest."""
-PAST = 2
-"""Number of slower periods in a row that end the search; with 1, a dip would end the search."""
-POWERED_RUN_PERIODS = 8
-"""Number of periods of a run; the last half counts."""
+"""Periods of the search over the scene's period, in turn, until two in a row are slower than the fastest.
+
+One slower period may be a dip.
+"""
 STRONG = ("actuator.reserve=10", "actuator.room=0.3")
 """Actuators with five times the default force."""
 FASTER_COILS = ("actuator.rise_s=0.17", "actuator.fall_s=0.67")
@@ -42,17 +41,12 @@ class Fastest:
         StoppedError
             None of the runs finished.
         """
-        found: list[float] = []
-        why = ""
+        found, why = list[float](), ""
         for factor in FACTORS:
-            if len(found) > PAST and max(found) not in found[-PAST:]:
+            if len(found) > 2 and max(found) not in found[-2:]:
                 break
             period = factor * self.period
-            told = (
-                f"gait.period_s={period!r}",
-                f"run.duration_s={POWERED_RUN_PERIODS * period!r}",
-                f"run.dt_s={period / 400.0!r}",
-            )
+            told = (f"gait.period_s={period!r}", f"run.duration_s={8 * period!r}", f"run.dt_s={period / 400.0!r}")
             try:
                 found.append(Figure("speed_BL_s", self.scene, told)(changes))
             except StoppedError as stopped:

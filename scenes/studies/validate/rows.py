@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from scenes.records.text import finite
+
 TRUST = {
     "R": "read in the source itself",
     "R2": "read in another text that quotes the source",
@@ -173,27 +175,16 @@ class Row:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row of `validate.json`, with None in place of NaN and infinity."""
-        low, high = (end if math.isfinite(end) else None for end in self.band)
-        return {
-            "name": self.name,
-            "model": self.model if math.isfinite(self.model) else None,
-            "published": self.published,
-            "ratio": self.ratio,
-            "ok": self.ok,
-            "agreement": self.agreement,
-            "kind": self.kind,
-            "standing": self.standing,
-            "counts": self.counts,
-            "low": low,
-            "high": high,
-            "unit": self.unit,
-            "spread": self.spread,
-            "sign_agrees": self.sign_agrees,
-            "source": self.source,
-            "trust": self.trust,
-            "scene": self.scene,
-            "note": self.note,
-        }
+        low, high = self.band
+        row: dict[str, Any] = finite({**{key: getattr(self, key) for key in JSON_KEYS}, "low": low, "high": high})
+        return row
+
+
+JSON_KEYS = (
+    *("name", "model", "published", "ratio", "ok", "agreement", "kind", "standing", "counts", "unit", "spread"),
+    *("sign_agrees", "source", "trust", "scene", "note"),
+)
+"""Attributes in a row of `validate.json`."""
 
 
 Chapter = Callable[[bool], Iterator[Row]]

@@ -121,9 +121,8 @@ def test_the_further_runs_judge_torsion_mass_friction_and_wave(monkeypatch: pyte
 
 
 def test_figures_are_told_from_the_papers_by_their_names(brief_runs: dict[GroundKey, Run]) -> None:
-    rows = cases.corrected_rows(brief_runs)
     over = cases.overstatements(lambda key: {"anchored": 0.1, "threshold": 0.17, "clamped": 0.3}[key[2]])
-    drawn = corrected_figures(brief_runs, rows, over)
+    drawn = corrected_figures(brief_runs, over)
     for number in (10, 11, 12, 13):
         assert len([stem for stem in drawn if stem.startswith(f"corrected_figure_{number}_")]) == 1
         assert not [stem for stem in drawn if fnmatch(stem, f"figure_{number}_*")]
