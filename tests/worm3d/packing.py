@@ -3,8 +3,8 @@
     python tests/worm3d/packing.py
 
 makes it for all kinds of processors, on any Linux machine of their family: two files of less than 100 kB. `--check`
-makes it too, and compares it with what is there, byte for byte: the same sources and versions make the same bytes. `--keys`
-takes seconds: the keys, which are digests of the sources, have to be those of the archives.
+makes it too, and compares it with what is there, byte for byte: the same sources and versions make the same bytes.
+`--keys` takes seconds: the keys, which are digests of the sources, have to be those of the archives.
 """
 
 from __future__ import annotations

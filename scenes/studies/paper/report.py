@@ -193,5 +193,5 @@ def _tables(rows: Sequence[Row]) -> Iterator[Block]:
     yield Heading("Table II: segments")
     yield Table.of(PUBLISHED, [r for r in rows if r.T_wave_s == 2.0 and r.n in SEGMENTS])
     yield Heading("Table III: wave period")
-    by_period = [r for r in rows if r.n == 6 and r.T_wave_s in PAPER_PERIODS_S]
-    yield Table.of(PUBLISHED, sorted(by_period, key=lambda r: r.T_wave_s))
+    by_period = sorted((r for r in rows if r.n == 6 and r.T_wave_s in PAPER_PERIODS_S), key=lambda r: r.T_wave_s)
+    yield Table.of(PUBLISHED, by_period)

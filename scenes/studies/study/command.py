@@ -102,7 +102,7 @@ def run_all(out: Path | None, options: sweeps.Options) -> int:
         write_bytes(folder / REPORT, b"The studies have not come to their end: start them again.\n")
         for name in shipped_studies():
             codes.append(_run(name, (), folder / name, options, found))
-            if codes[-1] == sweeps.INTERRUPTED_CODE:
+            if codes[-1] == EXIT_CODES["interrupted"]:
                 return codes[-1]
         write_bytes(folder / REPORT, together(found).encode())
         typer.echo(f"{folder / REPORT} has what they tell together")
