@@ -159,7 +159,7 @@ def ready(core: Core, dt: float) -> None:
     place_start(core)
     begin(core, dt, True)
     regimes.set_regimes_from_last_step(core)
-    _newton_step(core, WHOLE_HESSIAN, False)
+    _newton_step(core, WHOLE_HESSIAN)
     ledger.prepare(core)
     ledger.add(core, vector(core.block, a.TERMS_))
 

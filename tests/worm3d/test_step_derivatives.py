@@ -116,7 +116,7 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
 
 @njit
 def newton_step(core: Core, hessian: int) -> float:
-    return float(_newton_step(core, hessian, False))
+    return float(_newton_step(core, hessian))
 
 
 @pytest.mark.parametrize("n", [5, 11])

@@ -19,7 +19,7 @@ from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, loads, regimes
 from worm3d.solver.arrays import Core
-from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
+from worm3d.solver.block import address, combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import (
@@ -32,7 +32,6 @@ from worm3d.solver.evaluate import (
     evaluate,
     hold,
 )
-from worm3d.values.arrays import FloatArray
 
 MAX_ITERATIONS = 40
 """Largest number of Newton iterations; the count restarts whenever contacts break away."""
@@ -159,11 +158,11 @@ def _follow(core: Core, whole: int) -> bool:
     """
     x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
     l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]
-    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, EXACT_HESSIAN, 0, 0, 1.0, NO_EVENT
+    size, hessian, fresh, changes, doubt, before = np.inf, EXACT_HESSIAN, 0, 0, 1.0, NO_EVENT
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
-        previous, size = size, _newton_step(core, hessian, moved > 0.0)
+        previous, size = size, _newton_step(core, hessian)
         far = max(far, STRAY_STEP * l0) if far > 0.0 else size
         strays += size > far
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
@@ -185,11 +184,10 @@ def _follow(core: Core, whole: int) -> bool:
         if news == CONTACT_FREED:  # another problem from here on
             count(core, 2)
             changes, doubt, strays, left = 0, 1.0, 0, MAX_ITERATIONS
-        moved = 0.0 if lands else size
+        since = 0.0 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else since
         if not lands:
-            copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-        since = moved + (0.0 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else since)
+            since += size
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
         if slow or turned or since > KEPT_JACOBIAN_MOTION * l0:
@@ -242,11 +240,8 @@ def _excused(core: Core, hessian: int, before: int) -> bool:
 
 
 @inner
-def _newton_step(core: Core, hessian: int, follows: bool) -> float:
-    """Put Newton's step into "direction"; return the size of the step, infinite if there is no step.
-
-    If the step follows another step ("trial") with the same Jacobian, Broyden's correction is applied.
-    """
+def _newton_step(core: Core, hessian: int) -> float:
+    """Put Newton's step into "direction"; return the size of the step, infinite if there is no step."""
     begin = _first_changed(core) if hessian == LOCAL_HESSIAN else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
@@ -256,17 +251,7 @@ def _newton_step(core: Core, hessian: int, follows: bool) -> float:
     if hessian != NO_HESSIAN:
         lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, begin)
     lu_solve(factor, step)
-    if hessian == NO_HESSIAN and follows:
-        _correct(step, vector(core.block, a.TRIAL))
     return float(largest(core, step))
-
-
-@inner
-def _correct(step: FloatArray, before: FloatArray) -> None:
-    """Apply Broyden's correction to a step with a kept Jacobian, from the step before."""
-    left = dot(before, step) / dot(before, before)
-    if abs(left) < CONTRACTION:
-        combine(step, 1.0 / (1.0 - left), step, 0.0, step)
 
 
 @inner
