@@ -35,7 +35,7 @@ MIN_CHAMBER_LENGTH = 1e-4
 """Shortest possible length of a chamber, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = a.SHAPE.firsts("lengths", "tangent", "director")
 PHI, LOAD_ROW, _AHEAD, STIFFNESS = a.POINT_FORCES.firsts("phi", "load", "f_ahead", "K")
-NO_HESSIAN, WHOLE_HESSIAN, EXACT_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY, CHOICES = range(6)
+NO_HESSIAN, WHOLE_HESSIAN, EXACT_HESSIAN, LOCAL_HESSIAN, CHOICES = range(5)
 """Choices for the outputs of `evaluate`, and the number of choices."""
 
 
@@ -98,8 +98,7 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
     hessian : int
         Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN, with the Gauss-Newton part of the joints; EXACT_HESSIAN,
         with the full Hessian of the joints, which bodies near the limit point need; or LOCAL_HESSIAN, only the
-        contributions of the contacts marked in "changed". With FORCES_ONLY not even the gradient is filled: only points
-        and forces on points are computed.
+        contributions of the contacts marked in "changed".
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
@@ -114,13 +113,11 @@ def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
 @inner
 def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     n = core.n
-    count(core, 1 if hessian in (NO_HESSIAN, FORCES_ONLY) else 0)
+    count(core, 1 if hessian == NO_HESSIAN else 0)
     if not place(core, x):
         return np.inf
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     _points(core, coupled, hessian)
-    if hessian == FORCES_ONLY:
-        return 0.0
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     to_joints(core, _JOINT_Q, x.ctypes.data)
     if hessian == WHOLE_HESSIAN:
@@ -161,7 +158,7 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
     changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS_PER_SEGMENT
     for first in range(0, point_in.shape[1], vectors.VECTOR_WIDTH):
         free = coupled and open_at(core, first)
-        if hessian in (NO_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY):
+        if hessian in (NO_HESSIAN, LOCAL_HESSIAN):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
             evaluate_kernel(kernel(core, which), point_in, out[:_AHEAD], vectors.VECTOR_WIDTH, first)
             continue

@@ -24,7 +24,6 @@ from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import (
     EXACT_HESSIAN,
-    FORCES_ONLY,
     LOAD_ROW,
     LOCAL_HESSIAN,
     NO_HESSIAN,
@@ -61,9 +60,6 @@ SLIDE_AT_ONCE = 25.0
 KEPT_JACOBIAN_MOTION = 3e-4
 """Largest motion of x, as a fraction of the segment length, for which the Jacobian is kept except for changed
 contacts."""
-MIN_STEP_RATIO = 0.1
-"""Lower bound for the ratio of the next Newton step to the last with a kept Jacobian. If the next step, predicted with
-this bound, is within the tolerance, it is not computed."""
 QUIET_STEP = 1e-9
 """Newton step, as a fraction of the body length; in smaller steps unchanged contacts are not examined before the last
 step."""
@@ -168,7 +164,7 @@ def _follow(core: Core, whole: int) -> bool:
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
         fresh = fresh + 1 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else 0
-        done = _converged(size / length, previous / length, fresh, hessian, tolerance)
+        done = _converged(size / length, previous / length, fresh, tolerance)
         quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < QUIET_STEP * length
         news, lands = (NO_EVENT, False) if quiet else _news(core, size, doubt)
         turned = loads.loaded(core) and not lands and loads.turn(core, step)
@@ -179,7 +175,7 @@ def _follow(core: Core, whole: int) -> bool:
                 return False
         elif news == NO_EVENT and done and not turned:
             if not regimes.break_away(core, 0.0):
-                return _ended(core, size < tolerance * length)
+                return True
             news = CONTACT_FREED
         if news == CONTACT_FREED:  # another problem from here on
             count(core, 2)
@@ -213,20 +209,9 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 
 @inner
-def _converged(size: float, previous: float, fresh: int, hessian: int, tolerance: float) -> bool:
-    """Return whether this or the next step, as a fraction of the body length, is small enough, or is rounding."""
-    if size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous):
-        return True
-    return hessian == NO_HESSIAN and size * max(size, MIN_STEP_RATIO * previous) < tolerance * previous
-
-
-@inner
-def _ended(core: Core, reached: bool) -> bool:
-    """Take the last step, which leads to the solution, unless x is already there; return True."""
-    if not reached:
-        combine(vector(core.block, a.X), 1.0, vector(core.block, a.X), -1.0, vector(core.block, a.DIRECTION))
-        evaluate(core, a.X, True, FORCES_ONLY)
-    return True
+def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
+    """Return whether a step, as a fraction of the body length, is small enough, or is rounding."""
+    return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
 
 
 @inner
