@@ -17,7 +17,6 @@ from speed_measures import DT, crawl, us_per_step
 from worm3d import Friction, Result
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
-from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.running.plant import Plant
 from worm3d.running.problem import held_mask
 from worm3d.solver import arrays as a
@@ -98,7 +97,7 @@ def parts_of_step(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
     exchanged = counts.jacobians - whole
     return {
         "kernels": whole * us["whole"] + exchanged * us["exchanged"] + counts.residuals * us["residual"],
-        "linear solver": whole * us["factorise"] + exchanged * us["refactorise"] + counts.residuals * us["solve"],
+        "linear solver": counts.jacobians * us["factorise"] + counts.residuals * us["solve"],
         "contact regimes": iterations * us["ahead"] + us["expect"],
         "start and end of a step": us["start"] + us["end"],
         "ledger": us["ledger"],
@@ -125,9 +124,8 @@ class _MiddleOfStep:
             "whole": lambda times: evaluate_loop(core, WHOLE_HESSIAN, times),
             "exchanged": lambda times: exchange_loop(core, times),
             "residual": lambda times: evaluate_loop(core, NO_HESSIAN, times),
-            "factorise": lambda times: linear_loop(core, 0, times),
-            "refactorise": lambda times: linear_loop(core, BLOCK_SIZE * (core.n // 2), times),
-            "solve": lambda times: linear_loop(core, -1, times),
+            "factorise": lambda times: linear_loop(core, True, times),
+            "solve": lambda times: linear_loop(core, False, times),
             "ahead": lambda times: ahead_loop(core, times),
             "expect": lambda times: expect_loop(core, times),
             "start": lambda times: start_loop(core, self.command, DT, times),
@@ -180,14 +178,14 @@ def exchange_loop(core: Core, times: int) -> None:
 
 
 @njit
-def linear_loop(core: Core, first: int, times: int) -> None:
-    """Solve for the direction as Newton does, with factors that are made anew from this row on; -1: none is."""
+def linear_loop(core: Core, factorises: bool, times: int) -> None:
+    """Solve for the direction as Newton does, perhaps with new factors."""
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     for _ in range(times):
-        hold(core, first >= 0)
+        hold(core, factorises)
         copy(step, vector(core.block, a.GRADIENT))
-        if first >= 0:
-            lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, first)
+        if factorises:
+            lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor)
         lu_solve(factor, step)
 
 

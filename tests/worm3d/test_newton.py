@@ -2,37 +2,10 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from worm3d import Friction, Plane, Worm
-from worm3d.machine.compiled import njit
-from worm3d.machine.vectors import BLOCK_SIZE
-from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
-from worm3d.running.plant import Plant
-from worm3d.running.problem import held_mask
 from worm3d.solver import newton
-from worm3d.solver.arrays import Core
 from worm3d.solver.evaluate import LOCAL_HESSIAN, NO_HESSIAN
-
-
-@njit
-def first_changed(core: Core) -> int:
-    return newton._first_changed(core)
-
-
-def test_the_jacobian_is_factored_anew_from_the_first_segment_on_that_has_a_changed_contact() -> None:
-    """In a body of three vectors of segments, for each contact alone and with one of the last segment's."""
-    worm, gravity = Worm(segments=20), np.array([0.0, 0.0, -9.81])
-    plant = Plant(worm, Plane(), Friction(), gravity, held_mask(None, 20, flat=worm.flat, clamped=False))
-    changed = plant.arrays["changed"].reshape(POINTS_PER_SEGMENT, -1)
-    assert first_changed(plant.core) == 0
-    for others in (0.0, 1.0):
-        for point in range(POINTS_PER_SEGMENT):
-            for segment in range(20):
-                changed[:, 19], changed[point, segment] = others, 1.0
-                assert first_changed(plant.core) == BLOCK_SIZE * segment
-                changed[:] = 0.0
 
 
 def test_a_step_is_the_last_one_within_the_tolerance() -> None:

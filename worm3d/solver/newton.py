@@ -13,13 +13,11 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import inner
-from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import point
-from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, loads, regimes
 from worm3d.solver.arrays import Core
-from worm3d.solver.block import address, combine, copy, fill, matrix, rows, total, vector
+from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import (
@@ -227,25 +225,12 @@ def _excused(core: Core, hessian: int, before: int) -> bool:
 @inner
 def _newton_step(core: Core, hessian: int) -> float:
     """Put Newton's step into "direction"; return the size of the step, infinite if there is no step."""
-    begin = _first_changed(core) if hessian == LOCAL_HESSIAN else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
     hold(core, hessian != NO_HESSIAN)
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     copy(step, vector(core.block, a.GRADIENT))
     if hessian != NO_HESSIAN:
-        lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, begin)
+        lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor)
     lu_solve(factor, step)
     return float(largest(core, step))
-
-
-@inner
-def _first_changed(core: Core) -> int:
-    """Return the first row of the band affected by the changed contacts."""
-    changed, first = vector(core.block, a.CHANGED), core.n
-    for k in range(0, len(changed), vectors.VECTOR_WIDTH):
-        if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * k, 0.0) == 0:
-            for m in range(k, k + vectors.VECTOR_WIDTH):
-                if changed[m] != 0.0:
-                    first = min(first, m % (len(changed) // POINTS_PER_SEGMENT))
-    return BLOCK_SIZE * first if first < core.n else 0
