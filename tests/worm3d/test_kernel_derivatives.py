@@ -37,7 +37,6 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     segment.ledger,
     joint.start,
     joint.gradient,
-    joint.roots,
     joint.hessian,
     joint.angles,
     joint.ledger,

@@ -18,7 +18,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, dot, matrix, rows, total, vector
-from worm3d.solver.evaluate import EXACT_HESSIAN, NO_HESSIAN, evaluate, hold
+from worm3d.solver.evaluate import NO_HESSIAN, WHOLE_HESSIAN, evaluate, hold
 from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
@@ -44,7 +44,7 @@ def descend(core: Core) -> bool:
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
     for _ in range(MAX_DESCENT):
-        phi = evaluate(core, a.X, False, EXACT_HESSIAN)
+        phi = evaluate(core, a.X, False, WHOLE_HESSIAN)
         if not np.isfinite(phi):
             return False
         hold(core, True)

@@ -30,12 +30,11 @@ _JOINT_Q = joint.JOINT_LAYOUT.first("q")
 _COUPLED, _REGIME = point.POINT_LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
-_ROOTS = (1 + joint.STRAINS) * joint.ROW
 MIN_CHAMBER_LENGTH = 1e-4
 """Shortest possible length of a chamber, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = a.SHAPE.firsts("lengths", "tangent", "director")
 PHI, LOAD_ROW, _AHEAD, STIFFNESS = a.POINT_FORCES.firsts("phi", "load", "f_ahead", "K")
-NO_HESSIAN, WHOLE_HESSIAN, EXACT_HESSIAN, LOCAL_HESSIAN, CHOICES = range(5)
+NO_HESSIAN, WHOLE_HESSIAN, LOCAL_HESSIAN, CHOICES = range(4)
 """Choices for the outputs of `evaluate`, and the number of choices."""
 
 
@@ -96,9 +95,8 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
     which : int
         Array with the coordinates, X or TRIAL.
     hessian : int
-        Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN, with the Gauss-Newton part of the joints; EXACT_HESSIAN,
-        with the full Hessian of the joints, which bodies near the limit point need; or LOCAL_HESSIAN, only the
-        contributions of the contacts marked in "changed".
+        Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN; or LOCAL_HESSIAN, only the contributions of the contacts
+        marked in "changed".
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
@@ -118,19 +116,17 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
         return np.inf
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     _points(core, coupled, hessian)
-    joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     to_joints(core, _JOINT_Q, x.ctypes.data)
     if hessian == WHOLE_HESSIAN:
-        evaluate_kernel(kernel(core, a.JOINT_ROOTS), joint_in, joint_out[: 1 + _ROOTS], n - 1)
-    elif hessian == EXACT_HESSIAN:
         run(core, a.JOINT_HESSIAN, a.JOINT_IN, a.JOINT_OUT, n - 1)
     else:
-        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + joint.ROW], n - 1)
+        gradient = matrix(core.block, a.JOINT_OUT)[: 1 + joint.ROW]
+        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), matrix(core.block, a.JOINT_IN), gradient, n - 1)
     _segments(core, hessian)
     phi = _joints(core, x)
     _add_gradients(core)
     if loads.loaded(core):
-        phi += loads.add(core, x, hessian in (WHOLE_HESSIAN, EXACT_HESSIAN))
+        phi += loads.add(core, x, hessian == WHOLE_HESSIAN)
     return 0.0 if coupled else phi + _potentials(core)
 
 
@@ -179,7 +175,7 @@ def _segments(core: Core, hessian: int) -> None:
         evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), matrix(core.block, a.ACTUATED), gradient, core.n)
     else:
         run(core, a.SEGMENT_HESSIAN, a.ACTUATED, a.SEGMENT_OUT, core.n)
-        _fill_band(core, hessian == EXACT_HESSIAN)
+        _fill_band(core)
     if hessian != NO_HESSIAN:
         _exchange(core)
         fill(vector(core.block, a.CHANGED), 0.0)
@@ -240,11 +236,11 @@ def hold(core: Core, in_band: bool) -> None:
 
 
 @inner
-def _fill_band(core: Core, exact: bool) -> None:
+def _fill_band(core: Core) -> None:
     """Assemble the band from the contributions of joints, masses of joints and segments."""
     band = matrix(core.block, a.BANDED_JACOBIAN)
     inertia, drag, pitch = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG), band.shape[1] - 1
-    of_joints = matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS
+    of_joints = matrix(core.block, a.JOINT_OUT).shape[0] - 1
     vectors.clear(address(core.block, a.BANDED_JACOBIAN, 0), band.size)
     for j in range(core.n + 1):
         for d in range(3):
@@ -259,11 +255,8 @@ def _fill_band(core: Core, exact: bool) -> None:
             vectors.add_rows(_row(core, a.BANDED_JACOBIAN, i, 0), pitch, own, _OWN, _OWN)
     for i in range(core.n - 1):
         own, to = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW, _row(core, a.BANDED_JACOBIAN, i, 0)
-        if exact:
-            for half in range(0, joint.ROW, vectors.VECTOR_WIDTH):
-                vectors.add_rows(to + 8 * half, pitch, own + 8 * half, joint.ROW, _BOTH)
-        else:
-            vectors.add_squares(to, 8 * pitch, own)
+        for half in range(0, joint.ROW, vectors.VECTOR_WIDTH):
+            vectors.add_rows(to + 8 * half, pitch, own + 8 * half, joint.ROW, _BOTH)
     fill(vector(core.block, a.DERIVATIVES_KNOWN), 0.0)
 
 

@@ -21,7 +21,6 @@ from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import (
-    EXACT_HESSIAN,
     LOAD_ROW,
     LOCAL_HESSIAN,
     NO_HESSIAN,
@@ -103,14 +102,14 @@ def _solve(core: Core, again: bool) -> bool:
         fronts.expect(core)
     breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
     fill(breaks, np.inf if guessed or again else SLIDE_AT_ONCE)
-    found = _follow(core, WHOLE_HESSIAN)
+    found = _follow(core)
     if not found and loads.loaded(core):
         loads.release(core)
     if not found and guessed and not again:  # at the guess other contacts may stick than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.set_regimes_from_last_step(core)
         fill(breaks, SLIDE_AT_ONCE)
-        found = _follow(core, WHOLE_HESSIAN)
+        found = _follow(core)
     fill(regime, point.FREE)
     if found:
         return True
@@ -123,7 +122,7 @@ def _solve(core: Core, again: bool) -> bool:
             copy(best, x)
             evaluate(core, a.X, True, NO_HESSIAN)
             regimes.set_regimes_from_law(core)
-            found = _follow(core, EXACT_HESSIAN)
+            found = _follow(core)
             fill(regime, point.FREE)
             if found:
                 return True
@@ -135,7 +134,7 @@ def _solve(core: Core, again: bool) -> bool:
 
 
 @inner
-def _follow(core: Core, whole: int) -> bool:
+def _follow(core: Core) -> bool:
     """Run Newton's method with the loads of the iterate itself; the unsymmetric Jacobian is kept while useful.
 
     The residual is exact. Where the Jacobian depends on contact forces, it uses the forces predicted by the previous
@@ -146,13 +145,11 @@ def _follow(core: Core, whole: int) -> bool:
     Every contact keeps the regime until the step, to first order, makes the regime inconsistent with the friction law
     by more than the error of the step: contacts stick within nanometres, and with the law alone the iterates would jump
     to and fro across this distance. There is no potential to descend: the iteration gives up if regimes continue to
-    change or the iterates come no closer to the solution. The first Jacobian is EXACT_HESSIAN: with a less exact
-    Jacobian a body near the limit point reaches another solution of the step. `whole` is the kind of later new
-    Jacobians, WHOLE_HESSIAN or EXACT_HESSIAN.
+    change or the iterates come no closer to the solution.
     """
     x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
     l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]
-    size, hessian, fresh, changes, doubt, before = np.inf, EXACT_HESSIAN, 0, 0, 1.0, NO_EVENT
+    size, hessian, fresh, changes, doubt, before = np.inf, WHOLE_HESSIAN, 0, 0, 1.0, NO_EVENT
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
@@ -161,7 +158,7 @@ def _follow(core: Core, whole: int) -> bool:
         strays += size > far
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
-        fresh = fresh + 1 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else 0
+        fresh = fresh + 1 if hessian == WHOLE_HESSIAN else 0
         done = _converged(size / length, previous / length, fresh, tolerance)
         quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < QUIET_STEP * length
         news, lands = (NO_EVENT, False) if quiet else _news(core, size, doubt)
@@ -178,14 +175,14 @@ def _follow(core: Core, whole: int) -> bool:
         if news == CONTACT_FREED:  # another problem from here on
             count(core, 2)
             changes, doubt, strays, left = 0, 1.0, 0, MAX_ITERATIONS
-        since = 0.0 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else since
+        since = 0.0 if hessian == WHOLE_HESSIAN else since
         if not lands:
             combine(x, 1.0, x, -1.0, step)
             since += size
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
         if slow or turned or since > KEPT_JACOBIAN_MOTION * l0:
-            hessian = whole
+            hessian = WHOLE_HESSIAN
         else:
             hessian = NO_HESSIAN if news == NO_EVENT else LOCAL_HESSIAN
     return False
