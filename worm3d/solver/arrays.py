@@ -258,9 +258,7 @@ CHANGED = _array("changed", 1, "points")  # 1 if a contact has changed since the
 POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS_PER_SEGMENT * segment.COORDINATES, "lanes")
 # the same, segments one after the other
 JACOBIANS = _array("jacobians", "lanes", 3 * POINTS_PER_SEGMENT * segment.COORDINATES)
-# 1 if the derivatives of a slot (last row: of all slots, in "points_jacobian") of a vector of segments are newer than
-# the Jacobian
-DERIVATIVES_KNOWN = _array("known", POINTS_PER_SEGMENT + 1, "vectors")
+DERIVATIVES_KNOWN = _array("known", 1, "vectors")  # 1 if "jacobians" of 8 segments are newer than "band"
 SEGMENT_SHAPE_OUT = _array("rest", SHAPE, "lanes")
 # inputs of the point's kernels
 POINT_IN = _array(

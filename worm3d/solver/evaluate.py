@@ -240,15 +240,14 @@ def _fill_band(core: Core) -> None:
     """Assemble the band from the contributions of joints, masses of joints and segments."""
     band = matrix(core.block, a.BANDED_JACOBIAN)
     inertia, drag, pitch = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG), band.shape[1] - 1
-    of_joints = matrix(core.block, a.JOINT_OUT).shape[0] - 1
     vectors.clear(address(core.block, a.BANDED_JACOBIAN, 0), band.size)
     for j in range(core.n + 1):
         for d in range(3):
             band[BLOCK_SIZE * j + d, B] = inertia[j] + drag[j]
     for first in range(0, core.n, vectors.VECTOR_WIDTH):
-        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, 0, _OWN * (1 + _OWN))
+        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first)
     for first in range(0, core.n - 1, vectors.VECTOR_WIDTH):
-        _transpose(core, a.JOINT_OUT, a.JOINT_BLOCKS, first, 0, of_joints)
+        _transpose(core, a.JOINT_OUT, a.JOINT_BLOCKS, first)
     for begin in range(2):  # overlapping blocks would wait for each other
         for i in range(begin, core.n, 2):
             own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
@@ -263,28 +262,26 @@ def _fill_band(core: Core) -> None:
 @inner
 def _exchange(core: Core) -> None:
     """Exchange the contributions to the band of the contacts marked in "changed"."""
-    changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.DERIVATIVES_KNOWN)
+    changed, known = vector(core.block, a.CHANGED), vector(core.block, a.DERIVATIVES_KNOWN)
     lanes = len(changed) // POINTS_PER_SEGMENT
     for first in range(0, len(changed), vectors.VECTOR_WIDTH):
         if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * first, 0.0) != 0:
             continue
         run(core, a.POINT_STIFFNESS, a.POINT_IN, a.POINT_ANEW, vectors.VECTOR_WIDTH, first)
-        if known[first // lanes, first % lanes // vectors.VECTOR_WIDTH] == 0.0:
-            _differentiate(core, first // lanes, first % lanes)
+        if known[first % lanes // vectors.VECTOR_WIDTH] == 0.0:
+            _differentiate(core, first % lanes)
         for k in range(first, first + vectors.VECTOR_WIDTH):
             if changed[k] != 0.0:
                 _exchange_one(core, k)
 
 
 @inner
-def _differentiate(core: Core, slot: int, first: int) -> None:
-    """Compute the derivatives of one point of each segment in a vector of segments."""
-    known, v = matrix(core.block, a.DERIVATIVES_KNOWN), first // vectors.VECTOR_WIDTH
-    if known[POINTS_PER_SEGMENT, v] == 0.0:
-        count = min(vectors.VECTOR_WIDTH, core.n - first)
-        run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
-    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * _OWN * slot, 3 * _OWN * (slot + 1))
-    known[POINTS_PER_SEGMENT, v], known[slot, v] = 1.0, 1.0
+def _differentiate(core: Core, first: int) -> None:
+    """Compute the derivatives of the points of a vector of segments."""
+    count = min(vectors.VECTOR_WIDTH, core.n - first)
+    run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
+    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first)
+    vector(core.block, a.DERIVATIVES_KNOWN)[first // vectors.VECTOR_WIDTH] = 1.0
 
 
 @inner
@@ -308,10 +305,10 @@ def _row(core: Core, k: int, i: int, r: int) -> int:
 
 
 @inner
-def _transpose(core: Core, source: int, to: int, first: int, begin: int, end: int) -> None:
-    """Transpose derivatives of a vector of lanes, after any potentials, into entries `begin` to `end` of rows."""
+def _transpose(core: Core, source: int, to: int, first: int) -> None:
+    """Transpose derivatives of a vector of lanes, after any potentials, into rows."""
     lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
     before = matrix(core.block, source).shape[0] - pitch
-    for r in range(begin, end, vectors.VECTOR_WIDTH):
+    for r in range(0, pitch, vectors.VECTOR_WIDTH):
         here = address(core.block, source, before + r) + 8 * first
         vectors.transpose(address(core.block, to, first) + 8 * r, pitch, here, lanes)
