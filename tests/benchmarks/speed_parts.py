@@ -199,11 +199,10 @@ def ahead_loop(core: Core, times: int) -> None:
 
 @njit
 def expect_loop(core: Core, times: int) -> None:
-    """Take contacts for what is expected of them before the first iteration, and note what they have done."""
+    """Take contacts for what is expected of them before the first iteration."""
     for _ in range(times):
         regimes.set_regimes_from_last_step(core)
         fronts.expect(core)
-        fronts.note(core)
 
 
 @njit

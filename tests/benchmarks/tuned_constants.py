@@ -34,7 +34,7 @@ COMPILED = {
     ),
     "worm3d.solver.descent": "MAX_DESCENT MAX_SEARCH SUFFICIENT SLOPE_LEFT DESCENT_TOLERANCE",
     "worm3d.solver.regimes": "SHALLOW PRESSED",
-    "worm3d.solver.fronts": "MAX_LEAD SMOOTH",
+    "worm3d.solver.fronts": "SMOOTH",
 }
 """Constants of compiled modules."""
 
