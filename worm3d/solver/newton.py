@@ -40,8 +40,6 @@ STRAY_STEP = 0.02
 both this limit and the first step."""
 MAX_STRAYS = 2
 """Number of tolerated straying steps: if many contacts release at once, the descent finds the solution sooner."""
-MAX_CHANGES = 16
-"""Number of tolerated iterations with a change of regime."""
 CONTRACTION = 0.2
 """Largest ratio of successive steps for which the Jacobian is kept."""
 CURVATURE = 10.0
@@ -144,12 +142,12 @@ def _follow(core: Core) -> bool:
 
     Every contact keeps the regime until the step, to first order, makes the regime inconsistent with the friction law
     by more than the error of the step: contacts stick within nanometres, and with the law alone the iterates would jump
-    to and fro across this distance. There is no potential to descend: the iteration gives up if regimes continue to
-    change or the iterates come no closer to the solution.
+    to and fro across this distance. There is no potential to descend: the iteration gives up if the iterates come no
+    closer to the solution.
     """
     x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
     l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]
-    size, hessian, fresh, changes, doubt, before = np.inf, WHOLE_HESSIAN, 0, 0, 1.0, NO_EVENT
+    size, hessian, fresh, doubt, before = np.inf, WHOLE_HESSIAN, 0, 1.0, NO_EVENT
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
@@ -164,17 +162,14 @@ def _follow(core: Core) -> bool:
         news, lands = (NO_EVENT, False) if quiet else _news(core, size, doubt)
         turned = loads.loaded(core) and not lands and loads.turn(core, step)
         if news == CONTACT_CHANGED:
-            changes += 1
             doubt *= DOUBT
-            if changes > MAX_CHANGES:
-                return False
         elif news == NO_EVENT and done and not turned:
             if not regimes.break_away(core, 0.0):
                 return True
             news = CONTACT_FREED
         if news == CONTACT_FREED:  # another problem from here on
             count(core, 2)
-            changes, doubt, strays, left = 0, 1.0, 0, MAX_ITERATIONS
+            doubt, strays, left = 1.0, 0, MAX_ITERATIONS
         since = 0.0 if hessian == WHOLE_HESSIAN else since
         if not lands:
             combine(x, 1.0, x, -1.0, step)
