@@ -30,8 +30,6 @@ SUFFICIENT = 1e-4
 """Least decrease at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
 POTENTIAL_ROUNDING = 1e-14
 """Relative rise of the potential that counts as rounding."""
-SLOPE_LEFT = 0.9
-"""Largest slope at the end of a line search, as a fraction of the initial slope."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends a descent, as a fraction of the body length."""
 
@@ -89,41 +87,27 @@ def _search(core: Core, phi: float) -> bool:
     """
     x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
     direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
-    slope = dot(gradient, direction)
-    low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
+    slope, step, kinks = dot(gradient, direction), 1.0, -1
     for _ in range(MAX_SEARCH):
         combine(trial, 1.0, x, step, direction)
         value = evaluate(core, a.TRIAL, False, NO_HESSIAN)
-        rise = dot(gradient, direction) if np.isfinite(value) else np.inf
-        lower = value <= phi + SUFFICIENT * step * slope + POTENTIAL_ROUNDING * abs(phi)
-        if lower:
+        if value <= phi + SUFFICIENT * step * slope + POTENTIAL_ROUNDING * abs(phi):
             copy(vector(core.block, a.BEST), trial)
-            found = True
-            if rise <= SLOPE_LEFT * abs(slope):
-                return True
-        if lower and rise <= 0.0:
-            low = step
-        else:
-            high = step
+            return True
         if kinks < 0:
             kinks = _resting_points(core)
-        step = _between(vector(core.block, a.KINKS)[:kinks], low, high)
-    return found
+        step = _shorter(vector(core.block, a.KINKS)[:kinks], step)
+    return False
 
 
 @inner
-def _between(kinks: FloatArray, low: float, high: float) -> float:
-    """Return the middle kink between two steps, or the mean of the steps if there is no kink."""
-    inside, middle = 0, 0
+def _shorter(kinks: FloatArray, step: float) -> float:
+    """Return the middle of the sorted kinks below a step, or half the step if there is no kink."""
+    below = 0
     for kink in kinks:
-        if low < kink < high:
-            inside += 1
-    for kink in kinks:  # sorted
-        if low < kink < high:
-            if middle == inside // 2:
-                return float(kink)
-            middle += 1
-    return 0.5 * (low + high)
+        if kink < step:
+            below += 1
+    return float(kinks[below // 2]) if below > 0 else 0.5 * step
 
 
 @inner
