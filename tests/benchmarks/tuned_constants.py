@@ -18,7 +18,7 @@ import importlib.util
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
@@ -29,11 +29,11 @@ SCENES = ("flat", "pipe_bend", "slope_15", "rubble")
 
 COMPILED = {
     "worm3d.solver.newton": (
-        "MAX_ITERATIONS DIVERGED STRAY_STEP MAX_STRAYS CONTRACTION CURVATURE DOUBT EARLY_RELEASE_MARGIN "
-        "SLIDE_AT_ONCE KEPT_JACOBIAN_MOTION QUIET_STEP STAGNATION"
+        "DIVERGED STRAY_STEP MAX_STRAYS CONTRACTION CURVATURE DOUBT EARLY_RELEASE_MARGIN "
+        "SLIDE_AT_ONCE KEPT_JACOBIAN_MOTION STAGNATION"
     ),
-    "worm3d.solver.descent": "MAX_DESCENT MAX_SEARCH SUFFICIENT DESCENT_TOLERANCE",
-    "worm3d.solver.regimes": "SHALLOW PRESSED",
+    "worm3d.solver.descent": "MAX_ITERATIONS SMALL_STEP SUFFICIENT",
+    "worm3d.solver.regimes": "PRESSED",
     "worm3d.solver.fronts": "SMOOTH",
 }
 """Constants of compiled modules."""
@@ -54,8 +54,7 @@ PLACES = {name: k for k, name in enumerate(name for names in COMPILED.values() f
 class _Reads(ast.NodeTransformer):
     """Replaces the constants of a module, inside its functions, by reads of `VALUES`."""
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names, self.inside = names, 0
+    inside = 0
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         self.inside += 1
@@ -64,7 +63,7 @@ class _Reads(ast.NodeTransformer):
         return node
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return _read(node.id) if self.inside and node.id in self.names else node
+        return _read(node.id) if self.inside and node.id in PLACES else node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
         return _read(node.attr) if self.inside and node.attr in PLACES else node
@@ -102,7 +101,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
             tree = ast.parse(file.read())
         module.__dict__["_tuned"] = _tuned
         names = COMPILED[module.__name__].split()
-        tree = ast.fix_missing_locations(_Reads(names).visit(tree))
+        tree = ast.fix_missing_locations(_Reads().visit(tree))
         exec(compile(tree, module.__file__, "exec"), module.__dict__)
         for name in names:
             VALUES[PLACES[name]] = getattr(module, name)

@@ -22,16 +22,16 @@ from worm3d.solver.evaluate import NO_HESSIAN, WHOLE_HESSIAN, evaluate, hold
 from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
-MAX_DESCENT = 60
-"""Largest number of iterations of a descent."""
-MAX_SEARCH = 40
-"""Largest number of trial points of a line search."""
+MAX_ITERATIONS = 40
+"""Largest number of iterations of a descent, of trial points of a line search, and of Newton's iterations; the count of
+Newton's iterations restarts whenever contacts break away."""
+SMALL_STEP = 1e-9
+"""Coordinate step, as a fraction of the body length, that ends a descent. In smaller Newton steps, unchanged contacts
+are not examined before the last step."""
 SUFFICIENT = 1e-4
 """Least decrease at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
 POTENTIAL_ROUNDING = 1e-14
 """Relative rise of the potential that counts as rounding."""
-DESCENT_TOLERANCE = 1e-9
-"""Largest coordinate step that ends a descent, as a fraction of the body length."""
 
 _LOAD, _MU = point.POINT_LAYOUT.firsts("load", "mu")
 
@@ -40,8 +40,8 @@ _LOAD, _MU = point.POINT_LAYOUT.firsts("load", "mu")
 def descend(core: Core) -> bool:
     """Move x to the minimum of the potential for the given normal loads; return whether a minimum was found."""
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
-    for _ in range(MAX_DESCENT):
+    tolerance = SMALL_STEP * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
+    for _ in range(MAX_ITERATIONS):
         phi = evaluate(core, a.X, False, WHOLE_HESSIAN)
         if not np.isfinite(phi):
             return False
@@ -88,7 +88,7 @@ def _search(core: Core, phi: float) -> bool:
     x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
     direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
     slope, step, kinks = dot(gradient, direction), 1.0, -1
-    for _ in range(MAX_SEARCH):
+    for _ in range(MAX_ITERATIONS):
         combine(trial, 1.0, x, step, direction)
         value = evaluate(core, a.TRIAL, False, NO_HESSIAN)
         if value <= phi + SUFFICIENT * step * slope + POTENTIAL_ROUNDING * abs(phi):

@@ -18,7 +18,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver import fronts, loads, regimes
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
-from worm3d.solver.descent import descend, largest
+from worm3d.solver.descent import MAX_ITERATIONS, SMALL_STEP, descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import (
     LOAD_ROW,
@@ -29,8 +29,6 @@ from worm3d.solver.evaluate import (
     hold,
 )
 
-MAX_ITERATIONS = 40
-"""Largest number of Newton iterations; the count restarts whenever contacts break away."""
 RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
 """Relaxation factor of the normal loads after each pass of the fallback."""
 DIVERGED = 0.1
@@ -55,9 +53,6 @@ SLIDE_AT_ONCE = 25.0
 KEPT_JACOBIAN_MOTION = 3e-4
 """Largest motion of x, as a fraction of the segment length, for which the Jacobian is kept except for changed
 contacts."""
-QUIET_STEP = 1e-9
-"""Newton step, as a fraction of the body length; in smaller steps unchanged contacts are not examined before the last
-step."""
 STAGNATION = 1e-12
 """Newton step, as a fraction of the body length; smaller steps that no longer shrink count as rounding."""
 
@@ -158,7 +153,7 @@ def _follow(core: Core) -> bool:
             return False
         fresh = fresh + 1 if hessian == WHOLE_HESSIAN else 0
         done = _converged(size / length, previous / length, fresh, tolerance)
-        quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < QUIET_STEP * length
+        quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < SMALL_STEP * length
         news, lands = (NO_EVENT, False) if quiet else _news(core, size, doubt)
         turned = loads.loaded(core) and not lands and loads.turn(core, step)
         if news == CONTACT_CHANGED:
