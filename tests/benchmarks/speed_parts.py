@@ -17,7 +17,6 @@ from speed_measures import DT, crawl, us_per_step
 from worm3d import Friction
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
-from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.running.plant import Plant
 from worm3d.running.problem import held_mask
 from worm3d.solver import arrays as a
@@ -75,7 +74,7 @@ def parts_of_step(us: Mapping[str, float], breakaways: float, jacobians: float, 
     exchanged = jacobians - whole
     return {
         "kernels": whole * us["whole"] + exchanged * us["exchanged"] + residuals * us["residual"],
-        "linear solver": whole * us["factorise"] + exchanged * us["refactorise"] + residuals * us["solve"],
+        "linear solver": jacobians * us["factorise"] + residuals * us["solve"],
         "contact regimes": (jacobians + residuals) * us["ahead"] + us["expect"],
         "start and end of a step": us["start"] + us["end"],
         "ledger": us["ledger"],
@@ -100,9 +99,8 @@ class _MiddleOfStep:
             "whole": partial(evaluate_loop, core, WHOLE_HESSIAN),
             "exchanged": partial(exchange_loop, core),
             "residual": partial(evaluate_loop, core, NO_HESSIAN),
-            "factorise": partial(linear_loop, core, 0),
-            "refactorise": partial(linear_loop, core, BLOCK_SIZE * (core.n // 2)),
-            "solve": partial(linear_loop, core, -1),
+            "factorise": partial(linear_loop, core, True),
+            "solve": partial(linear_loop, core, False),
             "ahead": partial(ahead_loop, core),
             "expect": partial(expect_loop, core),
             "start": partial(start_loop, core, np.zeros(5 * core.n), DT),
@@ -131,7 +129,7 @@ def ready(core: Core, dt: float) -> None:
     place_start(core)
     begin(core, dt, True)
     regimes.set_regimes_from_last_step(core)
-    _newton_step(core, WHOLE_HESSIAN, False)
+    _newton_step(core, WHOLE_HESSIAN)
     ledger.prepare(core)
     ledger.add(core, vector(core.block, a.TERMS_))
 
@@ -152,14 +150,14 @@ def exchange_loop(core: Core, times: int) -> None:
 
 
 @njit
-def linear_loop(core: Core, first: int, times: int) -> None:
-    """Solve for the direction as Newton does, with factors that are made anew from this row on; -1: none is."""
+def linear_loop(core: Core, factorises: bool, times: int) -> None:
+    """Solve for the direction as Newton does, perhaps with new factors."""
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     for _ in range(times):
-        hold(core, first >= 0)
+        hold(core, factorises)
         copy(step, vector(core.block, a.GRADIENT))
-        if first >= 0:
-            lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, first)
+        if factorises:
+            lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor)
         lu_solve(factor, step)
 
 
@@ -173,11 +171,10 @@ def ahead_loop(core: Core, times: int) -> None:
 
 @njit
 def expect_loop(core: Core, times: int) -> None:
-    """Take contacts for what is expected of them before the first iteration, and note what they have done."""
+    """Take contacts for what is expected of them before the first iteration."""
     for _ in range(times):
         regimes.set_regimes_from_last_step(core)
         fronts.expect(core)
-        fronts.note(core)
 
 
 @njit

@@ -35,7 +35,6 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     segment.ledger,
     joint.start,
     joint.gradient,
-    joint.roots,
     joint.hessian,
     joint.angles,
     joint.ledger,

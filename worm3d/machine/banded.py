@@ -147,12 +147,6 @@ def _begin(w: Writer, factors: Any, band: Any) -> None:
 
 
 @on_addresses()
-def _again(w: Writer, factors: Any, band: Any) -> None:
-    """Write the corner of the next block, from a block with known factors."""
-    _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK_SIZE)])
-
-
-@on_addresses()
 def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
     """Write A11^-1 and H of a block, the corner of the next block, and meanwhile G of the previous block."""
     places = [(before, _CORNER + LANES * (BLOCK_SIZE + r)) for r in range(_SHARED)]
@@ -225,7 +219,7 @@ def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
 
 
 @njit
-def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
+def lu_factor(band: FloatArray, factors: FloatArray) -> None:
     """Factorise A by elimination without pivoting.
 
     The matrices of a step are close to positive definite matrices; Newton's next residual shows any loss of accuracy in
@@ -237,19 +231,13 @@ def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
     band : ndarray, shape (n + B, BAND_COLUMNS)
     factors : ndarray, shape (n + B, BAND_COLUMNS)
         Overwritten by the factors, in a special order.
-    start : int
-        First coordinate of a block. The factors of the earlier blocks are kept from the last factorisation; since then
-        A has changed only in rows and columns from `start` on.
     """
-    blocks, first = (len(band) - B + BLOCK_SIZE - 1) // BLOCK_SIZE, start // BLOCK_SIZE
+    blocks = (len(band) - B + BLOCK_SIZE - 1) // BLOCK_SIZE
     to, source = factors.ctypes.data, band.ctypes.data + 8 * B
     room, rows = 8 * _ROOM, 8 * BLOCK_SIZE * BAND_COLUMNS
-    known = max(0, first - 2)  # only the last rows are right, and only they affect the next block
-    _begin(to + known * room, source + known * rows)
-    for k in range(known, first):
-        _again(to + k * room, source + k * rows)
-    for k in range(first, blocks):
-        before = max(k - 1, first)  # G of the first block is made twice, so that no other block changes
+    _begin(to, source)
+    for k in range(blocks):
+        before = max(k - 1, 0)  # G of the first block is made twice, so that no other block changes
         _eliminate(to + k * room, source + k * rows, to + before * room, source + before * rows)
 
 

@@ -119,18 +119,6 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
 
 
 @on_addresses()
-def add_squares(w: Writer, to: Any, pitch: Any, roots: Any) -> None:
-    """Add J^T J to 13 rows of 16 doubles that begin a pitch apart [byte]; J has 3 rows of 16 doubles at an address."""
-    halves = range(0, 2 * VECTOR_WIDTH, VECTOR_WIDTH)
-    J = [[w.load(roots, 2 * VECTOR_WIDTH * k + half) for k in range(3)] for half in halves]
-    for r in range(13):
-        here = w.builder.add(to, w.builder.mul(pitch, w.count(r)))
-        own = [w.spread(J[r // VECTOR_WIDTH][k], r % VECTOR_WIDTH) for k in range(3)]
-        for half, of_half in zip(halves, J, strict=True):
-            w.store(w.add(w.load(here, half), w.sum(own, of_half)), here, half)
-
-
-@on_addresses()
 def move(w: Writer, to: Any, source: Any, count: Any) -> None:
     """Copy doubles to an address; source and target do not overlap."""
     byte = ir.IntType(8)

@@ -80,7 +80,6 @@ ACTUATOR_END = _kernel("actuator_end", actuator.end, of="chamber")
 HINGE_START = _kernel("hinge_start", actuator.hinge_start, of="hinge", exact=True)
 JOINT_START = _kernel("joint_start", joint.start)
 JOINT_GRADIENT = _kernel("joint_gradient", joint.gradient)
-JOINT_ROOTS = _kernel("joint_roots", joint.roots)
 JOINT_HESSIAN = _kernel("joint_hessian", joint.hessian)
 JOINT_ANGLES = _kernel("joint_angles", joint.angles)
 JOINT_LEDGER = _kernel("joint_ledger", joint.ledger)
@@ -259,9 +258,7 @@ CHANGED = _array("changed", 1, "points")  # 1 if a contact has changed since the
 POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS_PER_SEGMENT * segment.COORDINATES, "lanes")
 # the same, segments one after the other
 JACOBIANS = _array("jacobians", "lanes", 3 * POINTS_PER_SEGMENT * segment.COORDINATES)
-# 1 if the derivatives of a slot (last row: of all slots, in "points_jacobian") of a vector of segments are newer than
-# the Jacobian
-DERIVATIVES_KNOWN = _array("known", POINTS_PER_SEGMENT + 1, "vectors")
+DERIVATIVES_KNOWN = _array("known", 1, "vectors")  # 1 if "jacobians" of 8 segments are newer than "band"
 SEGMENT_SHAPE_OUT = _array("rest", SHAPE, "lanes")
 # inputs of the point's kernels
 POINT_IN = _array(
@@ -296,7 +293,7 @@ JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "s
 JOINT_OUT = _array("joint_out", 1 + (1 + joint.COORDINATES) * joint.ROW, "joint_lanes")
 JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)  # the same for joints
 KINKS = _array("kinks", 1, "points")
-Y_START = _array("y_start", 3, "points")  # working memory of the line search, and of `worm3d.solver.fronts`
+Y_START = _array("y_start", 3, "points")  # working memory of the line search
 STEP_CHANGE = _array("moved", 1, "moved")  # change of x in the step, followed by zeros
 SUMS = _array("sums", 1, vectors.VECTOR_WIDTH)  # of 8 rows
 MOMENTA_OUT = _array("momenta_out", 9, "mass_points")
@@ -323,7 +320,6 @@ JOINT_LOAD = _array("joint_load", 1, "joints", remembered=True)  # (P9) [N]
 STUCK = _array("stuck", 1, "points", inside=("after_out", "stuck"), remembered=True)
 STUCK_N = _array("stuck_n", 1, "points")
 PULL_N = _array("pull_n", 2, "points")  # f of (C5) at the start of the step
-FRONTS = _array("fronts", 6, "points", remembered=True)  # rows of `worm3d.solver.fronts`
 # energy of the anchors at the end of the last step [J]
 ANCHOR_ENERGY = _array("stored", 1, "points", inside=("point_in", "stored_n"), remembered=True)
 # force of the world on each point at the end of the last step [N]

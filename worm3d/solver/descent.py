@@ -18,22 +18,20 @@ from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, combine, copy, dot, matrix, rows, total, vector
-from worm3d.solver.evaluate import EXACT_HESSIAN, NO_HESSIAN, evaluate, hold
+from worm3d.solver.evaluate import NO_HESSIAN, WHOLE_HESSIAN, evaluate, hold
 from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
-MAX_DESCENT = 60
-"""Largest number of iterations of a descent."""
-MAX_SEARCH = 40
-"""Largest number of trial points of a line search."""
+MAX_ITERATIONS = 40
+"""Largest number of iterations of a descent, of trial points of a line search, and of Newton's iterations; the count of
+Newton's iterations restarts whenever contacts break away."""
+SMALL_STEP = 1e-9
+"""Coordinate step, as a fraction of the body length, that ends a descent. In smaller Newton steps, unchanged contacts
+are not examined before the last step."""
 SUFFICIENT = 1e-4
 """Least decrease at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
 POTENTIAL_ROUNDING = 1e-14
 """Relative rise of the potential that counts as rounding."""
-SLOPE_LEFT = 0.9
-"""Largest slope at the end of a line search, as a fraction of the initial slope."""
-DESCENT_TOLERANCE = 1e-9
-"""Largest coordinate step that ends a descent, as a fraction of the body length."""
 
 _LOAD, _MU = point.POINT_LAYOUT.firsts("load", "mu")
 
@@ -42,9 +40,9 @@ _LOAD, _MU = point.POINT_LAYOUT.firsts("load", "mu")
 def descend(core: Core) -> bool:
     """Move x to the minimum of the potential for the given normal loads; return whether a minimum was found."""
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
-    for _ in range(MAX_DESCENT):
-        phi = evaluate(core, a.X, False, EXACT_HESSIAN)
+    tolerance = SMALL_STEP * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
+    for _ in range(MAX_ITERATIONS):
+        phi = evaluate(core, a.X, False, WHOLE_HESSIAN)
         if not np.isfinite(phi):
             return False
         hold(core, True)
@@ -89,41 +87,27 @@ def _search(core: Core, phi: float) -> bool:
     """
     x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
     direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
-    slope = dot(gradient, direction)
-    low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
-    for _ in range(MAX_SEARCH):
+    slope, step, kinks = dot(gradient, direction), 1.0, -1
+    for _ in range(MAX_ITERATIONS):
         combine(trial, 1.0, x, step, direction)
         value = evaluate(core, a.TRIAL, False, NO_HESSIAN)
-        rise = dot(gradient, direction) if np.isfinite(value) else np.inf
-        lower = value <= phi + SUFFICIENT * step * slope + POTENTIAL_ROUNDING * abs(phi)
-        if lower:
+        if value <= phi + SUFFICIENT * step * slope + POTENTIAL_ROUNDING * abs(phi):
             copy(vector(core.block, a.BEST), trial)
-            found = True
-            if rise <= SLOPE_LEFT * abs(slope):
-                return True
-        if lower and rise <= 0.0:
-            low = step
-        else:
-            high = step
+            return True
         if kinks < 0:
             kinks = _resting_points(core)
-        step = _between(vector(core.block, a.KINKS)[:kinks], low, high)
-    return found
+        step = _shorter(vector(core.block, a.KINKS)[:kinks], step)
+    return False
 
 
 @inner
-def _between(kinks: FloatArray, low: float, high: float) -> float:
-    """Return the middle kink between two steps, or the mean of the steps if there is no kink."""
-    inside, middle = 0, 0
+def _shorter(kinks: FloatArray, step: float) -> float:
+    """Return the middle of the sorted kinks below a step, or half the step if there is no kink."""
+    below = 0
     for kink in kinks:
-        if low < kink < high:
-            inside += 1
-    for kink in kinks:  # sorted
-        if low < kink < high:
-            if middle == inside // 2:
-                return float(kink)
-            middle += 1
-    return 0.5 * (low + high)
+        if kink < step:
+            below += 1
+    return float(kinks[below // 2]) if below > 0 else 0.5 * step
 
 
 @inner

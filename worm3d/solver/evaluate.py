@@ -30,12 +30,11 @@ _JOINT_Q = joint.JOINT_LAYOUT.first("q")
 _COUPLED, _REGIME = point.POINT_LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
-_ROOTS = 4 * joint.ROW
 MIN_CHAMBER_LENGTH = 1e-4
 """Shortest possible length of a chamber, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = a.SHAPE.firsts("lengths", "tangent", "director")
 PHI, LOAD_ROW, _AHEAD, STIFFNESS = a.POINT_FORCES.firsts("phi", "load", "f_ahead", "K")
-NO_HESSIAN, WHOLE_HESSIAN, EXACT_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY, CHOICES = range(6)
+NO_HESSIAN, WHOLE_HESSIAN, LOCAL_HESSIAN, CHOICES = range(4)
 """Choices for the outputs of `evaluate`, and the number of choices."""
 
 
@@ -96,10 +95,8 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
     which : int
         Array with the coordinates, X or TRIAL.
     hessian : int
-        Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN, with the Gauss-Newton part of the joints; EXACT_HESSIAN,
-        with the full Hessian of the joints, which bodies near the limit point need; or LOCAL_HESSIAN, only the
-        contributions of the contacts marked in "changed". With FORCES_ONLY not even the gradient is filled: only points
-        and forces on points are computed.
+        Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN; or LOCAL_HESSIAN, only the contributions of the contacts
+        marked in "changed".
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
@@ -114,26 +111,22 @@ def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
 @inner
 def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     n = core.n
-    count(core, 1 if hessian in (NO_HESSIAN, FORCES_ONLY) else 0)
+    count(core, 1 if hessian == NO_HESSIAN else 0)
     if not place(core, x):
         return np.inf
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     _points(core, coupled, hessian)
-    if hessian == FORCES_ONLY:
-        return 0.0
-    joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     to_joints(core, _JOINT_Q, x.ctypes.data)
     if hessian == WHOLE_HESSIAN:
-        evaluate_kernel(kernel(core, a.JOINT_ROOTS), joint_in, joint_out[: 1 + _ROOTS], n - 1)
-    elif hessian == EXACT_HESSIAN:
         run(core, a.JOINT_HESSIAN, a.JOINT_IN, a.JOINT_OUT, n - 1)
     else:
-        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + joint.ROW], n - 1)
+        gradient = matrix(core.block, a.JOINT_OUT)[: 1 + joint.ROW]
+        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), matrix(core.block, a.JOINT_IN), gradient, n - 1)
     _segments(core, hessian)
     phi = _joints(core, x)
     _add_gradients(core)
     if loads.loaded(core):
-        phi += loads.add(core, x, hessian in (WHOLE_HESSIAN, EXACT_HESSIAN))
+        phi += loads.add(core, x, hessian == WHOLE_HESSIAN)
     return 0.0 if coupled else phi + _potentials(core)
 
 
@@ -161,7 +154,7 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
     changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS_PER_SEGMENT
     for first in range(0, point_in.shape[1], vectors.VECTOR_WIDTH):
         free = coupled and open_at(core, first)
-        if hessian in (NO_HESSIAN, LOCAL_HESSIAN, FORCES_ONLY):
+        if hessian in (NO_HESSIAN, LOCAL_HESSIAN):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
             evaluate_kernel(kernel(core, which), point_in, out[:_AHEAD], vectors.VECTOR_WIDTH, first)
             continue
@@ -182,7 +175,7 @@ def _segments(core: Core, hessian: int) -> None:
         evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), matrix(core.block, a.ACTUATED), gradient, core.n)
     else:
         run(core, a.SEGMENT_HESSIAN, a.ACTUATED, a.SEGMENT_OUT, core.n)
-        _fill_band(core, hessian == EXACT_HESSIAN)
+        _fill_band(core)
     if hessian != NO_HESSIAN:
         _exchange(core)
         fill(vector(core.block, a.CHANGED), 0.0)
@@ -243,58 +236,52 @@ def hold(core: Core, in_band: bool) -> None:
 
 
 @inner
-def _fill_band(core: Core, exact: bool) -> None:
+def _fill_band(core: Core) -> None:
     """Assemble the band from the contributions of joints, masses of joints and segments."""
     band = matrix(core.block, a.BANDED_JACOBIAN)
     inertia, drag, pitch = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG), band.shape[1] - 1
-    of_joints = matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS
     vectors.clear(address(core.block, a.BANDED_JACOBIAN, 0), band.size)
     for j in range(core.n + 1):
         for d in range(3):
             band[BLOCK_SIZE * j + d, B] = inertia[j] + drag[j]
     for first in range(0, core.n, vectors.VECTOR_WIDTH):
-        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, 0, _OWN * (1 + _OWN))
+        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first)
     for first in range(0, core.n - 1, vectors.VECTOR_WIDTH):
-        _transpose(core, a.JOINT_OUT, a.JOINT_BLOCKS, first, 0, of_joints)
+        _transpose(core, a.JOINT_OUT, a.JOINT_BLOCKS, first)
     for begin in range(2):  # overlapping blocks would wait for each other
         for i in range(begin, core.n, 2):
             own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
             vectors.add_rows(_row(core, a.BANDED_JACOBIAN, i, 0), pitch, own, _OWN, _OWN)
     for i in range(core.n - 1):
         own, to = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW, _row(core, a.BANDED_JACOBIAN, i, 0)
-        if exact:
-            for half in range(0, joint.ROW, vectors.VECTOR_WIDTH):
-                vectors.add_rows(to + 8 * half, pitch, own + 8 * half, joint.ROW, _BOTH)
-        else:
-            vectors.add_squares(to, 8 * pitch, own)
+        for half in range(0, joint.ROW, vectors.VECTOR_WIDTH):
+            vectors.add_rows(to + 8 * half, pitch, own + 8 * half, joint.ROW, _BOTH)
     fill(vector(core.block, a.DERIVATIVES_KNOWN), 0.0)
 
 
 @inner
 def _exchange(core: Core) -> None:
     """Exchange the contributions to the band of the contacts marked in "changed"."""
-    changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.DERIVATIVES_KNOWN)
+    changed, known = vector(core.block, a.CHANGED), vector(core.block, a.DERIVATIVES_KNOWN)
     lanes = len(changed) // POINTS_PER_SEGMENT
     for first in range(0, len(changed), vectors.VECTOR_WIDTH):
         if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * first, 0.0) != 0:
             continue
         run(core, a.POINT_STIFFNESS, a.POINT_IN, a.POINT_ANEW, vectors.VECTOR_WIDTH, first)
-        if known[first // lanes, first % lanes // vectors.VECTOR_WIDTH] == 0.0:
-            _differentiate(core, first // lanes, first % lanes)
+        if known[first % lanes // vectors.VECTOR_WIDTH] == 0.0:
+            _differentiate(core, first % lanes)
         for k in range(first, first + vectors.VECTOR_WIDTH):
             if changed[k] != 0.0:
                 _exchange_one(core, k)
 
 
 @inner
-def _differentiate(core: Core, slot: int, first: int) -> None:
-    """Compute the derivatives of one point of each segment in a vector of segments."""
-    known, v = matrix(core.block, a.DERIVATIVES_KNOWN), first // vectors.VECTOR_WIDTH
-    if known[POINTS_PER_SEGMENT, v] == 0.0:
-        count = min(vectors.VECTOR_WIDTH, core.n - first)
-        run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
-    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * _OWN * slot, 3 * _OWN * (slot + 1))
-    known[POINTS_PER_SEGMENT, v], known[slot, v] = 1.0, 1.0
+def _differentiate(core: Core, first: int) -> None:
+    """Compute the derivatives of the points of a vector of segments."""
+    count = min(vectors.VECTOR_WIDTH, core.n - first)
+    run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
+    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first)
+    vector(core.block, a.DERIVATIVES_KNOWN)[first // vectors.VECTOR_WIDTH] = 1.0
 
 
 @inner
@@ -318,10 +305,10 @@ def _row(core: Core, k: int, i: int, r: int) -> int:
 
 
 @inner
-def _transpose(core: Core, source: int, to: int, first: int, begin: int, end: int) -> None:
-    """Transpose derivatives of a vector of lanes, after any potentials, into entries `begin` to `end` of rows."""
+def _transpose(core: Core, source: int, to: int, first: int) -> None:
+    """Transpose derivatives of a vector of lanes, after any potentials, into rows."""
     lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
     before = matrix(core.block, source).shape[0] - pitch
-    for r in range(begin, end, vectors.VECTOR_WIDTH):
+    for r in range(0, pitch, vectors.VECTOR_WIDTH):
         here = address(core.block, source, before + r) + 8 * first
         vectors.transpose(address(core.block, to, first) + 8 * r, pitch, here, lanes)

@@ -6,12 +6,13 @@ from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import point, segment
+from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, matrix
 from worm3d.solver.entry import kernel, run
 
-FACES = 6
+FACES = POINTS_PER_SEGMENT - 2
 """Number of the tail face among the points of a segment; the head face follows."""
 
 _RADIUS, _NORMAL, _RIM = segment.SEGMENT_LAYOUT.firsts("radius", "normal", "rim")

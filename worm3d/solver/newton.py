@@ -13,18 +13,14 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import inner
-from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.kernels import point
-from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, loads, regimes
 from worm3d.solver.arrays import Core
-from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
-from worm3d.solver.descent import descend, largest
+from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
+from worm3d.solver.descent import MAX_ITERATIONS, SMALL_STEP, descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import (
-    EXACT_HESSIAN,
-    FORCES_ONLY,
     LOAD_ROW,
     LOCAL_HESSIAN,
     NO_HESSIAN,
@@ -32,10 +28,7 @@ from worm3d.solver.evaluate import (
     evaluate,
     hold,
 )
-from worm3d.values.arrays import FloatArray
 
-MAX_ITERATIONS = 40
-"""Largest number of Newton iterations; the count restarts whenever contacts break away."""
 RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
 """Relaxation factor of the normal loads after each pass of the fallback."""
 DIVERGED = 0.1
@@ -45,8 +38,6 @@ STRAY_STEP = 0.02
 both this limit and the first step."""
 MAX_STRAYS = 2
 """Number of tolerated straying steps: if many contacts release at once, the descent finds the solution sooner."""
-MAX_CHANGES = 16
-"""Number of tolerated iterations with a change of regime."""
 CONTRACTION = 0.2
 """Largest ratio of successive steps for which the Jacobian is kept."""
 CURVATURE = 10.0
@@ -62,12 +53,6 @@ SLIDE_AT_ONCE = 25.0
 KEPT_JACOBIAN_MOTION = 3e-4
 """Largest motion of x, as a fraction of the segment length, for which the Jacobian is kept except for changed
 contacts."""
-MIN_STEP_RATIO = 0.1
-"""Lower bound for the ratio of the next Newton step to the last with a kept Jacobian. If the next step, predicted with
-this bound, is within the tolerance, it is not computed."""
-QUIET_STEP = 1e-9
-"""Newton step, as a fraction of the body length; in smaller steps unchanged contacts are not examined before the last
-step."""
 STAGNATION = 1e-12
 """Newton step, as a fraction of the body length; smaller steps that no longer shrink count as rounding."""
 
@@ -110,14 +95,14 @@ def _solve(core: Core, again: bool) -> bool:
         fronts.expect(core)
     breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
     fill(breaks, np.inf if guessed or again else SLIDE_AT_ONCE)
-    found = _follow(core, WHOLE_HESSIAN)
+    found = _follow(core)
     if not found and loads.loaded(core):
         loads.release(core)
     if not found and guessed and not again:  # at the guess other contacts may stick than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.set_regimes_from_last_step(core)
         fill(breaks, SLIDE_AT_ONCE)
-        found = _follow(core, WHOLE_HESSIAN)
+        found = _follow(core)
     fill(regime, point.FREE)
     if found:
         return True
@@ -130,7 +115,7 @@ def _solve(core: Core, again: bool) -> bool:
             copy(best, x)
             evaluate(core, a.X, True, NO_HESSIAN)
             regimes.set_regimes_from_law(core)
-            found = _follow(core, EXACT_HESSIAN)
+            found = _follow(core)
             fill(regime, point.FREE)
             if found:
                 return True
@@ -142,7 +127,7 @@ def _solve(core: Core, again: bool) -> bool:
 
 
 @inner
-def _follow(core: Core, whole: int) -> bool:
+def _follow(core: Core) -> bool:
     """Run Newton's method with the loads of the iterate itself; the unsymmetric Jacobian is kept while useful.
 
     The residual is exact. Where the Jacobian depends on contact forces, it uses the forces predicted by the previous
@@ -152,48 +137,42 @@ def _follow(core: Core, whole: int) -> bool:
 
     Every contact keeps the regime until the step, to first order, makes the regime inconsistent with the friction law
     by more than the error of the step: contacts stick within nanometres, and with the law alone the iterates would jump
-    to and fro across this distance. There is no potential to descend: the iteration gives up if regimes continue to
-    change or the iterates come no closer to the solution. The first Jacobian is EXACT_HESSIAN: with a less exact
-    Jacobian a body near the limit point reaches another solution of the step. `whole` is the kind of later new
-    Jacobians, WHOLE_HESSIAN or EXACT_HESSIAN.
+    to and fro across this distance. There is no potential to descend: the iteration gives up if the iterates come no
+    closer to the solution.
     """
     x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
     l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]
-    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, EXACT_HESSIAN, 0, 0, 1.0, NO_EVENT
+    size, hessian, fresh, doubt, before = np.inf, WHOLE_HESSIAN, 0, 1.0, NO_EVENT
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
-        previous, size = size, _newton_step(core, hessian, moved > 0.0)
+        previous, size = size, _newton_step(core, hessian)
         far = max(far, STRAY_STEP * l0) if far > 0.0 else size
         strays += size > far
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
-        fresh = fresh + 1 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else 0
-        done = _converged(size / length, previous / length, fresh, hessian, tolerance)
-        quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < QUIET_STEP * length
+        fresh = fresh + 1 if hessian == WHOLE_HESSIAN else 0
+        done = _converged(size / length, previous / length, fresh, tolerance)
+        quiet = before == NO_EVENT and hessian == NO_HESSIAN and not done and size < SMALL_STEP * length
         news, lands = (NO_EVENT, False) if quiet else _news(core, size, doubt)
         turned = loads.loaded(core) and not lands and loads.turn(core, step)
         if news == CONTACT_CHANGED:
-            changes += 1
             doubt *= DOUBT
-            if changes > MAX_CHANGES:
-                return False
         elif news == NO_EVENT and done and not turned:
             if not regimes.break_away(core, 0.0):
-                return _ended(core, size < tolerance * length)
+                return True
             news = CONTACT_FREED
         if news == CONTACT_FREED:  # another problem from here on
             count(core, 2)
-            changes, doubt, strays, left = 0, 1.0, 0, MAX_ITERATIONS
-        moved = 0.0 if lands else size
+            doubt, strays, left = 1.0, 0, MAX_ITERATIONS
+        since = 0.0 if hessian == WHOLE_HESSIAN else since
         if not lands:
-            copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-        since = moved + (0.0 if hessian in (EXACT_HESSIAN, WHOLE_HESSIAN) else since)
+            since += size
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
         if slow or turned or since > KEPT_JACOBIAN_MOTION * l0:
-            hessian = whole
+            hessian = WHOLE_HESSIAN
         else:
             hessian = NO_HESSIAN if news == NO_EVENT else LOCAL_HESSIAN
     return False
@@ -215,20 +194,9 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 
 @inner
-def _converged(size: float, previous: float, fresh: int, hessian: int, tolerance: float) -> bool:
-    """Return whether this or the next step, as a fraction of the body length, is small enough, or is rounding."""
-    if size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous):
-        return True
-    return hessian == NO_HESSIAN and size * max(size, MIN_STEP_RATIO * previous) < tolerance * previous
-
-
-@inner
-def _ended(core: Core, reached: bool) -> bool:
-    """Take the last step, which leads to the solution, unless x is already there; return True."""
-    if not reached:
-        combine(vector(core.block, a.X), 1.0, vector(core.block, a.X), -1.0, vector(core.block, a.DIRECTION))
-        evaluate(core, a.X, True, FORCES_ONLY)
-    return True
+def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
+    """Return whether a step, as a fraction of the body length, is small enough, or is rounding."""
+    return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
 
 
 @inner
@@ -242,40 +210,14 @@ def _excused(core: Core, hessian: int, before: int) -> bool:
 
 
 @inner
-def _newton_step(core: Core, hessian: int, follows: bool) -> float:
-    """Put Newton's step into "direction"; return the size of the step, infinite if there is no step.
-
-    If the step follows another step ("trial") with the same Jacobian, Broyden's correction is applied.
-    """
-    begin = _first_changed(core) if hessian == LOCAL_HESSIAN else 0
+def _newton_step(core: Core, hessian: int) -> float:
+    """Put Newton's step into "direction"; return the size of the step, infinite if there is no step."""
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
     hold(core, hessian != NO_HESSIAN)
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     copy(step, vector(core.block, a.GRADIENT))
     if hessian != NO_HESSIAN:
-        lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor, begin)
+        lu_factor(matrix(core.block, a.BANDED_JACOBIAN), factor)
     lu_solve(factor, step)
-    if hessian == NO_HESSIAN and follows:
-        _correct(step, vector(core.block, a.TRIAL))
     return float(largest(core, step))
-
-
-@inner
-def _correct(step: FloatArray, before: FloatArray) -> None:
-    """Apply Broyden's correction to a step with a kept Jacobian, from the step before."""
-    left = dot(before, step) / dot(before, before)
-    if abs(left) < CONTRACTION:
-        combine(step, 1.0 / (1.0 - left), step, 0.0, step)
-
-
-@inner
-def _first_changed(core: Core) -> int:
-    """Return the first row of the band affected by the changed contacts."""
-    changed, first = vector(core.block, a.CHANGED), core.n
-    for k in range(0, len(changed), vectors.VECTOR_WIDTH):
-        if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * k, 0.0) == 0:
-            for m in range(k, k + vectors.VECTOR_WIDTH):
-                if changed[m] != 0.0:
-                    first = min(first, m % (len(changed) // POINTS_PER_SEGMENT))
-    return BLOCK_SIZE * first if first < core.n else 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
+from worm3d.physics.friction import RESTING_PENETRATION
 from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
@@ -21,9 +22,6 @@ _DQ, _FIRST, _FRICTION = segment.SEGMENT_LAYOUT.first("dq"), *point.POINT_LAYOUT
 _FORESEEN, _ERROR = point.POINT_LAYOUT.firsts("foreseen", "error")
 Y, _, EXCESS, TOUCHING_DEPTH, PREDICTED_FRICTION, _, _, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = range(12)
 """Rows of "yielding_out"."""
-
-SHALLOW = 1e-5
-"""Largest penetration of a landing contact, as a fraction of the segment length, for which a step is taken."""
 
 PRESSED = 1e-3
 """Penetration, as a fraction of the segment length, that sets the load of a landing contact in its first iteration."""
@@ -99,7 +97,7 @@ def seen(core: Core, first: int) -> bool:
 def lands(core: Core) -> bool:
     """Return whether the step, which ignores open contacts, would drive an open contact deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
+    deep = RESTING_PENETRATION * vector(core.block, a.NUMBERS_)[a.L0]
     for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if seen(core, first):
             for k in range(first, first + vectors.VECTOR_WIDTH):

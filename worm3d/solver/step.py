@@ -248,7 +248,6 @@ def _commit(core: Core) -> None:
     _remember(core, a.HINGES, address(block, a.SEGMENT_LEDGER_, _OF_LEDGER))
     _remember(core, a.JOINT_ANGLES_PAST, address(block, a.JOINT_OUT, _OF_JOINTS_LEDGER))
     _move_anchors(core)
-    fronts.note(core)
     _carry_directors(core)
     last, curve = vector(block, a.LAST), vector(block, a.CURVE)
     combine(curve, 0.0, curve, -1.0, last)

@@ -183,16 +183,6 @@ def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
     return curve
 
 
-def roots() -> ca.Function:
-    """Return the outputs of `gradient`, and three rows J (13), each padded with zeros (16).
-
-    J^T J is Gauss-Newton's Hessian, without the second derivatives of the strains.
-    """
-    phi, slope = _potential()
-    rows = ca.vertcat(_derivatives()[0], ca.SX.zeros(ROW - COORDINATES, 3))
-    return JOINT_LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": rows})
-
-
 def hessian() -> ca.Function:
     """Return the outputs of `gradient`, and the whole Hessian, row by row, each padded with zeros (13 x 16)."""
     phi, slope = _potential()
