@@ -106,7 +106,9 @@ class Stage:
         self._label(side, top)
         limit = 100.0 * self.scales.strain
         mapped = ScalarMappable(Normalize(-limit, limit), LinearSegmentedColormap.from_list("strain", colours.RAMP))
-        figure.colorbar(mapped, ax=(side, top), label="chamber strain [%]", anchor=(0.0, 1.0), shrink=0.5)
+        figure.colorbar(
+            mapped, ax=(side, top), label="chamber strain [%]", anchor=(0.0, 1.0), panchor=False, shrink=0.5
+        )
         return figure, (side, top)
 
     def _label(self, side: Axes, top: Axes) -> None:
@@ -162,8 +164,8 @@ class Stage:
         frames, size = self.frames, self.frames.body_length
         places = frames.contacts[index]
         if frames.contact_force is not None:
-            force = arrow_length(size) / self.scales.force * frames.contact_force[index]
-            x, y, along, up = (part.ravel() for part in (*view.points(places).T, *view.points(force).T))
+            force = arrow_length(size) / self.scales.force * frames.contact_force[index].reshape(-1, 3)
+            x, y, along, up = (*view.points(places.reshape(-1, 3)).T, *view.points(force).T)
             style: dict[str, Any] = {"color": colours.FORCE_ARROW, "width": 0.009 * size, "minlength": 0.0, "zorder": 4}
             axes.quiver(x, y, along, up, angles="xy", units="xy", scale_units="xy", scale=1.0, **style)
         if frames.anchored is not None:

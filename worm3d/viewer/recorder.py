@@ -191,16 +191,46 @@ def animate(pieces: list[Piece], time: FloatArray) -> Content:
 
 
 def _moves(piece: Piece, time: FloatArray) -> list[Content]:
-    from scipy.spatial.transform import Rotation  # takes a while
-
     tracks = []
     if piece.position is not None:
         tracks.append(_track(".position", "vector3", time, piece.position))
     if piece.turn is not None:
-        tracks.append(_track(".quaternion", "quaternion", time, Rotation.from_matrix(piece.turn).as_quat()))
+        tracks.append(_track(".quaternion", "quaternion", time, quaternions(piece.turn)))
     if piece.scale is not None:
         tracks.append(_track(".scale", "vector3", time, piece.scale, piece.stepped))
     return tracks
+
+
+def quaternions(axes: FloatArray) -> FloatArray:
+    """Return the quaternions, shape (..., 4), of rotation matrices, shape (..., 3, 3), stable for all angles."""
+    m = axes
+    diagonal = np.stack([m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
+    trace = diagonal.sum(axis=-1)
+    # Squares of 2 x, 2 y, 2 z, 2 w; the largest is the divisor.
+    squares = np.concatenate([1.0 + 2.0 * diagonal - trace[..., None], 1.0 + trace[..., None]], axis=-1)
+    symmetric, skew = _pairs(m, 1.0), _pairs(m, -1.0)
+    yz, zx, xy = (symmetric[..., k] for k in range(3))
+    wx, wy, wz = (skew[..., k] for k in range(3))
+    products = np.stack(  # row k: the four numbers times 4 x, 4 y, 4 z or 4 w
+        [
+            np.stack([squares[..., 0], xy, zx, wx], axis=-1),
+            np.stack([xy, squares[..., 1], yz, wy], axis=-1),
+            np.stack([zx, yz, squares[..., 2], wz], axis=-1),
+            np.stack([wx, wy, wz, squares[..., 3]], axis=-1),
+        ],
+        axis=-2,
+    )
+    best = squares.argmax(axis=-1)[..., None, None]
+    row = np.take_along_axis(products, best, axis=-2)[..., 0, :]
+    return np.asarray(row / np.linalg.norm(row, axis=-1, keepdims=True))
+
+
+def _pairs(m: FloatArray, sign: float) -> FloatArray:
+    """Return m_zy ± m_yz, m_xz ± m_zx, m_yx ± m_xy."""
+    return np.stack(
+        [m[..., 2, 1] + sign * m[..., 1, 2], m[..., 0, 2] + sign * m[..., 2, 0], m[..., 1, 0] + sign * m[..., 0, 1]],
+        axis=-1,
+    )
 
 
 def _looks(piece: Piece, time: FloatArray) -> list[Content]:
