@@ -112,14 +112,14 @@ def test_all_chambers_without_pressure() -> None:
 
 def test_chambers_that_do_not_move_at_all_are_one_fault() -> None:
     zero = np.zeros((6, 2))
-    wave = Wave(1.0, zero, zero, 0.0, None, np.nan, np.nan, None, False, 0.1, 0.05, 0.05, 0.1, 0.0, np.inf, None)
+    wave = Wave(1.0, zero, zero, 0.0, None, np.nan, np.nan, False, 0.1, 0.05, 0.05, 0.1)
     assert [fault.kind for fault in faults([wave, wave])] == ["chambers"]
 
 
 def test_loads_on_single_chambers_count_the_more_the_smaller_the_wave() -> None:
     gain = np.full((6, 2), 0.5)
     gain[2, 1] = 0.22
-    wave = Wave(1.0, gain, 0.0 * gain, 0.0, None, np.nan, np.nan, None, False, 0.1, 0.0, 0.05, 0.1, 0.0, np.inf, None)
+    wave = Wave(1.0, gain, 0.0 * gain, 0.0, None, np.nan, np.nan, False, 0.1, 0.0, 0.05, 0.1)
     assert [fault.kind for fault in faults([wave, wave])] == ["chamber 2 right"]
     small = replace(wave, expected=0.6)
     assert list(faults([small, small])) == []
@@ -129,9 +129,7 @@ def test_loads_on_single_chambers_count_the_more_the_smaller_the_wave() -> None:
 
 def test_a_worm_leans_where_its_gains_differ_from_the_usual_ones_and_not_where_chambers_are_weak() -> None:
     usual = np.tile([[0.7, 1.0]], (6, 1))
-    weak = Wave(
-        1.0, 0.85 * usual, 0.0 * usual, 0.0, None, np.nan, np.nan, None, False, 0.1, 0.0, 0.05, 0.1, 0.0, np.inf, None
-    )
+    weak = Wave(1.0, 0.85 * usual, 0.0 * usual, 0.0, None, np.nan, np.nan, False, 0.1, 0.0, 0.05, 0.1)
     weak = replace(weak, place=np.zeros(2), place_time=1.0)
     known = replace(weak, usual_gain=usual)
     assert [fault.kind for fault in faults([weak] * 3)] == ["tipped"]
@@ -183,7 +181,7 @@ def test_a_speed_that_a_slope_does_not_allow() -> None:
 def test_a_worm_that_goes_the_wrong_way_along_its_path_is_too_slow() -> None:
     """What it believes of its heading does not count where there is a path: the belief may be what is wrong."""
     nothing = np.full((6, 2), np.nan)
-    still = Wave(0.0, nothing, nothing, 0.0, None, np.nan, 0.001, 0.0, False, 0.08, 0.08, 0.08, 0.14, 0.0, np.inf, 0.0)
+    still = Wave(0.0, nothing, nothing, 0.0, None, np.nan, 0.001, False, 0.08, 0.08, 0.08, 0.14, 0.0, aside=0.0)
     for way, kinds in ((0.08, []), (-0.08, ["too slow"]), (0.2, ["too fast"])):
         waves = [replace(still, end=k, place=np.array([way * k, 0.0]), place_time=k) for k in np.arange(5.0)]
         assert [fault.kind for fault in faults(waves)] == kinds
@@ -334,7 +332,7 @@ def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() ->
     _, broken, found = run(Reference(Constant(0.08), path=LINE), 14.0, push=sideways(0.07, 3, 8.0, 12.0))
     assert broken.waves_from(8.0, found["push or drift"].time) < 3.0
     ones, zero = np.ones((6, 2)), np.zeros((6, 2))
-    steady = Wave(0.0, ones, zero, 0.0, zero[0], 0.0, 0.0, None, False, 0.08, 0.08, 0.08, 0.1, 0.0, np.inf, None)
+    steady = Wave(0.0, ones, zero, 0.0, zero[0], 0.0, 0.0, False, 0.08, 0.08, 0.08, 0.1)
 
     def waves(*ways: tuple[float, float], **last: object) -> list[Wave]:
         places = np.cumsum([(0.0, 0.0), *ways], axis=0)

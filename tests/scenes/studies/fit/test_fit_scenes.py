@@ -77,7 +77,7 @@ def test_the_command_writes_values_scene_and_figure(worm3d: Command, record: Rec
     assert ended.code == 0
     assert "fit of flat, at most: 1000 runs" in ended.err
     assert "gait.amplitude  0.2" in ended.out
-    assert "written to found: fit.json, fit.toml, fit.png" in ended.out
+    assert "Written to found: fit.json, fit.toml, fit.png" in ended.out
     found = json.loads((tmp_path / "found/fit.json").read_text())
     (key,) = found["keys"]
     assert key["low_95"] < 0.2 < key["high_95"]
