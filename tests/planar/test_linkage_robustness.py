@@ -46,7 +46,7 @@ def test_forty_random_worms_end_with_a_name() -> None:
     for _ in range(40):
         worm, arguments = random_case(rng)
         try:
-            run = linkage.simulate(worm, duration=1.0, **arguments)
+            run = linkage.simulate(worm, duration=0.5, **arguments)
         except LimitPointError:
             ends["limit point"] += 1
             continue
