@@ -243,7 +243,7 @@ def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:
 def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) <= 4:  # the first wave swells
         return
-    last = waves[-4:]  # of which the ends are three waves apart
+    last = waves[-4:]  # the first and the last of these are three waves apart
     if any(wave.back != last[-1].back or wave.away >= AWAY for wave in last):
         return
     way, error = _way(last)

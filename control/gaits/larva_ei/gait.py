@@ -52,7 +52,7 @@ class LarvaEI(FeedbackGait, name="larva_ei"):
 
     def require_body(self, segments: int) -> None:
         """Raise ValueError if the gait does not fit a body with this number of segments."""
-        if segments < 3:  # those that carry the wave, and one that rests behind the wave
+        if segments < 3:  # two segments carry the wave, one rests behind the wave
             raise ValueError(f"kind: got 'larva_ei', needs 3 segments or more for a wave; the worm has {segments}")
 
     def start(self, body: Body) -> Network:

@@ -190,6 +190,6 @@ def force_of(push: Push, segments: int, dt: float) -> Force | None:
         return None
     force = np.zeros((segments + 1, 3))
     force[push.joint] = push.force_N
-    begin = push.begin_s + 1e-6 * dt  # so that rounding does not decide in which step the push starts
+    begin = push.begin_s + 1e-6 * dt  # rounding must not decide in which step the push starts
     end = math.inf if push.duration_s is None else begin + push.duration_s
     return lambda t: force if begin < t <= end else np.zeros_like(force)
