@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -140,8 +141,19 @@ class Stage:
             shapes, bright = view.seen(panels, paint)
             axes.add_collection(PolyCollection(list(shapes), facecolors=bright, edgecolors="face", lw=0.4, zorder=3))
             self._draw_marks(axes, view, index)
-        self.axes[0].set_title(self._text(index), fontsize=9, loc="left")
+        self._title = self.axes[0].set_title(self._text(index), fontsize=9, loc="left")
         return self.figure
+
+    @property
+    def moving(self) -> list[Artist]:
+        """Artists of the frame that was drawn last, in drawing order."""
+        found = [artist for axes in self.axes for artist in (*axes.collections, *axes.lines)]
+        return [self._title, *sorted(found, key=lambda artist: artist.get_zorder())]
+
+    @property
+    def limits(self) -> list[tuple[float, float]]:
+        """Limits of the axes, which change if the views follow the worm."""
+        return [limits for axes in self.axes for limits in (axes.get_xlim(), axes.get_ylim())]
 
     def _draw_world(self, axes: Axes, view: Projection, index: int) -> None:
         """Draw sections of the world with the picture's plane through the centre of mass, the path and the trail."""
