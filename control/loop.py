@@ -287,8 +287,9 @@ class WaveController(Driver):
             if steering is not None:
                 self.generator.schedule = held_schedule(self.task.map.schedule, segment, self.held_steering)
                 whole = float(steered.turn(WAVE.amplitude, WAVE.frequency, WAVE.steering(steered.mechanism)))
-                if isinstance(self.estimator, Estimator):
-                    self.estimator.turns(steering.turn / whole)
+                turns = getattr(self.estimator, "turns", None)  # an estimator of the user's own may lack it
+                if turns is not None:
+                    turns(steering.turn / whole)
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
         choice = self._chosen(t, estimate)
@@ -323,8 +324,9 @@ class WaveController(Driver):
                 self.watch.report([steep])
                 if not self.descent.tries(t, estimate.position):
                     return Choice("stop", rest(self._target), steep.what)
-                if isinstance(self.estimator, Estimator):
-                    self.estimator.forget_ground()
+                forget = getattr(self.estimator, "forget_ground", None)
+                if forget is not None:
+                    forget()
             choice, self._kept_count = self._choose(t, estimate), 0
         except EXCEPTIONS as error:
             _LOG.warning("no decision at %.3f s", t, exc_info=error)

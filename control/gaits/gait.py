@@ -146,10 +146,10 @@ class Gait(Spelled, ABC):
         return Commands(np.clip(self.amplitude * chambers, *worm.stroke), hinge, self.force * chambers)
 
 
-def direction_of_waves(default: Direction = "retrograde") -> Any:
-    """Return the field of the direction in which contractions pass along the body."""
+def direction_of_waves(default: Direction = "retrograde", more: str = "") -> Any:
+    """Return the field of the direction in which contractions pass along the body; `more` completes the meaning."""
     meaning = "retrograde: waves run from head to tail, as in earthworms; direct: from tail to head, as in larvae"
-    return parameter(default, meaning=meaning)
+    return parameter(default, meaning + more)
 
 
 def longer(default: float, what: str = "an extended segment") -> Any:

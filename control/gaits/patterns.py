@@ -111,7 +111,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
         key="pulse",
     )
     alternating: bool = parameter(True, meaning="whether odd segments lengthen instead (step 4)")
-    direction: Direction = direction_of_waves("direct")
+    direction: Direction = direction_of_waves("direct", ", the paper's order")
     impulse: float = parameter(
         0.01, meaning="duration of the dirac pulse: the time step, so that it acts in one step", unit="s", gt=0
     )

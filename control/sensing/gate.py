@@ -141,7 +141,7 @@ class Gate:
         flat = numbers.ravel()
         if np.vdot(flat, flat) <= min(low**2, high**2):  # quick; false where any is NaN
             return value if isinstance(value, np.ndarray | float) else numbers, None
-        right = (numbers >= low) & (numbers <= high)
+        right = (numbers >= low) & (numbers <= high) & np.isfinite(numbers)
         if right.all():
             return numbers, None
         refusal = Refusal.OUT_OF_RANGE if np.isfinite(numbers).all() else Refusal.NOT_FINITE

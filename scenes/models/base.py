@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ Observer = Callable[[int], bool]
 Status = Literal["done", "interrupted", "diverged"]
 
 
+@runtime_checkable
 class Movie(Protocol):
     """An animation, ready for writing."""
 

@@ -148,17 +148,15 @@ class Report:
 
     def write(self, folder: Path) -> None:
         """Write all files into a folder; DiscError if the folder cannot be written."""
-        from matplotlib.figure import Figure  # takes as long as a short run
-
         for name, blocks in self.pages.items():
             write_bytes(folder / name, markdown(blocks).encode())
         for name, content in self.files.items():
             write_bytes(folder / name, content)
         for name, picture in self.pictures.items():
-            if isinstance(picture, Figure):
-                save_figure(picture, folder / name)
-            else:
+            if isinstance(picture, Movie):
                 save_movie(picture, folder / name)
+            else:
+                save_figure(picture, folder / name)
 
 
 class StudyStoppedError(Exception):

@@ -16,6 +16,7 @@ from control.gaits import TravellingWave
 from worm3d import Coulomb, Friction, FrictionLaw, Plane, State, Status, Viscous, Worm
 from worm3d.physics.friction_laws import LAWS, law_of
 from worm3d.physics.kernels import point
+from worm3d.results.files import plain, restored
 from worm3d.solver.evaluate import LOAD_ROW, PHI, STIFFNESS
 from worm3d.solver.regimes import EXCESS, PREDICTED_FRICTION, Y
 from worm3d.values.parameters import parameter
@@ -390,3 +391,13 @@ def test_the_start_of_a_run_settles_whatever_the_law() -> None:
     result = worm3d.simulate(Worm(), bumps, Friction(0.6, 0.6, 0.6, law="viscous"), duration=0.05)
     assert result.status is Status.DONE
     assert isinstance(result.state, State)
+
+
+def test_a_law_of_ones_own_is_not_read_as_coulombs() -> None:
+    """A file has no functions: without its class, the law would be Coulomb's, without a word."""
+    law = Sticky()
+    assert plain(law, []) == {"unknown": "Sticky"}
+    with pytest.raises(ValueError, match=r"its ground has a part of the class Sticky, .* give it, worm3d\.load"):
+        restored("ground", plain(Friction(law=law), []), [])
+    assert restored("ground", plain(Friction(law=Viscous(3.0)), []), []).law == Viscous(3.0)
+    assert hash(Viscous(3.0)) == hash(Viscous(3.0))

@@ -46,8 +46,12 @@ def announce() -> None:
     """Print on stderr, once, that compiling the solver takes half a minute."""
     from worm3d.machine import packed  # imports modules that unpack
 
-    folder = cache.folder(FUNCTION_FOLDER) or "no folder: set HOME or XDG_CACHE_HOME"
-    sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder}){packed.reason()}\n")
+    folder = cache.folder(FUNCTION_FOLDER)
+    why = cache.obstacle(folder)
+    when = (
+        f"once, for about half a minute (kept in {folder})" if why is None else f"every time for half a minute: {why}"
+    )
+    sys.stderr.write(f"worm3d: compiling, {when}{packed.reason()}\n")
     sys.stderr.flush()
 
 

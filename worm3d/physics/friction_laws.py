@@ -103,6 +103,9 @@ class FrictionLaw(Part, registry=LAWS):
                     f"{type(self).__name__}.{name}: the {what} at {at[k]:.3g} {unit} is {got:.3g}, must be {must}"
                 )
 
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash((type(self), self.rows().tobytes()))
+
     def rows(self, segments: int | None = None) -> FloatArray:
         """Return the parameters as the kernels take them, shape (4, N), unused rows 0.
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.measures import Metric, reasons, summary
+from worm3d.physics.friction_laws import FrictionLaw
 from worm3d.physics.kernels import GREATEST_CONTRACTION
 from worm3d.physics.part import Part
 from worm3d.physics.worm import Worm
@@ -255,7 +256,7 @@ def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
         return [plain(each, arrays) for each in value]
     if is_dataclass(value) and (name := _name_of(type(value))):
         return {"class": name, **{each.name: plain(getattr(value, each.name), arrays) for each in fields(value)}}
-    if isinstance(value, Part):
+    if isinstance(value, Part) and not isinstance(value, FrictionLaw):  # without its functions a law is Coulomb's
         return _of_own(value, arrays)
     return {"unknown": type(value).__qualname__}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -20,9 +21,6 @@ from worm3d.running.start import LimitPointError
 from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.worlds import World
-
-OF_EACH_RUN = ("worm", "world", "ground", "actuation", "external_force", "state")
-"""Arguments that may be lists, with one value for each run."""
 
 
 @spelled
@@ -71,9 +69,26 @@ def simulate_batch(
     ValueError
         The lists have different lengths, or `simulate` refuses an argument; raised before any run begins.
     """
-    given = dict(locals())  # all arguments by name
-    arguments.whole("threads", given.pop("threads"), le=1024)
-    each = {name: given.pop(name) for name in OF_EACH_RUN}
+    arguments.whole("threads", threads, le=1024)
+    each: dict[str, Any] = {
+        "worm": worm,
+        "world": world,
+        "ground": ground,
+        "actuation": actuation,
+        "external_force": external_force,
+        "state": state,
+    }
+    given: dict[str, Any] = {
+        "duration": duration,
+        "dt": dt,
+        "integrator": integrator,
+        "gravity": gravity,
+        "held": held,
+        "record_every": record_every,
+        "settle_first": settle_first,
+        "tolerance": tolerance,
+        "accuracy": accuracy,
+    }
     count = _count(each)
     own = {name: value if isinstance(value, list | tuple) else [value] * count for name, value in each.items()}
     places = Places()

@@ -94,7 +94,10 @@ class Content:
     def require_digest(self, name: str) -> None:
         """Raise FileError if the attribute `format` or `digest` does not match the content of the file `name`."""
         if self.attributes.get("format") != RESULT_FORMAT:
-            raise FileError(f"{name}: not a result of worm3d (its attribute 'format' is not '{RESULT_FORMAT}')")
+            raise FileError(
+                f"{name}: not a result of this version of worm3d (its attribute 'format' is not '{RESULT_FORMAT}'); "
+                "run its scene again if an early version wrote it"
+            )
         try:
             holds = self.digest == self.attributes.get("digest")
         except (KeyError, ValueError, TypeError):

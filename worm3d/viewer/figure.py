@@ -125,7 +125,9 @@ class Stage:
 
     def draw(self, index: int) -> Figure:
         """Draw the frame `index` and return the figure."""
-        index = range(len(self.frames))[index]
+        if not -len(self.frames) <= index < len(self.frames):
+            raise IndexError(f"frame: got {index}, must be in [0, {len(self.frames) - 1}]")
+        index %= len(self.frames)
         step = 0.5 * self.frames.body_length  # in between the axes do not move
         here = step * np.round(self.frames.axes @ self.frames.centre[index] / step)
         middle = np.where(self._follows, here, self._middle)

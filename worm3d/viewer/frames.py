@@ -91,6 +91,8 @@ class Frames:
             sizes |= zip(letters, array.shape, strict=True)
             if name == "directors":
                 sizes["N+1"] = array.shape[1] + 1
+        if (np.diff(self.time) <= 0.0).any():
+            raise ValueError(f"time: got {self.time.tolist()} s, must increase")
         object.__setattr__(self, "anchored", read_only(self.anchored))
         if self.period is not None:
             arguments.number("period", self.period, "s", gt=0.0)

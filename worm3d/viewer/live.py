@@ -215,9 +215,9 @@ class Server:
         """Read all output, since the server would wait otherwise; the address comes first."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            if self._ready.is_set():
-                _LOG.warning("live view: %s", line.strip())
             self._lines = [*self._lines[-20:], line.strip()]
+            if line.startswith("dropped="):  # other lines are tornado's and meshcat's
+                _LOG.warning("live view: %s", line.removeprefix("dropped=").strip())
             if line.startswith("web_url="):
                 self._ready.set()
         self._ready.set()

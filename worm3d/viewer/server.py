@@ -9,6 +9,7 @@ file does none of that.
 from __future__ import annotations
 
 import functools
+import importlib.util
 import sys
 import threading
 import warnings
@@ -18,8 +19,6 @@ from typing import Any
 
 from tornado.web import Application, HTTPError
 from tornado.websocket import WebSocketClosedError
-
-from worm3d.viewer import policy
 
 with warnings.catch_warnings():
     # meshcat imports zmq.eventloop.ioloop, which is deprecated and warns.
@@ -138,7 +137,7 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
     def _drop(self, why: str) -> None:
         """End the connection, and print the reason; a closing frame would wait behind unread data."""
         self.on_close()
-        _say(f"a browser was dropped: {why}")
+        _say(f"dropped=a browser was dropped: {why}")
         self.ws_connection.stream.close()
 
 
@@ -174,7 +173,18 @@ def hosts(port: int) -> list[str]:
 @functools.cache
 def _policy(port: int) -> str:
     page = Path(zmqserver.VIEWER_ROOT, zmqserver.VIEWER_HTML).read_text("utf-8")
-    return policy.of_server(page, hosts(port))
+    found: str = _beside("policy").of_server(page, hosts(port))
+    return found
+
+
+def _beside(name: str) -> Any:
+    """Import a module next to this file without the package, which would import the simulator."""
+    specification = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
 
 
 def _say(text: str) -> None:

@@ -52,7 +52,10 @@ class WorldMesh:
     def __post_init__(self) -> None:
         vertices = arguments.array(f"world mesh {self.name!r}: vertices", self.vertices, ("V", 3), least=0)
         object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", read_only(self.faces))
+        faces = np.array(self.faces, dtype=np.int64).reshape(-1, 3)
+        if faces.size and not (faces.min() >= 0 and faces.max() < len(vertices)):
+            raise ValueError(f"world mesh {self.name!r}: faces: must be rows of the {len(vertices)} vertices")
+        object.__setattr__(self, "faces", read_only(faces))
 
 
 def plane(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -78,8 +78,7 @@ class Mesh(GridWorld):
             arguments.number("cell", self.cell, "m", gt=0.0)
         object.__setattr__(self, "position", tuple(arguments.array("position", self.position, (3,)).tolist()))
         arguments.number("grip", self.grip, ge=0.0)
-        grid = self._grid()
-        object.__setattr__(self, "grid", replace(grid, first=grid.first + self.position))
+        object.__setattr__(self, "grid", self._grid())
 
     def _grid(self) -> Grid:
         """Return the grid of the file, from disk if stored there."""
@@ -120,6 +119,11 @@ class Mesh(GridWorld):
         path = Path(self.path)
         vertices, faces = self._triangles(path, mesh_file.content(path), mesh_file.scale_of(path, self.units))
         return vertices + self.position, faces
+
+    @property
+    def first(self) -> FloatArray:
+        """Position of the grid's first node, shape (3,) [m]."""
+        return np.asarray(self.grid.first + self.position)
 
     @property
     def side(self) -> float:

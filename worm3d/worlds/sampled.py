@@ -78,6 +78,11 @@ class GridWorld(World, ReadOnly):
     """Whether the world continues straight beyond the grid; otherwise there is nothing beyond the grid."""
 
     @property
+    def first(self) -> FloatArray:
+        """Position of the grid's first node, shape (3,) [m]."""
+        return self.grid.first
+
+    @property
     def side(self) -> float:
         """1 where negative distances are solid, -1 where positive ones are."""
         return 1.0
@@ -88,7 +93,7 @@ class GridWorld(World, ReadOnly):
         # Working memory of this kernel only: other kernels may run at the same time.
         work = np.zeros((sampled_kernel.WORK_ROWS, sampled_kernel.TOGETHER))
         places = kernels.halves(grid.coefficients.ctypes.data, work.ctypes.data, spline.address)
-        box = (*grid.coefficients.shape, *grid.first, grid.cell)
+        box = (*grid.coefficients.shape, *self.first, grid.cell)
         parameters = [*places, *box, self.side, self.grip, band, self.straight]
         return kernels.kernel_by_hand(sampled_kernel.sampled, parameters, (grid, work, spline))
 
@@ -105,7 +110,7 @@ class GridWorld(World, ReadOnly):
 
         The result is the highest ground, or the lowest ground where positive distances are solid.
         """
-        z = self.grid.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
+        z = self.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
         columns = np.empty((len(places), len(z), 3))
         columns[:, :, :2], columns[:, :, 2] = places[:, None], z
         g = self.distance(columns)

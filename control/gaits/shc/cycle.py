@@ -85,7 +85,7 @@ class Cycle:
         most = float(np.min(DELTA * np.roll(self.beta, -1) * excursion))
         if not 0.0 < self.noise <= most:
             raise ValueError(
-                f"saddle_noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it the cycle "
+                f"noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it the cycle "
                 "waits at no saddle"
             )
 

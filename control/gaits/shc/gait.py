@@ -92,7 +92,10 @@ class SHC(FeedbackGait, name="shc"):
         for name in ("alpha", "beta", "nu"):
             arguments.require_count(name, getattr(self, name), segments)
             own[name] = np.broadcast_to(getattr(self, name), segments)[along]
-        return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
+        try:
+            return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
+        except ValueError as error:
+            raise ValueError(str(error).replace("noise:", "saddle_noise:", 1)) from error
 
     def order(self, segments: int) -> IntArray:
         """Return the segments in the direction of the wave, shape (segments,)."""

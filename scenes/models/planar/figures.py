@@ -14,7 +14,7 @@ from scenes.records.record import Record
 
 def centre_of_mass(record: Record) -> tuple[Figure, Axes]:
     """Draw the centre of mass along the ground, and any centre of mass reported by the published program."""
-    curves = {"all nodes": record["com"][:, 0]}
+    curves = {"centre of mass": record["com"][:, 0]}
     if "reported_com" in record:
         curves["as the program reports it"] = record["reported_com"]
     return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")

@@ -149,7 +149,12 @@ class Trials:
         record = self._run(values, *changes)
         if record is None:
             return None
-        rows = {name: _rows(series) for name, series in simulated_like(record, self._measured).items()}
+        try:
+            series = simulated_like(record, self._measured)
+        except SceneError as error:
+            self.why = str(error)
+            return None
+        rows = {name: _rows(each) for name, each in series.items()}
         channels = np.array([rows[name][k] for name, k in self._places])
         channels[~np.isfinite(self.data.values)] = np.nan
         if not np.array_equal(np.isfinite(channels), np.isfinite(self.data.values)):

@@ -122,12 +122,11 @@ DELAY_COLUMNS = {
     "delay [ms] of": Column("band"),
     "in": Column("recording"),
     "recorded": Column("delay_s", ".0f", 1e3),
-    "from": Column("low_s", ".0f", 1e3),
-    "to (90 %)": Column("high_s", ".0f", 1e3),
+    "90 % interval": Column("interval_text"),
     "network": Column("network_s", ".0f", 1e3),
     "off": Column("network_error_s", "+.0f", 1e3),
     "uniform": Column("uniform_s", ".0f", 1e3),
-    "off by": Column("uniform_error_s", "+.0f", 1e3),
+    "uniform off": Column("uniform_error_s", "+.0f", 1e3),
 }
 """Columns at a terminal."""
 

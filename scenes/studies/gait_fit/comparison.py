@@ -41,6 +41,11 @@ class Row:
         return self.network_s - self.delay_s
 
     @property
+    def interval_text(self) -> str:
+        """The bootstrap interval [ms]."""
+        return f"{1e3 * self.low_s:.0f} to {1e3 * self.high_s:.0f}"
+
+    @property
     def uniform_error_s(self) -> float:
         """Error of the uniform wave [s]."""
         return self.uniform_s - self.delay_s

@@ -84,7 +84,7 @@ def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
 def report(found: Found) -> Report:
     """Return the report."""
     return Report(
-        said=[Items(verdict(found))],
+        said=[Items([*verdict(found), "validate.md says why"])],
         pages={"validate.md": list(_page(found))},
         files={"validate.json": json_bytes(content(found))},
         pictures={"validate.png": draw(found.chapters)},

@@ -4,7 +4,7 @@
 file, and `trust` decides which files are trusted. This package needs no compiler and is independent of worms.
 """
 
-from worm3d.machine.cache.files import folder, load, store
+from worm3d.machine.cache.files import folder, load, obstacle, store
 from worm3d.machine.cache.locks import alone, load_or_make
 
-__all__ = ["alone", "folder", "load", "load_or_make", "store"]
+__all__ = ["alone", "folder", "load", "load_or_make", "obstacle", "store"]

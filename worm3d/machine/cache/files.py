@@ -76,8 +76,23 @@ def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel"
     return True
 
 
+def obstacle(folder: Path | None) -> str | None:
+    """Return the reason why nothing can be kept in a folder; None if files can be kept."""
+    if folder is None:
+        return "there is no folder for a cache: set HOME or XDG_CACHE_HOME"
+    try:
+        make(folder)
+    except UntrustedError as error:
+        return str(error)
+    except OSError as error:
+        return f"{folder}: {_reason(error)}"
+    return None if os.access(folder, os.W_OK) else f"{folder}: not writeable"
+
+
 def require_trusted(folder: Path) -> None:
     """Raise an error unless a folder exists, and nobody else can write to it or replace it.
+
+    Since nobody else can replace a part of the path either, later operations by the path act on the same folder.
 
     Raises
     ------

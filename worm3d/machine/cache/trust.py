@@ -54,7 +54,7 @@ def require_safe_way(folder: Path, links: int = 0) -> None:
 
 def _require_owner(status: os.stat_result, place: object) -> None:
     if HAS_OWNERS and status.st_uid not in (0, os.geteuid()):
-        raise UntrustedError(f"{place} belongs to another user ({status.st_uid})")
+        raise UntrustedError(f"{place} belongs to another user ({_name(status.st_uid)})")
 
 
 def _is_open(status: os.stat_result, *, private_allowed: bool) -> bool:
@@ -78,3 +78,12 @@ def _is_private(group: int) -> bool:
         return group == user.pw_gid and grp.getgrgid(group).gr_name == user.pw_name
     except KeyError:
         return False
+
+
+def _name(user: int) -> str:
+    import pwd
+
+    try:
+        return pwd.getpwuid(user).pw_name
+    except KeyError:
+        return str(user)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,8 @@ class Kernel:
         return np.zeros((self.rows_in, self.lanes(count))), np.zeros((self.rows_out, self.lanes(count)))
 
 
+LONG_COMPILATION = 20_000
+"""Number of instructions of a function whose compilation is announced; it takes about a second."""
 _LOCK = threading.Lock()
 _LOADED: dict[str, tuple[int, object]] = {}
 """Address and owner of every kernel; never freed, since compiled code may hold the address."""
@@ -79,10 +82,13 @@ def compile_kernel(
     require_sx(function)
     host, folder = host or native.this_host(), folder or cache.folder("kernels")
     key = native.cache_key(function, host, padded, exact)
+
+    def compiled() -> tuple[bytes, bool]:
+        if function.n_instructions() > LONG_COMPILATION:
+            sys.stderr.write(f"worm3d: compiling {function.name()!r}, once, for some seconds\n")
+        return native.compile_function(function, host, padded, exact), True
+
     with _LOCK:
         if key not in _LOADED:
-            code = cache.load_or_make(
-                folder, key, lambda: (native.compile_function(function, host, padded, exact), True)
-            )
-            _LOADED[key] = native.load(code, host)
+            _LOADED[key] = native.load(cache.load_or_make(folder, key, compiled), host)
     return Kernel(function.name(), function.nnz_in(), function.nnz_out(), host.width, _LOADED[key][0])
