@@ -155,7 +155,7 @@ def test_times_may_be_asked_in_any_order() -> None:
 def test_it_senses_what_has_a_gain() -> None:
     assert SHC().senses == ()
     assert SHC(strain_gain=0.1, load_gain=0.1).senses == ("strain", "contact_load")
-    with pytest.raises(ValueError, match="senses strain, so it is no function of time"):
+    with pytest.raises(ValueError, match="senses strain, so it is not a function of time"):
         SHC(strain_gain=0.1).activations(np.zeros(1), 6)
 
 

@@ -6,12 +6,12 @@ segment has 8 coordinates q, 2 chambers (left and right) and 8 contact points.
 Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)], where p_i and p_{i+1} are the joints at the ends of the segment.
 The roll is the rotation about the segment's axis relative to the director at the start of the step.
 
-Points: the six apexes in the order of NOTATION.md, then the contact point of the tail face and that of the head face. An
+Points: the six apexes in the order of NOTATION.md, then the contact points of the tail face and of the head face. An
 array with the coordinates of the points has 24 rows: x of all points, then y, then z (row 8 axis + point). The kernels
 of `worm3d.physics.kernels.point` need this order.
 
-If all mass lies on the axis, the roll of the whole worm has no inertia. In this case a damper resists the roll g of each
-step, with the potential C g^2/(2 dt) and the loss C g^2/dt per step.
+If all mass lies on the axis, the roll of the whole worm has no inertia. In this case a damper resists the roll g in
+each step, with the potential C g^2/(2 dt) and the loss C g^2/dt.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def _motion() -> ca.SX:
 def jacobian() -> ca.Function:
     """Return the kernel of the derivatives of the points with respect to the coordinates (192).
 
-    The row of 8 derivatives of each coordinate of a point follow one another: x, y, z of the first point, and so on.
+    The order is: 8 derivatives of x of the first point, 8 of its y, 8 of its z, then the second point, and so on.
     """
     of_reduced = ca.jacobian(_shape_of_reduced().points, _REDUCED)
     of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(
@@ -295,8 +295,7 @@ def hessian(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
 """Terms of the energy ledger that belong to a segment."""
 LEDGER_ROWS = POINTS_PER_SEGMENT
-"""Number of outputs of `ledger` before the displacement of the points. These outputs fill one row of an array of points.
-"""
+"""Number of outputs of `ledger` before the displacement of the points; they fill one row of an array of points."""
 
 
 def ledger() -> ca.Function:
