@@ -127,7 +127,7 @@ def test_sensors_make_what_it_feels() -> None:
         (lambda: Remembering(channels=("colour",)).bind(WORM), "colour: got a channel of this name, must be one of"),
         (
             lambda: Remembering(channels=("pressure",)).bind(WORM),
-            "gait: senses pressure, must be bound to a worm3d.Worm",
+            "gait: it senses pressure, so it must be bound to a worm3d.Worm",
         ),
         (lambda: SENSING.activations(np.zeros(1), 6), "gait: '' senses strain, so it is not a function of time"),
         (lambda: run(Remembering(), sensor=Sensors()), "sensor: only a controller, or a gait that senses"),
