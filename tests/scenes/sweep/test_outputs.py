@@ -216,7 +216,7 @@ def test_two_numbers_are_a_map() -> None:
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
     assert_allclose(mesh.get_coordinates()[:, 0, 1], np.sqrt(2.0) ** np.array([-3, -1, 1, 3, 5]))  # the cells' edges
     assert crosses(axes) == [[4.0, 1.0]]
-    assert axes.get_title() == "Title: distance [m]; 1 of 12 cases failed (x)"
+    assert axes.get_title() == "Title: distance [m]; 1 of 12 cases failed (marked x)"
 
 
 def test_a_number_is_a_curve_over_its_ascending_values() -> None:
