@@ -130,7 +130,7 @@ def test_sensors_make_what_it_feels() -> None:
             "gait: it senses pressure, so it must be bound to a worm3d.Worm",
         ),
         (lambda: SENSING.activations(np.zeros(1), 6), "gait: '' senses strain, so it is not a function of time"),
-        (lambda: run(Remembering(), sensor=Sensors()), "sensor: only a controller, or a gait that senses"),
+        (lambda: run(Remembering(), sensor=Sensors()), "sensor: got an actuation that does not use measurements"),
     ],
 )
 def test_refusals(refused: object, sentence: str) -> None:
