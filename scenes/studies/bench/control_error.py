@@ -62,8 +62,8 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
     Returns
     -------
     dict
-        "error" is (B5). The parts are rms values: "way" is that of `ahead` divided by rms D, "offset_bl" that of e in
-        body lengths, and "heading_deg" that of h - psi in degrees. A part that the task does not define is None.
+        "error": the error (B5). "way": rms value of `ahead` divided by rms D. "offset_bl": rms value of e in body
+        lengths. "heading_deg": rms value of h - psi in degrees. A part that the task does not define is None.
     """
     time, com = record["time"], record["com"][:, :2]
     rows = round(WINDOW / float(time[1] - time[0]))
