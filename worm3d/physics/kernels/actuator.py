@@ -1,8 +1,8 @@
 """Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
 
 The inputs of a kernel are the inputs of the segment or joint, followed by commands, past states (at t_n, then at
-t_{n-1}) and parameters of its actuators. In the chambers, the joint friction (`worm3d.physics.hysteresis`) is part of these
-kernels, and its states and parameters are among the inputs.
+t_{n-1}) and parameters of its actuators. In the chambers, the joint friction (`worm3d.physics.hysteresis`) is part of
+these kernels, and its states and parameters are among the inputs.
 
 The kernel `start` computes, at the start of a step, what does not depend on the lengths at the end of the step. The
 kernels `gradient` and `hessian` are used while the step is solved. The kernel `end` computes the new states and the
