@@ -32,7 +32,7 @@ class Parameters(Spelled):
     k_link: float = parameter(1e4, "stiffness k of each link of a rhombus, (P7)", "N", gt=0, key="link_N")
     mass: float = parameter(1e-8, "mass of the whole worm", "kg", gt=0)
     connector_mass: float = parameter(1e-11, "total mass of all connectors, a part of the mass", "kg", gt=0)
-    gravity: float = parameter(9.8, "g; used only for the normal load N_i = m_i g", "m/s^2", ge=0)
+    gravity: float = parameter(9.8, "gravitational acceleration g; only for the normal load m_i g", "m/s^2", ge=0)
     mu_forward: float = parameter(0.03, "coefficient of friction for motion towards the head, +x", ge=0, key="forward")
     mu_backward: float = parameter(
         0.20, "coefficient of friction for motion towards the tail, -x", ge=0, key="backward"

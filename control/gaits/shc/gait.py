@@ -46,7 +46,7 @@ class SHC(FeedbackGait, name="shc"):
     direction: Direction = direction_of_waves()
     nodes: int = parameter(
         0,
-        meaning="number of nodes, at least 3; the body has segments/nodes waves; 0: one node per segment",
+        meaning="number of nodes, 3 or more; 0: one node per segment. The body has segments/nodes waves",
         ge=0,
     )
     breadth: int = parameter(1, meaning="number of neighbouring nodes whose segments contract at a time", ge=1)
