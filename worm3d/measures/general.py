@@ -214,7 +214,7 @@ def carried(result: FinishedRun) -> float:
     """
     weight = result.worm.mass * float(np.linalg.norm(result.gravity))
     if distance(result) <= NO_WAY * result.worm.length:
-        raise NoValueError(f"the worm made no way forward ({distance(result):.4g} m)")
+        raise NoValueError(f"the worm did not move forward ({distance(result):.4g} m)")
     if weight == 0.0 or np.isnan(distance(result)):
         raise NoValueError("the worm has no weight, or no heading at the start")
     return weight * distance(result)
