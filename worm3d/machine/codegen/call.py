@@ -20,7 +20,7 @@ from worm3d.machine.writer import BYTES, INT, Writer, intrinsic
 SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
 """C signature of a kernel (`worm3d.machine.codegen.emit`)."""
 
-REFUSED = "kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)"
+REFUSED = "kernel: got arrays with other rows or too few lanes, must fit the kernel: create them with Kernel.allocate"
 
 
 def _run(address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int) -> int:
