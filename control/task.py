@@ -48,7 +48,7 @@ class ControlTask(Spelled):
         arguments.number("period", self.period, "s", gt=0.0)
         if self.mechanism not in self.map.maps:
             known = ", ".join(map(repr, self.map.maps))
-            raise ValueError(f"mechanism: got {self.mechanism!r}, must be one of those identified: {known}")
+            raise ValueError(f"mechanism: got {self.mechanism!r}, must be one of the identified mechanisms: {known}")
         object.__setattr__(self, "reference", led(self.reference, Body.of(self.worm)))
 
     @property

@@ -1,4 +1,4 @@
-"""Results of a run of the published program, and the paper's figures of merit."""
+"""Results of a run of the program that was published with the paper, and the paper's figures of merit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from worm3d.values.read_only import ReadOnly
 
 @dataclass(frozen=True)
 class Run(ReadOnly):
-    """A run of the program; S finished steps, T = S + 1 instants, n segments."""
+    """A run of the published program ("the program" below), with S finished steps, T = S + 1 instants and n segments.
+
+    A tag such as (P7) is an equation of the paper, or of `planar.metrics`.
+    """
 
     n: int
     """Number of segments."""
@@ -27,21 +30,21 @@ class Run(ReadOnly):
     time: FloatArray
     """Instants, shape (T,) [s]."""
     q: FloatArray
-    """Node positions x, y, shape (T, 3n+1, 2) [m]; main node i is node 3 i, followed by the segment's top and
-    bottom."""
+    """Positions x, y of the nodes, shape (T, 3n+1, 2) [m]. Node 3 i is the main node i on the axis; nodes 3 i + 1 and
+    3 i + 2 are the top and the bottom of segment i."""
     start: FloatArray
-    """Start positions of each step: q before the step, with touching nodes snapped to the ground, shape (S, 3n+1, 2)
-    [m]."""
+    """Positions from which each step starts, shape (S, 3n+1, 2) [m]: q before the step, but nodes that touch the ground
+    are set to the height of the ground."""
     contraction_force: FloatArray
-    """Shape (S, 3n+1, 2) [N]."""
+    """Contraction force on each node in each step, shape (S, 3n+1, 2) [N]."""
     friction_force: FloatArray
-    """Shape (S, 3n+1, 2) [N]."""
+    """Friction force on each node in each step, shape (S, 3n+1, 2) [N]."""
     activation: FloatArray
     """Activation of each segment at the end of each step, shape (S, n)."""
     newton_iterations: NDArray[np.int64]
-    """Iterations of predictor and corrector together, shape (S,)."""
+    """Number of Newton iterations of each step, the sum for predictor and corrector, shape (S,)."""
     residual: FloatArray
-    """Norm of the free residual of the last iterate tested, shape (S,) [N]."""
+    """Norm of the residual force on the free nodes in the last iterate that was tested, shape (S,) [N]."""
     stop: Stop
     net: Net = field(repr=False)
 
@@ -52,18 +55,21 @@ class Run(ReadOnly):
 
     @property
     def unconverged_steps(self) -> int:
-        """Number of steps that Newton left above the tolerance (the program goes on)."""
+        """Number of steps in which Newton's method did not reach the tolerance. The program continues regardless."""
         return int((self.residual >= self.parameters.tolerance).sum())
 
     @cached_property
     def reported_com(self) -> FloatArray:
-        """The program's "centre of mass" (T,) [m]: by mistake the mean of the entries 3 i of (x0, y0, x1, ...)."""
+        """The "centre of mass" that the program reports, shape (T,) [m].
+
+        By mistake it is the mean of the entries 3 i, i = 0, ..., n, of the flat coordinates (x0, y0, x1, y1, ...).
+        """
         flat = self.q.reshape(len(self.q), -1)
         return np.asarray(flat[:, 3 * np.arange(self.n + 1)].mean(axis=1))
 
     @cached_property
     def com(self) -> FloatArray:
-        """Centre of mass of all nodes (T, 2) [m]."""
+        """Centre of mass of all nodes, shape (T, 2) [m]."""
         return np.asarray(self.net.mass @ self.q / self.net.mass.sum())
 
     @property
@@ -73,32 +79,36 @@ class Run(ReadOnly):
 
     @property
     def inverted_steps(self) -> int:
-        """Number of steps after which some segment is inside out: the top below the bottom, or the head behind."""
+        """Number of steps after which a segment is inverted.
+
+        The top of an inverted segment is not above its bottom, or its head end is not ahead of its tail end.
+        """
         height = self.q[1:, self.net.top, 1] - self.q[1:, self.net.bottom, 1]
         length = np.diff(self.q[1:, self.net.main, 0], axis=1)
         return int(((height <= 0.0) | (length <= 0.0)).any(axis=1).sum())
 
     @cached_property
     def work_contract(self) -> FloatArray:
-        """Work of the contraction force over each step by the program's rule, with sign, shape (S,) [J].
+        """Work of the contraction force in each step by the rule of the program, with sign, shape (S,) [J].
 
-        This is (P11), but with dq counted from `start`, after touching nodes were snapped to the ground.
+        The rule is (P11) with q_{k+1} - `start` in place of q_{k+1} - q_k. It thus leaves out the motion of nodes that
+        are set on the ground.
         """
         return p11_work(self.contraction_force, self.q[1:] - self.start)
 
     @cached_property
     def work_contract_p11(self) -> FloatArray:
-        """Work of the contraction force over each step by (P11), F.(q_{k+1} - q_k), shape (S,) [J]."""
+        """Work of the contraction force in each step by (P11), F.(q_{k+1} - q_k), shape (S,) [J]."""
         return p11_work(self.contraction_force, np.diff(self.q, axis=0))
 
     @cached_property
     def work_friction(self) -> FloatArray:
-        """Work of the friction force over each step, (P13), shape (S,) [J]; negative for dissipation."""
+        """Work of the friction force in each step by (P13), shape (S,) [J]. Dissipation is negative."""
         return p11_work(self.friction_force, self.q[1:] - self.start)
 
     @property
     def reported_distance(self) -> float:
-        """Distance that the paper's figures show [m]."""
+        """Distance that the paper's figures show, the displacement of `reported_com` [m]."""
         return float(self.reported_com[-1] - self.reported_com[0])
 
     @property
@@ -108,28 +118,37 @@ class Run(ReadOnly):
 
     @property
     def work(self) -> float:
-        """Total work by the program's rule: the sum of |F . dq| over the steps [J]."""
+        """Total work by the rule of the program: the sum of |F . dq| over the steps [J]."""
         return float(np.abs(self.work_contract).sum())
 
     @property
     def total_cot(self) -> float:
-        """Total cost of transport by the program's rule, work / reported distance [J/m]."""
+        """Total cost of transport by the rule of the program, `work` / `reported_distance` [J/m]."""
         return self.work / self.reported_distance if self.reported_distance != 0.0 else float("nan")
 
     @cached_property
     def cumulative_cot(self) -> FloatArray:
-        """The plotted curve, shape (S,) [J/m]: the sum of |work / dx| over the steps with |dx| > 1e-6 m."""
+        """Curve of the cost of transport that the paper plots, shape (S,) [J/m].
+
+        It is the cumulative sum of |work / dx| over the steps with |dx| > 1e-6 m, where dx is the change of
+        `reported_com`.
+        """
         steps = p12_cost_of_transport(np.abs(self.work_contract), self.reported_com, threshold=1e-6)
         return np.cumsum(np.abs(steps))
 
     @cached_property
     def energy_balance_error(self) -> float:
-        """|Residual of the energy ledger| over the sum of its absolute terms.
+        """Absolute residual of the energy ledger, divided by the sum of the absolute values of its terms.
 
-        With U = s E, the potential of the force in the program, and dq = q - start of each step:
+        E is the elastic energy (P7), s is `elastic_sign`, and U = s E is the potential of the program's elastic force.
+        q_k is the configuration before a step and q the configuration after it; dq = q - start; u is the velocity. The
+        ledger is the sum over the steps of
+
         F_contract . dq + F_friction . dq + [U(start) - U(q_k)]
-        = change of kinetic energy + change of U + numerical loss, where the numerical loss of implicit
-        Euler, m |du|^2/2 + U(start) - U(q) + gradU(q) . dq, is computed separately.
+        = change of kinetic energy + change of U + numerical loss
+
+        The numerical loss of the implicit Euler method is computed independently of the other terms, as
+        m |du|^2/2 + U(start) - U(q) + gradU(q) . dq.
         """
         if len(self.time) < 2:
             return 0.0

@@ -1,6 +1,10 @@
-"""The worm of the published program: the constants, and a rhombus of five springs per segment.
+"""The worm of the program that was published with the paper ("the program" below).
 
-E = k l0/2 (1 - l/l0)^2                                                         (P7)
+Each segment is a rhombus of five springs. A spring with the stiffness k [N] and the rest length l0 has the energy
+
+    E = k l0/2 (1 - l/l0)^2                                                         (P7)
+
+(P7), (P9) and (P10) are equations of the paper; (P10) is the law of friction, in `planar.metrics`.
 """
 
 from __future__ import annotations
@@ -15,25 +19,27 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 NET_HALF_BANDWIDTH = 7
-"""Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
+"""Half bandwidth of the Hessian with respect to the flat coordinates (x0, y0, x1, y1, ...)."""
 
 
 @documented
 @dataclass(frozen=True)
 class Parameters(Spelled):
-    """Constants of the author's program; the defaults give the paper's results."""
+    """Constants of the published program; the defaults give the paper's results."""
 
     length: float = parameter(1.0, "length at rest", "m", gt=0)
     k_spring: float = parameter(13.0, "stiffness k of a segment's spring, (P7)", "N", gt=0, key="spring_N")
     k_link: float = parameter(1e4, "stiffness k of each link of a rhombus, (P7)", "N", gt=0, key="link_N")
     mass: float = parameter(1e-8, "mass of the whole worm", "kg", gt=0)
-    connector_mass: float = parameter(1e-11, "part of the mass that the connectors share", "kg", gt=0)
-    gravity: float = parameter(9.8, "g, only in the normal load N_i = m_i g", "m/s^2", ge=0)
-    mu_forward: float = parameter(0.03, "coefficient of (P10) for motion towards the head, +x", ge=0, key="forward")
-    mu_backward: float = parameter(0.20, "coefficient of (P10) for motion towards the tail, -x", ge=0, key="backward")
-    velocity_threshold: float = parameter(1e-6, "eps of (P10): no friction below this speed", "m/s", ge=0)
+    connector_mass: float = parameter(1e-11, "total mass of all connectors, a part of the mass", "kg", gt=0)
+    gravity: float = parameter(9.8, "gravitational acceleration g; only for the normal load m_i g", "m/s^2", ge=0)
+    mu_forward: float = parameter(0.03, "coefficient of friction for motion towards the head, +x", ge=0, key="forward")
+    mu_backward: float = parameter(
+        0.20, "coefficient of friction for motion towards the tail, -x", ge=0, key="backward"
+    )
+    velocity_threshold: float = parameter(1e-6, "speed below which there is no friction, eps", "m/s", ge=0)
     normal_load: Literal["weight", "residual"] = parameter(
-        "weight", "N_i of (P10): weight, m_i g (the program), or residual, |r_y,i| (P9, the text)"
+        "weight", "normal load N_i: weight, m_i g (as the program), or residual, |r_y,i| (as the text, P9)"
     )
     contraction_force: float = parameter(
         10.0, "force on a connector at activation 1", "N", key="force_N", aka=("amplitude_N",)
@@ -42,18 +48,16 @@ class Parameters(Spelled):
     ground_clearance: float = parameter(
         0.02, "height of the lowest connector at rest above the ground", "m", ge=0, key="clearance_m"
     )
-    snap: bool = parameter(
-        True, "whether nodes whose contact changed are set on the ground in the start configuration of the corrector"
-    )
+    snap: bool = parameter(True, "whether the corrector starts with the nodes whose contact changed on the ground")
     elastic_sign: float = parameter(-1.0, "sign of the elastic force: -1 as the program, 1 as in mechanics")
-    rectified: bool = parameter(True, "whether the default wave is max(0, sin) (the program) or sin (the text)")
+    rectified: bool = parameter(True, "true: the default wave is max(0, sin), as the program; false: sin, as the text")
     tolerance: float = parameter(
-        1e-6, "norm of the residual to reach; Newton stops after the update that follows", "N", gt=0
+        1e-6, "norm of the residual below which Newton's method makes one more update and stops", "N", gt=0
     )
-    max_iterations: int = parameter(100, "iterations after which the step is kept, converged or not", ge=1)
+    max_iterations: int = parameter(100, "number of iterations after which a step is accepted, converged or not", ge=1)
 
     def __post_init__(self) -> None:
-        check(self, largest=1e100)  # the program takes masses of any size for points
+        check(self, largest=1e100)  # the program accepts masses of points of any size
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
@@ -68,15 +72,15 @@ class Net:
     Attributes
     ----------
     main, top, bottom : ndarray of int, shape (n+1,), (n,), (n,)
-        Numbers of the nodes.
+        Numbers of the main nodes (on the axis), and of the top and bottom node of each segment.
     rest : ndarray, shape (3n+1, 2)
         Positions at rest [m].
     a, b : ndarray of int, shape (5n,)
-        Nodes that each spring joins.
+        Numbers of the two nodes at the ends of each spring.
     k, l0 : ndarray, shape (5n,)
         Stiffness [N] and rest length [m] of each spring.
     mass : ndarray, shape (3n+1,)
-        [kg].
+        Mass of each node [kg].
     """
 
     def __init__(self, n: int, p: Parameters) -> None:
@@ -114,7 +118,7 @@ class Net:
         return float(self.rest[:, 1].min()) - clearance
 
     def p7_energy(self, x: FloatArray) -> FloatArray:
-        """Return the elastic energy (P7) [J] of positions of shape (..., 3n+1, 2)."""
+        """Return the elastic energy (P7) [J], shape (...), for positions of shape (..., 3n+1, 2)."""
         length = np.linalg.norm(x[..., self.b, :] - x[..., self.a, :], axis=-1)
         return np.asarray((0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1))
 
@@ -128,10 +132,10 @@ class Net:
         return np.asarray(incidence @ pull)
 
     def p7_gradient_and_band(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return gradient [N] and Hessian [N/m] of (P7) at the flat positions q of shape (D,).
+        """Return the gradient [N] and the Hessian [N/m] of the energy (P7) at the flat positions q, shape (D,).
 
-        The gradient has the shape (D,); the Hessian is banded, shape (2 NET_HALF_BANDWIDTH + 1, D): entry (i, j) at
-        [NET_HALF_BANDWIDTH + i - j, j].
+        The gradient has the shape (D,). The Hessian is stored as a band matrix, shape (2 NET_HALF_BANDWIDTH + 1, D),
+        with the entry (i, j) at [NET_HALF_BANDWIDTH + i - j, j].
         """
         x = q.reshape(-1, 2)
         e = x[self.b] - x[self.a]

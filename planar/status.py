@@ -1,4 +1,4 @@
-"""How a planar run ended: an enumeration whose value is the sentence to print."""
+"""How a planar run ended: an enumeration whose values are sentences for the user."""
 
 from __future__ import annotations
 
@@ -7,39 +7,43 @@ from enum import Enum
 
 
 class Status(Enum):
-    """Outcome of a run; the value is a sentence for the user."""
+    """How a run ended; the value is a sentence for the user."""
 
     DONE = "the run reached its end"
     INTERRUPTED = "the run was interrupted; the steps computed so far are kept"
     NOT_FINITE = "the state became infinite or not a number; the steps before are kept"
     SINGULAR = "Newton's matrix is singular; the steps before are kept"
     NO_CONVERGENCE = "Newton did not converge, not even with a 64th of the time step; the steps before are kept"
-    UNSETTLED = "the worm does not come to rest on the ground before the run: too soft or too heavy for its joints"
-    FLATTENED = "a rhombus was pressed flat (limit point); the steps before are kept"
+    UNSETTLED = (
+        "the worm could not be brought to rest on the ground before the run: it is too soft, or its joints are too "
+        "weak for its weight"
+    )
+    FLATTENED = "the rhombus of a segment was pressed flat (limit point); the steps before are kept"
     FOLDED = "two neighbouring segments folded by 90 degrees or more; the steps before are kept"
     SUNK = "a joint came down to the ground, where only apexes can stand; the steps before are kept"
     BAD_COMMAND = (
-        "the gait (or the external force) returned something that cannot be applied: it takes one finite value per "
-        "segment, contractions below 1; the steps before are kept"
+        "the gait or the external force returned an invalid value, must be one finite value per segment (contractions "
+        "below 1); the steps before are kept"
     )
 
     @property
     def diverged(self) -> bool:
-        """Whether the solver gave up (as opposed to reaching the end, or being interrupted)."""
+        """Whether the run stopped early because of a failure, and not because it was done or interrupted."""
         return self not in (Status.DONE, Status.INTERRUPTED)
 
 
 @dataclass(frozen=True)
 class Stop:
-    """The place, time and manner of the end of a run."""
+    """When, where and why a run ended."""
 
     status: Status
     step: int
-    """Last step that was tried (the number of finished steps if the run is done)."""
+    """Number of the last step that was attempted; the number of finished steps if the run is done."""
     time: float
     """Time at the end of that step [s]."""
     residual: float
-    """Norm of the free residual of the last Newton iterate tested [N]."""
+    """Norm of the residual force in the last tested iterate of Newton's method, without the constrained directions
+    [N]."""
     segment: int
     """Segment with the largest residual, 0 at the tail."""
 

@@ -1,4 +1,8 @@
-"""The watch over a worm: a summary of measurements, commands and the reference in each wave, for the rules to judge."""
+"""Detection of faults of a worm at run time.
+
+A `Watch` summarises the measurements, the commands and the reference of each wave in a `Wave`. The rules in
+`control.faults.rules` detect faults from these summaries.
+"""
 
 from __future__ import annotations
 
@@ -26,22 +30,23 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
 
 AT_LIMIT = 0.97
-"""Share of the greatest amplitude and frequency from which a wave is as fast as possible."""
+"""A wave counts as the fastest possible if its amplitude and frequency are at least this fraction of the maximum."""
 HARMONICS = 3
-"""Number of harmonics of the wave that are fitted to strains and commands; the residual is noise."""
+"""Number of harmonics of the wave's frequency that are fitted to strains and commands. The residual is the noise."""
 MIN_GAIN_SAMPLES = 16
-"""Least number of strains for an estimate of the gains; with fewer strains, several waves are combined."""
+"""Minimum number of strain samples for an estimate of the gains. If a wave has fewer, the samples of several waves are
+combined."""
 MOVES = 0.02
-"""Amplitude of a command below which the chamber is not judged."""
+"""Minimum amplitude of a chamber's command for an estimate of its gain."""
 MAX_DIRECTION_DEVIATION = 0.3
-"""Standard deviation of a heading below which forward and backward can be distinguished [rad]."""
+"""Maximum standard deviation of an estimated heading with which forward and backward can be distinguished [rad]."""
 YIELDS = Uncertainty().slope_yield
-"""Ratio of the crab angle to the slope across the heading, (KF2) [rad]."""
+"""Ratio of the crab angle [rad] to the slope across the heading, (KF2) in `control.estimation.kalman`."""
 _LOG = logging.getLogger(__name__)
 
 
 class Watch:
-    """The watch over one worm; `faults` holds the faults found so far."""
+    """Fault detection for one worm. `faults` contains the faults detected so far."""
 
     def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
         self._segments, self._body, self._length = worm.segments, Body.of(worm), worm.length
@@ -59,7 +64,10 @@ class Watch:
         self._pushes, self._jumps, self._felt = 0, 0, False
 
     def look(self, t: float, seen: Measurement, estimated: Callable[[float], Estimate | None]) -> None:
-        """Add the measurement at time t [s], caused by the commands up to t; `estimated` gives the estimate of t."""
+        """Process the measurement `seen` at time t [s], before the command for t is set by `tell`.
+
+        `estimated` returns the estimated state at a given time. If a wave has ended, its rules are evaluated.
+        """
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -82,7 +90,7 @@ class Watch:
     def tell(
         self, phase: float, command: Command, parameters: GaitParameters | None, gains: ChamberGains | None = None
     ) -> None:
-        """Set the command from now on; without parameters the command is no wave of the map."""
+        """Set the command that applies from now on. `parameters` is None if the command is not a wave of the map."""
         self._told, self._parameters, self._known_gains = (phase, command.contraction), parameters, gains
 
     def _end_wave(self, wave: Wave) -> None:
@@ -92,7 +100,7 @@ class Watch:
         self.report(faults(self._waves))
 
     def report(self, found: Iterable[Fault]) -> None:
-        """Add faults; each kind is kept once."""
+        """Add faults to `faults` and log them, but only the first fault of each kind."""
         for fault in found:
             if all(fault.kind != known.kind for known in self.faults):
                 _LOG.info("at %.2f s: %s", fault.time, fault.what)
@@ -109,10 +117,10 @@ class Watch:
             if able.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters is not None and self._parameters.amplitude == 0.0:
-                asked = np.minimum(asked, 0.0)  # the worm rests on command, not for lack of speed
+                asked = np.minimum(asked, 0.0)  # the worm rests because it is commanded to: not too slow
             way = self._way(place["place"], max(float(asked[0, -1]), 0.0), estimate)
-        except EXCEPTIONS:  # users may write references; the fallback handles their errors
-            _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
+        except EXCEPTIONS:  # the reference may be a user's own code; without it, the other rules still work
+            _LOG.warning("at %.3f s the reference could not be evaluated, its rules are skipped", end, exc_info=True)
             asked, back = np.full_like(times, nan), False
         known: dict[str, Any] = {}
         pushes, jumps = 0, 0
@@ -145,9 +153,9 @@ class Watch:
         )
 
     def _ability(self) -> dict[str, Any]:
-        """Return the fields of `Wave` about the wave on the map: `at_limit`, `made` and `expected`.
+        """Return the fields of `Wave` that the map gives for the commanded wave: `at_limit`, `made` and `expected`.
 
-        The speed is infinite if the wave is unknown.
+        The speed `made` is infinite if the parameters of the wave are unknown.
         """
         if self._parameters is None:
             return {"at_limit": False, "made": inf}
@@ -161,7 +169,7 @@ class Watch:
         return {"at_limit": at_limit, "made": self._length * made, "expected": expected}
 
     def _gains(self) -> dict[str, Any]:
-        """Return the fields of `Wave` about the chambers, by least squares: `gain`, `gain_error` and `bend`."""
+        """Return the fields of `Wave` about the chambers: `gain`, `gain_error` and `bend`, by a least-squares fit."""
         nothing = np.full((self._segments, 2), nan)
         unknown = {"gain": nothing, "gain_error": nothing, "bend": nan}
         if len(self._strains) < MIN_GAIN_SAMPLES:
@@ -191,12 +199,15 @@ class Watch:
         return {"gain": gain.reshape(-1, 2), "gain_error": error.reshape(-1, 2), "bend": bend}
 
     def _place(self) -> dict[str, Any]:
-        """Return `place`, `place_time` and `place_error` of `Wave`, the error by the samples' scatter."""
+        """Return the fields `place`, `place_time` and `place_error` of `Wave`.
+
+        The error is estimated from the scatter of the samples.
+        """
         if not self._places:
             return {"place": None, "place_time": nan, "place_error": nan}
         rows = np.array(sorted(self._places, key=lambda row: row[2]))
         twice = np.diff(rows[:, :2], n=2, axis=0)
-        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
+        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise: the motion is slow
         return {
             "place": rows[:, :2].mean(axis=0),
             "place_time": float(rows[:, 2].mean()),
@@ -204,7 +215,7 @@ class Watch:
         }
 
     def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> dict[str, Any]:
-        """Return the fields of `Wave` about the path at the worm; empty without a path."""
+        """Return the fields of `Wave` about the path near the worm; empty if the reference has no path."""
         path = self.reference.path
         if path is None or place is None:
             return {}
@@ -225,7 +236,10 @@ class Watch:
 
 
 def _crab(estimate: Estimate) -> float:
-    """Return the significant excess of the crab angle over the angle that the ground's slope explains [rad]."""
+    """Return by how much the crab angle exceeds the angle that the ground's slope explains, minus one standard error.
+
+    The result [rad] is 0 if the excess is below the standard error.
+    """
     heading, state = np.array([-np.sin(estimate.heading), np.cos(estimate.heading)]), estimate.state
     across = float(heading @ estimate.slope)
     doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[INDEX["crab"]]

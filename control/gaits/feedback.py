@@ -1,8 +1,9 @@
-"""Gaits with memory, which may sense: oscillators and other networks whose state is carried from step to step.
+"""Gaits with a memory, and optionally with sensors: oscillators and other networks that have a state.
 
-A gait of this kind names the channels of `control.sensing.QUANTITIES` that the gait `senses`, and defines how the
-memory `start`s. The memory advances from one step to the next under the felt samples, and gives the activation of the
-segments. `control.gaits.gait` turns the activation into commands, as for any gait:
+A gait of this kind is a subclass of `FeedbackGait`. Its property `senses` contains the names of the channels of
+`control.sensing.QUANTITIES` that the gait uses. Its method `start` returns the initial memory. At each step of a run,
+`Memory.step` gets the latest samples, advances the state, and returns the activation of the segments.
+`control.gaits.gait` converts the activation to commands, as for any gait. For example:
 
     @documented
     @dataclass(frozen=True, kw_only=True)
@@ -13,12 +14,13 @@ segments. `control.gaits.gait` turns the activation into commands, as for any ga
         def start(self, body: Body) -> Memory:
             return MyNetwork(body.segments)
 
-A gait that senses is bound as a controller (`Feedback`): the `sensor` of `worm3d.simulate(..., sensor=...)` sets the
-accuracy of the samples, which are exact without a sensor. A gait that senses nothing remains a function of time, and
-runs in every place that takes a gait; the function advances the memory from time 0.
+A gait that uses sensors is bound to a worm as a controller (`Feedback`). The `sensor` of
+`worm3d.simulate(..., sensor=...)` then takes the samples, with its errors. Without a `sensor` the samples are exact. A
+gait without sensors is a function of time, whose memory is advanced from time 0. It can be used wherever a gait can be
+used.
 
-The memory is no part of a `worm3d.State`. In a run that continues from a state, the memory of a gait that senses starts
-fresh; the memory of a gait that does not sense is advanced from time 0 again.
+A `worm3d.State` does not contain the memory. If a run continues from a state, the memory of a gait with sensors begins
+again with `start`, and the memory of a gait without sensors is again advanced from time 0.
 """
 
 from __future__ import annotations
@@ -36,12 +38,13 @@ from worm3d import Command, Observation, Worm
 from worm3d.values.arrays import FloatArray
 
 Felt = Mapping[str, FloatArray]
-"""Latest sample of each sensed channel, with the shape of the quantity: strain (N, 2), contact_load (N, 6).
+"""Latest sample of each sensed channel by name, with the shape of the quantity: strain (N, 2), contact_load (N, 6).
 
-A sample is kept until the next sample arrives. A value is 0 before the first sample, and until the first finite number.
+Each number keeps its latest finite value. It is 0 before the first finite value.
 """
 Commanding = Callable[[float, Felt], Command]
-"""Gait during one run: time [s], which ascends, and felt samples -> command."""
+"""Gait during one run, as a function from the time [s] and the latest samples to the command. The times of successive
+calls must not decrease."""
 
 
 class Memory(Protocol):
@@ -50,40 +53,41 @@ class Memory(Protocol):
     def step(self, t: float, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the activation of the segments, shape (N,), or of their sides, (N, 2).
 
-        The first call sets the start time of the memory; times ascend from there. `felt` has been constant since the
-        previous call. If nothing is felt, the activation at a time does not depend on the times of earlier calls,
-        except for integration errors: the memory advances in internal steps on an internal grid.
+        The first call sets the start time of the memory. The times of later calls must not decrease. `felt` contains
+        the latest samples, which are assumed to have been constant since the previous call. Without sensors, the
+        activation at a time does not depend on the times of earlier calls, except for integration errors, because the
+        memory advances in its own fixed steps.
         """
 
 
 class FeedbackGait(Gait):
-    """A gait with memory, which may sense; a subclass is a dataclass that registers like any gait."""
+    """Base class of gaits with a memory and optional sensors. A subclass is a dataclass with a `name`, as any gait."""
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Names of the sensed channels of `control.sensing.QUANTITIES`."""
+        """Names of the channels of `control.sensing.QUANTITIES` that the gait uses; empty if it uses no sensors."""
         return ()
 
     @abstractmethod
     def start(self, body: Body) -> Memory:
-        """Return a fresh memory for one run of a body."""
+        """Return the initial memory for one run of a body."""
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments) or (K, segments, 2), in [-1, 1].
 
-        The memory is advanced from time 0; as long as the times ascend, the memory continues where it stopped.
+        The memory is advanced from time 0. It continues from the time of the previous call if the times increase.
 
         Raises
         ------
         ValueError
-            The gait senses, and so is no function of time.
+            The gait uses sensors, and is therefore not a function of time.
         """
         if self.senses:
             raise ValueError(
-                f"gait: {self.name!r} senses {', '.join(self.senses)}, so it is no function of time, must be bound to "
-                "a worm that is simulated (in a scene, of the model worm or worm_planar)"
+                f"gait: {self.name!r} senses {', '.join(self.senses)}, so it is not a function of time. It must be "
+                "bound to a simulated worm (in a scene: use the model worm or worm_planar)"
             )
-        played: dict[int, Played] = self.__dict__.setdefault("_played", {})  # in a frozen dataclass, beside its fields
+        played: dict[int, Played] = self.__dict__.setdefault("_played", {})  # a cache, not a field
         if segments not in played:
             played[segments] = Played(partial(self.start, _Segments(segments)))
         return played[segments](times)
@@ -93,11 +97,11 @@ class FeedbackGait(Gait):
         self.start(_Segments(segments))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return only the fields, for copies and for other processes."""
+        """Return the state for copying and pickling: only the fields, without the cache of `activations`."""
         return {name: value for name, value in self.__dict__.items() if name != "_played"}
 
     def bind(self, worm: Body) -> Any:
-        """Return the actuation of `worm`: a `Feedback` if the gait senses, else a `BoundGait`."""
+        """Return the actuation of `worm`: a `Feedback` if the gait uses sensors, else a `BoundGait`."""
         self.require_stroke(worm.stroke)
         if self.senses:
             return Feedback(worm, self.senses, partial(commanding, self, worm))
@@ -107,19 +111,22 @@ class FeedbackGait(Gait):
 
 
 class Played:
-    """Activations of a memory that feels nothing, as a function of time.
+    """Activations of a memory without sensors, as a function of time.
 
     Parameters
     ----------
     begin : callable
-        Returns a fresh memory, which begins at time 0.
+        Function without arguments that returns a new memory. The memory begins at time 0.
     """
 
     def __init__(self, begin: Callable[[], Memory]) -> None:
         self._begin, self._time = begin, np.inf
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """Return the activations at K times [s], stacked; before time 0 they equal the activations at 0."""
+        """Return the activations at K times [s], stacked along a first axis of length K.
+
+        Before time 0 they equal the activations at time 0.
+        """
         return np.array([self._at(max(float(t), 0.0)) for t in times])
 
     def _at(self, t: float) -> FloatArray:
@@ -132,42 +139,42 @@ class Played:
 
 
 class Feedback:
-    """Gait that senses, as the controller of one worm.
+    """Gait with sensors, as the controller of one worm.
 
     Parameters
     ----------
     worm : Worm
     senses : tuple of str
-        Sensed channels.
+        Names of the channels that the gait uses.
     begin : callable
-        Returns a fresh `Commanding` of a run.
+        Function without arguments that returns a new `Commanding`, for one run.
 
     Raises
     ------
     ValueError
-        There is no such channel, or the worm does not have the channel's quantity.
+        A channel does not exist, or the worm does not have its quantity.
     """
 
     def __init__(self, worm: Any, senses: tuple[str, ...], begin: Callable[[], Commanding]) -> None:
         require_known(senses)
         missing = [name for name in senses if not (isinstance(worm, Worm) and QUANTITIES[name].exists(worm))]
         if missing:
-            raise ValueError(f"gait: senses {missing[0]}, must be bound to a worm3d.Worm that has this quantity")
+            raise ValueError(f"gait: it senses {missing[0]}, so it must be bound to a worm3d.Worm with this quantity")
         self._worm, self._senses, self._begin = worm, senses, begin
         self.reset()
 
     def reset(self) -> None:
-        """Restart with a fresh memory that has felt nothing."""
+        """Restart with a new memory; all latest samples are 0."""
         self._command = self._begin()
         self.felt = {name: np.zeros(QUANTITIES[name].shape(self._worm)) for name in self._senses}
 
     def step(self, t: float, measurement: Measurement | Observation | None) -> Command:
-        """Return the command at time t [s], given a measurement; None if nothing was measured.
+        """Return the command at time t [s]. `measurement` is None if nothing was measured.
 
         Raises
         ------
         ValueError
-            The measurement lacks a sensed channel.
+            The measurement does not contain a channel that the gait uses.
         """
         if measurement is not None:
             self.felt = {name: latest(name, measurement, before) for name, before in self.felt.items()}
@@ -179,12 +186,12 @@ class Feedback:
 
 
 def latest(name: str, measurement: Measurement | Observation, before: FloatArray) -> FloatArray:
-    """Return the latest sample of a channel; missing and non-finite numbers keep their previous values."""
+    """Return the latest sample of a channel. Numbers that are missing or not finite are taken from `before`."""
     if isinstance(measurement, Observation):
         return true_value(name, measurement)
     if name not in measurement:
         raise ValueError(
-            f"sensor: got one without the channel {name!r}, must have it: the gait senses it, as by "
+            f"sensor: got a sensor without the channel {name!r}, must have it because the gait senses it. For example: "
             f"control.sensing.Sensors({name}=control.sensing.QUANTITIES[{name!r}].default)"
         )
     value = measurement[name].value
@@ -192,7 +199,7 @@ def latest(name: str, measurement: Measurement | Observation, before: FloatArray
 
 
 def commanding(gait: Gait, worm: Any) -> Commanding:
-    """Return any gait, sensing or not, for one run of a worm."""
+    """Return a gait, with or without sensors, as a `Commanding` for one run of a worm."""
     if not isinstance(gait, FeedbackGait):
         bound = gait.bind(worm)
         return lambda t, felt: bound(t)
@@ -206,7 +213,7 @@ def commanding(gait: Gait, worm: Any) -> Commanding:
 
 
 class _Segments(NamedTuple):
-    """Body with a known number of segments and no other properties."""
+    """Body that is described only by its number of segments, for gaits that are not bound to a worm."""
 
     segments: int
     stroke: tuple[float, float] = (-np.inf, 1.0)

@@ -1,4 +1,4 @@
-"""Sections of a scene that is run many times: [sweep], with the varied keys, and [study], with the conclusions."""
+"""Sections of a scene that is run many times: [sweep] with the varied keys, and [study] with the conclusions."""
 
 from __future__ import annotations
 
@@ -12,50 +12,59 @@ SWEEP, STUDY = "sweep", "study"
 
 
 CASE_LIMIT = 3600.0
-"""Default time limit of a case, counted from the first step [s]. Cases take seconds to minutes. With half this limit,
-long cases fail on slow machines; with double, a case that never ends delays the other cases longer."""
+"""Default of the maximum computing time of a case, counted from its first step [s]. Most cases take seconds to minutes.
+A smaller limit would make long cases fail on slow machines. With a larger limit, a case that never ends would delay the
+other cases longer."""
 LONGEST_CASE_LIMIT = 1e7
-"""Largest time limit of a case that can be given [s]: 16 weeks. Timers overflow at some hundred times this value, and a
-value of half or double makes no difference to sweeps."""
+"""Largest value that a user may set as the limit [s], 16 weeks. Timers overflow at a few hundred times this value."""
 
 
 class Sweep(Section):
-    """The keys to vary, and the number of cases to draw."""
+    """The keys that a sweep varies."""
 
     vary: dict[str, Any] = setting(
         meaning='keys and their values: { "gait.period_s" = [2, 3], "worm.segments" = "3:7:5" }', aka=("values", "keys")
     )
-    random: int | None = setting(ge=1, left_out="none are drawn", meaning="cases drawn from keys given as lo:hi")
+    random: int | None = setting(
+        ge=1, left_out="no random cases", meaning="number of random cases, for keys with values lo:hi"
+    )
     case_limit_s: float = setting(
-        CASE_LIMIT, unit="s", gt=0, le=LONGEST_CASE_LIMIT, meaning="longest time of a case; one that takes longer fails"
+        CASE_LIMIT,
+        unit="s",
+        gt=0,
+        le=LONGEST_CASE_LIMIT,
+        meaning="maximum computing time of a case, after which it fails",
     )
     choices: dict[str, dict[str, dict[str, Any]]] = setting(
         {}, meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }'
     )
     set: dict[str, Any] = setting(
-        {}, meaning='keys that follow from varied ones by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'
+        {}, meaning='keys computed from varied keys by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'
     )
 
 
 class Study(Section):
-    """The results that a sweep is to report."""
+    """The conclusions that a sweep reports. A figure is a number in the summary of a run."""
 
-    question: str = setting("", meaning="the question that it answers")
-    held: str = setting("", meaning="what is the same in all cases")
+    question: str = setting("", meaning="the question that the study answers")
+    held: str = setting("", meaning="what is the same in all cases, in words")
     measures: dict[str, Literal["more", "less", ""]] = setting(
-        {}, meaning='figures of the summary that matter, and which is better: { speed_bl_s = "more" }'
+        {}, meaning='figures of the summary to report, and whether more or less is better: { speed_bl_s = "more" }'
     )
     yes: dict[str, Literal["rises", "falls"]] = setting(
         {},
-        meaning='what a figure does along the first varied key if the answer is yes: { cost_of_transport = "falls" }',
+        meaning="whether a figure rises or falls with the first varied key if the answer to the question is yes: "
+        '{ cost_of_transport = "falls" }',
     )
-    by: str = setting("", meaning="varied key by which cases are brought to equal figures")
-    names: dict[str, str] = setting({}, meaning='words for keys, variables and figures: { ratio = "anisotropy" }')
+    by: str = setting("", meaning="varied key that is adjusted so that cases have equal figures (see equal)")
+    names: dict[str, str] = setting(
+        {}, meaning='names of keys, variables and figures in the report: { ratio = "anisotropy" }'
+    )
     equal: dict[str, float] = setting(
-        {}, meaning="figures at which costs (less is better) are compared too: { speed_bl_s = 0.05 }"
+        {}, meaning="figures for whose equal values costs (less is better) are also compared: { speed_bl_s = 0.05 }"
     )
     marked: dict[str, str] = setting(
-        {}, meaning='cases to mark, by a formula: { "tips over" = "= roll_margin_deg < 0" }'
+        {}, meaning='marks for the cases for which a formula is true: { "tips over" = "= roll_margin_deg < 0" }'
     )
 
 
@@ -67,7 +76,10 @@ class Outside(Section):
 
 
 def varied_keys(vary: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Return the values of each varied key, by dotted name: a key `period_s` in a table `gait` is `gait.period_s`."""
+    """Return the values of each varied key by its dotted name.
+
+    The dotted name of a key `period_s` in a table `gait` is `gait.period_s`.
+    """
     found: dict[str, Any] = {}
     for name, values in vary.items():
         inner = isinstance(values, Mapping)

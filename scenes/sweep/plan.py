@@ -1,4 +1,4 @@
-"""Plan of a sweep: the scene of each case, checked before the first run, with a seed."""
+"""Plan of a sweep: the scene and the seed of each case. All scenes are checked before the first run."""
 
 from __future__ import annotations
 
@@ -25,26 +25,27 @@ from scenes.sweep.links import Links, value_at
 from scenes.sweep.vary import design_of, with_meaning
 
 SEED_KEY = "seed"
-"""Key of a scene that seeds all random numbers."""
+"""Key of a scene with the seed of all random numbers."""
 LARGEST_SEED = 2**53 - 1
-"""Largest seed of a case: all programs can represent this number exactly."""
+"""Largest seed of a case. Floating-point numbers represent all integers up to this value exactly, so that any program
+can read the seed from a table."""
 _NUMBER_PATTERN = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 MOST_WRONG = 20
-"""Number of cases with mistakes after which the check of cases stops."""
+"""Number of cases with invalid keys after which no further cases are checked."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A scene before the variation of keys."""
+    """A scene whose keys have not been varied yet."""
 
     text: str
     """The scene as TOML."""
     name: str
     folder: Path | None = None
-    """Folder of the files that the scene names."""
+    """Folder to which relative paths of files in the scene refer."""
     overrides: tuple[str, ...] = ()
-    """Items `section.key=value`, for all cases."""
+    """Overrides `section.key=value` that apply to all cases."""
 
     @classmethod
     def of(cls, scene: str | Path, overrides: Iterable[str] = ()) -> Source:
@@ -57,7 +58,10 @@ class Source:
         return self._draft.checked(overrides)
 
     def base(self) -> Scene:
-        """Return the scene, whose keys must each be valid; the scene may be possible only with varied keys."""
+        """Return the scene without variation.
+
+        Each key must be valid. The combination of the keys may be impossible, because the varied keys replace some.
+        """
         try:
             return self.parse()
         except ImpossibleError as error:
@@ -70,21 +74,22 @@ class Source:
 
 @dataclass(frozen=True)
 class Case:
-    """A checked case."""
+    """A case of a sweep whose scene has been checked."""
 
     values: Mapping[str, Any]
     """Values of the varied keys."""
     key: str
+    """Identifier of the case, which depends on its scene."""
     seed: int
     packed: bytes
     """The resolved scene as TOML, compressed."""
     refused: str = ""
-    """Reason why the case is impossible, although each key is valid; empty for a possible case."""
+    """Reason why the scene is impossible although each of its keys is valid; empty if the scene is possible."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A design whose cases have all been checked; impossible cases are refused, not run."""
+    """A design whose cases have all been checked. Impossible cases are part of the plan, but are not run."""
 
     base: Scene
     """Scene whose keys are varied."""
@@ -101,7 +106,7 @@ def planned(
     listed: Sequence[Mapping[str, Any]] = (),
     watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> Plan:
-    """Return the plan of a sweep; with no varied keys, the plan of the scene's section [sweep].
+    """Return the plan of a sweep. Without `vary` and `listed`, the scene's section [sweep] defines the varied keys.
 
     Parameters
     ----------
@@ -109,13 +114,13 @@ def planned(
     vary, random, listed
         The same as in `scenes.sweep.vary.design_of`.
     watch : callable
-        Called with the number of checked cases, and the number of all cases.
+        Called with the number of checked cases and the number of all cases, after the check of each case.
 
     Raises
     ------
     SceneError
-        A key is wrong on its own, or all cases are refused. The error has one line for each mistake, with the values of
-        the first case with this mistake.
+        A key is invalid regardless of the other keys, or all cases are impossible. The error has one line for each
+        kind of mistake, with the values of the first case that has this mistake.
     """
     base = source.base()
     if not vary and not listed:
@@ -154,7 +159,10 @@ def planned(
 
 
 def _explained(design: Design, scene: Scene) -> Design:
-    """Return a design with units and meanings of keys that only a case's scene has, such as keys of parts."""
+    """Return a design with the units and meanings of all keys.
+
+    Some keys, such as those of parts that a case selects, are not in the base scene but only in the scene of a case.
+    """
     if all(each.title for each in design.varied):
         return design
     schema = scene.model.schema
@@ -167,21 +175,21 @@ def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:
 
 
 def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, Any]) -> Scene:
-    """Return a case's scene with a seed that depends only on the seed of the sweep and the values of the case."""
+    """Return the scene of a case with a seed that depends only on the seed of the sweep and on the case's values."""
     said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
     return replace(scene, settings=replace(scene.settings, **{SEED_KEY: seed}))
 
 
 class _Mistakes:
-    """Mistakes of the cases; mistakes that differ only in numbers are reported once."""
+    """Mistakes of the cases. Mistakes whose texts differ only in numbers are of the same kind, and reported once."""
 
     def __init__(self, keys: Sequence[str]) -> None:
         self.number = 0
         """Number of cases with mistakes."""
         self._keys = keys
         self._found: dict[str, tuple[str, str, int]] = {}
-        """Kind of mistake -> values of the first such case, the line of this case, and the number of such cases."""
+        """For each kind of mistake: values of the first such case, text of its mistake, and number of such cases."""
 
     def add(self, values: Mapping[str, Any], lines: Iterable[str]) -> list[str]:
         """Record the mistakes of a case, and return their texts."""
@@ -197,10 +205,15 @@ class _Mistakes:
         return texts
 
     def report(self, total: int, checked: int) -> Iterator[str]:
-        """Yield a line for each kind of mistake; a mistake in every checked case is reported without values."""
+        """Yield one line for each kind of mistake.
+
+        The line contains the values of the first case with this mistake, unless all checked cases have it.
+        """
         for kind, (first, line, number) in self._found.items():
             more = f" (and {counted(number - 1, 'case')} more)" if number > 1 else ""
             in_all = number == checked > 1 and "#" not in kind
             yield line if in_all else f"with {first}{more}: {line}"
         if checked < total:
-            yield f"{self.number} of the first {checked} cases are wrong; the other {total - checked} were not checked"
+            yield (
+                f"{self.number} of the first {checked} cases are invalid; the other {total - checked} were not checked"
+            )

@@ -127,10 +127,10 @@ def test_sensors_make_what_it_feels() -> None:
         (lambda: Remembering(channels=("colour",)).bind(WORM), "colour: got a channel of this name, must be one of"),
         (
             lambda: Remembering(channels=("pressure",)).bind(WORM),
-            "gait: senses pressure, must be bound to a worm3d.Worm",
+            "gait: it senses pressure, so it must be bound to a worm3d.Worm",
         ),
-        (lambda: SENSING.activations(np.zeros(1), 6), "gait: '' senses strain, so it is no function of time"),
-        (lambda: run(Remembering(), sensor=Sensors()), "sensor: only a controller, or a gait that senses"),
+        (lambda: SENSING.activations(np.zeros(1), 6), "gait: '' senses strain, so it is not a function of time"),
+        (lambda: run(Remembering(), sensor=Sensors()), "sensor: got an actuation that does not use measurements"),
     ],
 )
 def test_refusals(refused: object, sentence: str) -> None:
@@ -141,7 +141,7 @@ def test_refusals(refused: object, sentence: str) -> None:
 def test_a_sensor_without_the_channel_ends_the_run_with_a_sentence() -> None:
     result = run(SENSING, sensor=Sensors(strain=None))
     assert not result.status.value.startswith("done")
-    assert "must have it: the gait senses it" in result.stop.sentence
+    assert "must have it because the gait senses it" in result.stop.sentence
 
 
 def test_feedback_is_a_controller_that_gives_the_command_of_a_start() -> None:

@@ -183,7 +183,7 @@ def test_a_worm_stops_and_starts_with_its_wave() -> None:
 def test_parameters_and_refusals() -> None:
     assert model("bias").parameters(ReducedInput(0.3, 0.8, 0.04)) == GaitParameters(0.3, 0.8, bias=0.04)
     only = Identified(Schedule(), {"hinge": known().maps["hinge"]}, known().lags)
-    with pytest.raises(ValueError, match="mechanism: got 'bias', must be one of those identified: 'hinge'"):
+    with pytest.raises(ValueError, match="mechanism: got 'bias', must be one of the identified mechanisms: 'hinge'"):
         ReducedModel.of(WORM, only, "bias")
     with pytest.raises(ValueError, match=r"dt: got 0\.0 s, must be above 0"):
         model().step(0.0)

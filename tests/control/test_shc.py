@@ -155,15 +155,15 @@ def test_times_may_be_asked_in_any_order() -> None:
 def test_it_senses_what_has_a_gain() -> None:
     assert SHC().senses == ()
     assert SHC(strain_gain=0.1, load_gain=0.1).senses == ("strain", "contact_load")
-    with pytest.raises(ValueError, match="senses strain, so it is no function of time"):
+    with pytest.raises(ValueError, match="senses strain, so it is not a function of time"):
         SHC(strain_gain=0.1).activations(np.zeros(1), 6)
 
 
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"nodes": 7}, "nodes: got 7, must be 3 or more, and not more than the worm's 6 segments"),
-        ({"nodes": 2}, "nodes: got 2, must be 3 or more"),
+        ({"nodes": 7}, "nodes: got 7, must be at least 3 and at most the worm's 6 segments"),
+        ({"nodes": 2}, "nodes: got 2, must be at least 3"),
         ({"breadth": 6}, "breadth: got 6, must be below the 6 nodes of the cycle"),
         ({"saddle_noise": 1.0}, "saddle_noise: got 1.0, must be above 0 and at most"),
     ],

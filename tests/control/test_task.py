@@ -28,7 +28,7 @@ FIELDS: dict[str, Any] = {"worm": WORM, "reference": LINE, "map": load(WORM)}
         ({"worm": LINE}, r"worm: got .*Reference, must be a worm: worm3d.Worm\(\)"),
         ({"reference": Line()}, "reference: got .*Line, must be a control.tracking.references.Reference"),
         ({"map": load(WORM).maps}, "map: got .*, must be a map"),  # type: ignore[union-attr]
-        ({"mechanism": "tail"}, "mechanism: got 'tail', must be one of those identified: 'hinge'"),
+        ({"mechanism": "tail"}, "mechanism: got 'tail', must be one of the identified mechanisms: 'hinge'"),
         ({"period": 0.0}, "period: got 0.0 s, must be finite and above 0"),
         ({"period": np.nan}, "period: got nan"),
         ({"sensors": 3.0}, "sensors: got float, must be channels by name"),

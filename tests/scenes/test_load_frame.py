@@ -87,7 +87,7 @@ def test_a_fit_finds_a_segment_that_meets_it() -> None:
     assert draw(found)[0].axes[0].get_lines()[1].get_xydata()[:, 0].max() == np.nanmax(found.abscissa.values)
     alone = measured.load(DATA)
     alone = replace(alone, variables=tuple(v for v in alone.variables if v.name != "force"))
-    with pytest.raises(SceneError, match="has cable alone, which load_frame is given"):
+    with pytest.raises(SceneError, match="has only cable, an input of load_frame"):
         fit("load_frame", alone, keys, start)
     assert_met(pulled(*(f"{key}={value!r}" for key, value in found.values.items())))
 

@@ -244,7 +244,7 @@ def test_absurd_numbers_are_a_line_and_no_traceback(override: str) -> None:
 def test_without_way_forward_or_weight_there_is_a_reason() -> None:
     still = simulate(load_scene("planar_wave", ["run.duration_s=0.1", "gait.amplitude=0"])).summary
     assert still["cost_of_transport"] is None
-    assert still.reasons["cost_of_transport"].startswith("the worm made no way forward (")
+    assert still.reasons["cost_of_transport"].startswith("the worm did not move forward (")
     assert still.reasons["mean_speed_m_s"].startswith("the run is shorter than one period of the gait")
     back = simulate(load_scene("planar_wave", [*BRIEF, "friction.forward=0.2", "friction.backward=0.03"])).summary
     assert back["cost_of_transport"] is None

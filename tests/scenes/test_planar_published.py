@@ -115,7 +115,7 @@ def test_record_every_thins_the_states_but_not_the_figures() -> None:
 def test_without_friction_or_weight_there_is_a_reason() -> None:
     overrides = ["run.duration_s=0.5", "friction.gravity_m_s2=0", "gait.force_N=0"]
     summary = simulate(load_scene("planar_published", overrides)).summary
-    assert summary.reasons["cost_of_transport"] == "the worm made no way forward (0 m)"
+    assert summary.reasons["cost_of_transport"] == "the worm did not move forward (0 m)"
     assert summary.reasons["mean_speed_m_s"].startswith("the run is shorter than one period of the gait")
 
 

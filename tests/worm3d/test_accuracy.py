@@ -91,7 +91,7 @@ def test_the_limit_is_that_of_fine_steps_and_the_estimate_covers_the_error(whole
     assert whole.energy.balance_error < 1e-10
     assert 100 < estimate.steps < 1500
     assert estimate.runs == 3
-    assert "may be off by" in estimate.sentence
+    assert "estimated errors: distance" in estimate.sentence
     assert estimate.sentence in repr(whole)
     assert whole.summary()["distance_error_m"] == estimate.distance
     assert fine.summary()["distance_error_m"] is None
@@ -215,7 +215,7 @@ def test_what_cannot_be_met_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     missed = crawl(accuracy=1e-3, duration=0.5)
     assert missed.error_estimate is not None
     assert not missed.error_estimate.met
-    assert "NOT as accurate as asked" in missed.error_estimate.sentence
+    assert "NOT as accurate as requested" in missed.error_estimate.sentence
 
 
 @pytest.mark.parametrize(

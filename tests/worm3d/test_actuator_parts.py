@@ -197,14 +197,20 @@ class _Taken(Actuator):
         (lambda: Worm(hinge_actuator=Spring()), r"hinge_actuator: got Spring, which acts on chambers alone"),
         (
             lambda: floating(body(actuator=_Late())),
-            r"actuator: its given, which is its spring too, must not depend on length, span or ..._hat: use dt",
+            r"actuator: its given \(also used as its spring\) must not depend on length, span or ..._hat. Use dt",
         ),
-        (lambda: floating(body(actuator=_Curious())), r"_Curious.respond: 'voltage' is not known; known are command, "),
+        (
+            lambda: floating(body(actuator=_Curious())),
+            r"_Curious.respond: 'voltage' is not an input; the inputs are command, ",
+        ),
         (
             lambda: floating(body(actuator=_Forgetful())),
             r"_Forgetful.respond: got \[\], must be the states \['charge'\]",
         ),
-        (lambda: floating(body(actuator=Actuator())), r"Actuator.respond: it has none, must be defined; known are"),
+        (
+            lambda: floating(body(actuator=Actuator())),
+            r"Actuator.respond: the method is missing, must be defined; the inputs are",
+        ),
         (lambda: floating(body(actuator=_Broad())), r"_Broad.respond, given: got an array of shape \(2, 1\), must be"),
         (lambda: floating(body(actuator=_Restless())), r"_Restless.at_rest: got \[\], must be the states \['speed'\]"),
         (_Taken, r"_Taken: the names dt are taken; rename the parameter"),

@@ -80,7 +80,7 @@ def test_what_is_rounding_is_no_result() -> None:
     assert "no way forward" in still.reasons()["cost_of_transport"]
     assert "no `period`" in still.reasons()["mean_speed_m_s"]
     sparse = simulate(Worm(), Plane(), actuation=TravellingWave(period=0.5), duration=6.0, record_every=200)
-    assert "record more of them" in sparse.reasons()["mean_speed_m_s"]
+    assert "store more rows" in sparse.reasons()["mean_speed_m_s"]
     short = simulate(Worm(), Plane(), actuation=GAIT, duration=0.5)
     assert "shorter than one period" in short.reasons()["mean_speed_m_s"]
 

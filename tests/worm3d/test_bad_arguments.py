@@ -42,8 +42,11 @@ STRAIGHT = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.
         ({"external_force": lambda t: np.full((7, 3), np.inf)}, "external_force: got inf, every value must be finite"),
         ({"actuation": 3.0}, "actuation: got float, must be a gait .* a controller .* or a function of time"),
         ({"actuation": lambda t: None}, "actuation: returned a NoneType, must return a worm3d.Command"),
-        ({"actuation": lambda t: Command(np.zeros((5, 2)))}, "returned a command for 5 segments, the worm has 6"),
-        ({"sensor": lambda o: o}, "sensor: only a controller, or a gait that senses, takes measurements"),
+        (
+            {"actuation": lambda t: Command(np.zeros((5, 2)))},
+            "returned a command for 5 segments, must be for the worm's 6",
+        ),
+        ({"sensor": lambda o: o}, "sensor: got an actuation that does not use measurements, must be a controller"),
         ({"ground": Friction(forward=np.ones(5))}, r"forward: got 5 values, must be a number or 6 of them"),
         ({"held": np.zeros((6, 3), dtype=bool)}, r"held.joints: got shape \(6, 3\), must be \(7, 3\)"),
         ({"held": Held(roll=np.zeros(7, dtype=bool))}, r"held.roll: got shape \(7,\), must be \(6,\)"),

@@ -251,7 +251,7 @@ def test_a_gait_is_bound_to_the_worm() -> None:
 @pytest.mark.parametrize(
     ("bad", "sentence"),
     [
-        (lambda t: Command(np.zeros((4, 2))), "command for 4 segments, the worm has 6"),
+        (lambda t: Command(np.zeros((4, 2))), "command for 4 segments, must be for the worm's 6"),
         (lambda t: np.zeros((6, 2)), "returned a ndarray, must return a worm3d.Command"),
         (lambda t: Command(np.full((6, 2), np.nan)), "contraction: got nan, every value must be finite"),
         (lambda t: Command(np.full((6, 2), 1.0)), "contraction: got 1.0, must be below 1"),

@@ -1,15 +1,16 @@
-"""Measures of a gait, over the last whole periods of a run (`worm3d.measures.waves`): stride, turn and drift.
+"""Measures of a gait over the last whole periods of a run (`worm3d.measures.waves`): stride, turn and drift.
 
-Let d_k be the displacement of the centre of mass along the ground in period k, e_k the mean heading in period k (a unit
-vector in the tangent plane, with n_k to the left), phi_k the turn, L the body length and T the period:
+For period k, let d_k be the displacement of the centre of mass along the ground, e_k the mean heading (a unit vector in
+the tangent plane of the ground), n_k the unit vector to the left of e_k in this plane, and phi_k the turn. L is the
+body length. Means and sums are over the periods:
 
     stride_bl           = mean d_k.e_k / L                                                        (J1)
     degrees_per_wave    = mean phi_k
     turning_radius_bl   = mean |d_k| / (2 L |sin(phi/2)|),  phi = mean phi_k                       (J2)
     drift_per_metre     = sum d_k.n_k / sum |d_k|                                                 (J3)
 
-(J2) is the radius of the circle of the centre of mass, computed from a chord. In a pipe d_k.e_k and |d_k| are measured
-along the centre line.
+(J2) is the radius of the circle on which the centre of mass moves. The displacement |d_k| is a chord of this circle. In
+a pipe, d_k.e_k and |d_k| are measured along the centre line.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from worm3d.measures.way import NO_WAY
 from worm3d.recorded.finished import FinishedRun
 
 MIN_STRAIGHT_RADIUS = 1000.0
-"""Radius beyond which a worm crawls straight [body lengths]."""
-IN_A_PIPE = "in a pipe the wall decides which way the worm goes"
+"""Turning radius above which a worm is considered to crawl straight [body lengths]."""
+IN_A_PIPE = "in a pipe the wall determines the direction of the worm"
 
 
-@measure("stride_bl", "body lengths forward in a wave")
+@measure("stride_bl", "distance forward per wave, in body lengths")
 def stride(result: FinishedRun) -> float:
     """Return (J1) [body lengths]."""
     waves = waves_of(result)
@@ -34,17 +35,17 @@ def stride(result: FinishedRun) -> float:
     return float(forward.mean()) / result.worm.length
 
 
-@measure("speed_bl_s", "speed forward, of the last waves")
+@measure("speed_bl_s", "forward speed, as a mean over the last waves")
 def _speed(result: FinishedRun) -> float:
     return stride(result) / waves_of(result).period
 
 
-@measure("degrees_per_wave_deg", "turn to the left in a wave")
+@measure("degrees_per_wave_deg", "turn to the left per wave")
 def _turn(result: FinishedRun) -> float:
     return float(np.rad2deg(waves_of(result).turns.mean()))
 
 
-@measure("turning_radius_bl", "radius of the circle on which the centre of mass goes")
+@measure("turning_radius_bl", "radius of the circle on which the centre of mass moves")
 def _radius(result: FinishedRun) -> float:
     waves = waves_of(result)
     if waves.course is not None:
@@ -52,11 +53,11 @@ def _radius(result: FinishedRun) -> float:
     sine = abs(float(np.sin(waves.turns.mean() / 2.0)))
     chord = float(waves.path.mean()) / result.worm.length
     if chord >= 2.0 * MIN_STRAIGHT_RADIUS * sine:
-        raise NoValueError(f"the worm crawls straight: on no circle of less than {MIN_STRAIGHT_RADIUS:g} body lengths")
+        raise NoValueError(f"the worm crawls straight: the radius is at least {MIN_STRAIGHT_RADIUS:g} body lengths")
     return chord / (2.0 * sine)
 
 
-@measure("drift_per_metre", "metres sideways to the left, for each metre of way")
+@measure("drift_per_metre", "displacement to the left divided by the path length")
 def _drift(result: FinishedRun) -> float:
     waves = waves_of(result)
     if waves.course is not None:
@@ -69,8 +70,14 @@ def _drift(result: FinishedRun) -> float:
 
 
 def way_made(result: FinishedRun, waves: Waves) -> float:
-    """Return the path length of the centre of mass in the waves [m]; NoValueError if the worm did not move."""
+    """Return the path length of the centre of mass in the waves [m].
+
+    Raises
+    ------
+    NoValueError
+        The worm did not move.
+    """
     made = float(waves.path.sum())
     if made <= NO_WAY * result.worm.length * waves.count:
-        raise NoValueError(f"the worm made no way in its last waves ({made:.4g} m)")
+        raise NoValueError(f"the worm did not move in its last waves (path length {made:.4g} m)")
     return made

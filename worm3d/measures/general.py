@@ -1,4 +1,8 @@
-"""Measures of every run: the end of the run, the distance of the worm, and the uses of the work."""
+"""Measures that every run has: how the run ended, the distance of the worm, and what the work was used for.
+
+A measure is a number in the summary of a run. If a measure has no value, its function raises NoValueError with the
+reason.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +19,17 @@ from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
 from worm3d.values.period_means import SHORT_RUN, averaged, path_length
 
-SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
+SPARSE = "the stored rows of the result are more than two periods of the gait apart: store more rows (record_every)"
 NOT_SETTLED = (
-    "the worm was not brought to rest before the run: it touched nothing, moved, went on from an earlier run, or was "
-    "to start as it was"
+    "the worm was not brought to rest before the run: it touched nothing, was moving, continued an earlier run, or was "
+    "to start without settling"
 )
-FIXED = "the steps are of a fixed length; a run that is given an accuracy knows its errors"
+FIXED = "the time steps have a fixed length, so the errors are not known: set an accuracy to estimate them"
 NO_STEP = "no step was finished"
 NO_PAYLOAD = "the worm carries no payload"
 
 USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
-"""Names of the uses of work."""
+"""Names of the uses of the work, such as friction."""
 
 
 @measure("status", "how the run ended")
@@ -33,24 +37,24 @@ def _status(result: FinishedRun) -> str:
     return result.status.name.lower()
 
 
-@measure("duration_s", "time that was simulated")
+@measure("duration_s", "simulated time")
 def _duration(result: FinishedRun) -> float:
     return float(result.time[-1] - result.time[0])
 
 
-@measure("distance_m", "displacement of the centre of mass along the heading at the start")
+@measure("distance_m", "displacement of the centre of mass along the initial heading")
 def _distance(result: FinishedRun) -> float:
     return _forward(result, result.com)
 
 
-@measure("path_length_m", "length of the path of the centre of mass, averaged over a period")
+@measure("path_length_m", "length of the path of the centre of mass, whose position is averaged over a period")
 def _path_length(result: FinishedRun) -> float:
     if result.period is None or _sparse(result):
         raise NoValueError(_no_mean(result))
     return path_length(along_the_ground(result), result.time, result.period)
 
 
-@measure("mean_speed_m_s", "mean speed along the heading at the start, of the centre of mass averaged over a period")
+@measure("mean_speed_m_s", "mean speed along the initial heading of the centre of mass, averaged over a period")
 def _mean_speed(result: FinishedRun) -> float:
     window = 0
     if result.period is not None and len(result.time) > 1:
@@ -60,7 +64,7 @@ def _mean_speed(result: FinishedRun) -> float:
     return _forward(result, averaged(result.com, window)) / float(result.time[-1] - result.time[window - 1])
 
 
-@measure("heading_change_deg", "turn to the left over the run")
+@measure("heading_change_deg", "change of the heading over the run, positive to the left")
 def _heading_change(result: FinishedRun) -> float:
     turned = float(np.rad2deg(result.heading[-1] - result.heading[0]))
     if np.isnan(turned):
@@ -73,25 +77,25 @@ def _work(result: FinishedRun) -> float:
     return float(result.energy.work_contract.sum())
 
 
-@measure("work_friction_J", "work that went into friction on the world")
+@measure("work_friction_J", "work dissipated by friction on the world")
 def _friction(result: FinishedRun) -> float:
     return result.energy.uses["friction"]
 
 
-@measure("cost_of_transport", "net work of the actuators over weight and distance")
+@measure("cost_of_transport", "net work of the actuators divided by (weight times distance)")
 def _cost(result: FinishedRun) -> float:
     work = _work(result)
     if work < -_rounding(result):
-        raise NoValueError(f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators")
+        raise NoValueError(f"the net work of the actuators is negative ({work:.4g} J): the worm drove its actuators")
     return max(0.0, work) / carried(result)
 
 
-@measure("energy_balance_error", "residual of the energy ledger over the sum of its absolute terms")
+@measure("energy_balance_error", "residual of the energy ledger divided by the sum of the absolute values of its terms")
 def _balance(result: FinishedRun) -> float:
     return result.energy.balance_error
 
 
-@measure("newton_iterations_mean", "iterations of Newton's method in a step")
+@measure("newton_iterations_mean", "mean number of iterations of Newton's method per step")
 def _iterations(result: FinishedRun) -> float:
     if not len(result.newton_iterations):
         raise NoValueError(NO_STEP)
@@ -105,22 +109,22 @@ def _error(result: FinishedRun) -> ErrorEstimate:
     return result.error_estimate
 
 
-@measure("distance_error_m", "what the distance may be off by")
+@measure("distance_error_m", "estimated error of the distance")
 def _distance_error(result: FinishedRun) -> float:
     return _error(result).distance
 
 
-@measure("heading_error_deg", "what the turn may be off by")
+@measure("heading_error_deg", "estimated error of the change of the heading")
 def _heading_error(result: FinishedRun) -> float:
     return float(np.rad2deg(_error(result).heading))
 
 
-@measure("work_error_J", "what the net work of the actuators may be off by")
+@measure("work_error_J", "estimated error of the net work of the actuators")
 def _work_error(result: FinishedRun) -> float:
     return _error(result).work
 
 
-@measure("real_time_factor", "simulated time over computing time")
+@measure("real_time_factor", "simulated time divided by computing time")
 def _real_time(result: FinishedRun) -> float:
     if not len(result.newton_iterations) or result.wall_s <= 0.0:
         raise NoValueError(NO_STEP)
@@ -136,7 +140,7 @@ def _use(result: FinishedRun, name: str) -> float:
 
 
 def _share(result: FinishedRun, name: str) -> float:
-    _cost(result)  # without a cost of transport, the parts have no value either
+    _cost(result)  # raises NoValueError if the cost of transport has no value; then its parts have no value either
     return result.energy.uses[name] / carried(result)
 
 
@@ -145,7 +149,7 @@ for _term in ("work_contract_positive", "work_contract_p11", "work_friction_p13"
     measure(f"{_term}_J", _meaning)(partial(_total, term=_term))
 
 
-@measure("halved_steps", "steps that were taken in parts")
+@measure("halved_steps", "number of time steps that were divided into shorter steps")
 def _halved(result: FinishedRun) -> float:
     return float(result.halved_steps)
 
@@ -153,11 +157,11 @@ def _halved(result: FinishedRun) -> float:
 measure("work_external_J", "work of external forces")(partial(_total, term="work_external"))
 for _name in USES:
     if _name != "friction":
-        measure(f"work_{_name}_J", f"work that went into {_name}")(partial(_use, name=_name))
-measure("work_damping_medium_J", "work that went into damping by the medium")(partial(_total, term="drag_loss"))
+        measure(f"work_{_name}_J", f"part of the work: {_name}")(partial(_use, name=_name))
+measure("work_damping_medium_J", "work dissipated by damping in the medium")(partial(_total, term="drag_loss"))
 
 
-@measure("work_damping_material_J", "work that went into damping of the material and in the actuators")
+@measure("work_damping_material_J", "work dissipated by damping in the material and in the actuators")
 def _material(result: FinishedRun) -> float:
     return result.energy.uses["damping"] - float(result.energy.drag_loss.sum())
 
@@ -174,7 +178,7 @@ def _settling(result: FinishedRun) -> float:
 
 
 @measure(
-    "distance_with_load_m", "displacement of the centre of mass of worm and payloads along the heading at the start"
+    "distance_with_load_m", "displacement of the common centre of mass of worm and payloads along the initial heading"
 )
 def _distance_with_load(result: FinishedRun) -> float:
     if not result.worm.load_mass.any():
@@ -182,16 +186,18 @@ def _distance_with_load(result: FinishedRun) -> float:
     return _forward(result, result.com_with_load)
 
 
-@measure("cost_of_transport_with_load", "net work of the actuators over weight and distance of worm and payloads")
+@measure(
+    "cost_of_transport_with_load", "net work of the actuators divided by (total weight times distance), with payloads"
+)
 def _cost_with_load(result: FinishedRun) -> float:
     both, moved = result.worm.mass + float(result.worm.load_mass.sum()), _distance_with_load(result)
     if moved <= NO_WAY * result.worm.length:
-        raise NoValueError(f"worm and payloads made no way forward ({moved:.4g} m)")
+        raise NoValueError(f"worm and payloads did not move forward (distance {moved:.4g} m)")
     return _cost(result) * carried(result) / (both * float(np.linalg.norm(result.gravity)) * moved)
 
 
 def _forward(result: FinishedRun, com: FloatArray) -> float:
-    """Return the distance from the first to the last row of a centre of mass, along the heading at the start [m]."""
+    """Return the displacement of a centre of mass from its first to its last row, along the initial heading [m]."""
     made = distance_of(com, result.joints[0], result.world)
     if np.isnan(made):
         raise NoValueError(NO_HEADING)
@@ -199,7 +205,7 @@ def _forward(result: FinishedRun, com: FloatArray) -> float:
 
 
 def carried(result: FinishedRun) -> float:
-    """Return weight times distance, the divisor of costs of transport [J].
+    """Return weight times distance [J], by which work is divided in a cost of transport.
 
     Raises
     ------
@@ -208,7 +214,7 @@ def carried(result: FinishedRun) -> float:
     """
     weight = result.worm.mass * float(np.linalg.norm(result.gravity))
     if distance(result) <= NO_WAY * result.worm.length:
-        raise NoValueError(f"the worm made no way forward ({distance(result):.4g} m)")
+        raise NoValueError(f"the worm did not move forward ({distance(result):.4g} m)")
     if weight == 0.0 or np.isnan(distance(result)):
         raise NoValueError("the worm has no weight, or no heading at the start")
     return weight * distance(result)
@@ -225,6 +231,6 @@ def _sparse(result: FinishedRun) -> bool:
 
 
 def _rounding(result: FinishedRun) -> float:
-    """Return the largest work that may be only rounding [J]."""
+    """Return the bound of rounding errors of the work [J]."""
     stored = float(np.sum(result.worm.k_spring)) * result.worm.l0  # the scale of the springs' energy
     return 1e-12 * float(np.abs(result.energy.work_contract).sum()) + 1e-15 * stored

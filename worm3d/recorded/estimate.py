@@ -1,4 +1,4 @@
-"""Estimated errors of a run that was given an `accuracy`."""
+"""Estimated errors of a run with the option `accuracy`."""
 
 from __future__ import annotations
 
@@ -12,39 +12,43 @@ from worm3d.values.documented import with_fields
 @with_fields
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Expected errors of a run with an `accuracy`, from runs with coarser steps."""
+    """Estimated errors of a run with the option `accuracy`, by comparison with runs with coarser time steps."""
 
     distance: float
-    """Error of the distance [m], or of the displacement of the centre of mass if there is no heading."""
+    """Error of the distance, or of the displacement of the centre of mass if the worm has no heading [m]."""
     heading: float
-    """Error of the turn from start to end [rad]; NaN without a heading."""
+    """Error of the change of the heading from start to end [rad]; NaN if the worm has no heading."""
     work: float
     """Error of the net work of the actuators [J]."""
     asked: float
-    """Requested error of the distance: accuracy times the distance, or a tenth of the body length [m]."""
+    """Requested error of the distance: accuracy times the larger of |distance| and a tenth of the body length [m]."""
     step_error: float
-    """Largest allowed estimated error in a step of this run [m]."""
+    """Maximum error per time step [m]; the run chooses its time steps so that the estimated error is below it."""
     steps: int
-    """Number of steps solved in this run; `runs` is the number of runs in all."""
+    """Number of time steps solved in this run."""
     runs: int
+    """Total number of runs, including the runs with coarser steps."""
     figures: tuple[tuple[str, float], ...] = field(default=(), repr=False)
-    """Name and error of each number in the summary, in the unit of the number."""
+    """Name and estimated error of each number in the summary, in the unit of the number."""
 
     def __add__(self, rest: ErrorEstimate) -> ErrorEstimate:
-        """Return the estimate of a run and its continuation together, without `figures`."""
+        """Return the estimate for a run followed by its continuation.
+
+        All fields are summed, except `step_error`, of which the larger value is used. `figures` is empty.
+        """
         both = {each.name: getattr(self, each.name) + getattr(rest, each.name) for each in fields(self)}
         return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error), "figures": ()})
 
     @property
     def met(self) -> bool:
-        """Whether the distance has the requested accuracy."""
+        """Whether the estimated error of the distance is at most the requested error."""
         return self.distance <= self.asked
 
     @property
     def sentence(self) -> str:
-        """One line: the estimated errors, and whether the requested accuracy is met."""
+        """One line with the estimated errors, and whether the requested accuracy is reached."""
         found = (
-            f"{1e3 * self.distance:.2g} mm, turn by {np.rad2deg(self.heading):.2g} degrees, work by {self.work:.2g} J"
+            f"distance {1e3 * self.distance:.2g} mm, turn {np.rad2deg(self.heading):.2g} deg, work {self.work:.2g} J"
         )
-        missed = "" if self.met else "; NOT as accurate as asked"
-        return f"distance may be off by {found} ({1e3 * self.asked:.2g} mm asked{missed})"
+        missed = "" if self.met else "; NOT as accurate as requested"
+        return f"estimated errors: {found} ({1e3 * self.asked:.2g} mm requested for the distance{missed})"

@@ -1,4 +1,4 @@
-"""Actuation of a worm: commands, and a common interface to gaits, plain functions of time and controllers."""
+"""Actuation of a worm: commands, and a common interface to gaits, functions of time and controllers."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 @with_fields
 @dataclass(frozen=True, init=False, eq=False)
 class Command(ReadOnly):
-    """Command to a worm of N segments; frozen, with read-only arrays.
+    """Command to a worm of N segments. The object is immutable, and its arrays are read-only.
 
     Raises
     ------
     ValueError
-        An array of the wrong shape, a value that is not finite, or a contraction of 1 or more.
+        An array has an incorrect shape, a value is not finite, or a contraction is not below 1.
     """
 
     contraction: FloatArray
-    """Shortening fraction of each chamber [left, right], shape (N, 2); negative values lengthen.
+    """Shortening of each chamber [left, right] as a fraction, shape (N, 2); negative values lengthen the chamber.
 
     The commanded rest length is l0 (1 - contraction).
     """
@@ -44,10 +44,10 @@ class Command(ReadOnly):
     def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
         c = arguments.floats("contraction", contraction)
         if (c >= 1.0).any():
-            raise ValueError(f"contraction: got {c.max()}, must be below 1: a chamber cannot shorten to nothing")
+            raise ValueError(f"contraction: got {c.max()}, must be below 1: a chamber cannot shorten to length 0")
         if c.ndim != 2 or c.shape[0] < 1 or c.shape[1] != 2:
             raise ValueError(
-                f"contraction: got shape {c.shape}, must be (N, 2): a row per segment, columns left and right"
+                f"contraction: got shape {c.shape}, must be (N, 2): one row per segment, columns left and right"
             )
         parts = {"contraction": (c, c.shape), "hinge": (hinge, (len(c) - 1,)), "force": (force, c.shape)}
         for name, (value, shape) in parts.items():
@@ -67,7 +67,7 @@ class Command(ReadOnly):
 
 
 class Commands(NamedTuple):
-    """Commands at K instants, not checked yet; the arrays of `Command` with a first dimension K."""
+    """Commands at K times: the arrays of `Command` with a first dimension of length K, not yet checked."""
 
     contraction: FloatArray
     """Shape (K, N, 2)."""
@@ -79,26 +79,27 @@ class Commands(NamedTuple):
 
 @runtime_checkable
 class Gait(Protocol):
-    """A pattern that a given worm turns into a function of time, or into a controller if the gait uses sensors."""
+    """A pattern of motion. Bound to a worm, it is a function of time, or a controller if the gait uses sensors."""
 
     def bind(self, worm: Worm) -> Callable[[float], Command] | Controller:
-        """Return the commands as a function of time [s], or a controller that gives a command at each step.
+        """Return the command as a function of time [s], or a controller that returns a command at each step.
 
-        A controller returned by a gait is called like the gait, for the command at the end of a step; the measurement
-        was taken at the beginning of the step. Before the first step of a run the controller is called once, with the
-        measurement None, for the command at the start. The actuators' ramp begins at this command.
+        If a gait returns a controller, its `step` is called with the time of the end of each step, and with the
+        measurement at the start of the step; the command applies at the end. Before the first step of a run, `step` is
+        called once with the start time and the measurement None, for the command at the start of the run. In the
+        first step the actuators ramp from this command to that of the step.
         """
 
 
 @runtime_checkable
 class Controller(Protocol):
-    """Decides at every step from a measurement."""
+    """Computes a command from a measurement at every time step."""
 
     def reset(self) -> None:
-        """Forget everything; a run begins."""
+        """Return to the initial state. It is called at the start of a run."""
 
     def step(self, t: float, measurement: Any) -> Command:
-        """Return the command from time t [s] on."""
+        """Return the command that applies from time t [s]."""
 
 
 Actuation = Gait | Controller | Callable[[float], Command]
@@ -109,18 +110,19 @@ Sensor = Callable[["Observation"], Any]
 
 
 class BadCommandError(ValueError):
-    """The actuation returned a value that cannot be applied."""
+    """The actuation returned a value that is not a valid command for the worm."""
 
 
 class Driver:
-    """Commands of an actuation, as rows for the compiled steps; without an actuation all commands are zero.
+    """Source of the commands of a run, as arrays for the compiled code of a step.
 
-    A controller, or a gait with sensors, gets the measurement that `sensor` returns, or else the observation itself.
+    Without an actuation all commands are zero. A controller, or a gait with sensors, gets the measurement that `sensor`
+    returns, or the observation itself if there is no sensor.
 
     Raises
     ------
     ValueError
-        The actuation has a wrong type, or a sensor is given for an actuation that takes no measurements.
+        The type of the actuation is not supported, or there is a sensor but the actuation does not use measurements.
     """
 
     def __init__(self, actuation: Actuation | None, worm: Worm, sensor: Sensor | None) -> None:
@@ -148,26 +150,29 @@ class Driver:
             raise ValueError(f"sensor: got {type(sensor).__name__}, must be a function of an Observation, or None")
         if sensor is not None and self.controller is None:
             raise ValueError(
-                "sensor: only a controller, or a gait that senses, takes measurements; the actuation must have reset "
-                "and step"
+                "sensor: got an actuation that does not use measurements, must be a controller (with reset and step) "
+                "or a gait that senses"
             )
 
     @property
     def tabular(self) -> bool:
-        """Whether `table` gives all commands at once: the actuation has a method `commands`, as bound gaits do."""
+        """Whether `table` returns all commands at once.
+
+        This needs an actuation with a method `commands`, such as a gait without sensors that is bound to a worm.
+        """
         return self.controller is None and hasattr(self._at, "commands")
 
     def table(self, times: FloatArray) -> FloatArray | None:
-        """Return the commands at K times as rows, shape (K, 5 N); None if they must be requested one by one."""
+        """Return the commands at K times as rows, shape (K, 5 N), or None if `at` must be called for each time."""
         if not self.tabular:
             return None
         try:
             return self.rows(self._at.commands(times), len(times))  # type: ignore[attr-defined]
-        except EXCEPTIONS:  # of a user's own code: single requests name the time and keep earlier steps
+        except EXCEPTIONS:  # in a user's code: with single calls the error has a time, and earlier steps are kept
             return None
 
     def rows(self, given: Commands, k: int) -> FloatArray | None:
-        """Return K commands as rows, shape (K, 5 N); None if any of them cannot be applied."""
+        """Return K commands as rows, shape (K, 5 N), or None if one of them is not valid for the worm."""
         parts = (given.contraction.reshape(k, -1), given.force.reshape(k, -1), np.zeros((k, 1)), given.hinge)
         rows = np.hstack(parts)
         fits = rows.shape == (k, 5 * self.n) and np.isfinite(rows).all() and (given.contraction < 1.0).all()
@@ -178,29 +183,32 @@ class Driver:
         return self.row(self._at(t))
 
     def first(self, t: float) -> FloatArray | None:
-        """Return the command at the start of a run, as a row; None for a controller, which has not decided yet."""
+        """Return the command at the start of a run as a row, shape (5 N,).
+
+        Return None for a controller (unless a gait returned it): its first command needs a measurement.
+        """
         if self.controller is None:
             return self.at(t)
         return self.row(self.controller.step(t, None)) if self._is_gait else None
 
     def decide(self, observation: Observation, end: float) -> FloatArray:
-        """Return the controller's present command, for a step until `end` [s], as a row."""
+        """Return the controller's command for the step that ends at time `end` [s], as a row, shape (5 N,)."""
         assert self.controller is not None
         seen = observation if self._sensor is None else self._sensor(observation)
         return self.row(self.controller.step(end if self._is_gait else observation.time, seen))
 
     def row(self, command: Command) -> FloatArray:
-        """Return a command as a row: contraction, force, one unused entry, and hinge angles.
+        """Return a command as a row: contractions (2 N), forces (2 N), an unused number, and hinge angles (N - 1).
 
         Raises
         ------
         BadCommandError
-            The value is not a `Command`, or the command is for another worm.
+            The value is not a `Command`, or it is for another number of segments.
         """
         if not isinstance(command, Command):
             raise BadCommandError(f"actuation: returned a {type(command).__name__}, must return a worm3d.Command")
         if command.segments != self.n:
             raise BadCommandError(
-                f"actuation: returned a command for {command.segments} segments, the worm has {self.n}"
+                f"actuation: returned a command for {command.segments} segments, must be for the worm's {self.n}"
             )
         return np.concatenate([command.contraction.ravel(), command.force.ravel(), [0.0], command.hinge])

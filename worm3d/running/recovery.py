@@ -1,11 +1,16 @@
-"""Recovery of a gait from pushes: stability from separate runs, which take long and are not part of the table.
+"""Recovery of a gait from pushes, as a measure of its stability.
 
-At the end of a run the worm has reached its limit cycle. From there two runs continue: one unchanged, one with a push
-during the first period. The distance of the two shapes (`worm3d.measures.stability.shapes`) after each further period
-shrinks by the largest modulus of the return map's multipliers that the push excites, as in (J7). If the push has
-brought the worm to another cycle, such as lying on a side, the distance stays and the factor is 1: pushes of a tenth of
-the weight tip the default worm. A push consists of random forces on the joints along x and y, without resultant and
-moment about z, over a half-sine in time; the push does not displace the worm as a whole.
+The measure needs additional runs, which take a long time. Therefore it is not part of the summary of a run.
+
+A first run continues until the worm has reached its limit cycle. Two runs start from its final state: one without
+changes, and one with a push during the first period. The difference of the shapes of the two worms
+(`worm3d.measures.stability.shapes`) is compared after each further period. It decreases per period by a factor, as in
+(J7) of `worm3d.measures.stability`. The factor is the largest modulus of those multipliers of the return map that the
+push excites. If the push brings the worm to another cycle (for example if it tips over), the difference does not
+decrease, and the factor is about 1. Pushes of a tenth of the weight make the default worm tip over.
+
+A push consists of random forces on the joints in the directions x and y. Their sum and their moment about z are zero,
+so that the push does not displace the worm as a whole. The forces vary in time as half a sine wave.
 """
 
 from __future__ import annotations
@@ -25,21 +30,23 @@ from worm3d.values.spelling import spelled
 
 @spelled
 def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.01, seed: int = 0) -> FloatArray:
-    """Return the decay factor per period of the effect of each push, shape (pushes,): below 1 the gait is stable.
+    """Return the factor per period by which the effect of each push decays, shape (pushes,).
 
-    A factor of about 1 means that the push has brought the worm to another cycle, or that the worm does not recover.
+    The gait is stable if the factors are below 1. A factor of about 1 means that the push has brought the worm to
+    another cycle, or that the worm does not recover.
 
     Parameters
     ----------
     problem : Problem
-        Run before the pushes, long enough for the worm to reach the limit cycle. A controller restarts after this run.
+        Run before the pushes. It must be long enough for the worm to reach the limit cycle. A controller is reset after
+        this run.
     pushes : int
         Number of pushes, each different.
     periods : int
         Number of periods after each push, at least 2.
     size : float
-        Root mean square of the components of the pushes, divided by the worm's weight, or without gravity by the mean k
-        of the springs.
+        Root mean square of the components of the forces, divided by the weight of the worm. Without gravity, they are
+        divided by the mean stiffness k of the springs [N].
     seed : int
         Seed of the pushes.
 
@@ -51,10 +58,12 @@ def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float
     arguments.whole("pushes", pushes)
     arguments.number("size", size, gt=0.0)
     if arguments.whole("periods", periods) < 2:
-        raise ValueError(f"periods: got {periods}, must be at least 2: a factor is that from one to the next")
+        raise ValueError(f"periods: got {periods}, must be at least 2: the factor compares successive periods")
     period = problem.period
     if period is None:
-        raise ValueError("actuation: has no `period` [s], must have one: pushes are followed from period to period")
+        raise ValueError(
+            "actuation: has no `period` [s], must have one: the effect of a push is compared at each period"
+        )
     step = round(period / problem.dt)
     if abs(period / problem.dt - step) > 1e-6 * step:
         raise ValueError(f"dt: {UNEVEN_ROWS}; got {problem.dt:g} s and a period of {period:g} s")
@@ -71,7 +80,7 @@ def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float
 
 
 class _Pushing:
-    """The external force of a run plus a push of shape (N+1, 3) [N], over a period [s] from a given time."""
+    """External force of a run plus a push, shape (N+1, 3) [N]. The push begins at a given time and lasts one period."""
 
     def __init__(self, problem: Problem, push: FloatArray, begin: float, period: float) -> None:
         self._own, self._push, self._begin, self._period = problem.external_force, push, begin, period
@@ -86,7 +95,7 @@ class _Pushing:
 
 
 def _forces(rng: np.random.Generator, result: Result) -> FloatArray:
-    """Return random forces on the joints without resultant and moment about z, shape (N+1, 3)."""
+    """Return random forces on the joints whose sum and moment about z are zero, shape (N+1, 3)."""
     joints = result.joints[-1]
     arm = joints[:, :2] - joints[:, :2].mean(axis=0)
     force: FloatArray = np.zeros_like(joints)
@@ -105,5 +114,5 @@ def _scale(problem: Problem) -> float:
 def _finished(problem: Problem) -> Result:
     result = Run(problem).finish()
     if result.status.name != "DONE":
-        raise ValueError(f"problem: {result.stop.sentence}; a gait is pushed only where it runs to the end")
+        raise ValueError(f"problem: {result.stop.sentence}; the recovery of a gait needs runs that reach their end")
     return result

@@ -1,7 +1,8 @@
-"""Bytes of a NetCDF4 file, written directly with HDF5: an HDF5 file whose dimensions are dimension scales.
+"""The bytes of a NetCDF4 file, written directly with h5py.
 
-The format follows "File Format Specifications", NetCDF-4 format, in the NetCDF documentation of Unidata. The code uses
-low-level calls of h5py, which take a ninth of the time of h5netcdf for a run of 90 variables.
+A NetCDF4 file is an HDF5 file in which each dimension of a variable is an HDF5 dimension scale. The format is described
+in the section "NetCDF-4 format" of "File Format Specifications" in the NetCDF documentation of Unidata. The code uses
+low-level calls of h5py. For a run with 90 variables they take a ninth of the time that h5netcdf takes.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from numpy.typing import NDArray
 from worm3d.values.variable import Variable
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{:10d}"
-"""Name of a dimension scale without a variable, given the length of the dimension."""
+"""HDF5 name attribute of the scale of a dimension that has no variable; to be formatted with the dimension's length."""
 
 OTHER_THAN_DIMENSION = "_nc4_non_coord_{}"
-"""HDF5 name of a variable that has the name of a dimension but is not the coordinate of that dimension."""
+"""HDF5 name for a variable that has the name of a dimension but is not the coordinate variable of this dimension."""
 
 TEXT_TYPE = h5py.string_dtype()
-"""Type of texts of any length, in UTF-8."""
+"""HDF5 type of strings of any length, in UTF-8."""
 
 SCALAR = h5s.create(h5s.SCALAR)
-"""Shape of a single value."""
+"""HDF5 dataspace of a single value."""
 
 
 def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]]) -> bytes:
@@ -35,11 +36,12 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
     Parameters
     ----------
     attributes : mapping
-        Texts and whole numbers of the root group by name.
+        Attributes of the root group by name, each a string or an integer.
     groups : mapping
-        Variables of each group by the group's name, "" for the root group; each group has its own dimensions.
+        Variables of each group by the name of the group, which is "" for the root group. Each group has its own
+        dimensions.
     """
-    # In memory, since the HDF5 library crashes when the disc is full. The file name "image" is never used.
+    # The file is written in memory, because the HDF5 library crashes if the disc is full. Its name "image" is not used.
     with h5py.File("image", "w", driver="core", backing_store=False, track_order=True) as file:
         dimensions = 0
         for name, variables in groups.items():
@@ -55,7 +57,10 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
 
 
 def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
-    """Write variables and their dimensions to a group; return the number of dimensions, in addition to `known`."""
+    """Write variables and their dimensions to a group, and return the number of these dimensions.
+
+    `known` is the number of dimensions in the groups written before.
+    """
     sizes = {dim: size for variable in variables for dim, size in variable.sizes.items()}
     written = {}
     for variable in variables:
@@ -76,12 +81,15 @@ def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
 
 
 def _is_free(variable: Variable, sizes: Mapping[str, int]) -> bool:
-    """Return whether the file may use a variable's name: no dimension has the name, or the variable is its scale."""
+    """Return whether a variable keeps its own name in the file.
+
+    It does if no dimension has this name, or if the variable is the coordinate variable of this dimension.
+    """
     return variable.name not in sizes or variable.dims == (variable.name,)
 
 
 def _array(group: Any, name: str, values: NDArray[Any]) -> Any:
-    """Write an array and return the identifier; a dimension without entries is stored as an unlimited dimension."""
+    """Write an array and return its HDF5 identifier. Dimensions of length 0 are stored as unlimited dimensions."""
     creation, greatest = h5p.create(h5p.DATASET_CREATE), None
     creation.set_obj_track_times(False)  # so that the same content gives the same bytes
     if 0 in values.shape:

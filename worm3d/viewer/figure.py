@@ -1,4 +1,4 @@
-"""The worm from the side and from above as a figure, without any browser."""
+"""Figure of a worm, seen from the side and from above, drawn with Matplotlib (no browser is needed)."""
 
 from __future__ import annotations
 
@@ -23,14 +23,17 @@ from worm3d.viewer.skin import Skin
 from worm3d.viewer.world import GROUND
 
 DPI = 100
-"""Resolution of a figure [pixel/inch]."""
+"""Resolution of a figure [pixels per inch]."""
 LARGEST = 760
-"""Largest width of a view, and largest height of both views together [pixel]."""
+"""Maximum width of a view, and maximum sum of the heights of both views [pixels]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """A view without perspective: unit vectors (3,) to the right and upwards in the picture, and towards the viewer."""
+    """A view without perspective, given by three orthogonal unit vectors of shape (3,).
+
+    In the picture, `right` points to the right and `up` upwards; `near` points towards the viewer.
+    """
 
     right: FloatArray
     up: FloatArray
@@ -38,34 +41,53 @@ class Projection:
 
     @property
     def plane(self) -> FloatArray:
-        """Rows that give picture coordinates, shape (2, 3)."""
+        """Matrix that maps a point to its picture coordinates, shape (2, 3)."""
         return np.array([self.right, self.up])
 
     def points(self, points: FloatArray) -> FloatArray:
-        """Return picture coordinates, shape (..., 2) [m]."""
+        """Return the picture coordinates of points of shape (..., 3), shape (..., 2) [m]."""
         return np.asarray(points @ self.plane.T)
 
     def facing(self, corners: FloatArray) -> FloatArray:
-        """Return how much polygons face the viewer: the cosine of the angle to their normals, shape (K,).
+        """Return the cosine of the angle between each polygon's normal and the direction to the viewer, shape (K,).
 
-        The corners of the polygons, shape (K, C, 3), are anticlockwise seen from the side that the normals point to.
+        It is positive if the polygon faces the viewer. The corners, shape (K, C, 3), are in anticlockwise order seen
+        from the side to which the normal points.
         """
         normal = np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)
         size = np.linalg.norm(normal, axis=1)
         return np.asarray(normal @ self.near / np.maximum(size, 1e-300))
 
     def seen(self, panels: FloatArray, paint: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the panels, (P, 4, 3), that face the viewer, the farthest first, (K, 4, 2), and their colours."""
+        """Return the panels that face the viewer, and their colours.
+
+        Parameters
+        ----------
+        panels : ndarray, shape (P, 4, 3)
+            Corners of all panels.
+        paint : ndarray, shape (P, 3)
+            Colours of all panels.
+
+        Returns
+        -------
+        corners : ndarray, shape (K, 4, 2)
+            Picture coordinates of the K panels that face the viewer, the farthest panel first.
+        colours : ndarray, shape (K, 3)
+            Their colours, darker if a panel is seen at an angle.
+        """
         facing, depth = self.facing(panels), panels.mean(axis=1) @ self.near
         front = np.flatnonzero(facing > 0.0)
         order = front[np.argsort(depth[front], kind="stable")]
-        bright = 0.6 + 0.4 * facing[order, None]  # a surface seen edge-on is darker
+        bright = 0.6 + 0.4 * facing[order, None]
         return self.points(panels[order]), bright * paint[order]
 
     def cut(self, vertices: FloatArray, faces: NDArray[np.int64], through: FloatArray) -> FloatArray:
-        """Return the section of a mesh with the plane of the picture through a point, as lines, shape (S, 2, 2) [m]."""
+        """Return the section of a mesh, as S straight lines in picture coordinates, shape (S, 2, 2) [m].
+
+        The plane of the section is parallel to the picture and contains the point `through`.
+        """
         height, after = (vertices - through) @ self.near, np.roll(faces, -1, axis=1)
-        crossed = (height[faces] >= 0.0) != (height[after] >= 0.0)  # two edges of a face, or none
+        crossed = (height[faces] >= 0.0) != (height[after] >= 0.0)  # of each face, either two edges or none
         a, b = faces[crossed], after[crossed]
         share = height[a] / (height[a] - height[b])
         places = vertices[a] + share[:, None] * (vertices[b] - vertices[a])
@@ -73,10 +95,11 @@ class Projection:
 
 
 class Stage:
-    """Side and top view of a worm, ready to be drawn at any instant.
+    """Side view and top view of a worm, which can be drawn at any instant.
 
-    The views show the whole run, or follow the worm with three body lengths (one and a half across); both views have
-    the same scale. `axes` are the axes of the side view and of the top view.
+    If the run fits into three body lengths along the heading (and one and a half across), the views show all of the
+    run. Otherwise they show a part of this size that follows the worm. Both views have the same scale. `axes` contains
+    the Matplotlib axes of the side view and of the top view.
     """
 
     def __init__(self, frames: Frames) -> None:
@@ -95,7 +118,10 @@ class Stage:
         self.figure, self.axes = self._frame()
 
     def _frame(self) -> tuple[Figure, tuple[Axes, Axes]]:
-        """Return a figure whose views have the same scale, with an even size for MP4."""
+        """Return a figure with two views of the same scale, and the axes of both.
+
+        The width and the height in pixels are even numbers, as MP4 requires.
+        """
         long, wide, high = self._span
         scale = min(LARGEST / long, LARGEST / (wide + high))
         # The margins have room for labels, and for the title of a narrow picture.
@@ -148,7 +174,7 @@ class Stage:
 
     @property
     def moving(self) -> list[Artist]:
-        """Artists of the frame that was drawn last, in drawing order."""
+        """Artists of the latest drawn frame, in drawing order."""
         found = [artist for axes in self.axes for artist in (*axes.collections, *axes.lines)]
         return [self._title, *sorted(found, key=lambda artist: artist.get_zorder())]
 
@@ -158,11 +184,11 @@ class Stage:
         return [limits for axes in self.axes for limits in (axes.get_xlim(), axes.get_ylim())]
 
     def _draw_world(self, axes: Axes, view: Projection, index: int) -> None:
-        """Draw sections of the world with the picture's plane through the centre of mass, the path and the trail."""
+        """Draw the path, the trail, and the section of the world through the centre of mass."""
         frames, through = self.frames, self.frames.centre[index]
         cuts = [(mesh, view.cut(mesh.vertices, mesh.faces, through)) for mesh in frames.world]
         if view.up[2] > 0.0:
-            # A transparent mesh is a wall; an opaque mesh is ground, and the side view is filled below the ground.
+            # An opaque mesh is ground, below which the side view is filled. A transparent mesh is a wall.
             bottom = axes.get_ylim()[0]
             areas = [_down(line, bottom) for mesh, cut in cuts if mesh.opacity == 1.0 for line in cut]
             axes.add_collection(PolyCollection(areas, facecolors=[GROUND], lw=0.0, antialiaseds=False))
@@ -174,7 +200,7 @@ class Stage:
             axes.plot(*view.points(frames.way[: index + 1]).T, color=colours.TRAIL, lw=1.2)
 
     def _draw_marks(self, axes: Axes, view: Projection, index: int) -> None:
-        """Draw the contact forces, the sticking contact points and the horizon."""
+        """Draw the contact forces, the contact points that stick, and the horizon of the controller."""
         frames, size = self.frames, self.frames.body_length
         places = frames.contacts[index]
         if frames.contact_force is not None:
@@ -198,12 +224,12 @@ class Stage:
 
 
 def _down(line: FloatArray, bottom: float) -> FloatArray:
-    """Return the area between a line and the bottom of the picture, shape (4, 2)."""
+    """Return the corners of the area between a line and the bottom of the picture, shape (4, 2)."""
     (x, _), (other_x, _) = line
     return np.array([*line, [other_x, bottom], [x, bottom]])
 
 
 def figure(frames: Frames, index: int = 0) -> tuple[Figure, tuple[Axes, Axes]]:
-    """Return a figure of frame `index`, and the axes of the side view and of the top view."""
+    """Return a figure of the frame `index`, and the Matplotlib axes of the side view and of the top view."""
     stage = Stage(frames)
     return stage.draw(index), stage.axes

@@ -1,18 +1,21 @@
-"""Gait of a stable heteroclinic cycle: segments are active in turn, paced by noise and by feedback.
+"""Gait of a stable heteroclinic cycle: the segments are active one after the other, timed by noise and feedback.
 
-The cycle is defined in `control.gaits.shc.cycle`, (SH1) and (SH2). The i-th segment in the direction of the wave is at
-node i mod nodes. The segment is active while this node or one of the next `breadth` - 1 nodes is active; the activation
-is the sum of a/beta over these nodes, at most 1. The unit of time of the cycle is chosen for a mean duration of
-`period` without feedback.
+The cycle, (SH1) and (SH2), is defined in `control.gaits.shc.cycle`. It consists of nodes that become active one after
+the other; a_i is the state of node i, and beta_i its value while the node is active. The i-th segment in the direction
+of the wave belongs to node i mod `nodes`. A segment is active while its node or one of the next `breadth` - 1 nodes is
+active. Its activation is the sum of a/beta of these nodes, but at most 1. The time scale of the cycle is chosen so that
+the mean duration of a cycle without feedback is `period`.
 
-*Feedback* sends the cycle on as soon as the active segments have done their part. Each node whose segments have
-shortened, on average over their chambers, by the share `strain_threshold` of the amplitude, or bear `load_threshold` on
-average, gives the next node j an input as long as it is active,
+*Feedback* makes the cycle continue as soon as the active segments have contracted or bear a load. A segment triggers
+the feedback if the mean shortening of its chambers reaches the fraction `strain_threshold` of the amplitude, or if its
+contact load reaches `load_threshold`. While a node i is active, its triggering segments give the next node j an input.
+The input is proportional to the mean of their gains over the segments of node i:
 
-    u_j = gain alpha_i beta_j a_i/beta_i,                                                                   (SH6)
+    u_j = gain alpha_i beta_j a_i/beta_i                                                                    (SH6)
 
-so that a_j reaches its saddle within about ln(nu/gain) nu/alpha instead of (SH3). With little noise the cycle waits
-long for feedback: the mean time of (SH5) is the longest mean wait before the cycle continues without feedback.
+With this input, the next node becomes active within about ln(nu/gain) nu/alpha, instead of the time (SH3) without
+feedback. If the noise is small, the cycle can wait for feedback for a long time: on average it continues without
+feedback after the time (SH5) of `control.gaits.shc.cycle`.
 """
 
 from __future__ import annotations
@@ -38,53 +41,57 @@ class SHC(FeedbackGait, name="shc"):
     """Stable heteroclinic cycle of the segments (Horchler, Daltorio, Chiel, Quinn 2015), with feedback, (SH6)."""
 
     period: float = parameter(
-        2.0, meaning="mean time between two contractions of a segment, without feedback", unit="s", gt=0
+        2.0, meaning="mean time between successive contractions of a segment, without feedback", unit="s", gt=0
     )
     direction: Direction = direction_of_waves()
     nodes: int = parameter(
         0,
-        meaning="nodes of the cycle, 3 or more; there are segments/nodes waves on the body; 0: a node a segment",
+        meaning="number of nodes, 3 or more; 0: one node per segment. The body has segments/nodes waves",
         ge=0,
     )
-    breadth: int = parameter(1, meaning="neighbouring nodes that are contracted at a time", ge=1)
+    breadth: int = parameter(1, meaning="number of neighbouring nodes whose segments contract at a time", ge=1)
     alpha: float = parameter(
-        2.0, meaning="rate alpha of each node, in the cycle's own unit of time", ge=0, each="segment"
+        2.0, meaning="rate alpha of each node; the time scale follows from the period", ge=0, each="segment"
     )
-    beta: float = parameter(1.0, meaning="size beta of each node's state", gt=0, each="segment")
+    beta: float = parameter(1.0, meaning="value beta of each node's state while active", gt=0, each="segment")
     nu: float = parameter(
-        1.5, meaning="saddle value nu of each node: how much faster states decay to it than leave", gt=1, each="segment"
+        1.5,
+        meaning="saddle value nu of each node: rate of decay to it divided by rate of leaving",
+        gt=1,
+        each="segment",
     )
     saddle_noise: float = parameter(
-        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", ge=0
+        1e-8, meaning="intensity of the noise of the states; the time scale follows from the period", ge=0
     )
-    strain_gain: float = parameter(0.0, meaning="gain of the feedback by strain; 0: none", ge=0)
+    strain_gain: float = parameter(0.0, meaning="gain of the feedback by strain; 0: no feedback", ge=0)
     strain_threshold: float = parameter(
-        0.7, meaning="shortening at which a segment has done its part, as a share of the amplitude", gt=0
+        0.7, meaning="shortening that triggers the feedback, as a fraction of the amplitude", gt=0
     )
-    load_gain: float = parameter(0.0, meaning="gain of the feedback by contact load; 0: none", ge=0)
-    load_threshold: float = parameter(1.0, meaning="contact load at which a segment has done its part", unit="N", gt=0)
-    seed: int = parameter(0, meaning="seed of the noise; the seed of a scene does not change it", ge=0)
+    load_gain: float = parameter(0.0, meaning="gain of the feedback by contact load; 0: no feedback", ge=0)
+    load_threshold: float = parameter(1.0, meaning="contact load that triggers the feedback", unit="N", gt=0)
+    seed: int = parameter(0, meaning="seed of the noise, independent of the seed of the scene", ge=0)
     lengthens = False
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Channels whose feedback has a gain."""
+        """Names of the sensor channels whose feedback has a nonzero gain."""
         gains = {"strain": self.strain_gain, "contact_load": self.load_gain}
         return tuple(name for name, gain in gains.items() if gain)
 
     def cycle(self, segments: int) -> Cycle:
-        """Return the cycle of a body with the given number of segments, in seconds; the period is the gait's.
+        """Return the cycle for a body with this number of segments, with the time in seconds and the gait's period.
 
         Raises
         ------
         ValueError
-            Fewer than three nodes or more than segments, arrays that do not fit, or too much noise.
+            There are fewer than three nodes or more nodes than segments, an array has an incorrect length, or the noise
+            is too strong.
         """
         from control.gaits.shc.cycle import Cycle
 
         nodes = self.nodes or segments
         if not 3 <= nodes <= segments:
-            raise ValueError(f"nodes: got {nodes}, must be 3 or more, and not more than the worm's {segments} segments")
+            raise ValueError(f"nodes: got {nodes}, must be at least 3 and at most the worm's {segments} segments")
         if self.breadth >= nodes:
             raise ValueError(f"breadth: got {self.breadth}, must be below the {nodes} nodes of the cycle")
         along = self.order(segments)[:nodes]
@@ -102,12 +109,12 @@ class SHC(FeedbackGait, name="shc"):
         return np.arange(segments)[:: 1 if self.direction == "direct" else -1]
 
     def start(self, body: Body) -> Turns:
-        """Return a fresh memory: node 0 is active."""
+        """Return the initial memory, in which node 0 is active."""
         return Turns(self, body.segments)
 
 
 class Turns:
-    """Memory of an `SHC`: the walk of the cycle, and the node of each segment."""
+    """Memory of an `SHC`: the present state of the cycle, and the node of each segment."""
 
     def __init__(self, gait: SHC, segments: int) -> None:
         from control.gaits.shc.cycle import Walk
@@ -118,7 +125,7 @@ class Turns:
         self._taken, self._before = 0, self._walk.states.copy()
 
     def step(self, t: float, felt: Felt) -> FloatArray:
-        """Advance to time t [s] and return the activation of the segments, shape (N,); times ascend."""
+        """Advance to time t [s] and return the activation of the segments, shape (N,). Times must not decrease."""
         self._begun = t if self._begun is None else self._begun
         walk = self._walk
         walk.push[:] = self._push(felt)

@@ -80,5 +80,5 @@ def no_cost_because(work: float | None, distance: float | None, supplier: str) -
     if work is not None and work < 0:
         return f"the net work of the contraction is negative ({work:.4g} J): {supplier}"
     if distance is not None and distance <= 0:
-        return f"the worm made no way forward ({distance:.4g} m)"
+        return f"the worm did not move forward ({distance:.4g} m)"
     return "the worm has no weight, or its state overflowed"

@@ -1,21 +1,25 @@
-"""The deviation of a worm from its task, as one number per run.
+"""The error of a run: the deviation of the worm from its task, as one number.
 
-Means are taken over a moving window of one length, `WINDOW`, for every controller and regardless of the waves that the
-controller reports. Let s be the way along the path (the projection of the centre of mass, (L2)), e the offset of the
-centre of mass from the path, and S(t) = int V_ref dt the wanted way. At each instant the worm is compared with a point
-that left the path beside the worm one window ago, and has followed the path at the wanted speed since. The distance
-between the worm and this point is d:
+Positions are averaged over a moving window of the length `WINDOW`. The window is the same for all controllers,
+regardless of the period of their waves.
 
-    m = mean of s - S,   ahead = m(t) - m(t - WINDOW),   d^2 = ahead^2 + e^2                                   (B4)
+If the task is a path, let s be the arc length along the path of the projection of the centre of mass, (L2) in
+`control.tracking.paths`. e is the offset of the centre of mass from the path, and S(t) = int V_ref dt is the desired
+distance. At each time the worm is compared with a reference point. One window ago, this point was on the path beside
+the worm; since then it has moved along the path at the desired speed. With the moving mean m of s - S, d is the
+distance of the worm from the reference point:
 
-The wanted way in that time is D = M(t) - M(t - WINDOW), with the mean M of S. If the task is a heading psi, and the
-worm makes the way w along its own heading h, d^2 = w^2 + D^2 - 2 w D cos(h - psi). The error of a run is
+    ahead = m(t) - m(t - WINDOW),   d^2 = ahead^2 + e^2                                                        (B4)
+
+The desired distance during one window is D = M(t) - M(t - WINDOW), where M is the moving mean of S. If the task is a
+heading psi, let w be the displacement of the worm along its own heading h during one window. In this case
+d^2 = w^2 + D^2 - 2 w D cos(h - psi). The error of a run is
 
     error = min(1, rms d / rms D)                                                                             (B5)
 
-A worm at rest on its path has an error of 1. A worm at half the speed has 0.5, and so does a worm at the full speed
-that stays beside its path at a distance of D/2 (0.1 m at 0.08 m/s). The offset is not averaged before it is squared, so
-that weaving does not hide the offset. No error is greater than the error of a worm at rest.
+A worm that rests on its path has an error of 1, which is the maximum. A worm that follows the path at half the desired
+speed has an error of 0.5. A worm at the desired speed that stays at the distance D/2 from its path (0.1 m at 0.08 m/s)
+also has an error of 0.5. e is squared without averaging, so that it does not cancel if a worm weaves about the path.
 """
 
 from __future__ import annotations
@@ -31,18 +35,20 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 WINDOW = 2.5
-"""Length of the window [s]: two waves at 0.8 Hz, the frequency that the default map prefers. At 2 s the rocking by such
-a wave alone would give a worm with perfect speed an error of 5 %; at 5 s a step response would be averaged away."""
+"""Length of the window [s]. It is two waves at 0.8 Hz, the frequency that the controllers choose most often with the
+default map. With 2 s, a worm with exactly the desired speed would have an error of 5 %, due to the rocking in such a
+wave. With 5 s, the average would hide the response to a step."""
 STARTUP_TIME_S = 2.5
-"""Time that a worm at rest needs to reach its speed, two waves; no window includes this time [s]."""
+"""Time in which a worm reaches its speed from rest, two waves [s]. This part of a run is in no window."""
 MIN_RUN_DURATION_S = STARTUP_TIME_S + 2.0 * WINDOW
-"""Time from which errors count [s]; a run has to be longer."""
+"""Time of a run after which its errors are counted [s]. A run must be longer."""
 COARSEST = WINDOW / 25.0
-"""Longest time between two states of a record [s]: the length of a window is then off by at most half of this time."""
+"""Maximum time between stored states of a record [s]. The window, a whole number of such times, then differs from
+`WINDOW` by at most half of this time."""
 
 
 def error_of(record: Record, reference: Reference, length: float) -> dict[str, float | None]:
-    """Return (B5) and its parts: rms of `ahead` [rms D], of e [body lengths], of h - psi [deg]; None if undefined.
+    """Return the error (B5) of a run, and its parts.
 
     Parameters
     ----------
@@ -52,6 +58,12 @@ def error_of(record: Record, reference: Reference, length: float) -> dict[str, f
         Task of the worm.
     length
         Length of the body [m].
+
+    Returns
+    -------
+    dict
+        "error": the error (B5). "way": rms value of `ahead` divided by rms D. "offset_bl": rms value of e in body
+        lengths. "heading_deg": rms value of h - psi in degrees. A part that the task does not define is None.
     """
     time, com = record["time"], record["com"][:, :2]
     rows = round(WINDOW / float(time[1] - time[0]))

@@ -1,18 +1,25 @@
-"""Lack of fit: whether the residuals are noise, or an effect that the scene does not model.
+"""Lack of fit: a test of whether the residuals of a fit are noise, or contain an effect that the scene does not model.
 
-The noise is assumed to be autoregressive of first order, e_t = a e_{t-1} + u_t, and is estimated in two ways. A slow
-error of the model hardly changes from sample to sample, so the differences of neighbours depend on the noise alone,
+Such an effect is slow: it varies over strides or over the whole run. The test compares the power of the residuals at
+low frequencies with the power that noise would have there. The noise is assumed to be autoregressive of first order,
+e_t = a e_{t-1} + u_t with white u_t, and is estimated in two ways.
 
-    a = 1 + 2 r,  var(u) = (1 + a) var(d)/2,  with d_t = e_t - e_{t-1} of variance var(d) and correlation r       (FL1)
+(FL1) uses the differences of consecutive residuals, d_t = e_t - e_{t-1}, since a slow effect contributes little to
+them. With the variance var(d) of the differences, and the correlation r of consecutive differences,
 
-but this estimate is rough. The maximum-likelihood a, with a share q of additional white noise (P. Whittle, Bulletin of
-the International Statistical Institute 39, 1962), is more exact, but attributes a part of the error to noise:
+    a = 1 + 2 r,  var(u) = (1 + a) var(d)/2                                                                       (FL1)
 
-    least over a, q of  ln mean_k(P_k/S_k) + mean_k ln S_k,  P_k the power of the residuals at frequency w_k,     (FL2)
+This estimate is not precise. (FL2) is a maximum-likelihood estimate (P. Whittle, Bulletin of the International
+Statistical Institute 39, 1962). It is more precise, but attributes a part of the slow effect to noise. Its noise also
+contains white noise, with the fraction q of the variance. P_k is the power of the residuals at the frequency w_k, and
+S_k is the power of noise with variance 1:
+
+    minimise over a, q:  ln mean_k(P_k/S_k) + mean_k ln S_k                                                       (FL2)
     S_k = (1 - q) (1 - a^2)/(1 - 2 a cos w_k + a^2) + q
 
-For each estimate, the ratio is the power at low frequencies divided by the power of the noise. Right scenes seldom have
-a large ratio, or residuals that resemble the effect of a key (`scenes.studies.fit.suspects`).
+With each estimate, the *ratio* is the power of the residuals at low frequencies divided by the power of the noise at
+these frequencies. If a scene is correct, the ratio is rarely large, and the residuals rarely resemble the effect of a
+fixed key (`scenes.studies.fit.suspects`).
 """
 
 from __future__ import annotations
@@ -28,64 +35,73 @@ from scenes.studies.fit.suspects import NO_SUSPECTS, Suspects
 from worm3d.values.arrays import FloatArray
 
 LEAST_SAMPLES = 30
-"""Least number of samples of a channel in the test."""
+"""Minimum number of samples of a channel that takes part in the test."""
 MAX_NOISE_CORRELATION = 0.9
-"""Largest correlation of neighbouring samples that is accepted as noise: a memory of ten samples."""
+"""Largest correlation a of consecutive samples that is accepted as noise. With 0.9 the noise has a correlation time of
+ten samples."""
 TRIED = np.array([(a, q) for a in np.linspace(0.0, MAX_NOISE_CORRELATION, 19) for q in (0.0, 0.1, 0.3, 0.5, 0.7)])
-"""Values of a and q that are tried for (FL2)."""
+"""Pairs (a, q) among which the minimum (FL2) is searched."""
 BAND_FREQUENCIES = 6
-"""Number of frequencies of a band."""
+"""Number of frequencies in a band. The low frequencies are divided into bands, and the ratio is computed per band."""
 SLOW = 8
-"""Number of all frequencies divided by the number of frequencies that count as slow."""
+"""The lowest 1/`SLOW` of all frequencies are the low frequencies."""
 CERTAIN = 20.0
-"""Least ratio to the noise (FL1) that alone proves a lack of fit. About one in a hundred series of autoregressive noise
-with a correlation of 0.8 and as much white noise exceeds it, fewer without white noise, and no set of four series."""
+"""If the ratio by (FL1) is above this value, there is a lack of fit regardless of (FL2). For comparison: about 1 % of
+single series of noise exceed it if the noise is autoregressive with a = 0.8 plus white noise of the same power, and
+fewer without white noise. No set of four such series exceeded it."""
 LIMIT = 3.0
-"""Least ratio to the noise (FL2) that indicates a lack of fit, if the chance of noise is at most `CHANCE`. At 1.5 the
-chance alone decides; at 6 the test misses a wrong mass that is sampled 25 times a second."""
+"""Minimum ratio by (FL2) for a lack of fit; the probability must also be at most `CHANCE`. With 1.5 instead of 3, this
+limit has no effect. With 6, the test misses a wrong mass in data sampled at 25 Hz."""
 CHANCE = 1e-4
-"""Largest chance of noise that indicates a lack of fit: the normal tail of drawn logarithms. The true tail is longer:
-at most two or three of 2000 sets of four noisy series have it. A tenth of it would miss a wrong mass more often."""
+"""Maximum probability under noise for a lack of fit, computed with a normal distribution of the log-ratio. The actual
+distribution has a longer tail: two or three of 2000 sets of four series of noise were at or below this value. With a
+tenth of this value, the test would miss a wrong mass more often."""
 NOISE_DRAWS = 100
-"""Number of drawn series of each channel, for mean and scatter of the logarithm of the ratio to 10 %."""
+"""Number of random series per channel. It suffices to estimate the mean and the standard deviation of the log-ratio to
+within 10 %."""
 
 
 @dataclass(frozen=True)
 class Lack:
-    """Slowness of the residuals relative to noise."""
+    """Result of the test for a lack of fit."""
 
     ratio: float
-    """Power of the slow residuals over the power of the noise (FL1): the worst band of frequencies of each channel,
-    then the geometric mean over the channels; 0 if there are too few data."""
+    """Power of the residuals at low frequencies divided by the power of the noise (FL1): the largest value of the bands
+    of each channel, then the geometric mean over the channels. It is 0 if there are too few data."""
     likely: float = 0.0
-    """The same ratio to the noise (FL2)."""
+    """The same ratio with the noise of (FL2)."""
     chance: float = 1.0
-    """Probability that noise has a ratio (FL2) at least as large; 1 below `LIMIT`."""
+    """Probability under noise alone of a ratio (FL2) that is at least as large. It is set to 1 if the ratio is below
+    `LIMIT`."""
     suspects: Suspects = NO_SUSPECTS
-    """Fixed keys that would take most of the residuals away."""
+    """Fixed keys that would remove most of the residuals if they were varied."""
 
     @property
     def found(self) -> bool:
-        """Whether the scene does not follow the data."""
+        """Whether there is a lack of fit: the residuals contain more than noise."""
         return self.ratio > CERTAIN or self.chance <= CHANCE or self.suspects.found
 
     @property
     def widening(self) -> float:
-        """Factor of the errors: slow residuals of r times the power of noise move the values sqrt(r) times as far."""
+        """Factor by which the standard errors of the fitted values are enlarged; 1 without a lack of fit.
+
+        If the slow residuals have r times the power of noise, the errors of the fitted values are sqrt(r) times as
+        large.
+        """
         return float(np.sqrt(max(1.0, self.likely))) if self.found else 1.0
 
 
 def ratio_of(residuals: FloatArray) -> float:
-    """Return the ratio (FL1) of residuals, shape (C, T), NaN where nothing was measured."""
+    """Return the ratio (FL1) of residuals of shape (C, T), which are NaN where nothing was measured."""
     ratios = [_by_differences(series) for series in _series(residuals)]
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else 0.0
 
 
 def lack_of(residuals: FloatArray) -> Lack:
-    """Return the lack of fit of residuals, shape (C, T), NaN where nothing was measured.
+    """Return the lack of fit of residuals of shape (C, T), which are NaN where nothing was measured.
 
-    The errors of a wrong scene vary with the strides and with the whole crawl, far slower than noise. Their power is
-    many times the power of noise, even in a single channel.
+    The residuals of an incorrect scene vary over strides and over the whole run, which is much slower than noise. At
+    low frequencies their power is many times the power of noise, even in a single channel.
     """
     channels = list(_series(residuals))
     if not channels:
@@ -102,7 +118,7 @@ def lack_of(residuals: FloatArray) -> Lack:
 
 
 def _series(residuals: FloatArray) -> Iterator[FloatArray]:
-    """Yield the known values of each channel that has enough values and a nonzero range."""
+    """Yield the finite values of each channel that has enough of them and is not constant."""
     for series in residuals:
         known = series[np.isfinite(series)]
         if len(known) >= LEAST_SAMPLES and np.ptp(known) > 0.0:
@@ -147,16 +163,19 @@ def _shape(a: FloatArray | float, q: FloatArray | float, length: int) -> FloatAr
 
 
 def _worst(relative: FloatArray) -> FloatArray:
-    """Return the largest mean over a band of low frequencies of relative power, shape (..., T)."""
+    """Return the largest of the bands' means of the relative power, shape (...).
+
+    `relative` is the power divided by that of the noise, shape (..., T). Only the low frequencies are used.
+    """
     bands = max(1, relative.shape[-1] // (SLOW * BAND_FREQUENCIES))
     split = relative[..., : bands * BAND_FREQUENCIES].reshape(*relative.shape[:-1], bands, BAND_FREQUENCIES)
     return np.asarray(split.mean(axis=-1).max(axis=-1))
 
 
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
-    """Return noise of variance 1, shape (NOISE_DRAWS, length), for the values of a and q in `noise`, shape (2,)."""
+    """Return random noise of variance 1, shape (NOISE_DRAWS, length); `noise` contains a and q of (FL2)."""
     a, q = map(float, noise)
-    burn_in = 100  # samples, after which the series has forgotten its start
+    burn_in = 100  # number of samples after which the start of a series has no influence
     innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + burn_in))
     coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, burn_in:]
     coloured += np.sqrt(q) * random.standard_normal(coloured.shape)

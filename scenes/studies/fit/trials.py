@@ -1,4 +1,7 @@
-"""Trial runs of a scene as a function: values of the varied keys -> simulated counterparts of the measured values."""
+"""Trial runs of a fit: a scene as a function from values of its varied keys to simulated series.
+
+Each simulated series is the counterpart of a measured series.
+"""
 
 from __future__ import annotations
 
@@ -19,39 +22,41 @@ from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.variable import Variable, column_names
 
 LEAST_PER_KEY = 5
-"""Least number of measured values for each key that is varied."""
+"""Minimum number of measured values per varied key."""
 
 MAX_KEPT_RUNS, MAX_KEPT_VALUES = 100, 4_000_000
-"""Largest number of runs whose channels are kept, since a minimum and slopes often need the same run, and the largest
-number of kept values. At least `FEWEST_KEPT` runs are kept."""
+"""Maximum number of runs whose channels are kept in memory, and maximum number of values of all kept channels. Runs are
+kept because the search for the minimum and the derivatives often need the same run."""
 FEWEST_KEPT = 12
+"""Number of runs that are kept even if they exceed `MAX_KEPT_VALUES`."""
 
 
 class SpentError(Exception):
-    """The allowed number of runs has been used up."""
+    """The maximum number of runs has been reached."""
 
 
 class StoppedError(Exception):
-    """The user wants the fit to end."""
+    """The user has stopped the fit."""
 
 
 @dataclass(frozen=True)
 class Data:
-    """Measured series that a simulation has a counterpart for."""
+    """Measured series for which the simulation has a counterpart: C channels at T times."""
 
     names: tuple[str, ...]
-    """Name of each channel, with its unit, as in a table: `com_x_m`."""
+    """Name of each channel with its unit, as in the column names of a table: `com_x_m`."""
     units: tuple[str, ...]
+    """Unit of each channel."""
     time: FloatArray
-    """Shape (T,) [s]."""
+    """Times, shape (T,) [s]."""
     values: FloatArray
-    """Shape (C, T); NaN where nothing was measured, or nothing is simulated."""
+    """Measured values, shape (C, T); NaN if there is no measured or no simulated value."""
 
     @property
     def spread(self) -> FloatArray:
-        """Largest standard deviation over time among the channels of a unit, shape (C,).
+        """Scale of each channel, shape (C,): the largest standard deviation over time of all channels with its unit.
 
-        It is 1 if the series contain only rounding, such as the heading of a straight crawl.
+        It is 1 if the series vary only by rounding errors (for example the heading if the worm crawls straight).
         """
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
@@ -59,25 +64,27 @@ class Data:
 
 
 class Trials:
-    """Runs a scene with values of its varied keys and counts the runs.
+    """Runs a scene with values of its varied keys, and counts the runs.
 
     Parameters
     ----------
     scene : Scene
-        Checked; a run longer than the measurement is cut to the measurement.
+        Checked scene. If its run is longer than the measurement, the run ends with the measurement.
     measured : Record
-        As `scenes.records.measured.load` returns it.
+        Measurement, as returned by `scenes.records.measured.load`.
     varied : sequence of Varied
+        Varied keys, with their initial values.
     most : int
-        Largest number of runs.
+        Maximum number of runs.
     go_on : callable
-        Called with the number of finished runs before each run; if the result is False, the fit ends.
+        Function of the number of finished runs. It is called before and during each run; if it returns False, the fit
+        ends.
 
     Raises
     ------
     SceneError
-        The run from the start values fails, no measured quantity is simulated at any of the instants, or the data are
-        constant or too few.
+        The run with the initial values fails, no measured value has a simulated counterpart, all measured series are
+        constant, or there are too few measured values.
     """
 
     def __init__(
@@ -96,7 +103,9 @@ class Trials:
         """Names of the left-out channels that were measured and simulated."""
 
     def __call__(self, values: Sequence[float] | FloatArray) -> FloatArray | None:
-        """Return the simulated channels, shape (C, T), NaN as in the data; None if the run fails.
+        """Return the simulated channels, shape (C, T), or None if the run fails.
+
+        The channels are NaN where `data.values` is NaN.
 
         Raises
         ------
@@ -113,7 +122,7 @@ class Trials:
         return self._known[key]
 
     def changed(self, values: FloatArray, override: str) -> FloatArray | None:
-        """Return the simulated channels with another key changed too; None if the run fails or is refused.
+        """Return the simulated channels with an additional override, or None if the run fails or is refused.
 
         Raises
         ------
@@ -123,12 +132,12 @@ class Trials:
         return self._channels(tuple(map(float, values)), override)
 
     def number(self, key: str) -> float | None:
-        """Return the scene's number for a key; None if there is no number, or the key is varied."""
+        """Return the number that a key has in the scene, or None if its value is not a number or the key is varied."""
         value = None if key in [each.key for each in self.varied] else value_at(self._settings, key, None)
         return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
 
     def narrow(self, used: BoolArray) -> None:
-        """Leave out all channels that are not `used` from now on."""
+        """From now on, leave out the channels for which `used`, shape (C,), is False."""
         self.left_out += tuple(name for name, use in zip(self.data.names, used, strict=True) if not use)
         names, units = (tuple(np.array(each)[used].tolist()) for each in (self.data.names, self.data.units))
         self.data = Data(names, units, self.data.time, self.data.values[used])
@@ -137,11 +146,11 @@ class Trials:
         self._forget_others()
 
     def allow(self, more: int) -> None:
-        """Allow more runs."""
+        """Increase the maximum number of runs by `more`."""
         self.most += more
 
     def scene(self, values: Sequence[float] | FloatArray, *changes: str) -> Scene:
-        """Return the scene with values of the varied keys; SceneError if it is refused."""
+        """Return the scene with values of the varied keys and further overrides; SceneError if it is not valid."""
         given = [f"{each.key}={float(value)!r}" for each, value in zip(self.varied, values, strict=True)]
         return parse_scene(self._text, self._name, [*given, *changes])
 
@@ -163,7 +172,7 @@ class Trials:
         return channels
 
     def _run(self, values: tuple[float, ...], *changes: str) -> Record | None:
-        """Return the record of a run, None if the scene is refused or the run diverges."""
+        """Return the record of a run, or None if the scene is refused or the run diverges; `why` is then the reason."""
         if self.runs >= self.most:
             raise SpentError
         if not self._go_on(self.runs):
@@ -192,15 +201,15 @@ class Trials:
         if record is None:
             start = ", ".join(f"{each.key} = {each.start:.6g}" for each in self.varied)
             raise SceneError(
-                f"{self._name}: the run from the start, {start}, fails: {self.why}; start from a run that comes to its "
-                "end, with -o KEY=VALUE"
+                f"{self._name}: the run with the initial values, {start}, fails: {self.why}; choose initial values "
+                "with which the run reaches its end, by -o KEY=VALUE"
             )
         found = simulated_like(record, self._measured)
         found = {name: series for name, series in found.items() if name not in self._model.inputs}
         if not found:
             raise SceneError(
-                f"{self._measured.name}: has {', '.join(self._model.inputs)} alone, which {self._name} is given and "
-                "does not find; measure something else too"
+                f"{self._measured.name}: has only {', '.join(self._model.inputs)}, an input of {self._name} and not a "
+                "result; measure another quantity too"
             )
         values = np.concatenate([_rows(self._measured[name]) for name in found])
         values = np.where(np.isfinite(np.concatenate([_rows(each) for each in found.values()])), values, np.nan)
@@ -219,20 +228,23 @@ class Trials:
         data = Data(names, units, self._measured["time"], values[chosen])
         self._places = [places[k] for k in chosen]
         self.abscissa = _at(record, self._model.abscissa, data.time)
-        """Abscissa of the drawn channels."""
+        """Abscissa for plots of the channels."""
         self._forget_others()
         if not np.any(np.nanmax(data.values, axis=1) > np.nanmin(data.values, axis=1)):
-            raise SceneError(f"{self._measured.name}: all that was measured is constant, nothing can be fitted to it")
+            raise SceneError(f"{self._measured.name}: all measured series are constant, must vary for a fit")
         return data
 
     def _forget_others(self) -> None:
-        """Drop the quantities of the measurement that have no channel."""
+        """Remove the quantities that have no channel from the measurement."""
         used = {"time", *(name for name, _ in self._places)}
         self._measured = replace(self._measured, variables=tuple(v for v in self._measured.variables if v.name in used))
 
 
 def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
-    """Return the override that ends a run with the measurement, at a stored instant; empty if the run is shorter."""
+    """Return the override that ends a run at the first stored instant at or after `end` [s], the end of a measurement.
+
+    Return an empty tuple if the run is shorter.
+    """
     run = scene.settings.run
     stored = run.dt_s * run.record_every
     duration = stored * math.ceil(end / stored - 1e-9)
@@ -245,7 +257,7 @@ def _rows(values: FloatArray) -> FloatArray:
 
 
 def _at(record: Record, name: str, instants: FloatArray) -> Variable:
-    """Return a variable of a record at other instants."""
+    """Return a variable of a record, interpolated at other instants."""
     found = record.variable(name)
     return replace(found, values=instants if name == "time" else at_instants(record["time"], record[name], instants))
 
@@ -253,6 +265,6 @@ def _at(record: Record, name: str, instants: FloatArray) -> Variable:
 def _apart(measured: Record, simulated: Record) -> str:
     measured_time, time = measured["time"], simulated["time"]
     return (
-        f"{measured.name}: measured from {measured_time[0]:g} to {measured_time[-1]:g} s, nothing of it within the run "
-        f"of {simulated.name} from {time[0]:g} to {time[-1]:g} s: set run.duration_s, or let the file's time begin at 0"
+        f"{measured.name}: measured from {measured_time[0]:g} to {measured_time[-1]:g} s, must overlap with the run of "
+        f"{simulated.name} from {time[0]:g} to {time[-1]:g} s: set run.duration_s, or let the file's time begin at 0"
     )

@@ -1,8 +1,9 @@
 """Recordings of crawling animals in a CSV file.
 
-A file has a column `time_s` and one column for each band or segment, from the front of the animal to the rear, under
-freely chosen names. A file may have a column `recording` with the name of the recording that contains the row. A trough
-of a band marks the time when the band is pulled along. Cells that are blank or exactly 0 were not measured.
+A file has a column `time_s`, and one column per band of the body (for example per segment), in the order from the front
+of the animal to the rear. The names of these columns are arbitrary. If a file contains several recordings, its column
+`recording` has the name of the recording to which the row belongs. A local minimum of a band's values is the time when
+the band is pulled along. Cells that are blank or exactly 0 mean "not measured".
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from scenes.records import csv_file
 from worm3d.values.arrays import FloatArray
 
 TIME, NAME = "time_s", "recording"
-"""Names of the columns that are no bands."""
+"""Names of the columns that are not bands."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Recording:
     time: FloatArray
     """Times [s], shape (T,)."""
     values: FloatArray
-    """Recorded values of the bands, in the order in which waves reach the bands, shape (T, bands)."""
+    """Recorded values of the bands, shape (T, bands), in the order in which a wave reaches the bands."""
     waves: Waves
 
 
@@ -41,7 +42,7 @@ def load(path: Path) -> tuple[Direction, list[Recording]]:
     Raises
     ------
     SceneError
-        The file does not exist, is no such table, or has a recording without waves.
+        The file does not exist, does not have the required columns, or has a recording without waves.
     DiscError
         The file is not readable.
     """
@@ -50,8 +51,8 @@ def load(path: Path) -> tuple[Direction, list[Recording]]:
         bands = tuple(title for title in titles if title not in (TIME, NAME))
         if TIME not in titles or len(set(bands)) < max(3, len(bands)):
             raise SceneError(
-                f"got the columns {', '.join(titles)}, must be {TIME} and one for each of at least 3 bands, named "
-                "differently, from the front of the animal to its rear"
+                f"got the columns {', '.join(titles)}, must be {TIME} and at least 3 bands with different names, from "
+                "the front of the animal to its rear"
             )
         tables = {name: csv_file.table([TIME, *bands], own) for name, own in _by_name(titles, rows, path).items()}
         ways = {way: [_picked(*each, bands, way) for each in tables.items()] for way in get_args(Direction)}
@@ -65,7 +66,10 @@ def load(path: Path) -> tuple[Direction, list[Recording]]:
 
 
 def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction) -> tuple[Recording | None, str]:
-    """Return a recording with waves in one direction; None and a sentence if there are no such waves."""
+    """Return a recording whose waves go in the direction `way`, and "".
+
+    If there are no such waves, return None and the reason.
+    """
     order = slice(None, None, -1 if way == "direct" else 1)  # direct waves reach the rear first
     time, values = table[:, 0], table[:, 1:][:, order]
     try:
@@ -75,12 +79,12 @@ def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction
 
 
 def _ordered(found: Recording | None) -> int:
-    """Return the number of neighbouring bands with median delays in the order of the wave."""
+    """Return the number of pairs of neighbouring bands whose median delays have the order of the wave."""
     return int((np.diff(found.waves.median()) > 0.0).sum()) if found else 0
 
 
 def _by_name(titles: list[str], rows: csv_file.Rows, path: Path) -> dict[str, csv_file.Rows]:
-    """Return the rows of each recording, time and bands only."""
+    """Return the rows of each recording by its name, with the time and the bands only."""
     named, kept = titles.index(NAME) if NAME in titles else None, [n for n, t in enumerate(titles) if t != NAME]
     time = kept.pop(kept.index(titles.index(TIME)))
     found: dict[str, csv_file.Rows] = {}

@@ -160,7 +160,7 @@ def _corrected(study: Study) -> Iterator[Block]:
     yield (
         "The same cases with the physics right: rigid rhombi, Table I's mass, torsion and hinges, the contraction as "
         "a commanded rest length, friction 0.03 and 0.20. CoT is the net work of the actuators over weight and "
-        "distance; none: the worm made no way forward. In contact the friction is set-valued with anchors, or for "
+        "distance; none: the worm did not move forward. In contact the friction is set-valued with anchors, or for "
         "comparison the paper's threshold (P10); clamped, the joints' heights are held, with (P9) and (P10)."
     )
     yield Table.of(CORRECTED, study.corrected)

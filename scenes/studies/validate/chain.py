@@ -1,18 +1,20 @@
-"""Chains of rigid feet and muscles: the crawlers of the closed forms, as scenes of the 3D worm describe them.
+"""Chains of rigid feet and muscles, for which closed forms exist, and their runs as scenes of the 3D worm.
 
-A scene makes every segment either a *foot*, whose actuator may not change its length, or a *muscle*, which is lower
-than the feet and touches nothing. The feet stand at one height for all lengths of the muscles, and joints that are
-stiff in pitch make the chain a straight beam. The gait therefore prescribes the relative motion of the contacts, and
-statics determine the loads. A slow gait makes inertia negligible. The closed forms make these assumptions.
+In such a scene every segment of the worm is either a *foot* or a *muscle*. A foot has a constant length. A muscle
+changes its length; it is lower than the feet and does not touch the ground. All feet have the same height, which does
+not depend on the lengths of the muscles, and the joints are stiff in pitch, so that the chain is a straight beam. The
+closed forms assume that the gait prescribes the relative motion of the feet, that the loads follow from statics, and
+that inertia is negligible. The scenes satisfy these assumptions; the gait is slow.
 
-*Equal loads.* A stiff beam presses N feet of equal stiffness with loads that are linear in their places. The sum of the
-loads is m g, and they have no moment about the centre of mass. The feet's friction has no moment on the whole either,
-since it acts at one height and its sum vanishes. The loads are therefore equal if the centre of mass lies at the mean
-place of the feet. By symmetry, this holds if the muscles move in unison. In a wave, this holds except for the share of
-the ends. `Crawl.unevenness` measures the deviation from equal loads.
+*Equal loads.* The loads of N feet of equal stiffness under a stiff beam are a linear function of the positions of the
+feet. The sum of the loads is m g, and their moment about the centre of mass is zero. The friction forces have no
+moment, since all act at the same height and their sum is zero. The loads are therefore equal if the position of the
+centre of mass is the mean position of the feet. By symmetry, this is true if the muscles move in unison. In a wave it
+is only approximately true, because of the ends of the chain. `Crawl.unevenness` measures the deviation.
 
-*A payload* P at the head, the joint half a foot's length l0 ahead of the front foot, adds to the loads of two feet at
-the distance D: P g (1 + l0/(2 D)) to the front foot's load and -P g l0/(2 D) to the rear foot's load.
+*Payload.* A payload of mass P hangs on the joint at the head. This joint is ahead of the centre of the front foot by
+half the foot's length l0. With two feet at the distance D, the payload adds P g (1 + l0/(2 D)) to the load of the front
+foot and -P g l0/(2 D) to the load of the rear foot.
 """
 
 from __future__ import annotations
@@ -33,24 +35,24 @@ from worm3d.values.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True)
 class Chain:
-    """Feet and muscles of a scene.
+    """Chain of feet and muscles, as described by a scene.
 
     Parameters
     ----------
     settings
-        Settings of a scene of the model `worm`.
+        Settings of the scene, whose model is `worm`.
     """
 
     settings: Any
 
     @classmethod
     def of(cls, scene: str, overrides: Sequence[str] = ()) -> Chain:
-        """Return the chain of a scene in the folder of this module.
+        """Return the chain of a scene in the folder of this module, with overrides `section.key=value`.
 
         Raises
         ------
         SceneError
-            The overrides make an invalid scene.
+            The scene is not valid with these overrides.
         """
         return cls(load_scene(VALIDATION_FOLDER / f"{scene}.toml", overrides).settings)
 
@@ -77,18 +79,18 @@ class Chain:
 
     @property
     def swing(self) -> float:
-        """Amplitude a of the length of a muscle [m]."""
+        """Amplitude a of the length changes of a muscle [m]."""
         return float(self.settings.gait.amplitude) * self.l0
 
     @property
     def level(self) -> float:
-        """Level q = mu_forward/(mu_forward + mu_backward) of the quantile law."""
+        """Level q = mu_forward/(mu_forward + mu_backward) of the quantile law (`scenes.studies.validate.formulas`)."""
         forward, backward = float(self.settings.friction.forward), float(self.settings.friction.backward)
         return forward / (forward + backward)
 
     @property
     def slipping_back(self) -> int:
-        """Number k = floor(N q) of equally loaded feet that slip back while the next foot holds."""
+        """Number k = floor(N q) of feet that slip back at a time, if the loads of the feet are equal."""
         return int(np.floor(self.feet * self.level))
 
     @property
@@ -106,23 +108,23 @@ class Crawl:
 
     @classmethod
     def of(cls, chain: Chain) -> Crawl:
-        """Simulate a chain.
+        """Return the run of a chain.
 
         Raises
         ------
         ValueError
-            The run does not reach its end, or a segment other than a foot touches the ground.
+            The run stops early, or a muscle touches the ground.
         """
         result = simulate(chain.settings, lambda _: True)
         if result.status is not worm3d.Status.DONE:
             raise ValueError(result.stop.sentence)
         if result.normal_load[:, ~chain.is_foot].any():
-            raise ValueError("a muscle touches the ground, so that the loads are not those of the closed form")
+            raise ValueError("a muscle touches the ground, so the closed form does not apply: make the muscles lower")
         return cls(chain, result)
 
     @cached_property
     def places(self) -> FloatArray:
-        """Place of each foot along the way at each instant, shape (T, N) [m]."""
+        """Position x of each foot at each of T instants, shape (T, N) [m]."""
         places: FloatArray = self.result.apexes[:, self.chain.is_foot, 0, 0]
         return places
 
@@ -134,7 +136,7 @@ class Crawl:
 
     @property
     def unevenness(self) -> float:
-        """Largest deviation of a foot's load from the mean load, over the mean load."""
+        """Largest deviation of a foot's load from the mean load, divided by the mean load."""
         return float(np.abs(self.loads / self.loads.mean() - 1.0).max())
 
     @property

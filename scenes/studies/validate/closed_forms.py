@@ -1,4 +1,8 @@
-"""Closed forms of crawling against `worm3d.simulate`: a table of cases, each a scene, a formula and a tolerance."""
+"""Comparison of closed forms of crawling and swimming with `worm3d.simulate`.
+
+`CASES` is the table of the cases. Each consists of a scene, a formula (`scenes.studies.validate.formulas`) and a
+tolerance.
+"""
 
 from __future__ import annotations
 
@@ -30,30 +34,32 @@ from scenes.studies.validate.rows import Row
 from worm3d.values.arrays import BoolArray
 
 LEAST = 0.0101
-"""Least over largest coefficient. Coefficients below `worm3d.physics.friction.SMALLEST_COEFFICIENT` would not count."""
+"""Ratio of the smallest to the largest coefficient of friction. With a ratio below
+`worm3d.physics.friction.SMALLEST_COEFFICIENT` the smallest coefficient would not set the breakaway displacement."""
 
 DIRECT, RETROGRADE = "gait.direction=direct", "gait.direction=retrograde"
+"""Overrides for waves from the tail to the head, and from the head to the tail."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A closed form and the run for the comparison; both are numbers without unit.
+    """A closed form and the run that it is compared with. The two compared values are dimensionless.
 
     Parameters
     ----------
     name : str
     scene : str
-        Name of a scene in this folder.
+        Name of a scene in the folder of this module, without ".toml".
     formula : callable
-        Function from Chain to the closed form.
+        Function that returns the value of the closed form for a `Chain`.
     overrides : tuple of str
-        As in `worm3d run -o`.
+        Overrides of the scene, as in `worm3d run -o`.
     measure : callable
-        Function from Crawl to the result of the run.
+        Function that returns the value of a run, a `Crawl`.
     tolerance : float
-        As in `Row`.
+        The same as in `Row`.
     source, note : str
-        As in `Row`.
+        The same as in `Row`.
     """
 
     name: str
@@ -66,13 +72,16 @@ class Case:
     note: str = ""
 
     def row(self) -> Row:
-        """Run the scene and return the row with its result and the closed form; a failed run has a note."""
+        """Run the scene and return the row with the values of the run and of the closed form.
+
+        If the run fails, its value is NaN and the note is the error.
+        """
         chain = Chain.of(self.scene, self.overrides)
         try:
             crawl = Crawl.of(chain)
         except (ValueError, SceneError) as error:
             return self._row(np.nan, self.formula(chain), str(error))
-        loads = (f"loads of the feet within {crawl.unevenness:.1g} of their mean",) if chain.feet else ()
+        loads = (f"loads of the feet within a fraction {crawl.unevenness:.1g} of their mean",) if chain.feet else ()
         return self._row(self.measure(crawl), self.formula(chain), "; ".join(filter(None, (self.note, *loads))))
 
     def _row(self, model: float, closed_form: float, note: str) -> Row:
@@ -83,14 +92,18 @@ class Case:
 
 
 def is_muscle(feet: int, muscles_each: int = 1) -> BoolArray:
-    """Return which segments of a chain are muscles, with `muscles_each` of them between two feet."""
+    """Return which segments of a chain are muscles, shape (segments,).
+
+    There are `muscles_each` muscles between consecutive feet.
+    """
     return np.arange(feet + (feet - 1) * muscles_each) % (muscles_each + 1) > 0
 
 
 def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ...]:
-    """Return the overrides of a chain with `feet` feet and a muscle between each two of them, except the friction.
+    """Return the overrides for the body of a chain of `feet` feet, with one muscle between consecutive feet.
 
-    Segments have a length of 0.02 m and a mass of 0.01 kg; `tall` and `low` are half-heights of feet and muscles [m].
+    Each segment has a length of 0.02 m and a mass of 0.01 kg. `tall` is the half-height of the feet [m], and `low` that
+    of the muscles. The friction is set separately, by `friction`.
     """
     n = 2 * feet - 1
     return (
@@ -104,10 +117,10 @@ def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ..
 
 
 def friction(forward: float, backward: float, feet: int, muscles_each: int = 1) -> tuple[str, ...]:
-    """Return the overrides of the coefficients.
+    """Return the overrides for the coefficients of friction.
 
-    The least of all coefficients determines how far anchors give way. The muscles, which touch nothing, have this
-    coefficient, so that the anchors are stiff.
+    The smallest coefficient of a worm determines how far the springs of its contacts stretch before the contacts
+    slide. To make the springs stiff, the muscles, which do not touch the ground, get a small lateral coefficient.
     """
     larger = max(forward, backward)
     lateral = np.where(is_muscle(feet, muscles_each), LEAST * larger, larger).tolist()
@@ -115,13 +128,14 @@ def friction(forward: float, backward: float, feet: int, muscles_each: int = 1) 
 
 
 def phase_step(step: float, feet: int) -> str:
-    """Return the override that sets the step of phase between neighbouring muscles [rad]."""
+    """Return the override that sets the phase difference between neighbouring muscles to `step` [rad]."""
     return f"gait.wavelength={2.0 * np.pi / step * 2.0 / (2 * feet - 1)!r}"
 
 
 WIDE = {"tall": 0.012, "low": 0.005}
-"""Half-heights of chains whose muscles also lengthen, by a tenth [m]."""
+"""Half-heights for `body` if the muscles not only shorten but also lengthen, by up to a tenth [m]."""
 
+# Overrides for muscles whose phases do not form a wave.
 PHASES_WITHOUT_ORDER = (
     "gait.kind=periodic",
     "gait.wavelength=1.0",
@@ -135,9 +149,9 @@ GIDONI = "Gidoni, Noselli, DeSimone 2014"
 CASES = [
     Case("Breathing, N = 7, q = 2/9", "breathing", breathing),
     Case("Breathing, N = 11, q = 10/33", "breathing", breathing, (*body(11), *friction(0.1, 0.23, 11))),
-    Case("Breathing, N = 7, easy backwards", "breathing", breathing, friction(0.35, 0.1, 7)),
+    Case("Breathing, N = 7, lower friction backwards", "breathing", breathing, friction(0.35, 0.1, 7)),
     Case(
-        "Breathing, N = 100 for a continuum",
+        "Breathing, N = 100, compared with a continuum",
         "breathing",
         breathing_continuum,
         (*body(100), *friction(0.1, 0.33, 100)),
@@ -150,7 +164,7 @@ CASES = [
             "elastic_crawler",
             elastic,
             (f"worm.spring_N={[1e7, k, k, k, k, 1e7]}", *friction(forward, backward, 2, 4)),
-            source="derived here for the spring of a chamber; a linear one gives d - 2 mu_f N/k",
+            source="derived here for the spring of a chamber; a linear spring would give d - 2 mu_f N/k",
         )
         for k, forward, backward in ((2.0, 0.1, 0.35), (1.0, 0.3, 0.5), (1.0, 0.4, 0.15))
     ),
@@ -173,24 +187,24 @@ CASES = [
     ),
     *(
         Case(
-            f"Sine wave, N = 50 for a continuum, {override.removeprefix('gait.direction=')}",
+            f"Sine wave, N = 50, compared with a continuum, {override.removeprefix('gait.direction=')}",
             "sine_wave",
             sine_continuum,
             (override,),
             of_wave,
             1e-3,
-            note="asked for are 1 % at N >= 400 and 0.1 % at N = 4000; N q = 10.5 makes fifty feet do",
+            note="required are 1 % at N >= 400 and 0.1 % at N = 4000; because N q = 10.5, 50 feet are sufficient",
         )
         for override in (DIRECT, RETROGRADE)
     ),
-    Case("Sine wave, N = 50 exactly", "sine_wave", sine, (), of_wave, 3e-5),
+    Case("Sine wave, N = 50, exact closed form", "sine_wave", sine, (), of_wave, 3e-5),
     Case("Sine wave, N = 50, q = 0.37", "sine_wave", sine, friction(0.2, 0.2 * 0.63 / 0.37, 50), of_wave, 3e-5),
     Case(
         "Steady wave, deviation from v = c (1 - lam/lam_a)", "sine_wave", constant(0.0), (), off_the_steady_wave, 0.02
     ),
     *(
         Case(
-            f"Sines in unison, n = {n}, no back-slip",
+            f"Sines in unison, n = {n}, no foot slips back",
             "phase_steps",
             constant(2.0),
             (*body(n + 1, **WIDE), *friction(0.1, 1.0, n + 1), phase_step(1e-7, n + 1)),
@@ -200,7 +214,7 @@ CASES = [
     ),
     *(
         Case(
-            f"Sines in steps of 2 pi/{n}, no back-slip",
+            f"Sines with phase steps of 2 pi/{n}, no foot slips back",
             "phase_steps",
             constant(1.0),
             (*body(n + 1, **WIDE), *friction(0.1, 1.0, n + 1), phase_step(2.0 * np.pi / n, n + 1)),
@@ -210,7 +224,7 @@ CASES = [
     ),
     *(
         Case(
-            f"Velocity law, phases without order, q = {forward / (forward + backward):.3g}",
+            f"Velocity law, irregular phases, q = {forward / (forward + backward):.3g}",
             "phase_steps",
             of_quantiles,
             (*PHASES_WITHOUT_ORDER, *friction(forward, backward, 9)),
@@ -221,32 +235,39 @@ CASES = [
     ),
     *(
         Case(
-            f"Sines in steps of {step} rad, n = {n}, equal friction",
+            f"Sines with phase steps of {step} rad, n = {n}, equal friction",
             "phase_steps",
             constant(0.0),
             (*body(n + 1, **WIDE), phase_step(step, n + 1), *friction(0.2, 0.2, n + 1)),
         )
         for n, step in ((4, 0.7), (6, 1.0), (8, 2.0))
     ),
-    Case("Pulse of contraction, with it", "pulse", constant(1.0), (), of_pulse, 1e-5),
+    Case("Pulse of contraction, motion with the pulse", "pulse", constant(1.0), (), of_pulse, 1e-5),
     Case("Pulse of contraction from the head", "pulse", constant(-1.0), (RETROGRADE,), of_pulse, 1e-5),
     Case("Pulse of two muscles", "pulse", constant(2.0), ("gait.contract_time_s=400.0",), of_pulse, 1e-5),
-    Case("Pulse of extension, against it", "pulse", constant(-1.0), ("gait.contract_time_s=1100.0",), of_pulse, 1e-5),
-    Case("Medium that resists every joint alike", "viscous_medium", constant(0.0), (), drift_in_medium, 1e-12),
+    Case(
+        "Pulse of extension, motion against the pulse",
+        "pulse",
+        constant(-1.0),
+        ("gait.contract_time_s=1100.0",),
+        of_pulse,
+        1e-5,
+    ),
+    Case("Medium with equal resistance at all joints", "viscous_medium", constant(0.0), (), drift_in_medium, 1e-12),
     *(
         Case(
-            f"Medium that follows the strain, {what}",
+            f"Medium whose resistance depends on the strain, {what}",
             "medium_wave",
             swimming,
             overrides,
             of_swimming,
-            source="derived here; Tanaka, Ito, Nakagaki, Kobayashi 2012 control friction so",
+            source="derived here; the control of friction is that of Tanaka, Ito, Nakagaki, Kobayashi 2012",
         )
         for what, overrides in (
             ("phi = 0", ()),
             ("phi = pi", ("medium.gain=-5.0",)),
             ("phi = -0.81", ("medium.gain=3.0", "medium.rate_gain_s=5.0")),
-            ("the wave from the head", (RETROGRADE,)),
+            ("wave from the head", (RETROGRADE,)),
         )
     ),
 ]
@@ -254,5 +275,8 @@ CASES = [
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Run the cases; see `scenes.studies.validate.rows.Chapter`. All are quick."""
+    """Run the cases and yield their rows (see `scenes.studies.validate.rows.Chapter`).
+
+    `quick` has no effect, because all cases are quick.
+    """
     return (case.row() for case in CASES)

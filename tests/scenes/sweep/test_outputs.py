@@ -35,7 +35,7 @@ def done(number: int, **figures: Any) -> CaseResult:
     """Return a case that came to its end; its distance is 0.1 m times its number."""
     summary = {"status": "done", "duration_s": 2.0, "distance_m": 0.1 * number, "newton_iterations_mean": 1.0 + number}
     absent = {"cost_of_transport": None, "energy_balance_error": 1e-9 * number, "faults": []}
-    reasons = {"cost_of_transport": "the worm made no way forward"}
+    reasons = {"cost_of_transport": "the worm did not move forward"}
     timing = {"wall_s": float(np.random.default_rng().random())}
     return CaseResult(
         *(f"key{number}", "flat", "worm", "done", "ran to its end", number),
@@ -79,7 +79,7 @@ def test_the_table_has_a_row_for_each_case(folder: Path) -> None:
     ]
     assert rows[LOST]["reason"] == "too, fast\nat 1 s"
     assert rows[LOST]["distance_m"] == rows[0]["cost_of_transport"] == ""
-    assert rows[0]["reason"] == "the worm made no way forward"
+    assert rows[0]["reason"] == "the worm did not move forward"
     assert rows[0]["faults"] == "0.0"
 
 
@@ -216,7 +216,7 @@ def test_two_numbers_are_a_map() -> None:
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
     assert_allclose(mesh.get_coordinates()[:, 0, 1], np.sqrt(2.0) ** np.array([-3, -1, 1, 3, 5]))  # the cells' edges
     assert crosses(axes) == [[4.0, 1.0]]
-    assert axes.get_title() == "Title: distance [m]; 1 of 12 cases failed (x)"
+    assert axes.get_title() == "Title: distance [m]; 1 of 12 cases failed (marked x)"
 
 
 def test_a_number_is_a_curve_over_its_ascending_values() -> None:
@@ -293,7 +293,7 @@ def test_a_sweep_of_controllers_reports_how_well_they_keep_to_their_reference() 
     assert all(figure in first for figure in ("0.25", "3.5", "0.125"))
     last = report(controlled, Table.of(design, [done(k, **dict.fromkeys(tracked)) for k in (1, 2)]))[-1]
     assert last == (
-        "no case has beside the path, rms, heading error, rms, speed error, rms: the worm made no way forward"
+        "no case has beside the path, rms, heading error, rms, speed error, rms: the worm did not move forward"
     )
 
 

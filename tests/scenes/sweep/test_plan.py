@@ -120,7 +120,7 @@ def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them(
     ]
     (line, last) = refused({"gait.period_s": "-2:-1:2000"})
     assert line.startswith("with gait.period_s = -2.0 (and 19 cases more): gait.period_s: got -2")
-    assert last == "20 of the first 20 cases are wrong; the other 1980 were not checked"
+    assert last == "20 of the first 20 cases are invalid; the other 1980 were not checked"
     twice = {"worm.segments": 4, "gait.period_s": 4, "gait.amplitude": 0.2, "seed": 4, "gait.direction": "direct"}
     assert refused(dict.fromkeys(twice, "2,3"), *(f"{key}={value}" for key, value in twice.items())) == [
         "gait.amplitude: both varied and fixed by an override (-o); leave one of them out"

@@ -43,7 +43,7 @@ def test_a_study_says_what_it_finds(worm3d, tmp_path: Path, name: str) -> None:
             assert_allclose(distance, [0.11637, 0.19837, -0.00745, 0.03431, -0.03676], atol=2e-5)
             assert "four segments go furthest, 0.198 m in ten seconds" in says
             assert_array_equal(np.isnan(data.cost_of_transport), distance < 0.0)
-            assert data.reason.sel({"worm.segments": 5}) == "the worm made no way forward (-0.007448 m)"
+            assert data.reason.sel({"worm.segments": 5}) == "the worm did not move forward (-0.007448 m)"
         else:
             work, distance = data.work_contract_J.values, data.distance_m.values
             assert f"falls from {work[0]:.2f} J to {work[-1]:.3f} J" in says

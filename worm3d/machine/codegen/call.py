@@ -1,7 +1,7 @@
-"""Kernels called from Numba's compiled code by address; the address is an ordinary value.
+"""Calls of kernels by their address, from Python and from code that Numba has compiled.
 
-The compiled caller contains no symbol of the kernel and can therefore be kept on disk: in the next process the caller
-receives the address of that process as an argument.
+The address of a kernel is an ordinary argument of the compiled code. The compiled code therefore contains no symbol of
+the kernel and can be stored on disk. Another process can load it and call it with the kernel's address in that process.
 """
 
 from __future__ import annotations
@@ -20,11 +20,14 @@ from worm3d.machine.writer import BYTES, INT, Writer, intrinsic
 SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
 """C signature of a kernel (`worm3d.machine.codegen.emit`)."""
 
-REFUSED = "kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)"
+REFUSED = "kernel: got arrays with other rows or too few lanes, must fit the kernel: create them with Kernel.allocate"
 
 
 def _run(address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Run the kernel at an address (`worm3d.machine.codegen.emit`); return the status."""
+    """Run the kernel at `address`, and return its status (`worm3d.machine.codegen.emit`).
+
+    `at` and `to` are the addresses of the first input and of the first output.
+    """
     return int(SIGNATURE(address)(at, rows_in, lanes_in, to, rows_out, lanes_out, count))
 
 
@@ -37,14 +40,15 @@ def _write(
 def evaluate(
     address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], count: int, first: int = 0
 ) -> None:
-    """Evaluate `count` instances of the kernel at `address`, in compiled code too; arrays as for `Kernel.__call__`.
+    """Evaluate `count` instances of the kernel at `address`. The function can also be called from compiled code.
 
-    The instances begin at lane `first`, a multiple of the kernel's width.
+    Each instance uses one lane, which is a column of the arrays. The arrays are those of `Kernel.__call__`. The first
+    instance uses the lane `first`, which must be a multiple of the kernel's width.
 
     Raises
     ------
     ValueError
-        The shapes differ from the kernel's, or there are too few lanes.
+        The arrays do not have the numbers of rows that the kernel needs, or they have too few lanes.
     """
     rows_in, lanes_in = inputs.shape
     rows_out, lanes_out = outputs.shape
@@ -57,7 +61,7 @@ def evaluate(
 def _compiled() -> Any:
     import numba
 
-    # An exception names the file: without the folder, so that object code is the same in every folder.
+    # The compiled code contains the file name, for exceptions. Without the folder the code is the same in all folders.
     code = evaluate.__code__.replace(co_filename=__name__)
     return numba.njit(FunctionType(code, evaluate.__globals__, evaluate.__name__, evaluate.__defaults__))
 

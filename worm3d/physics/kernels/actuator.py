@@ -1,9 +1,12 @@
 """Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
 
-The inputs of an actuator follow the inputs of the segment or joint: commands, past states (t_n, then t_{n-1}), and
-parameters. For chambers they include the inputs of the joint friction (`worm3d.physics.hysteresis`). A kernel for the
-start of a step computes the quantities that do not depend on the lengths at the end of the step; a kernel for the end
-computes states and energy, if there are any.
+The inputs of a kernel are the inputs of the segment or joint, followed by commands, past states (at t_n, then at
+t_{n-1}) and parameters of its actuators. In the chambers, the joint friction (`worm3d.physics.hysteresis`) is part of
+these kernels, and its states and parameters are among the inputs.
+
+The kernel `start` computes, at the start of a step, what does not depend on the lengths at the end of the step. The
+kernels `gradient` and `hessian` are used while the step is solved. The kernel `end` computes the new states and the
+terms of the energy ledger, if the actuator has any.
 """
 
 from __future__ import annotations
@@ -21,14 +24,16 @@ from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
 
 Kind = type[Actuator]
+"""Class of the actuators."""
 Own = type[Hysteresis]
-"""Class of the friction in the joints of the chambers."""
+"""Class of the joint friction of the chambers."""
 
 ACTUATOR_PREFIX = "actuator_"
-"""Prefix of the inputs' names, which distinguishes them from the inputs of a segment."""
+"""Prefix of the names of the actuators' inputs, which distinguishes them from the inputs of a segment."""
 
 HASTE = "haste"
-"""Name of the factor that speeds up time for the actuators; 1 except while a worm comes to rest."""
+"""Name of the input that multiplies the time step for the actuators. It is 1, except while a worm is brought to rest
+before a run."""
 
 ACTUATORS_PER_SEGMENT = 2
 """Number of actuators of a segment: its chambers, left and right."""
@@ -36,7 +41,7 @@ ACTUATORS_PER_SEGMENT = 2
 
 @once
 def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
-    """Return the layout of the segments, followed by the inputs of the actuators and joints."""
+    """Return the layout of the segments' inputs, followed by the inputs of the actuators and the joint friction."""
     more = [HYSTERESIS_PREFIX + name for name in parameters_of(own)]
     return segment.SEGMENT_LAYOUT.extended(
         _sizes(chamber_states(kind, own), [*parameters_of(kind), *more], ACTUATORS_PER_SEGMENT)
@@ -45,14 +50,14 @@ def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
 
 @once
 def hinges(kind: Kind) -> Layout:
-    """Return the layout of the joints, followed by the inputs of the actuators."""
+    """Return the layout of the joints' inputs, followed by the inputs of the actuators."""
     return joint.JOINT_LAYOUT.extended(_sizes(kind.states, parameters_of(kind), 1))
 
 
 CHAMBER_COMMANDS = tuple(segment.SEGMENT_LAYOUT.rows + ACTUATORS_PER_SEGMENT * k for k in range(len(COMMANDS)))
-"""First row of each of `COMMANDS` for the chambers, the same for all actuators."""
+"""First row of each of `COMMANDS` in the layout `chambers`. It is the same for all classes of actuators."""
 HINGE_COMMANDS = tuple(joint.JOINT_LAYOUT.rows + k for k in range(len(COMMANDS)))
-"""Row of each of `COMMANDS` for the hinges."""
+"""Row of each of `COMMANDS` in the layout `hinges`."""
 
 
 def _sizes(states: Iterable[str], parameters: Iterable[str], count: int) -> dict[str, int]:
@@ -62,7 +67,7 @@ def _sizes(states: Iterable[str], parameters: Iterable[str], count: int) -> dict
 
 
 def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
-    """Return the inputs of the actuator of a chamber or hinge, by name."""
+    """Return the inputs that `respond` gets for a chamber or hinge, by name; `side` is 0 (left, or hinge) or 1."""
     s = layout.symbols
     known = {name: s[ACTUATOR_PREFIX + name][side] for name in COMMANDS}
     known |= {name: s[ACTUATOR_PREFIX + name] for name in parameters_of(kind)}
@@ -74,7 +79,7 @@ def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
 
 
 def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
-    """Return the response of a chamber's actuator as a function of the length at the end of the step."""
+    """Return a function from the chamber's length at the end of the step to the response of its actuator."""
     layout = chambers(kind, own)
     s, known = layout.symbols, _known(kind, layout, side)
     known |= {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
@@ -82,9 +87,9 @@ def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
 
 
 def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.Slid]:
-    """Return the response of a chamber's joint friction as a function of the length at the end of the step.
+    """Return a function from the chamber's length at the end of the step to the response of its joint friction.
 
-    While a worm comes to rest, with time sped up for the actuators, the joints are free.
+    While a worm is brought to rest before a run (`HASTE` differs from 1), the joints have no friction.
     """
     s = layout.symbols
     known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k", "k_apex")}}
@@ -97,11 +102,14 @@ def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.S
 
 
 def _of_hinge(kind: Kind) -> Response:
-    """Return the response of a hinge's actuator, which is known completely at the start of the step."""
+    """Return the response of a hinge's actuator.
+
+    It must not depend on the end of the step, so that the kernel for the start of the step can compute all of it.
+    """
     known = _known(kind, hinges(kind), 0) | {name: ca.SX(0.0) for name in COMMANDS if name.startswith("force")}
     response = _respond(kind, known)
     if _has_energy(response):
-        raise ValueError(f"hinge_actuator: {kind.__name__} has a potential or energy, which only chambers may have")
+        raise ValueError(f"hinge_actuator: got {kind.__name__} with a potential or energy, must have none in a hinge")
     made = response._replace(force=ca.vertcat(*response.states.values()))
     _require_known("hinge_actuator", made, hinges(kind).symbols["span"])
     return response
@@ -113,19 +121,19 @@ def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
     Raises
     ------
     ValueError
-        `respond` uses an unknown input, returns no valid response, or leaves out a state.
+        `respond` uses an input that does not exist, returns an invalid response, or does not return all states.
     """
     try:
         response = answer(kind, "respond", known)
     except ValueError as error:
         cause = error.__cause__
         if isinstance(cause, KeyError):
-            what = f"{cause} is not known"
+            what = f"{cause} is not an input"
         elif isinstance(cause, NotImplementedError) and not cause.args:
-            what = "it has none, must be defined"
+            what = "the method is missing, must be defined"
         else:
             raise
-        raise ValueError(f"{kind.__name__}.respond: {what}; known are {', '.join(known)}") from error
+        raise ValueError(f"{kind.__name__}.respond: {what}; the inputs are {', '.join(known)}") from error
     if not isinstance(response, Response):
         wrong = type(response).__name__
         raise ValueError(
@@ -141,7 +149,13 @@ def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
 
 
 def _states(kind: Kind, method: str, given: Any) -> Mapping[str, Any]:
-    """Return the states that a method of an actuator returns, each a scalar expression."""
+    """Return `given`, the states that a method of an actuator returned, after checks.
+
+    Raises
+    ------
+    ValueError
+        `given` does not contain exactly the actuator's states, or a state is not a scalar expression.
+    """
     if not isinstance(given, Mapping) or set(given) != set(kind.states):
         got = sorted(given) if isinstance(given, Mapping) else type(given).__name__
         raise ValueError(f"{kind.__name__}.{method}: got {got}, must be the states {list(kind.states)}")
@@ -156,7 +170,11 @@ def _has_energy(response: Response) -> bool:
 
 
 def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the quantities known at the start of a step: command, rest length, force, and output, each (2)."""
+    """Return the kernel of what is known at the start of a step: command, rest length, force and contraction, each (2).
+
+    The command is within the actuator's limits. The contraction (`Response.given`) is evaluated with the chamber's
+    length at the start of the step.
+    """
     s, outputs = chambers(kind, own).symbols, []
     for side in range(ACTUATORS_PER_SEGMENT):
         length = ca.SX.sym("length")
@@ -179,24 +197,25 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
     spring = response.given if response.spring is None else response.spring
     for part, value in (("command", response.command), ("spring", spring), ("force", response.force)):
         if ca.depends_on(ca.SX(value), unknown):
-            what = "given, which is its spring too," if part == "spring" and response.spring is None else part
+            what = "given (also used as its spring)" if part == "spring" and response.spring is None else part
             raise ValueError(
-                f"{name}: its {what} must not depend on length, span or ..._hat: use dt and the values at the start of "
-                "the step, or write a force as a potential"
+                f"{name}: its {what} must not depend on length, span or ..._hat. Use dt and the values at the start of "
+                "the step instead, or write a force as a potential"
             )
 
 
 @once
 def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
-    """Return the rest lengths (2) and states (2 each) of chambers at rest, at q, under the commands.
+    """Return the kernel of the rest lengths (2) and states (2 each) of chambers at rest.
 
-    None if the rest lengths follow from the contraction given and there are no states.
+    The chambers are at rest with the coordinates q and under constant commands. Return None if this kernel is not
+    needed, because there are no states and the rest lengths follow directly from the commands.
     """
     layout, lengths, springs, states = chambers(kind, own), segment.lengths(), [], []
     for side in range(ACTUATORS_PER_SEGMENT):
         known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
         known |= {"length": lengths[side], "length_n": lengths[side]}
-        # At rest the command has long been constant; the time step is not known yet, and does not matter.
+        # At rest the command has been constant for a long time, so that the time step (not known yet) has no effect.
         spring = _respond(kind, {**known, **_constant(known), "dt": ca.SX(1.0), "span": ca.SX(1.0)}).spring
         if spring is None and not chamber_states(kind, own):
             return None
@@ -208,14 +227,14 @@ def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
 
 
 def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
-    """Return past commands and outputs for commands that have always been constant."""
+    """Return the inputs for past commands and outputs if the commands have always been constant."""
     force = known["force_command"]
     return {"command_n": known["command"], "given_n": known["command"], "force_command_n": force, "force_n": force}
 
 
 @once
 def _potential(kind: Kind, own: Own) -> segment.Energy:
-    """Return Psi of both chambers [J], of actuators and of friction, as a function of their lengths."""
+    """Return a function from the lengths of the chambers to their potential Psi, of actuators and friction [J]."""
     parts = [
         (_of_chamber(kind, own, side), _slid(own, chambers(kind, own), side)) for side in range(ACTUATORS_PER_SEGMENT)
     ]
@@ -226,12 +245,12 @@ def _potential(kind: Kind, own: Own) -> segment.Energy:
 
 
 def gradient(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the segment's potential and gradient, including actuators and joints."""
+    """Return the kernel of the segment's potential and gradient, including actuators and joint friction."""
     return segment.gradient(chambers(kind, own), _potential(kind, own))
 
 
 def hessian(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the segment's potential, gradient and Hessian, including actuators and joints."""
+    """Return the kernel of the segment's potential, gradient and Hessian, including actuators and joint friction."""
     return segment.hessian(chambers(kind, own), _potential(kind, own))
 
 
@@ -244,12 +263,16 @@ LEDGER_TERMS = (
     "elastic",
     "hysteresis_loss",
 )
+"""Terms of the energy ledger that `end` computes."""
 LEDGER_ROWS = segment.LEDGER_ROWS
-"""Number of rows of `end` for the terms, padded to a vector; outputs and states follow."""
+"""Number of outputs of `end` for the terms and unused values. The contractions and the states follow."""
 
 
 def _has_end(kind: Kind, own: Own) -> bool:
-    """Return whether a step changes more than rest length and force: states, or a potential."""
+    """Return whether the kernel `end` is needed.
+
+    It is needed if there are states or energies, or if the contraction depends on the length at the end of the step.
+    """
     length = ca.SX.sym("length")
     response = _of_chamber(kind, own, 0)(length)
     has_states = bool(chamber_states(kind, own))
@@ -257,9 +280,11 @@ def _has_end(kind: Kind, own: Own) -> bool:
 
 
 def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
-    """Return the terms of the energy ledger, the outputs (2) and the states (2 each); None if nothing happens.
+    """Return the kernel of the terms of the energy ledger, the contractions (2) and the new states (2 each).
 
-    In the residual of the step, actuator and friction contribute dPsi/dl times the first-order change of the length.
+    Return None if the actuators and the joint friction have neither states nor energies. The work of actuator and joint
+    friction in a step is dPsi/dl times the first-order change of the length. Its difference from the change of the
+    energies is the numerical loss.
     """
     if not _has_end(kind, own):
         return None
@@ -285,7 +310,10 @@ def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
 
 
 def hinge_start(kind: Kind = FirstOrder) -> ca.Function:
-    """Return the command within the limits, the angle given, and the states of a hinge at the end of a step."""
+    """Return the kernel of a hinge's actuator: the command within the limits, the hinge angle, and the new states.
+
+    All are values for the end of the step.
+    """
     response = _of_hinge(kind)
     outputs = {"command": response.command, "given": response.given}
     return hinges(kind).function("hinge_start", outputs | {name: response.states[name] for name in kind.states})

@@ -1,12 +1,17 @@
-"""Kernels of a segment: from its 8 coordinates to its 8 contact points and chambers, and back with the forces.
+"""Kernels of a segment: shape, contact points, potential with gradient and Hessian, and terms of the energy ledger.
 
-Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
-Points: the six apexes in the order of NOTATION.md, tail face, head face. The coordinates of the points are ordered axis
-by axis, row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
-`worm3d.physics.kernels.point`.
+A kernel is a compiled function that the solver calls for all segments. Each takes the inputs of `SEGMENT_LAYOUT`. A
+segment has 8 coordinates q, 2 chambers (left and right) and 8 contact points.
 
-If all mass lies on the axis, the roll of the whole worm has no inertia. A damper then resists the roll g of each step:
-potential C g^2/(2 dt), loss C g^2/dt.
+Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)], where p_i and p_{i+1} are the joints at the ends of the segment.
+The roll is the rotation about the segment's axis relative to the director at the start of the step.
+
+Points: the six apexes in the order of NOTATION.md, then the contact points of the tail face and of the head face. An
+array with the coordinates of the points has 24 rows: x of all points, then y, then z (row 8 axis + point). The kernels
+of `worm3d.physics.kernels.point` need this order.
+
+If all mass lies on the axis, the roll of the whole worm has no inertia. In this case a damper resists the roll g in
+each step, with the potential C g^2/(2 dt) and the loss C g^2/dt.
 """
 
 from __future__ import annotations
@@ -22,45 +27,48 @@ from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import Layout
 
 POINTS_PER_SEGMENT = 8
-"""Contact points of a segment: six apexes and two faces."""
+"""Number of contact points of a segment: six apexes and two faces."""
 COORDINATES = 8
+"""Number of coordinates of a segment."""
 
 SEGMENT_LAYOUT = Layout(
     {
         "q": COORDINATES,
-        "dq": COORDINATES,  # motion of q in the step
-        "t_ref": 3,
-        "d_ref": 3,
-        "link": 1,
-        "offset": 1,
-        "radius": 2,  # of the faces at p_i and p_{i+1}
-        "normal": 6,  # of the world at the faces, one after the other
-        "rim": 4,  # r of (E6), in the same order
-        "k": 1,
-        "k_apex": 1,
-        "l0": 1,
+        "dq": COORDINATES,  # change of q in the step
+        "t_ref": 3,  # tangent at the start of the step
+        "d_ref": 3,  # director at the start of the step
+        "link": 1,  # length of the links of a chamber [m]
+        "offset": 1,  # distance of the chambers from the axis [m]
+        "radius": 2,  # radii of the faces at p_i and p_{i+1} [m]
+        "normal": 6,  # normal of the world at the face at p_i (3), then at p_{i+1} (3)
+        "rim": 4,  # r of (E6) in worm3d.physics.elements, for the face at p_i (2), then at p_{i+1} (2)
+        "k": 1,  # stiffness of the springs [N]
+        "k_apex": 1,  # stiffness of the hinges at the apexes [N m]
+        "l0": 1,  # rest length [m]
         "tau": 1,  # Kelvin-Voigt time [s]
-        "roll_damping": 1,  # C [N m s], 0 where roll has inertia
+        "roll_damping": 1,  # C [N m s]; 0 if the roll has inertia
         "span": 1,  # beta dt [s]
         "dt": 1,
-        "weights": 2,  # of s_n and s_{n-1} in s_hat
-        "commanded": 2,  # rest length of each chamber at t_{n+1}
-        "force": 2,  # chamber forces at t_{n+1}
-        "length_hat": 2,  # of the damper
-        "angle_hat": 2,
-        "commanded_n": 2,
-        "length_n": 2,
-        "angle_n": 2,
-        "f": 3 * POINTS_PER_SEGMENT,  # gradient of the potential in the points
-        "of_points": 2 * POINTS_PER_SEGMENT,  # numbers that the kernel of each point leaves before the next rows
-        "f_ahead": 3 * POINTS_PER_SEGMENT,  # f predicted by Newton's method, for the second derivatives
-        "K": 9 * POINTS_PER_SEGMENT,  # Hessian of the potential, row 8 (3 r + c) + point
+        "weights": 2,  # weights of s_n and s_{n-1} in s_hat, the past state that an implicit step starts from
+        "commanded": 2,  # rest length of each chamber at the end of the step, t_{n+1}
+        "force": 2,  # force of each chamber at the end of the step
+        "length_hat": 2,  # like s_hat, for the lengths of the chambers (for the damper)
+        "angle_hat": 2,  # like s_hat, for the hinge angles
+        "commanded_n": 2,  # "commanded" at the start of the step, t_n
+        "length_n": 2,  # lengths of the chambers at t_n
+        "angle_n": 2,  # hinge angles at t_n
+        "f": 3 * POINTS_PER_SEGMENT,  # gradient of the points' potential with respect to the points
+        "of_points": 2 * POINTS_PER_SEGMENT,  # unused here: further outputs of the kernel of each point
+        "f_ahead": 3 * POINTS_PER_SEGMENT,  # f predicted by Newton's method, used in the second derivatives
+        "K": 9 * POINTS_PER_SEGMENT,  # Hessian of the potential of each point; entry (r, c): row 8 (3 r + c) + point
     }
 )
+"""Inputs of the kernels of a segment: the name and the number of rows of each."""
 
 
 _REDUCED = ca.SX.sym("z", COORDINATES)
-"""Midpoint (3), edge p_{i+1} - p_i (3), roll, bend: the coordinates with the shortest derivatives."""
+"""Reduced coordinates: midpoint (3), edge p_{i+1} - p_i (3), roll, bend. Derivatives with respect to these coordinates
+are the shortest expressions."""
 
 
 def _reduced() -> ca.SX:
@@ -70,6 +78,8 @@ def _reduced() -> ca.SX:
 
 
 class _Shape(NamedTuple):
+    """Shape of a segment as symbolic expressions."""
+
     frame: elements.Frame
     lengths: ca.SX
     angles: ca.SX
@@ -104,20 +114,20 @@ def _shape() -> _Shape:
 
 
 def shape() -> ca.Function:
-    """Return chamber lengths (2), tangent (3), director (3), and points (24)."""
+    """Return the kernel of the shape: chamber lengths (2), tangent (3), director (3), and points (24)."""
     x = _shape()
     return SEGMENT_LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
 
 
 def rims() -> ca.Function:
-    """Return the places of the faces' rims that are nearest to the world (4)."""
+    """Return the kernel of the "rim" inputs (4): the direction of the point of each face's rim nearest to the world."""
     normal = SEGMENT_LAYOUT.symbols["normal"]
     nearest = [elements.nearest_rim(_shape().frame, normal[3 * k : 3 * k + 3]) for k in range(2)]
     return SEGMENT_LAYOUT.function("segment_rims", {"rim": nearest})
 
 
 def motion() -> ca.Function:
-    """Return the first-order motion of the points (24) under dq."""
+    """Return the kernel of the displacement of the points (24) due to dq, to first order."""
     return SEGMENT_LAYOUT.function("segment_motion", {"points": _motion()})
 
 
@@ -126,7 +136,10 @@ def _motion() -> ca.SX:
 
 
 def jacobian() -> ca.Function:
-    """Return the derivatives of the points in the coordinates (192): point by point, axis by axis."""
+    """Return the kernel of the derivatives of the points with respect to the coordinates (192).
+
+    The order is: 8 derivatives of x of the first point, 8 of its y, 8 of its z, then the second point, and so on.
+    """
     of_reduced = ca.jacobian(_shape_of_reduced().points, _REDUCED)
     of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(
         _reduced(), SEGMENT_LAYOUT.symbols["q"]
@@ -141,17 +154,20 @@ def lengths() -> ca.SX:
 
 
 def stretches() -> ca.SX:
-    """Return the first-order motion of the chambers' lengths under dq, shape (2,) [m]."""
+    """Return the change of the chambers' lengths due to dq, to first order, shape (2,) [m]."""
     return ca.jtimes(_shape().lengths, SEGMENT_LAYOUT.symbols["q"], SEGMENT_LAYOUT.symbols["dq"])
 
 
 Energy = Callable[[ca.SX], ca.SX]
-"""Lengths of the chambers, shape (2,) -> potential [J]."""
+"""Function from the lengths of the chambers, shape (2,) [m], to a potential [J]."""
 
 
 @cache
 def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX]:
-    """Return the potential of springs, dampers and actuators, and the gradient of all that moves with the segment."""
+    """Return the potential of springs, dampers and actuators, and a gradient with respect to the coordinates.
+
+    The gradient also contains the potential of the points, whose own gradient is the input f.
+    """
     x = _shape_of_reduced()
     phi = _energy(x.lengths, _REDUCED[6], actuated)
     slope = ca.gradient(phi + ca.dot(SEGMENT_LAYOUT.symbols["f"], x.points), _REDUCED)
@@ -172,12 +188,15 @@ def _energy(lengths: ca.SX, roll: ca.SX, actuated: Energy | None) -> ca.SX:
 
 
 def _linear() -> ca.SX:
-    """Return the derivatives of `_reduced` in the coordinates."""
+    """Return the derivatives of `_reduced` with respect to the coordinates, shape (8, 8)."""
     return ca.jacobian(_reduced(), SEGMENT_LAYOUT.symbols["q"])
 
 
 def _hessian(actuated: Energy | None) -> ca.SX:
-    """Return the Hessian of everything that moves with the segment, with points as free masses."""
+    """Return the Hessian of the potential of springs, dampers, actuators and points with respect to the coordinates.
+
+    The entries for the midpoint treat the points as free masses (see `hessian`).
+    """
     s, frame = SEGMENT_LAYOUT.symbols, _shape_of_reduced().frame
     axes = ca.horzcat(*frame[1:])
     turn = ca.diagcat(axes, axes, ca.SX.eye(2))
@@ -195,17 +214,19 @@ def _hessian(actuated: Energy | None) -> ca.SX:
 
 
 def _curve(actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref: ca.SX, f: ca.SX) -> ca.SX:
-    """Return the Hessian in components along the frame, for midpoint, edge, roll and bend.
+    """Return the Hessian with respect to midpoint, edge, roll and bend, in components along the frame of the segment.
 
-    In the frame, the points r = X - midpoint depend only on length and bend. With the spin w of the frame, (E1),
-    dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r.
+    Relative to the midpoint m, a point X has the position r = X - m. In components along the frame, r depends only on
+    length and bend. w is the infinitesimal rotation of the frame, (E1) in `worm3d.physics.elements`. The first and
+    second variations of a point are dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r,
+    where the prime marks a second, independent variation.
     """
     s, roll, shape = SEGMENT_LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
     own = elements.Frame(length, *ca.horzsplit(ca.SX.eye(3)))
     lengths = elements.chamber_lengths(length, bend, s["offset"])
     points = ca.reshape(_points(ca.SX.zeros(3), length * own.t, own, lengths), POINTS_PER_SEGMENT, 3).T
     phi, twist = _energy(ca.vertcat(*lengths), roll, actuated), points @ f.T
-    curve = ca.SX.zeros(8, 8)  # in dm, w, dl and bend
+    curve = ca.SX.zeros(8, 8)  # rows and columns: dm (3), w (3), length, bend
     curve[6:, 6:], slope = ca.hessian(phi + ca.dot(f, points), shape)
     curve[3:6, 3:6] = twist - ca.trace(twist) * ca.SX.eye(3)
     for k in range(POINTS_PER_SEGMENT):
@@ -237,7 +258,7 @@ def _hinge(angle: ca.SX) -> ca.SX:
 
 
 def _chamber_damping() -> ca.SX:
-    """Return time times stiffness of one chamber [N s/m]."""
+    """Return the damping of one chamber: Kelvin-Voigt time times stiffness [N s/m]."""
     return SEGMENT_LAYOUT.symbols["tau"] * SEGMENT_LAYOUT.symbols["k"] / (2.0 * SEGMENT_LAYOUT.symbols["l0"])
 
 
@@ -246,37 +267,42 @@ def _hinge_damping() -> ca.SX:
 
 
 def gradient(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> ca.Function:
-    """Return the potential of springs, dampers and actuators, and the gradient (8) including the points' potential.
+    """Return the kernel of the potential and the gradient (8) with respect to the coordinates.
+
+    The potential is that of springs, dampers and actuators. The gradient also contains the potential of the points.
 
     Parameters
     ----------
     layout : Layout
         Layout of the inputs: the segment's inputs, then the inputs of `actuated`.
     actuated : callable, optional
-        Potential of the actuators.
+        Potential of the actuators as a function of the chambers' lengths.
     """
     phi, slope = _potential(actuated)
     return layout.function("segment_gradient", {"phi": phi, "gradient": slope})
 
 
 def hessian(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> ca.Function:
-    """Return the outputs of `gradient`, and the Hessian (64), row by row.
+    """Return the kernel of the outputs of `gradient` followed by the Hessian (64), row by row.
 
-    The points count as free masses: the entries xx of K are used for all axes.
+    Points without contact only have inertia, for which K is a multiple of the unit matrix. The Hessian treats all
+    points in this way: it uses the entry xx of K for all axes.
     """
     phi, slope = _potential(actuated)
     return layout.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": _hessian(actuated)})
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
+"""Terms of the energy ledger that belong to a segment."""
 LEDGER_ROWS = POINTS_PER_SEGMENT
-"""Number of rows of the ledger before the motion of the points: a row of the point array."""
+"""Number of outputs of `ledger` before the displacement of the points; they fill one row of an array of points."""
 
 
 def ledger() -> ca.Function:
-    """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2).
+    """Return the kernel of the segment's terms of the energy ledger.
 
-    An unused row and the outputs of `motion` (24) follow.
+    Its outputs are the terms in the order of `LEDGER_TERMS`, the hinge angles (2), an unused value, and the outputs of
+    `motion` (24).
     """
     s = SEGMENT_LAYOUT.symbols
     terms = _chamber_ledger(0) + _chamber_ledger(1)

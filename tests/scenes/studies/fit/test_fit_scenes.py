@@ -155,7 +155,9 @@ def test_a_run_that_fails_on_the_way_is_a_step_too_far(
     found = fit("flat", seen, ["gait.amplitude"], overrides(gait__amplitude="0.2295"))
     assert found.values["gait.amplitude"] == pytest.approx(0.2, rel=0.01)
     assert found.failed_runs > 0
-    with pytest.raises(SceneError, match=r"run from the start, gait.amplitude = 0.24, fails: too much for this worm"):
+    with pytest.raises(
+        SceneError, match=r"run with the initial values, gait.amplitude = 0.24, fails: too much for this worm"
+    ):
         fit("flat", seen, ["gait.amplitude"], overrides(gait__amplitude="0.24"))
 
 
@@ -201,9 +203,9 @@ def test_a_key_is_named_once(record: Record, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("time_s,com_x_m\n5,0.1\n6,0.2\n7,0.3\n", "measured from 5 to 7 s, nothing of it within the run of flat"),
+        ("time_s,com_x_m\n5,0.1\n6,0.2\n7,0.3\n", "measured from 5 to 7 s, must overlap with the run of flat"),
         ("time_s,com_x_m\n0,0.1\n1,0.2\n", "got 2 measured values within the run, must be at least 5"),
-        ("time_s,com_x_m\n" + "".join(f"{0.1 * k},0.1\n" for k in range(9)), "all that was measured is constant"),
+        ("time_s,com_x_m\n" + "".join(f"{0.1 * k},0.1\n" for k in range(9)), "all measured series are constant"),
         ("time_s,warmth_J\n0,0.1\n1,0.2\n", "nothing of it can be compared with flat"),
         ("", "no row of column names"),
     ],

@@ -196,7 +196,7 @@ def test_a_worm_that_is_not_identified_gets_a_map_on_the_spot_which_is_kept(miss
 def test_a_worm_that_is_far_from_the_default_one_is_refused_in_a_sentence(missed) -> None:
     missed["turn"] = 35.0
     far = load_scene("path_line", ["worm.mass_kg=0.12"]).settings
-    with pytest.raises(SceneError, match="misses the turn a wave by 35 %, must be at most 20 %: identify it once by"):
+    with pytest.raises(SceneError, match="in the turn per wave is 35 %, must be at most 20 %: identify it once by"):
         identified_of(far)
 
 

@@ -183,7 +183,7 @@ def test_the_command_lists_and_runs_studies(worm3d, tmp_path: Path) -> None:
     assert [row["marked"] for row in rows] == [IMAGE, "", ""]
     assert all(0.0 < float(row["speed_bl_s_off"]) < 0.01 * float(row["speed_bl_s"]) for row in rows[1:])
     assert worm3d("study", "flat", "--all").complaints == [
-        "study: --all runs the studies as they are; leave out the name and -o"
+        "study: --all runs all studies without changes; leave out the name and -o"
     ]
 
 
