@@ -123,7 +123,6 @@ class ContactConstants:
     hardness : ndarray, shape (3, N)
         H of (C2) for each coefficient.
     """
-    """
 
     stiffness: float
     damping: float
@@ -134,7 +133,7 @@ class ContactConstants:
 
     @classmethod
     def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
-        """Return the constants scaled to a worm's weight. For a worm without weight, `natural_gravity` replaces gravity.
+        """Return the constants scaled to a worm's weight; for a worm without weight, `natural_gravity` is used.
 
         Left and right apexes below a segment share the load, so that each apex has half of the segment's stiffness.
         """

@@ -1,4 +1,4 @@
-"""Estimated errors of a run that was given an `accuracy`."""
+"""Estimated errors of a run with a requested `accuracy`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from worm3d.values.documented import with_fields
 @with_fields
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Expected errors of a run with an `accuracy`, from runs with coarser steps."""
+    """Expected errors of a run with a requested `accuracy`, estimated by comparison with runs with coarser steps."""
 
     distance: float
     """Error of the distance [m], or of the displacement of the centre of mass if there is no heading."""
@@ -21,17 +21,18 @@ class ErrorEstimate:
     work: float
     """Error of the net work of the actuators [J]."""
     asked: float
-    """Requested error of the distance: accuracy times the distance, or a tenth of the body length [m]."""
+    """Requested error of the distance: `accuracy` times the larger of |distance| and a tenth of the body length [m]."""
     step_error: float
-    """Largest allowed estimated error in a step of this run [m]."""
+    """Limit of the estimated error of each step of this run [m]."""
     steps: int
-    """Number of steps solved in this run; `runs` is the number of runs in all."""
+    """Number of steps solved in this run."""
     runs: int
+    """Number of runs, including the coarser runs."""
     figures: tuple[tuple[str, float], ...] = field(default=(), repr=False)
-    """Name and error of each number in the summary, in the unit of the number."""
+    """Name and estimated error of each number in the summary, in the unit of the number."""
 
     def __add__(self, rest: ErrorEstimate) -> ErrorEstimate:
-        """Return the estimate of a run and its continuation together, without `figures`."""
+        """Return the estimate for a run followed by its continuation, without `figures`."""
         both = {each.name: getattr(self, each.name) + getattr(rest, each.name) for each in fields(self)}
         return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error), "figures": ()})
 
@@ -42,7 +43,7 @@ class ErrorEstimate:
 
     @property
     def sentence(self) -> str:
-        """One line: the estimated errors, and whether the requested accuracy is met."""
+        """A line with the estimated errors, which says whether the requested accuracy is reached."""
         found = (
             f"{1e3 * self.distance:.2g} mm, turn by {np.rad2deg(self.heading):.2g} degrees, work by {self.work:.2g} J"
         )
