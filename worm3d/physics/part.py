@@ -79,6 +79,6 @@ class Part(ReadOnly):
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     def require_size(self, name: str, count: int) -> None:
-        """Raise ValueError if a parameter is an array of another size; `name` is the argument that contains the part."""
+        """Raise ValueError if a parameter is an array of another size; `name` is the argument that holds the part."""
         for field in parameters_of(type(self)):
             arguments.require_count(f"{name}.{field}", getattr(self, field), count)

@@ -31,7 +31,6 @@ def trapezoid(before: ca.SX, after: ca.SX) -> tuple[ca.SX, ca.SX]:
     before, after : SX
         Change of energy due to the command, at the strain before and after the step.
     """
-    """
     work = (before + after) / 2.0
     return work, work - before
 
