@@ -1,15 +1,16 @@
-"""Measures of a gait, over the last whole periods of a run (`worm3d.measures.waves`): stride, turn and drift.
+"""Measures of a gait over the last whole periods of a run (`worm3d.measures.waves`): stride, turn and drift.
 
-Let d_k be the displacement of the centre of mass along the ground in period k, e_k the mean heading in period k (a unit
-vector in the tangent plane, with n_k to the left), phi_k the turn, L the body length and T the period:
+Let d_k be the displacement of the centre of mass along the ground in period k, and phi_k the turn to the left in this
+period. e_k is the mean heading in period k, a unit vector in the tangent plane, and n_k the unit vector to its left in
+this plane. L is the body length.
 
     stride_bl           = mean d_k.e_k / L                                                        (J1)
     degrees_per_wave    = mean phi_k
     turning_radius_bl   = mean |d_k| / (2 L |sin(phi/2)|),  phi = mean phi_k                       (J2)
     drift_per_metre     = sum d_k.n_k / sum |d_k|                                                 (J3)
 
-(J2) is the radius of the circle of the centre of mass, computed from a chord. In a pipe d_k.e_k and |d_k| are measured
-along the centre line.
+(J2) is the radius of the circle on which the centre of mass moves, computed from a chord. In a pipe d_k.e_k and |d_k|
+are measured along the centre line.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from worm3d.measures.way import NO_WAY
 from worm3d.recorded.finished import FinishedRun
 
 MIN_STRAIGHT_RADIUS = 1000.0
-"""Radius beyond which a worm crawls straight [body lengths]."""
+"""Radius from which a worm is considered to crawl straight [body lengths]."""
 IN_A_PIPE = "in a pipe the wall decides which way the worm goes"
 
 
@@ -69,7 +70,7 @@ def _drift(result: FinishedRun) -> float:
 
 
 def way_made(result: FinishedRun, waves: Waves) -> float:
-    """Return the path length of the centre of mass in the waves [m]; NoValueError if the worm did not move."""
+    """Return the path length of the centre of mass in the waves [m]; raise NoValueError if the worm did not move."""
     made = float(waves.path.sum())
     if made <= NO_WAY * result.worm.length * waves.count:
         raise NoValueError(f"the worm made no way in its last waves ({made:.4g} m)")

@@ -50,7 +50,8 @@ EARLY_RELEASE_MARGIN = 10.0
 the static limit must be at least this number times the last change of the distance. The outcome is the same as after
 convergence."""
 SLIDE_AT_ONCE = 25.0
-"""Square of the ratio of eta(y) to the yield limit beyond which a stuck contact slides at once, if there is no guess."""
+"""Square of the ratio of eta(y) to the yield limit beyond which a stuck contact slides at once if there is no
+guess."""
 KEPT_JACOBIAN_MOTION = 3e-4
 """Largest change of x, as a fraction of the segment length, for which the Jacobian is kept. Only the contributions of
 changed contacts are then replaced."""
