@@ -1,7 +1,7 @@
-"""Kernels called from Numba's compiled code by address; the address is an ordinary value.
+"""Calls of kernels by address from code that Numba compiles.
 
-The compiled caller contains no symbol of the kernel and can therefore be kept on disk: in the next process the caller
-receives the address of that process as an argument.
+The address is an ordinary value. The compiled caller contains no symbol of the kernel and can therefore be stored on
+disk. In a later process it receives, as an argument, the address that the kernel has in that process.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ REFUSED = "kernel: the arrays have not the kernel's rows or not enough lanes (se
 
 
 def _run(address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Run the kernel at an address (`worm3d.machine.codegen.emit`); return the status."""
+    """Run the kernel at an address (`worm3d.machine.codegen.emit`), and return its status."""
     return int(SIGNATURE(address)(at, rows_in, lanes_in, to, rows_out, lanes_out, count))
 
 
@@ -37,14 +37,14 @@ def _write(
 def evaluate(
     address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], count: int, first: int = 0
 ) -> None:
-    """Evaluate `count` instances of the kernel at `address`, in compiled code too; arrays as for `Kernel.__call__`.
+    """Evaluate `count` instances of the kernel at `address`, from Python or compiled code.
 
-    The instances begin at lane `first`, a multiple of the kernel's width.
+    The arrays are as for `Kernel.__call__`. The instances begin at lane `first`, a multiple of the kernel's width.
 
     Raises
     ------
     ValueError
-        The shapes differ from the kernel's, or there are too few lanes.
+        The numbers of rows differ from the kernel's, or there are too few lanes.
     """
     rows_in, lanes_in = inputs.shape
     rows_out, lanes_out = outputs.shape
@@ -57,7 +57,7 @@ def evaluate(
 def _compiled() -> Any:
     import numba
 
-    # An exception names the file: without the folder, so that object code is the same in every folder.
+    # An exception names the file. Without the folder, the object code is the same in every folder.
     code = evaluate.__code__.replace(co_filename=__name__)
     return numba.njit(FunctionType(code, evaluate.__globals__, evaluate.__name__, evaluate.__defaults__))
 
