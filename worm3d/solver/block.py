@@ -170,7 +170,7 @@ def combine(to: FloatArray, u: float, x: FloatArray, v: float, y: FloatArray) ->
 
 @inner
 def dot(x: FloatArray, y: FloatArray) -> float:
-    """Return the scalar product of two vectors. (Numba's `dot` imports SciPy, which takes longer than a short run.)"""
+    """Return the scalar product of two vectors. Numba's `dot` imports SciPy, which takes longer than a short run."""
     value = 0.0
     for k in range(len(x)):
         value += x[k] * y[k]

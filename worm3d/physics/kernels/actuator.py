@@ -1,9 +1,9 @@
 """Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
 
-The inputs of an actuator follow the inputs of the segment or joint: commands, past states (t_n, then t_{n-1}), and
-parameters. For chambers they include the inputs of the joint friction (`worm3d.physics.hysteresis`). A kernel for the
-start of a step computes the quantities that do not depend on the lengths at the end of the step; a kernel for the end
-computes states and energy, if there are any.
+The inputs of an actuator follow the inputs of the segment or joint: commands, past states (at t_n, then at t_{n-1}),
+and parameters. For chambers they include the inputs of the joint friction (`worm3d.physics.hysteresis`). A kernel for
+the start of a step computes the quantities that do not depend on the lengths at the end of the step. A kernel for the
+end of a step computes states and energies, if there are any.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ Own = type[Hysteresis]
 """Class of the friction in the joints of the chambers."""
 
 ACTUATOR_PREFIX = "actuator_"
-"""Prefix of the inputs' names, which distinguishes them from the inputs of a segment."""
+"""Prefix of the names of these inputs, which distinguishes them from the inputs of a segment."""
 
 HASTE = "haste"
-"""Name of the factor that speeds up time for the actuators; 1 except while a worm comes to rest."""
+"""Name of the factor by which time passes faster for the actuators: 1, except while a worm settles."""
 
 ACTUATORS_PER_SEGMENT = 2
-"""Number of actuators of a segment: its chambers, left and right."""
+"""Number of actuators of a segment: one for each chamber, left and right."""
 
 
 @once
 def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
-    """Return the layout of the segments, followed by the inputs of the actuators and joints."""
+    """Return the layout of the segments, followed by the inputs of the actuators and of the friction in the joints."""
     more = [HYSTERESIS_PREFIX + name for name in parameters_of(own)]
     return segment.SEGMENT_LAYOUT.extended(
         _sizes(chamber_states(kind, own), [*parameters_of(kind), *more], ACTUATORS_PER_SEGMENT)
@@ -45,12 +45,12 @@ def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
 
 @once
 def hinges(kind: Kind) -> Layout:
-    """Return the layout of the joints, followed by the inputs of the actuators."""
+    """Return the layout of the joints, followed by the inputs of the hinges' actuators."""
     return joint.JOINT_LAYOUT.extended(_sizes(kind.states, parameters_of(kind), 1))
 
 
 CHAMBER_COMMANDS = tuple(segment.SEGMENT_LAYOUT.rows + ACTUATORS_PER_SEGMENT * k for k in range(len(COMMANDS)))
-"""First row of each of `COMMANDS` for the chambers, the same for all actuators."""
+"""First row of each of `COMMANDS` for the chambers; the rows are the same for all actuators."""
 HINGE_COMMANDS = tuple(joint.JOINT_LAYOUT.rows + k for k in range(len(COMMANDS)))
 """Row of each of `COMMANDS` for the hinges."""
 
@@ -84,7 +84,7 @@ def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
 def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.Slid]:
     """Return the response of a chamber's joint friction as a function of the length at the end of the step.
 
-    While a worm comes to rest, with time sped up for the actuators, the joints are free.
+    While a worm settles, time passes faster for the actuators, and the joints have no friction.
     """
     s = layout.symbols
     known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k", "k_apex")}}
@@ -97,7 +97,7 @@ def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.S
 
 
 def _of_hinge(kind: Kind) -> Response:
-    """Return the response of a hinge's actuator, which is known completely at the start of the step."""
+    """Return the response of a hinge's actuator, all of which is known at the start of the step."""
     known = _known(kind, hinges(kind), 0) | {name: ca.SX(0.0) for name in COMMANDS if name.startswith("force")}
     response = _respond(kind, known)
     if _has_energy(response):
@@ -113,7 +113,7 @@ def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
     Raises
     ------
     ValueError
-        `respond` uses an unknown input, returns no valid response, or leaves out a state.
+        `respond` uses an input that does not exist, does not return a valid response, or leaves out a state.
     """
     try:
         response = answer(kind, "respond", known)
@@ -141,7 +141,7 @@ def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
 
 
 def _states(kind: Kind, method: str, given: Any) -> Mapping[str, Any]:
-    """Return the states that a method of an actuator returns, each a scalar expression."""
+    """Return the states in the result of an actuator's method, after a check that all are scalar expressions."""
     if not isinstance(given, Mapping) or set(given) != set(kind.states):
         got = sorted(given) if isinstance(given, Mapping) else type(given).__name__
         raise ValueError(f"{kind.__name__}.{method}: got {got}, must be the states {list(kind.states)}")
@@ -156,7 +156,7 @@ def _has_energy(response: Response) -> bool:
 
 
 def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the quantities known at the start of a step: command, rest length, force, and output, each (2)."""
+    """Return the quantities known at the start of a step: command, rest length, force and output, each (2)."""
     s, outputs = chambers(kind, own).symbols, []
     for side in range(ACTUATORS_PER_SEGMENT):
         length = ca.SX.sym("length")
@@ -188,15 +188,15 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
 
 @once
 def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
-    """Return the rest lengths (2) and states (2 each) of chambers at rest, at q, under the commands.
+    """Return the rest lengths (2) and states (2 each) of the chambers of a worm at rest at q under the commands.
 
-    None if the rest lengths follow from the contraction given and there are no states.
+    The result is None if there are no states and the rest lengths follow from the contraction.
     """
     layout, lengths, springs, states = chambers(kind, own), segment.lengths(), [], []
     for side in range(ACTUATORS_PER_SEGMENT):
         known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
         known |= {"length": lengths[side], "length_n": lengths[side]}
-        # At rest the command has long been constant; the time step is not known yet, and does not matter.
+        # At rest the command has been constant for a long time. The time step is not known yet, and has no effect.
         spring = _respond(kind, {**known, **_constant(known), "dt": ca.SX(1.0), "span": ca.SX(1.0)}).spring
         if spring is None and not chamber_states(kind, own):
             return None
@@ -208,14 +208,14 @@ def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
 
 
 def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
-    """Return past commands and outputs for commands that have always been constant."""
+    """Return the past commands and outputs for commands that have always had their present values."""
     force = known["force_command"]
     return {"command_n": known["command"], "given_n": known["command"], "force_command_n": force, "force_n": force}
 
 
 @once
 def _potential(kind: Kind, own: Own) -> segment.Energy:
-    """Return Psi of both chambers [J], of actuators and of friction, as a function of their lengths."""
+    """Return Psi of both chambers, of the actuators and the joint friction [J], as a function of the lengths."""
     parts = [
         (_of_chamber(kind, own, side), _slid(own, chambers(kind, own), side)) for side in range(ACTUATORS_PER_SEGMENT)
     ]
@@ -226,12 +226,12 @@ def _potential(kind: Kind, own: Own) -> segment.Energy:
 
 
 def gradient(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the segment's potential and gradient, including actuators and joints."""
+    """Return the segment's potential and gradient, including actuators and joint friction."""
     return segment.gradient(chambers(kind, own), _potential(kind, own))
 
 
 def hessian(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
-    """Return the segment's potential, gradient and Hessian, including actuators and joints."""
+    """Return the segment's potential, gradient and Hessian, including actuators and joint friction."""
     return segment.hessian(chambers(kind, own), _potential(kind, own))
 
 
@@ -245,11 +245,11 @@ LEDGER_TERMS = (
     "hysteresis_loss",
 )
 LEDGER_ROWS = segment.LEDGER_ROWS
-"""Number of rows of `end` for the terms, padded to a vector; outputs and states follow."""
+"""Number of rows of `end` for the terms of the ledger, padded to a vector. The rows of outputs and states follow."""
 
 
 def _has_end(kind: Kind, own: Own) -> bool:
-    """Return whether a step changes more than rest length and force: states, or a potential."""
+    """Return whether the actuator has states, energy, or an output that depends on the length after the step."""
     length = ca.SX.sym("length")
     response = _of_chamber(kind, own, 0)(length)
     has_states = bool(chamber_states(kind, own))
@@ -257,9 +257,9 @@ def _has_end(kind: Kind, own: Own) -> bool:
 
 
 def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
-    """Return the terms of the energy ledger, the outputs (2) and the states (2 each); None if nothing happens.
+    """Return the terms of the energy ledger, the outputs (2) and the states (2 each); None if there is nothing to do.
 
-    In the residual of the step, actuator and friction contribute dPsi/dl times the first-order change of the length.
+    In the residual of the step times dq, actuator and friction contribute dPsi/dl times the first-order change of l.
     """
     if not _has_end(kind, own):
         return None
@@ -285,7 +285,7 @@ def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
 
 
 def hinge_start(kind: Kind = FirstOrder) -> ca.Function:
-    """Return the command within the limits, the angle given, and the states of a hinge at the end of a step."""
+    """Return the limited command, the angle, and the states of a hinge at the end of a step."""
     response = _of_hinge(kind)
     outputs = {"command": response.command, "given": response.given}
     return hinges(kind).function("hinge_start", outputs | {name: response.states[name] for name in kind.states})

@@ -1,12 +1,12 @@
-"""Kernels of a segment: from its 8 coordinates to its 8 contact points and chambers, and back with the forces.
+"""Kernels of a segment. They compute 8 contact points and the chambers from 8 coordinates, and the resulting forces.
 
-Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
-Points: the six apexes in the order of NOTATION.md, tail face, head face. The coordinates of the points are ordered axis
-by axis, row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
+Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]. The roll is relative to the director at the start of the step.
+Points: the six apexes in the order of NOTATION.md, the tail face and the head face. The coordinates of the points are
+ordered axis by axis, in row 8 axis + point. The rows of an axis are therefore consecutive points for the kernels of
 `worm3d.physics.kernels.point`.
 
-If all mass lies on the axis, the roll of the whole worm has no inertia. A damper then resists the roll g of each step:
-potential C g^2/(2 dt), loss C g^2/dt.
+If all mass is on the axis, the roll of the whole worm has no inertia. A damper then resists the roll g of each step,
+with the potential C g^2/(2 dt) and the loss C g^2/dt.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import Layout
 
 POINTS_PER_SEGMENT = 8
-"""Contact points of a segment: six apexes and two faces."""
+"""Number of contact points of a segment: six apexes and two end faces."""
 COORDINATES = 8
 
 SEGMENT_LAYOUT = Layout(
@@ -60,11 +60,11 @@ SEGMENT_LAYOUT = Layout(
 
 
 _REDUCED = ca.SX.sym("z", COORDINATES)
-"""Midpoint (3), edge p_{i+1} - p_i (3), roll, bend: the coordinates with the shortest derivatives."""
+"""Midpoint (3), edge p_{i+1} - p_i (3), roll and bend. Derivatives with respect to these have the shortest formulas."""
 
 
 def _reduced() -> ca.SX:
-    """Return `_REDUCED` as a linear function of the coordinates."""
+    """Return the variables in `_REDUCED` as a linear function of the coordinates."""
     q = SEGMENT_LAYOUT.symbols["q"]
     return ca.vertcat((q[0:3] + q[5:8]) / 2.0, q[5:8] - q[0:3], q[3], q[4])
 
@@ -104,20 +104,20 @@ def _shape() -> _Shape:
 
 
 def shape() -> ca.Function:
-    """Return chamber lengths (2), tangent (3), director (3), and points (24)."""
+    """Return the lengths of the chambers (2), tangent (3), director (3), and points (24)."""
     x = _shape()
     return SEGMENT_LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
 
 
 def rims() -> ca.Function:
-    """Return the places of the faces' rims that are nearest to the world (4)."""
+    """Return r of (E6) for both faces (4), the points of the rims that are nearest to the world."""
     normal = SEGMENT_LAYOUT.symbols["normal"]
     nearest = [elements.nearest_rim(_shape().frame, normal[3 * k : 3 * k + 3]) for k in range(2)]
     return SEGMENT_LAYOUT.function("segment_rims", {"rim": nearest})
 
 
 def motion() -> ca.Function:
-    """Return the first-order motion of the points (24) under dq."""
+    """Return the first-order motion of the points (24) for the change dq of the coordinates."""
     return SEGMENT_LAYOUT.function("segment_motion", {"points": _motion()})
 
 
@@ -126,7 +126,7 @@ def _motion() -> ca.SX:
 
 
 def jacobian() -> ca.Function:
-    """Return the derivatives of the points in the coordinates (192): point by point, axis by axis."""
+    """Return the derivatives of the points with respect to the coordinates (192), ordered by point and then by axis."""
     of_reduced = ca.jacobian(_shape_of_reduced().points, _REDUCED)
     of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(
         _reduced(), SEGMENT_LAYOUT.symbols["q"]
@@ -141,17 +141,17 @@ def lengths() -> ca.SX:
 
 
 def stretches() -> ca.SX:
-    """Return the first-order motion of the chambers' lengths under dq, shape (2,) [m]."""
+    """Return the first-order change of the chambers' lengths for dq, shape (2,) [m]."""
     return ca.jtimes(_shape().lengths, SEGMENT_LAYOUT.symbols["q"], SEGMENT_LAYOUT.symbols["dq"])
 
 
 Energy = Callable[[ca.SX], ca.SX]
-"""Lengths of the chambers, shape (2,) -> potential [J]."""
+"""Function from the lengths of the chambers, shape (2,), to a potential [J]."""
 
 
 @cache
 def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX]:
-    """Return the potential of springs, dampers and actuators, and the gradient of all that moves with the segment."""
+    """Return the potential of springs, dampers and actuators, and the gradient that also includes the points."""
     x = _shape_of_reduced()
     phi = _energy(x.lengths, _REDUCED[6], actuated)
     slope = ca.gradient(phi + ca.dot(SEGMENT_LAYOUT.symbols["f"], x.points), _REDUCED)
@@ -172,12 +172,12 @@ def _energy(lengths: ca.SX, roll: ca.SX, actuated: Energy | None) -> ca.SX:
 
 
 def _linear() -> ca.SX:
-    """Return the derivatives of `_reduced` in the coordinates."""
+    """Return the derivatives of `_reduced` with respect to the coordinates."""
     return ca.jacobian(_reduced(), SEGMENT_LAYOUT.symbols["q"])
 
 
 def _hessian(actuated: Energy | None) -> ca.SX:
-    """Return the Hessian of everything that moves with the segment, with points as free masses."""
+    """Return the Hessian of everything that moves with the segment. The points are treated as free masses."""
     s, frame = SEGMENT_LAYOUT.symbols, _shape_of_reduced().frame
     axes = ca.horzcat(*frame[1:])
     turn = ca.diagcat(axes, axes, ca.SX.eye(2))
@@ -195,10 +195,12 @@ def _hessian(actuated: Energy | None) -> ca.SX:
 
 
 def _curve(actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref: ca.SX, f: ca.SX) -> ca.SX:
-    """Return the Hessian in components along the frame, for midpoint, edge, roll and bend.
+    """Return the Hessian with respect to midpoint, edge, roll and bend, with vectors in components along the frame.
 
-    In the frame, the points r = X - midpoint depend only on length and bend. With the spin w of the frame, (E1),
-    dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r.
+    In the frame, the points r = X - midpoint depend only on length and bend. With the spin w of the frame, (E1), and
+    the motion dm of the midpoint,
+
+        dX = dm + w x r + dr,   d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r
     """
     s, roll, shape = SEGMENT_LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
     own = elements.Frame(length, *ca.horzsplit(ca.SX.eye(3)))
@@ -237,7 +239,7 @@ def _hinge(angle: ca.SX) -> ca.SX:
 
 
 def _chamber_damping() -> ca.SX:
-    """Return time times stiffness of one chamber [N s/m]."""
+    """Return the damping of a chamber: Kelvin-Voigt time times stiffness [N s/m]."""
     return SEGMENT_LAYOUT.symbols["tau"] * SEGMENT_LAYOUT.symbols["k"] / (2.0 * SEGMENT_LAYOUT.symbols["l0"])
 
 
@@ -246,7 +248,7 @@ def _hinge_damping() -> ca.SX:
 
 
 def gradient(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> ca.Function:
-    """Return the potential of springs, dampers and actuators, and the gradient (8) including the points' potential.
+    """Return the potential of springs, dampers and actuators, and the gradient (8), which also includes the points.
 
     Parameters
     ----------
@@ -262,7 +264,7 @@ def gradient(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) ->
 def hessian(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> ca.Function:
     """Return the outputs of `gradient`, and the Hessian (64), row by row.
 
-    The points count as free masses: the entries xx of K are used for all axes.
+    The points are treated as free masses: the entries xx of K are used for all axes.
     """
     phi, slope = _potential(actuated)
     return layout.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": _hessian(actuated)})
@@ -270,13 +272,13 @@ def hessian(layout: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None) -> 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
 LEDGER_ROWS = POINTS_PER_SEGMENT
-"""Number of rows of the ledger before the motion of the points: a row of the point array."""
+"""Number of rows of `ledger` before the motion of the points. They occupy the row "of_segment" of the points."""
 
 
 def ledger() -> ca.Function:
     """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2).
 
-    An unused row and the outputs of `motion` (24) follow.
+    A row without use and the outputs of `motion` (24) follow.
     """
     s = SEGMENT_LAYOUT.symbols
     terms = _chamber_ledger(0) + _chamber_ledger(1)
