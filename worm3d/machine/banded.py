@@ -89,7 +89,7 @@ def _of_matrix(row: int, column: int) -> int:
 
 
 def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
-    """Return 1/pivot, or zero if the pivot is negligible beside the diagonal entry."""
+    """Return 1/pivot, or zero if the pivot is negligible compared with the diagonal entry."""
     least = w.builder.fmul(w.size(diagonal), ir.Constant(DOUBLE, SMALLEST_PIVOT))
     one, zero = (ir.Constant(DOUBLE, value) for value in (1.0, 0.0))
     return w.select(w.compare("ole", w.size(pivot), least), zero, w.div(one, pivot))  # a NaN does not count as vanished

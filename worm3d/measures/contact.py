@@ -4,10 +4,11 @@ Between two rows, each contact point p slides by s_p. N_p is the mean of its nor
 the last whole waves, in which the worm travels the distance D (`worm3d.measures.waves`):
 
     slip_per_metre      = sum over rows of (sum_p N_p s_p / sum_p N_p) / D                          (J4)
-    backslide_per_metre = the same with s_p max(0, -cos a_p). a_p is the angle between the displacement of the point
-                          and the direction of its segment towards the head                       (J5)
-    anchoring_duty      = share of the time in which a segment is anchored, which means that it bears load and slides
-                          by at most `AT_REST` times the body length per period. Mean over segments (J6)
+    backslide_per_metre = the same with s_p max(0, -cos a_p) in place of s_p                        (J5)
+    anchoring_duty      = share of the time in which a segment is anchored, mean over the segments  (J6)
+
+a_p is the angle between the displacement of the point and the direction of its segment towards the head. A segment is
+anchored if it bears load and slides by at most `AT_REST` times the body length per period.
 
 A worm that is dragged along has a slip of 1 m/m. A worm whose loaded contacts all stick has no slip.
 """

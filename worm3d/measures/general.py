@@ -25,7 +25,7 @@ NO_STEP = "no step was finished"
 NO_PAYLOAD = "the worm carries no payload"
 
 USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
-"""Names of the uses of work."""
+"""Names of the uses of work, as in `Energy.uses`."""
 
 
 @measure("status", "how the run ended")
@@ -191,7 +191,7 @@ def _cost_with_load(result: FinishedRun) -> float:
 
 
 def _forward(result: FinishedRun, com: FloatArray) -> float:
-    """Return the distance from the first to the last row of a centre of mass, along the heading at the start [m]."""
+    """Return the distance of a centre of mass from the first to the last row, along the heading at the start [m]."""
     made = distance_of(com, result.joints[0], result.world)
     if np.isnan(made):
         raise NoValueError(NO_HEADING)
@@ -225,6 +225,6 @@ def _sparse(result: FinishedRun) -> bool:
 
 
 def _rounding(result: FinishedRun) -> float:
-    """Return the largest work that may be only rounding [J]."""
+    """Return the largest work that could be due to rounding only [J]."""
     stored = float(np.sum(result.worm.k_spring)) * result.worm.l0  # the scale of the springs' energy
     return 1e-12 * float(np.abs(result.energy.work_contract).sum()) + 1e-15 * stored

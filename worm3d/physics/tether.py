@@ -40,7 +40,7 @@ T(y) is piecewise linear with two kinks. Newton's method uses the line of one pi
 on another piece. Between slack and sliding, the regime always becomes sticking first, so that the method does not
 cycle.
 
-The model leaves out four effects: the inertia of the cable, w s/g beside the mass of the worm; the pressure on the
+The model leaves out four effects: the inertia of the cable, which has the mass w s/g; the pressure on the
 inside of a bend, which multiplies T by exp(mu angle); the stiffness of the cable; and a path across a slope, where the
 load of the cable on the ground is less than w cos(theta).
 """

@@ -139,8 +139,8 @@ def _follow(core: Core) -> bool:
 
     Every contact keeps its regime until the step, to first order, makes the regime inconsistent with the friction law
     by more than the error of the step. Contacts stick within nanometres. Without this tolerance, the iterates would
-    jump between the regimes. There is no potential to descend, so that the iteration gives up if the iterates come no
-    closer to the solution.
+    jump between the regimes. There is no potential whose decrease would show progress; the iteration ends if the
+    iterates do not come closer to the solution.
     """
     x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
     l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]

@@ -27,14 +27,14 @@ POINT_LAYOUT = Layout(
         "stiffness": 1,  # k [N/m], 0 without contact
         "damping": 1,  # c [N s/m]
         **inertia.SIZES,
-        "tangent": 6,  # along and to the left, frozen at the start of the step; `start` computes the rows to "deep"
+        "tangent": 6,  # along and to the left, constant in the step; `start` computes the rows from here to "deep"
         "slide_n": 2,  # displacement from the anchor at the start of the step, in the tangents
         "x_hat": 3,
         "inertia": 1,  # m/(beta dt)^2 [N/m]
         "depth_n": 1,
         "distance_n": 1,
         "hold": 1,  # the world's multiplier of friction at the start of the step
-        "load": 1,  # normal load for friction while it is not coupled
+        "load": 1,  # normal load for friction if "coupled" is 0
         "stiff": 1,  # k + c/dt of (C1) [N/m]
         "carried": 1,  # d* of (C1) [m]
         "r": 1,  # of (C3) [m]
@@ -45,18 +45,18 @@ POINT_LAYOUT = Layout(
         "hardness": 3,  # H of (C2), in the same order
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
-        "limit_ratio": 1,  # limit of friction over capacity: 1, or static_ratio while stuck
-        "pull": 2,  # predicted friction f of (C5), per unit of capacity; stored states use this name
+        "limit_ratio": 1,  # c_0 of (C3): static_ratio while stuck, otherwise 1
+        "pull": 2,  # predicted friction f of (C5), per unit of capacity; also its name in stored states
         "foreseen": 1,  # normal load predicted by the last Newton step
         "regime": 1,  # FREE, or the assumed regime, regardless of X
         "error": 1,  # error of the prediction [m]
-        "breaks": 1,  # square of eta over the yield limit, above which a stuck contact slides at any error
-        "pull_m": 2,  # predicted friction and load a step before the last
+        "breaks": 1,  # square of the ratio of eta to the yield limit above which a stuck contact slides at any error
+        "pull_m": 2,  # predicted friction and normal load at the end of the step before the last
         "load_m": 1,
-        "coupled": 1,  # 1: friction uses the normal load at X
-        "load_n": 1,  # at the end of the last step; for `after`, of this step
+        "coupled": 1,  # 1 if friction uses the normal load at X, otherwise 0
+        "load_n": 1,  # normal load at the end of the last step; for `after`, of this step
         "f": 3,  # for `after`: the point's gradient at the end of the step
-        "of_segment": 1,  # rows shared with the ledger of the segment: its 8 terms lie here, directly before `first`
+        "of_segment": 1,  # row for the 8 terms of the segment's ledger, which are directly before "first"
         "first": 3,  # (dX/dq) dq
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
         "segment_tangent": 3,  # of the segment, at the start of the step
