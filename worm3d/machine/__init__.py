@@ -1,1 +1,1 @@
-"""Code generation, compilation, the cache of compiled code on disc and banded algebra; independent of worms."""
+"""Code generation, compilation, the cache of compiled code on disk, and banded algebra. Independent of worms."""

@@ -1,9 +1,9 @@
-"""The part that needs Numba: the object code of a function, and the C wrapper of the function.
+"""The part of compilation that needs Numba: the object code of a function, and a C wrapper of the function.
 
-The C wrapper is `SYMBOL`. With a result type, the wrapper takes the function's numbers and returns a number of this
-type. Without a result type, the wrapper takes the address of the results and the address of the numbers that make up
-the arguments, 8 bytes each; the numbers of an array are the address and sizes. The wrapper then returns 0, or any other
-value if the function has raised an error.
+The C wrapper has the name `SYMBOL`. With a result type, the wrapper takes the numbers of the function's arguments and
+returns a number of this type. Without a result type, the wrapper takes two addresses, of the results and of the numbers
+of the arguments. Each number has 8 bytes. An array is represented by its address and its sizes. The wrapper then
+returns 0, or another value if the function has raised an error.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _POINTERS = {"float64": "doubles_at", "int64": "integers_at", "float32": "single
 
 
 def dispatcher(function: Callable[..., Any]) -> Any:
-    """Return Numba's dispatcher of a function, without the wrappers for calls from Python."""
+    """Return Numba's dispatcher of a function. It makes no wrappers for calls from Python."""
     options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(error_model="numpy", nogil=True, **options)(function)
 
@@ -34,9 +34,9 @@ def dispatcher(function: Callable[..., Any]) -> Any:
 def objects_of(
     function: Callable[..., Any], args: Any, level: int, result: Any, host: native.Host
 ) -> tuple[bytes, bytes, set[str]]:
-    """Return the object code of a function for arguments of such structure, and the object code of the C wrapper.
+    """Return the object code of a function for arguments like `args`, the object code of its C wrapper, and names.
 
-    The third result holds the names that Numba's code calls and that neither object defines.
+    The names are the functions that Numba's code calls and that neither object defines.
     """
     _aim_at(host)
     ready()
@@ -55,18 +55,20 @@ def objects_of(
 
 
 def _declared(module: Any, declared: bool = True) -> set[str]:
-    """Return the names of the functions that a module declares, or else defines."""
+    """Return the names of the functions that a module declares, or, if `declared` is False, defines."""
     names = {each.name for each in module.functions if bool(each.is_declaration) is declared}
     return {name for name in names if not name.startswith("llvm.")}
 
 
 def _aim_at(host: native.Host) -> None:
-    """Make Numba compile for a kind of processor, if a kind is named; Numba reads the setting on first use.
+    """Make Numba compile for `host` if it is one of the named kinds of processors.
+
+    Numba reads this setting only when it is used first.
 
     Raises
     ------
     RuntimeError
-        Numba was used before, for another processor.
+        Numba has already been used for another processor.
     """
     if host.cpu not in native.PROCESSOR_VECTORS:
         return
@@ -90,7 +92,7 @@ def _places(arg: Any) -> Iterator[Any]:
 
 
 def _shim(function: Callable[..., Any], args: Any) -> Callable[..., Any]:
-    """Return the function with the single numbers of the arguments as arguments."""
+    """Return a function whose arguments are the single numbers of which the arguments in `args` consist."""
     known: dict[str, Any] = {"function": function, "carray": numba.carray}  # type: ignore[attr-defined]
     count = 0
 
@@ -118,7 +120,7 @@ def _shim(function: Callable[..., Any], args: Any) -> Callable[..., Any]:
 
 
 def _around(name: str, kinds: list[Any], result: Any) -> str:
-    """Return the module of the C wrapper, with the memory functions that Numba's code calls."""
+    """Return the LLVM module of the C wrapper, with the memory functions that Numba's code calls."""
     values = [f"{'double' if kind == types.float64 else 'i64'} %x{k}" for k, kind in enumerate(kinds)]
     declared = ", ".join(["ptr", "ptr", *(value.split()[0] for value in values)])
     call = f'%s = call i32 @"{name}"({", ".join(["ptr %r", "ptr %e", *values])})'
@@ -184,5 +186,6 @@ define void @NRT_MemInfo_call_dtor(ptr %info) {
   ret void
 }
 """
-"""Numba's memory functions, without Numba: the reference count comes first, address and size of the data are at 3 and
-4. Memory of lists, which only error messages use, is never freed. A missing name would be called at address 0."""
+"""Numba's memory functions, so that code runs without Numba. In the record of an allocation, the reference count comes
+first, and the address and size of the data are the fields 3 and 4. Memory of lists, which only error messages use, is
+never freed. All names are defined here, since a missing function would be called at address 0."""

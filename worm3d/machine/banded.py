@@ -1,19 +1,20 @@
-"""Banded linear systems in compiled code: root-free Cholesky, and LU factors block by block without pivoting.
+"""Banded linear systems in compiled code: root-free Cholesky factors, and LU factors by blocks without pivoting.
 
-A matrix of size n with half bandwidth B is stored by rows: entry (i, j) at [i, B + j - i], in an array
-(n + B, BAND_COLUMNS) whose other entries are zero. With the spare columns and B rows below the end, every inner loop
-has the same length and becomes a few vector instructions. The cost is linear in n.
+A matrix of size n with the half bandwidth B is stored by rows. Entry (i, j) is at [i, B + j - i] of an array of shape
+(n + B, BAND_COLUMNS), whose other entries are zero. Because of the spare columns, and of the B rows after the last row,
+every inner loop has the same length and becomes a few vector instructions. The cost is linear in n.
 
-LU is for the unsymmetric matrices of Newton's steps. Coordinates come in blocks of five. Groups of 13 coordinates that
-begin with a block are coupled; entries outside all these groups must be zero. Thus elimination of a block affects only
-the block and the next 8 coordinates. With A after elimination of the earlier blocks,
+LU factors are for the unsymmetric matrices of Newton's method. Coordinates come in blocks of five. Each block is
+coupled with the next 8 coordinates only. Entries of the matrix outside these groups of 13 coordinates must be zero.
+Elimination of a block therefore changes only the next 8 coordinates. With A after elimination of the earlier blocks,
 
     [A11 A12]   A11 (5, 5)   H = A11^-1 A12
     [A21 A22]   A22 (8, 8)   G = A21 A11^-1   A22 - A21 H remains for the next block
 
-Rows of 8 numbers stay in registers. In a solution, too, few operations wait for the block before. Forwards, G y is
-subtracted from the 8 numbers behind a block, y being the numbers of the block. Backwards, the numbers of the block
-become A11^-1 y - H x with the 8 numbers x behind the block.
+Rows of 8 numbers stay in registers. The solution of a system is arranged in such a way that few operations of a block
+wait for the previous block. In the forward pass, y denotes the five numbers of a block of the right-hand side, and G y
+is subtracted from the next 8 numbers. In the backward pass, the numbers of the block become A11^-1 y - H x, where x are
+the next 8 numbers of the solution.
 """
 
 from __future__ import annotations
@@ -31,29 +32,30 @@ from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses
 from worm3d.values.arrays import FloatArray
 
 B = 12
-"""Half bandwidth: a joint couples 13 coordinates."""
+"""Half bandwidth: each group of coupled coordinates has 13 coordinates."""
 BAND_COLUMNS = 40
-"""Columns: 2 B + 1 and spare columns that vector instructions read, rounded up to a multiple of 8."""
+"""Number of columns: 2 B + 1, and spare columns that vector instructions read, rounded up to a multiple of 8."""
 SMALLEST_PIVOT = 1e-14
-"""Least pivot of a positive definite matrix, as a fraction of the diagonal entry."""
+"""Smallest pivot of a positive definite matrix, as a fraction of the diagonal entry."""
 _SHARED = LANES - BLOCK_SIZE
-"""Coordinates that a block shares with the second next block."""
+"""Number of coordinates of the block after the next that are among the 8 coordinates after a block."""
 _ROOM = BLOCK_SIZE * BAND_COLUMNS
-"""Numbers of a block in the array of the factors."""
+"""Numbers that a block takes in the array of the factors."""
 _INVERSE, _H, _G, _CORNER, _Y = (LANES * k for k in (0, 5, 10, 15, 23))
-"""First number of each part of a block's factors: 5 rows of A11^-1 with the first columns of H, 5 rows of H, 5 columns
-of G, the first 8 rows and columns of A, and the block's right-hand side."""
+"""Offset of each part of a block's factors: 5 rows of A11^-1 with the first columns of H; 5 rows of H; 5 columns of G;
+the corner, which is the first 8 rows and columns of A; and the right-hand side of the block."""
 
 
 @njit
 def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
-    """Solve A x = b in place for a symmetric A; x holds b, and only the upper triangle of A is used.
+    """Solve A x = b in place for a symmetric A. x contains b first; only the upper triangle of A is used.
 
     Parameters
     ----------
     band : ndarray, shape (n + B, BAND_COLUMNS)
-        Overwritten by L D L^T; columns from 2 B + 1 on must be zero.
+        The matrix A. It is overwritten by L D L^T. Columns from 2 B + 1 on must be zero.
     x : ndarray, shape (n,)
+        The right-hand side b, which is overwritten by the solution.
 
     Returns
     -------
@@ -82,12 +84,12 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
 
 
 def _of_matrix(row: int, column: int) -> int:
-    """Return the offset of an entry from an entry on the diagonal."""
+    """Return the offset in memory of entry (row, column) relative to entry (0, 0), which is on the diagonal."""
     return row * (BAND_COLUMNS - 1) + column
 
 
 def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
-    """Return 1/pivot, or zero for a vanished pivot."""
+    """Return 1/pivot, or zero if the pivot is negligible compared with the diagonal entry."""
     least = w.builder.fmul(w.size(diagonal), ir.Constant(DOUBLE, SMALLEST_PIVOT))
     one, zero = (ir.Constant(DOUBLE, value) for value in (1.0, 0.0))
     return w.select(w.compare("ole", w.size(pivot), least), zero, w.div(one, pivot))  # a NaN does not count as vanished
@@ -118,14 +120,14 @@ def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], Non
 
 
 def _below(w: Writer, factors: Any, band: Any, r: int) -> list[Any]:
-    """Return the numbers of a row of A21; the first three rows are in the corner."""
+    """Return the numbers of row r of A21; the first three rows are in the corner."""
     if r < _SHARED:
         return [w.spread_number(w.number(factors, _CORNER + LANES * (BLOCK_SIZE + r) + j)) for j in range(BLOCK_SIZE)]
     return [w.spread_number(w.number(band, _of_matrix(BLOCK_SIZE + r, j))) for j in range(BLOCK_SIZE)]
 
 
 def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
-    """Return a row of A22; three numbers of the first three rows are in the corner."""
+    """Return row r of A22; three numbers of each of the first three rows are in the corner."""
     row = w.load(band, _of_matrix(BLOCK_SIZE + r, BLOCK_SIZE))
     if r >= _SHARED:
         return row
@@ -141,14 +143,14 @@ def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
 
 @on_addresses()
 def _begin(w: Writer, factors: Any, band: Any) -> None:
-    """Write the corner of a block from the matrix."""
+    """Copy the corner of the first block from the matrix."""
     for r in range(LANES):
         w.store(w.load(band, _of_matrix(r, 0)), factors, _CORNER + LANES * r)
 
 
 @on_addresses()
 def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
-    """Write A11^-1 and H of a block, the corner of the next block, and meanwhile G of the previous block."""
+    """Write A11^-1 and H of a block, the corner of the next block, and G of the previous block at the same time."""
     places = [(before, _CORNER + LANES * (BLOCK_SIZE + r)) for r in range(_SHARED)]
     places += [(band_before, _of_matrix(BLOCK_SIZE + r, 0)) for r in range(_SHARED, LANES)]
     below = w.transposed([w.load(*place) for place in places])[:BLOCK_SIZE]
@@ -166,7 +168,7 @@ def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any
 
 @on_addresses()
 def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
-    """Write y of each block of a right-hand side."""
+    """Compute y of each block of a right-hand side in the forward pass."""
     place = utils.alloca_once_value(w.builder, w.load_some(x, n))
     with _blocks(w.builder, n) as block:
         here, y = w.shifted(factors, block, _ROOM), w.builder.load(place)
@@ -180,7 +182,7 @@ def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
 
 @on_addresses()
 def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
-    """Write the solution, from the last block to the first."""
+    """Compute the solution in the backward pass, from the last block to the first."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     with _blocks(w.builder, n, backwards=True) as block:
         here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK_SIZE))
@@ -195,11 +197,11 @@ def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
 _ODD = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
 _HALVES = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
 _QUARTERS = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
-"""Lanes of two vectors that are added to each other in a sum over lanes."""
+"""Lanes of two vectors, in two lists; the lanes of the first list are added to the lanes of the second list."""
 
 
 def _totals(w: Writer, rows: list[Any], rest: Any) -> Any:
-    """Return the sums of the lanes of five vectors, and the first three lanes of another vector."""
+    """Return a vector with the sums over the lanes of five vectors, and then the first three lanes of `rest`."""
     a, b, c = (_folded(w, x, y, _ODD) for x, y in ((rows[0], rows[1]), (rows[2], rows[3]), (rows[4], rows[4])))
     low = w.lanes(c, w.lanes(rest, w.splat(0.0), [8, 0, 8, 8, 1, 2, 8, 8]), [0, 9, 2, 11, 12, 13, 14, 15])
     c = w.add(low, w.lanes(c, w.splat(0.0), [4, 8, 6, 8, 8, 8, 8, 8]))
@@ -222,34 +224,36 @@ def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
 def lu_factor(band: FloatArray, factors: FloatArray) -> None:
     """Factorise A by elimination without pivoting.
 
-    The matrices of a step are close to positive definite matrices; Newton's next residual shows any loss of accuracy in
-    other cases. A coordinate with neither mass nor stiffness, such as the roll of a body without apex masses, does not
-    change.
+    The matrices of a step are nearly positive definite. In other cases, any loss of accuracy shows in the next residual
+    of Newton's method. The solution is 0 for a coordinate without mass and stiffness, such as the roll of a body
+    without apex masses.
 
     Parameters
     ----------
     band : ndarray, shape (n + B, BAND_COLUMNS)
+        The matrix A.
     factors : ndarray, shape (n + B, BAND_COLUMNS)
-        Overwritten by the factors, in a special order.
+        Overwritten by the factors, in an order of their own.
     """
     blocks = (len(band) - B + BLOCK_SIZE - 1) // BLOCK_SIZE
     to, source = factors.ctypes.data, band.ctypes.data + 8 * B
     room, rows = 8 * _ROOM, 8 * BLOCK_SIZE * BAND_COLUMNS
     _begin(to, source)
     for k in range(blocks):
-        before = max(k - 1, 0)  # G of the first block is made twice, so that no other block changes
+        before = max(k - 1, 0)  # with k = 0, G of the first block is meaningless; k = 1 overwrites it
         _eliminate(to + k * room, source + k * rows, to + before * room, source + before * rows)
 
 
 @njit
 def lu_solve(factors: FloatArray, x: FloatArray) -> None:
-    """Solve A x = b in place with the factors of `lu_factor`; x holds b.
+    """Solve A x = b in place with the factors of `lu_factor`. x contains b first.
 
     Parameters
     ----------
     factors : ndarray, shape (n + B, BAND_COLUMNS)
-        Factors; also used as working memory.
+        The factors, with room for working memory that is overwritten.
     x : ndarray, shape (n,)
+        The right-hand side b, which is overwritten by the solution.
     """
     _forwards(factors.ctypes.data, x.ctypes.data, len(x))
     _backwards(factors.ctypes.data, x.ctypes.data, len(x))

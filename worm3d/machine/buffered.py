@@ -1,4 +1,4 @@
-"""CasADi functions that are called again and again from Python, without allocating memory in each call."""
+"""CasADi functions that Python calls many times, without allocation of memory for CasADi in each call."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from worm3d.values.arrays import FloatArray
 
 
 class Buffered:
-    """A function of dense arguments and results with preallocated memory; two threads must not call it at once."""
+    """A function of dense arguments and results with preallocated memory. Only one thread at a time may call it."""
 
     def __init__(self, function: ca.Function) -> None:
         self._buffer, self._run = function.buffer()
@@ -22,7 +22,7 @@ class Buffered:
             self._buffer.set_res(k, found.ravel(order="K").data)  # type: ignore[call-arg]
 
     def __call__(self, *given: ArrayLike) -> list[FloatArray]:
-        """Return the results, columns as vectors of shape (n,)."""
+        """Return the results. A result with one column has the shape (n,)."""
         for memory, value in zip(self._given, given, strict=True):
             memory[...] = value
         self._run()

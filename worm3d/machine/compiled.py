@@ -1,6 +1,6 @@
-"""Numba's compiler with a separate cache: compiled functions are kept under a digest of all their sources.
+"""Numba's compiler with a cache of its own. Compiled functions are stored under a digest of all their sources.
 
-Any change of a source gives a new digest. If the cache cannot be written, nothing is kept.
+Any change of a source gives a new digest. If the cache cannot be written, nothing is stored.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from worm3d.machine.later import later
 F = TypeVar("F", bound=Callable[..., Any])
 
 COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds", "recorded/energy.py"), "planar": (".",)}
-"""Folders and files, by package, of the source modules of a package's compiled functions."""
+"""Source modules of the compiled functions of each package: folders and files relative to the package."""
 
 
 def njit(function: F) -> F:
-    """Compile a function by Numba, without Python objects and without the interpreter lock; keep the result on disk."""
+    """Compile a function by Numba without Python objects and without the interpreter lock; store the result on disk."""
     return cast(F, cfunc(function))
 
 
 def inner(function: F) -> F:
-    """Let compiled code call a function; the function is compiled together with the caller."""
+    """Make a function callable from compiled code. The function is compiled together with each caller."""
     return cast(F, later(function, functools.partial(_dispatcher, function)))
 
 
 def cfunc(function: Callable[..., Any], optimisation: int = 1, missed: Callable[[], None] = lambda: None) -> Function:
-    """Return a function as a C function with an `address`, for numbers as in the annotations, kept on disk.
+    """Return a C function with an `address`, for arguments of the annotated types, which is stored on disk.
 
-    `missed` is called before a compilation, if the function is not on disk. A higher level of Numba's optimisation than
-    1 compiles the solver a quarter longer and makes no step faster.
+    `missed` is called before a compilation, if the compiled function is not on disk. With an `optimisation` above 1,
+    compiling the solver takes a quarter longer, and steps do not become faster.
     """
     return Function(function, _version_of(function), optimisation, missed)
 
@@ -62,7 +62,7 @@ def _version_of(function: Callable[..., Any]) -> Callable[[], str]:
 
 @functools.cache
 def version(package: str = "worm3d") -> str:
-    """Return a digest of all sources of a package's compiled functions, besides the functions' own files."""
+    """Return a digest of all sources of a package's compiled functions, without files outside the package."""
     root = Path(__file__).parents[2] / package
     parts = [root / name for name in COMPILED[package]]
     sources = sorted(path for part in parts for path in (part.rglob("*.py") if part.is_dir() else [part]))

@@ -1,4 +1,4 @@
-"""Functions that Numba compiles, kept on disk as object code: code from disk is called without Numba."""
+"""Functions that Numba compiles, stored on disk as object code, which later processes call without Numba."""
 
 from __future__ import annotations
 
@@ -25,27 +25,28 @@ from worm3d.machine.later import later
 from worm3d.machine.writer import BYTES
 
 Objects = tuple[bytes, bytes]
-"""Object code of a function, and object code of the C wrapper of the function."""
+"""Object code of a function, and object code of a C wrapper that calls the function."""
 FUNCTION_FOLDER = "compiled"
-"""Folder of compiled functions in the cache."""
+"""Name of the folder of compiled functions in the cache."""
 _LOCK = threading.RLock()
 
 
 class Function:
     """A function that is compiled on the first call, once for each structure of the arguments.
 
-    From Python the function takes numbers, C-contiguous arrays and tuples of numbers and arrays. The function returns a
-    number or a tuple of numbers, as the annotation states.
+    Python calls the function with numbers, C-contiguous arrays, and tuples of both. The function returns a number or a
+    tuple of numbers, according to its annotation.
 
     Parameters
     ----------
     function : function
+        The Python function.
     version : callable
-        Returns a digest of the sources of the function besides the function's own file.
+        Returns a digest of the sources on which the function depends, other than its own file.
     level : int
         Numba's optimisation level.
     missed : callable
-        Called before a compilation, if the function is not on disk.
+        Called before a compilation, if the compiled function is not on disk.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Function:
         return call(b"".join([numbers for _, _, numbers in given]))
 
     def _given(self, place: int, arg: Any) -> tuple[Any, Any, bytes]:
-        """Return an argument with structure and numbers; the result for a tuple, which calls often repeat, is kept."""
+        """Return an argument, its structure and its numbers. Results for tuples are stored, since calls repeat them."""
         known = self._tuples.get(place)
         if known is None or known[0] is not arg:
             known = arg, *_read(arg)
@@ -83,7 +84,7 @@ class Function:
         return self._built([hints[name](0) for name in inspect.signature(self._function).parameters], hints["return"])
 
     def _built(self, args: Any, result: Any = None) -> int:
-        """Return the address of the function for such arguments, as described in `worm3d.machine.back_end`."""
+        """Return the address of the function for such arguments (`worm3d.machine.back_end`)."""
         with _LOCK:
             folder, host = cache.folder(FUNCTION_FOLDER), native.this_host()
             key = self.key(args, result, host)
@@ -94,7 +95,7 @@ class Function:
             return address
 
     def _made(self, args: Any, result: Any, host: native.Host) -> tuple[bytes, bool]:
-        """Return both objects, and whether they may be kept."""
+        """Return both objects, joined, and whether they may be stored on disk."""
         found = self._packed(args, result, host)
         if found is not None:
             return found, True
@@ -105,7 +106,7 @@ class Function:
         return joined(objects), not lacking
 
     def _packed(self, args: Any, result: Any, host: native.Host) -> bytes | None:
-        """Return the packed objects for such a processor, made from the same sources."""
+        """Return the joined objects that the package contains for such a processor and the same sources, or None."""
         if os.environ.get(native.SWITCH):
             return None
         from worm3d.machine import packed  # imports modules that unpack
@@ -114,10 +115,10 @@ class Function:
         return None if kind is None else packed.load(self.key(args, result, kind), kind)
 
     def compiled(self, args: Any, result: Any, host: native.Host) -> tuple[Objects, tuple[str, ...]]:
-        """Return the two objects, and the names that the objects need and a fresh process lacks.
+        """Return the two objects, and the names that they need and that a fresh process lacks.
 
-        A compiling Numba registers names of its own, such as `numba_attempt_nocopy_reshape`. A process that reads the
-        code from disk never imports Numba, and would call address 0 for such a name.
+        When Numba compiles, it registers names of its own, such as `numba_attempt_nocopy_reshape`. A process that reads
+        the code from disk never imports Numba, and would call address 0 for such a name.
         """
         from worm3d.machine.back_end import objects_of  # imports Numba
 
@@ -133,7 +134,10 @@ class Function:
         sys.stderr.flush()
 
     def key(self, args: Any, result: Any, host: native.Host) -> str:
-        """Return the key of the object code in the cache; each version of llvmlite belongs to a version of Numba."""
+        """Return the key of the object code in the cache.
+
+        The key contains the version of llvmlite, which determines the version of Numba.
+        """
         function = self._function
         own = hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
         parts: list[Any] = [self._version(), own, function.__module__, function.__qualname__, self._level, host]
@@ -160,7 +164,7 @@ _OF: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64, bool: ctypes
 
 
 def joined(objects: Objects) -> bytes:
-    """Return two objects in the form kept on disk: after the length of the first one."""
+    """Return two objects in the form stored on disk: the length of the first object, then both objects."""
     return len(objects[0]).to_bytes(BYTES, "little") + b"".join(objects)
 
 
@@ -171,9 +175,9 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
 
 
 def _read(value: Any) -> tuple[Any, bytes]:
-    """Return a key that all values of the same structure share, and the numbers that are passed for this value.
+    """Return a key that is equal for all values of the same structure, and the numbers that represent this value.
 
-    Each number has 8 bytes; the numbers of an array are the address and sizes.
+    Each number has 8 bytes. An array is represented by its address and its sizes.
     """
     if isinstance(value, np.ndarray):
         if not value.flags.c_contiguous:

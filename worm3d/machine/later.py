@@ -1,6 +1,6 @@
-"""Stand-ins for Numba's objects until the first compilation: Numba is not imported earlier.
+"""Stand-ins for objects of Numba until the first compilation, so that Numba is imported only when it is needed.
 
-Importing Numba takes half a second, longer than loading code from disk.
+Importing Numba takes half a second, which is longer than loading code from disk.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ _made: list[Any] = []
 
 
 def later(stand_in: Any, make: Callable[[], Any]) -> Any:
-    """Make compiled code use Numba's object returned by `make` in place of `stand_in`; return `stand_in`."""
+    """Make compiled code use the object of Numba that `make` returns in place of `stand_in`; return `stand_in`."""
     _waiting.append((stand_in, make))
     return stand_in
 
 
 def placeholder(make: Callable[[], Any]) -> Any:
-    """Return a stand-in for an object of Numba's in compiled code."""
+    """Return a function that stands for an object of Numba in compiled code."""
 
     def stand_in(*_: Any) -> Any:
         raise TypeError("this is for compiled code")
@@ -28,7 +28,7 @@ def placeholder(make: Callable[[], Any]) -> Any:
 
 
 def ready() -> None:
-    """Make all waiting objects."""
+    """Make all objects for which stand-ins wait."""
     from numba.core.registry import cpu_target
 
     cpu_target.target_context.refresh()
@@ -40,7 +40,7 @@ def ready() -> None:
 
 
 class _Utils:
-    """Numba's helpers for writing code, which have no types."""
+    """Functions of Numba that help to write code. They need no stand-ins."""
 
     def __getattr__(self, name: str) -> Any:
         from numba.core import cgutils
@@ -58,4 +58,4 @@ def _carray() -> Any:
 
 
 carray: Any = placeholder(_carray)
-"""`numba.carray`, for compiled code."""
+"""`numba.carray` in compiled code."""

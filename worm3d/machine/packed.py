@@ -1,7 +1,7 @@
-"""Object code in the package for some kinds of processors, which need not compile at the first start.
+"""Object code in the package for some kinds of processors, so that these need not compile at the first start.
 
-`python tests/worm3d/packing.py` makes this code. Code is found under the digest of the sources, as in the cache, and
-verified by a checksum: code from other sources is ignored.
+`python tests/worm3d/packing.py` makes this code. As in the cache, the key of the code contains the digest of the
+sources, and a checksum verifies it. Code that belongs to other sources is ignored.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ PACKED_PROCESSORS = ("x86-64-v4", "x86-64-v3")
 """Kinds of processors with packed code, the best kind first."""
 PACKED_FOLDER = Path(__file__).with_name("packed")
 MADE_WITH = "made_with"
-"""Entry of an archive that lists the versions of the tools, such as `llvmlite 0.50.0`, a line each."""
+"""Entry of an archive that lists the versions of the tools, one per line, such as `llvmlite 0.50.0`."""
 
 
 def kind_of(host: native.Host) -> native.Host | None:
-    """Return the best kind of processor that a host includes; None for another family."""
+    """Return the best kind of processor whose code runs on a host; None for another family of processors."""
     known = set(host.features.split(","))
     for name in PACKED_PROCESSORS:
         if known.issuperset(f"+{each}" for each in native.FEATURES[name]) and sys.platform == "linux":
@@ -34,7 +34,7 @@ def kind_of(host: native.Host) -> native.Host | None:
 
 
 def load(key: str, kind: native.Host) -> bytes | None:
-    """Return the code under a key, or None."""
+    """Return the code under a key, or None if there is none or it is damaged."""
     content = content_of(archive(kind.cpu)).get(f"{key}.kernel")
     try:
         return None if content is None else files.verified(key, content)
@@ -43,7 +43,7 @@ def load(key: str, kind: native.Host) -> bytes | None:
 
 
 def reason() -> str:
-    """Return the reason why packed code is not used, if versions are the reason; else ""."""
+    """Return the reason why packed code is not used, if this is another version of llvmlite; otherwise ""."""
     kind = kind_of(native.this_host())
     made = content_of(archive(kind.cpu)).get(MADE_WITH, b"").decode().splitlines() if kind else []
     others = [line for line in made if line.startswith("llvmlite ") and line != f"llvmlite {llvmlite.__version__}"]
@@ -51,7 +51,7 @@ def reason() -> str:
 
 
 def archive(kind: str) -> Path:
-    """Return the place of the archive for a kind of processor."""
+    """Return the path of the archive for a kind of processor."""
     return PACKED_FOLDER / f"{kind}.tar.xz"
 
 

@@ -1,6 +1,6 @@
-"""Pointers and vector instructions for compiled code, on addresses; strides and counts are in doubles.
+"""Pointers and vector instructions for compiled code. Arguments are addresses; strides and counts are in doubles.
 
-Numba compiles loops over eight doubles to code that is several times slower.
+Numba would compile loops over eight doubles to code that is several times slower.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from worm3d.machine.later import placeholder, utils
 from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses
 
 VECTOR_WIDTH = LANES
-"""Doubles in a vector."""
+"""Number of doubles in a vector."""
 BLOCK_SIZE = 5
-"""Coordinates of a joint's block: p (3), roll and bend of the segment ahead of the joint."""
+"""Number of coordinates of a joint's block: p (3), and the roll and bend of the segment ahead of the joint."""
 
 
 def _pointer(name: str) -> Any:
@@ -46,7 +46,7 @@ indices_at: Any = placeholder(lambda: _pointer("int32"))
 
 
 def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, order: Sequence[int]) -> None:
-    """Write rows, read in the given order, as columns; the number of rows is a multiple of eight."""
+    """Write rows, which are read in the given order, as columns. The number of rows is a multiple of eight."""
     for first in range(0, len(order), VECTOR_WIDTH):
         rows = [w.load(w.shifted(source, k, stride)) for k in order[first : first + VECTOR_WIDTH]]
         for k, row in enumerate(w.transposed(rows)):
@@ -61,7 +61,7 @@ def transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> N
 
 @on_addresses()
 def transpose_places(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> None:
-    """Write 24 rows, 8 of each axis, as 8 rows of 8 positions, each x, y, z."""
+    """Write 24 rows, 8 for each axis, as 8 rows of 8 positions. A position is x, y, z."""
     _transpose(w, to, to_stride, source, stride, [VECTOR_WIDTH * (k % 3) + k // 3 for k in range(3 * VECTOR_WIDTH)])
 
 
@@ -75,7 +75,7 @@ def repeat_8(w: Writer, to: Any, stride: Any, source: Any) -> None:
 
 @on_addresses()
 def add_rows(w: Writer, to: Any, pitch: Any, source: Any, stride: Any, count: Any) -> None:
-    """Add rows of 8 doubles, `stride` apart, to rows at an address, `pitch` apart."""
+    """Add `count` rows of 8 doubles at `source`, `stride` apart, to rows at `to`, `pitch` apart."""
     with utils.for_range(w.builder, count) as loop:
         there = w.shifted(to, loop.index, pitch)
         w.store(w.add(w.load(there), w.load(w.shifted(source, loop.index, stride))), there)
@@ -83,7 +83,7 @@ def add_rows(w: Writer, to: Any, pitch: Any, source: Any, stride: Any, count: An
 
 @on_addresses()
 def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
-    """Subtract a factor times the 16 doubles at `source` from 16 doubles."""
+    """Subtract a factor times the 16 doubles at `source` from the 16 doubles at `to`."""
     minus = w.neg(w.spread_number(factor))
     for shift in (0, VECTOR_WIDTH):
         w.store(w.fma(minus, w.load(source, shift), w.load(to, shift)), to, shift)
@@ -91,7 +91,7 @@ def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
 
 @on_addresses()
 def all_equal(w: Writer, source: Any, value: Any) -> Any:
-    """Return 1 if all 8 doubles equal `value`, else 0."""
+    """Return 1 if all 8 doubles at `source` equal `value`, otherwise 0."""
     equal = w.compare("oeq", w.load(source), w.spread_number(value))
     every = w.builder.icmp_signed(
         "==", w.builder.bitcast(equal, ir.IntType(VECTOR_WIDTH)), ir.Constant(ir.IntType(VECTOR_WIDTH), -1)
@@ -101,9 +101,10 @@ def all_equal(w: Writer, source: Any, value: Any) -> Any:
 
 @on_addresses()
 def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any, stride: Any) -> None:
-    """Add J^T K J to 8 rows of 8 doubles that begin a pitch apart [byte].
+    """Add J^T K J to 8 rows of 8 doubles at `to`, which begin `pitch` bytes apart.
 
-    J consists of 3 rows of 8 doubles at an address; the 9 doubles of K are stored row by row, a stride apart [byte].
+    `jacobian` is the address of J, which has 3 rows of 8 doubles. `stiffness` is the address of K, whose 9 doubles
+    follow each other row by row, `stride` bytes apart.
     """
     axes = range(3)
     J = [w.load(jacobian, VECTOR_WIDTH * axis) for axis in axes]
@@ -120,7 +121,7 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
 
 @on_addresses()
 def move(w: Writer, to: Any, source: Any, count: Any) -> None:
-    """Copy doubles to an address; source and target do not overlap."""
+    """Copy `count` doubles from `source` to `to`. The two must not overlap."""
     byte = ir.IntType(8)
     utils.raw_memcpy(w.builder, w.pointer(to, byte), w.pointer(source, byte), count, w.count(BYTES))
 
@@ -132,7 +133,7 @@ def clear(w: Writer, to: Any, count: Any) -> None:
 
 
 def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
-    """Return, lane by lane, the sums of the vectors at each address, over the first `count` numbers."""
+    """Return, lane by lane, the sums of the first `count` doubles at each address."""
     zero = w.splat(0.0)
     places = [utils.alloca_once_value(w.builder, zero) for _ in sources]
     counts = w.spread_number(count)
@@ -147,7 +148,7 @@ def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
 
 @on_addresses(float)
 def total(w: Writer, source: Any, count: Any) -> Any:
-    """Return the sum of doubles; up to seven doubles behind them are read and ignored."""
+    """Return the sum of `count` doubles. Up to seven doubles after them are read, but not added."""
     (lanes,) = _sums(w, [source], count)
     for apart in (4, 2, 1):
         lanes = w.add(lanes, w.lanes(lanes, lanes, [k + apart if k < apart else k for k in range(VECTOR_WIDTH)]))
@@ -156,7 +157,7 @@ def total(w: Writer, source: Any, count: Any) -> Any:
 
 @on_addresses()
 def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
-    """Write the sums of 8 rows, as `total` does."""
+    """Write the sums of 8 rows of `count` doubles, which are `stride` apart, to `to`."""
     sums = w.transposed(_sums(w, [w.shifted(source, k, stride) for k in range(VECTOR_WIDTH)], count))
     while len(sums) > 1:
         sums = [w.add(x, y) for x, y in zip(sums[::2], sums[1::2], strict=True)]
@@ -165,7 +166,7 @@ def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
 
 @on_addresses(float)
 def greatest(w: Writer, source: Any, count: Any) -> Any:
-    """Return the greatest of some doubles, or 0 if all are negative; the count is a multiple of eight."""
+    """Return the greatest of `count` doubles, or 0 if all are negative. `count` is a multiple of eight."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     with utils.for_range_slice(w.builder, w.count(0), count, w.count(VECTOR_WIDTH)) as (k, _):
         here, most = w.load(w.shifted(source, k)), w.builder.load(place)
@@ -183,7 +184,7 @@ def _greatest_lane(w: Writer, lanes: Any) -> Any:
 
 @on_addresses(float)
 def largest(w: Writer, source: Any, count: Any, lever: Any) -> Any:
-    """Return the largest size of doubles in blocks of five, the last two of each times a lever; NaN if any is NaN."""
+    """Return the largest absolute double in blocks of five, whose last two are multiplied by a lever; NaN if any is."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     bad, lever = utils.alloca_once_value(w.builder, w.splat(0.0)), w.spread_number(lever)
     with utils.for_range_slice(w.builder, w.count(0), count, w.count(BLOCK_SIZE * VECTOR_WIDTH)) as (k, _):

@@ -1,6 +1,6 @@
-"""Writer of LLVM's intermediate language: straight-line code on vectors of doubles, for kernels and Numba's intrinsics.
+"""Writer of LLVM's intermediate language: straight-line code on vectors of doubles.
 
-LLVM splits vectors that are longer than the processor's vectors.
+Kernels and intrinsics of Numba are written with it. LLVM splits vectors that are longer than the processor's vectors.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from llvmlite import ir
 from worm3d.machine.later import placeholder, utils
 
 LANES = 8
-"""Doubles in a vector of Numba's intrinsics."""
+"""Number of doubles in a vector of Numba's intrinsics."""
 BYTES = 8
-"""Size of a double and of an address [byte]."""
+"""Size of a double and of an address in bytes."""
 INT, INDEX, BOOL, DOUBLE = ir.IntType(64), ir.IntType(32), ir.IntType(1), ir.DoubleType()
 
 
 class Writer:
-    """Writes instructions at the position of an llvmlite builder; methods return the values of the results.
+    """Writes instructions at the position of an llvmlite builder. The methods return LLVM values.
 
-    If a block already has a pure instruction, the value is reused, since derivatives repeat many subexpressions.
-    Addresses are whole numbers; shifts from an address are in doubles.
+    If a block already has the same instruction without side effects, its value is reused, because derivatives repeat
+    many subexpressions. Addresses are integers in bytes; offsets from an address are in doubles.
 
     Parameters
     ----------
     builder : llvmlite.ir.IRBuilder
     width : int
-        Doubles in a vector.
+        Number of doubles in a vector.
     flags : sequence of str
         Fast-math flags of the arithmetic, such as "contract".
     """
@@ -44,7 +44,7 @@ class Writer:
         self._written = 0
 
     def once(self, op: str, *args: Any, **given: Any) -> Any:
-        """Return the value of the builder's `op`, which is written unless the block already has this instruction."""
+        """Return the value of the builder's instruction `op`, which is written unless the block already has it."""
         if self.builder.block is not self._block:
             self._known, self._block = {}, self.builder.block
         key = (op, *(tuple(map(_identity, arg)) if isinstance(arg, tuple) else _identity(arg) for arg in args))
@@ -59,17 +59,17 @@ class Writer:
         self._written += 1
 
     def begin(self, block: Any) -> None:
-        """Continue in another block."""
+        """Continue at the end of another block."""
         self.builder.position_at_end(block)
         self._written += 1
 
     def call(self, function: str, result: Any, *args: Any) -> Any:
-        """Call a pure function of the module; declare the function if needed."""
+        """Call a function without side effects of the module, after declaring the function if needed."""
         kind = ir.FunctionType(result, [arg.type for arg in args])
         return self.once("call", utils.get_or_insert_function(self.builder.module, kind, function), args)
 
     def splat(self, value: float, kind: Any = DOUBLE) -> Any:
-        """Return a constant, of doubles or of whole numbers, in all lanes."""
+        """Return a vector with a constant, a double or an integer, in all lanes."""
         key = f"{kind} {value!r}"
         if key not in self._constants:
             self._constants[key] = ir.Constant(ir.VectorType(kind, self.width), [value] * self.width)
@@ -96,11 +96,11 @@ class Writer:
         return self.once("fneg", a, flags=self.flags)
 
     def compare(self, how: str, a: Any, b: Any) -> Any:
-        """Return a mask; `how` is LLVM's condition: for NaN arguments "o.." is false and "u.." is true."""
+        """Return a mask. `how` is LLVM's condition; for NaN arguments "o.." is false and "u.." is true."""
         return self.once("fcmp_ordered", how, a, b)
 
     def count(self, value: int) -> Any:
-        """Return a whole number."""
+        """Return an integer constant."""
         return self._constants.setdefault(f"i64 {value}", ir.Constant(INT, value))
 
     def invert(self, mask: Any) -> Any:
@@ -108,7 +108,7 @@ class Writer:
         return self.once("xor", mask, self.splat(True, BOOL))
 
     def select(self, mask: Any, a: Any, b: Any) -> Any:
-        """Return a where the mask is true, else b."""
+        """Return a where the mask is true, and b elsewhere."""
         return self.once("select", mask, a, b)
 
     def invoke(self, address: Any, result: Any, *args: Any) -> Any:
@@ -131,20 +131,20 @@ class Writer:
         return self.fma(self.neg(x), y, value)
 
     def sum(self, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
-        """Return a sum of products."""
+        """Return the sum of the products of the entries of two lists."""
         value = self.mul(xs[0], ys[0])
         for x, y in zip(xs[1:], ys[1:], strict=True):
             value = self.fma(x, y, value)
         return value
 
     def less_sum(self, value: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
-        """Return a value minus the sum of five products, in two independent chains."""
+        """Return a value minus the sum of five products, computed in two chains that do not wait for each other."""
         for x, y in zip(xs[:2], ys[:2], strict=True):
             value = self.less(value, x, y)
         return self.sub(value, self.sum(xs[2:], ys[2:]))
 
     def horner(self, x: Any, coefficients: Sequence[float]) -> Any:
-        """Return a polynomial in x; coefficients from the highest power down."""
+        """Return a polynomial in x. The coefficients start with the highest power."""
         value = self.splat(coefficients[0])
         for c in coefficients[1:]:
             value = self.fma(value, x, self.splat(c))
@@ -155,7 +155,7 @@ class Writer:
         return self.intrinsic("fabs", x)
 
     def lanes(self, x: Any, y: Any, lanes: Sequence[int]) -> Any:
-        """Return a vector of the given lanes of two vectors; lanes of the second vector count from the width on."""
+        """Return a vector of some lanes of two vectors. Numbers of lanes of y start at the width."""
         return self.builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(INDEX, len(lanes)), list(lanes)))
 
     def lane(self, x: Any, lane: int) -> Any:
@@ -163,21 +163,21 @@ class Writer:
         return self.once("extract_element", x, ir.Constant(INDEX, lane))
 
     def exchanged(self, x: Any, y: Any, lane: int) -> Any:
-        """Return x with one lane of y."""
+        """Return x with one lane replaced by the lane of y."""
         return self.lanes(x, y, [k + self.width if k == lane else k for k in range(self.width)])
 
     def spread(self, x: Any, lane: int) -> Any:
-        """Return a lane in every lane."""
+        """Return a vector with one lane of x in every lane."""
         return self.lanes(x, x, [lane] * self.width)
 
     def spread_number(self, number: Any) -> Any:
-        """Return a number, whole or not, in every lane."""
+        """Return a vector with a double or an integer in every lane."""
         empty = ir.Constant(ir.VectorType(number.type, self.width), ir.Undefined)
         one = self.once("insert_element", empty, number, ir.Constant(INDEX, 0))
         return self.once("shuffle_vector", one, empty, ir.Constant(ir.VectorType(INDEX, self.width), None))
 
     def transposed(self, rows: list[Any]) -> list[Any]:
-        """Return the columns of `width` rows: exchange lanes of rows 1, 2, 4, ... apart."""
+        """Return the columns of `width` rows. Lanes of rows that are 1, 2, 4, ... apart are exchanged."""
         rows, width = list(rows), self.width
         for apart in (1 << k for k in range(width.bit_length() - 1)):
             low = [lane if not lane & apart else width + lane - apart for lane in range(width)]
@@ -189,7 +189,7 @@ class Writer:
         return rows
 
     def shifted(self, address: Any, count: Any, by: Any = 1) -> Any:
-        """Return the address that lies `count` times `by` doubles behind another; both may be numbers or values."""
+        """Return the address `count` times `by` doubles after an address. Both are Python integers or LLVM values."""
         count, by = (ir.Constant(INT, n) if isinstance(n, int) else n for n in (count, by))
         doubles = self.builder.mul(count, self.builder.mul(by, ir.Constant(INT, BYTES)))
         return self.builder.add(address, doubles)
@@ -211,12 +211,12 @@ class Writer:
         return self.builder.load(self.pointer(self.shifted(address, shift), DOUBLE), align=BYTES)
 
     def load_some(self, address: Any, count: Any) -> Any:
-        """Return a vector of at most the first `count` doubles, followed by zeros."""
+        """Return a vector of the first `count` doubles at an address, at most `width`, followed by zeros."""
         args = [self.pointer(address, self.vector), ir.Constant(INDEX, BYTES), self._first(count), self.splat(0.0)]
         return self._masked("load", self.vector, args)
 
     def store_some(self, value: Any, address: Any, count: Any) -> None:
-        """Write at most the first `count` doubles."""
+        """Write the first `count` doubles of a vector, at most `width`, to an address."""
         args = [value, self.pointer(address, self.vector), ir.Constant(INDEX, BYTES), self._first(count)]
         self._masked("store", ir.VoidType(), args)
 
@@ -231,22 +231,22 @@ class Writer:
 
 
 def _identity(arg: Any) -> Any:
-    """Return a key that identifies an argument of an instruction; the instruction keeps the operands alive."""
+    """Return a key that identifies an argument of an instruction. The instruction keeps its arguments alive."""
     return arg if isinstance(arg, str | int | ir.Type) else id(arg)
 
 
 def _order(value: Any) -> str:
-    """Return a key to sort the operands of a sum or product, so that only one of a b and b a is written."""
+    """Return a key by which the operands of a sum or product are sorted, so that a b and b a are the same key."""
     if isinstance(value, ir.Constant):
         return f"<{value.constant[0]}"
     return f"%{value.name}"
 
 
 def on_addresses(result: type = int) -> Callable[[Callable[..., Any]], Any]:
-    """Turn a function that writes code into an intrinsic of Numba, for compiled code.
+    """Return a decorator that turns a function that writes code into an intrinsic of Numba, for compiled code.
 
-    The function gets a `Writer` and the arguments of the call, doubles or whole numbers (addresses, strides, counts);
-    the function returns the value of the call, of the type `result`, or None for 0.
+    The function receives a `Writer` and the arguments of the call, which are doubles or integers (addresses, strides,
+    counts). It returns the value of the call, which has the type `result`, or None, which stands for 0.
     """
 
     def make(write: Callable[..., Any]) -> Any:
@@ -256,7 +256,7 @@ def on_addresses(result: type = int) -> Callable[[Callable[..., Any]], Any]:
 
 
 def intrinsic(write: Callable[..., Any], result: type) -> Any:
-    """Return the intrinsic of such a function."""
+    """Return the intrinsic of a function that `on_addresses` decorates."""
     from numba import extending
     from numba.core import types
 

@@ -1,6 +1,6 @@
-"""Measures of a run: the table of measures, and the functions of the measures.
+"""Measures of a run: the table of measures, and the functions that compute them.
 
-The order of the imports is the order of a summary.
+The order of the imports is the order of the measures in a summary.
 """
 
 from worm3d.measures.table import MEASURES as MEASURES

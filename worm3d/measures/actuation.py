@@ -12,7 +12,7 @@ from worm3d.recorded.finished import FinishedRun
 
 @measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")
 def _effort(result: FinishedRun) -> float:
-    """Return the rms of c + f/(k/2) over the greatest stroke; an extra force f counts as contraction."""
+    """Return the rms of c + f/(k/2) over the largest stroke. An extra force f counts as a contraction f/(k/2)."""
     waves, worm = waves_of(result), result.worm
     rows = slice(waves.first + 1, None)
     stiffness = np.asarray(worm.k_spring, dtype=float)[:, None] / 2.0
@@ -25,7 +25,7 @@ def _effort(result: FinishedRun) -> float:
 
 @measure("commands_at_limit", "recorded instants at which the contraction asked of a chamber met an end of its stroke")
 def _at_limit(result: FinishedRun) -> float:
-    """Return the number of rows with a command at an end of the stroke, except an end at 0, the rest position."""
+    """Return the number of rows with a command at an end of the stroke. An end at 0, the rest position, is ignored."""
     worm = result.worm
     acting = worm.actuator.values(worm, hinge=False)
     least, greatest = (

@@ -1,15 +1,16 @@
 """Measures of contact: slip of loaded contacts, anchoring of segments, wall load, penetration and roll.
 
-Between two rows each contact point p slides by s_p and bears the mean N_p of the normal loads at both rows. The
-measures use the last whole waves, in which the worm travels the distance D (`worm3d.measures.waves`):
+Between two rows, each contact point p slides by s_p. N_p is the mean of its normal loads at both rows. The measures use
+the last whole waves, in which the worm travels the distance D (`worm3d.measures.waves`):
 
     slip_per_metre      = sum over rows of (sum_p N_p s_p / sum_p N_p) / D                          (J4)
-    backslide_per_metre = the same with s_p max(0, -cos a_p), a_p the angle between the point's displacement and its
-                          segment, towards the head                                               (J5)
-    anchoring_duty      = share of time in which a segment is anchored: bears load and slides by no more than
-                          `AT_REST` of the body length a period, mean over segments                (J6)
+    backslide_per_metre = the same with s_p max(0, -cos a_p) in place of s_p                        (J5)
+    anchoring_duty      = share of the time in which a segment is anchored, mean over the segments  (J6)
 
-A worm that is dragged along has a slip of 1 m/m; a worm whose loaded contacts all stick has no slip.
+a_p is the angle between the displacement of the point and the direction of its segment towards the head. A segment is
+anchored if it bears load and slides by at most `AT_REST` times the body length per period.
+
+A worm that is dragged along has a slip of 1 m/m. A worm whose loaded contacts all stick has no slip.
 """
 
 from __future__ import annotations
@@ -26,30 +27,34 @@ from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
 
 AT_REST = 1e-3
-"""Largest slide of an anchored segment [body lengths a period]. Elastic motion of anchors does not count as slide. A
-worm that slides has a slide of about 0.05; half and double this limit give the same anchoring duty of the default
-worm."""
+"""Largest slide of an anchored segment [body lengths per period]. Elastic motion of anchors does not count as slide.
+
+The slide of a sliding segment is about 0.05. Half or twice this limit give the same anchoring duty of the default worm.
+"""
 NO_WALL = "there is no world in which it could sink"
 NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
 
 
 class Contacts(NamedTuple):
-    """Contact points in the time before each of R rows; P points: apexes, then end faces and inner joints."""
+    """Contacts between consecutive rows: R intervals, P points (apexes, then end faces and inner joints)."""
 
     load: FloatArray
     """Mean normal load, shape (R, P) [N]."""
     slid: FloatArray
-    """Metres slid, shape (R, P)."""
+    """Distance that each point slides in the interval, shape (R, P) [m]."""
 
     def mean_slide(self, slid: FloatArray) -> FloatArray:
-        """Return the mean of slides (R, P), weighted by load, shape (R,) [m]; 0 where nothing bears load."""
+        """Return the mean of slides, weighted by load, shape (R,) [m]; 0 where nothing bears load.
+
+        `slid` has the shape (R, P).
+        """
         total = self.load.sum(axis=1)
         mean: FloatArray = (self.load * slid).sum(axis=1) / np.where(total > 0.0, total, 1.0)
         return mean
 
 
 def contacts(result: FinishedRun, waves: Waves) -> Contacts:
-    """Return loads and slides of the rows in the waves."""
+    """Return the loads and slides between the rows of the last waves."""
     rows = slice(waves.first, None)
     apexes, joints = result.normal_load[rows].reshape(-1, 6 * result.worm.segments), result.joint_load[rows]
     load = np.hstack([apexes, joints])
@@ -81,7 +86,7 @@ def _backslide(result: FinishedRun) -> float:
 
 
 def _backward(result: FinishedRun, waves: Waves, slid: FloatArray) -> FloatArray:
-    """Return the part of slides (R, P) that goes towards the tail [m]."""
+    """Return the part of slides, an array (R, P), that is directed towards the tail [m]."""
     n = result.worm.segments
     row, point = np.nonzero(slid)
     k = waves.first + row  # the row before
@@ -132,7 +137,7 @@ def _penetration(result: FinishedRun) -> float:
 
 @measure("roll_max_deg", "largest roll over the run, to either side")
 def roll_max(result: FinishedRun) -> float:
-    """Return the largest roll of a worm [deg]; NoValueError where there is no ground."""
+    """Return the largest roll of a worm [deg]; raise NoValueError if there is no ground."""
     largest = rolled(result).largest
     if largest is None:
         raise NoValueError(NO_GROUND)

@@ -1,4 +1,4 @@
-"""Posture of a worm: the roll, and whether the worm lies on its side."""
+"""Posture of a worm: its roll, and whether it lies on its side."""
 
 from __future__ import annotations
 
@@ -15,18 +15,22 @@ if TYPE_CHECKING:
     from worm3d.worlds import World
 
 ON_ITS_SIDE = float(np.deg2rad(35.0))
-"""Roll from which a worm counts as lying on its side [rad]. The default worm has a roll of 45 degrees when it lies on
-its side. When crawling, the roll is at most 5 degrees on level ground and on slopes, 20 in the bend of a pipe, and for
-moments 18 on rubble and 30 in a tunnel."""
+"""Roll from which a worm is considered to lie on its side [rad].
+
+A default worm that lies on its side has a roll of 45 degrees. A crawling worm has a roll of at most 5 degrees on level
+ground and on slopes, and 20 degrees in the bend of a pipe. For moments it has 18 degrees on rubble and 30 degrees in a
+tunnel.
+"""
 
 MIN_SIDE_TIME = 0.5
-"""Shortest time on the side that counts, so that a rocking worm does not count [s]."""
+"""Shortest time on the side that counts [s]. A worm that rocks is on its side for shorter times."""
 
 
 def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
-    """Return the roll of a worm to its left, the median of the segments, at rows of a result, (T,) [rad].
+    """Return the roll of a worm to its left, the median over the segments, at rows of a result, shape (T,) [rad].
 
-    NaN if the worm touches nothing, or touches no ground: a wall, or any surface without gravity.
+    The roll is NaN at rows where the worm touches nothing or does not lie on ground. Walls are not ground, and without
+    gravity no surface is ground.
     """
     joints, directors = result.joints[rows], result.directors[rows]
     rolls, weight = np.full(len(joints), np.nan), float(np.linalg.norm(result.gravity))
@@ -35,7 +39,7 @@ def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
     middle = joints[:1].mean(axis=1) if result.world.flat else (joints[:, 1:] + joints[:, :-1]) / 2.0
     normal = np.broadcast_to(_normals(result.world, middle, result.worm.length), directors.shape)
     load = result.normal_load[rows].sum(axis=(1, 2)) + result.joint_load[rows].sum(axis=1)
-    level = normal @ (-result.gravity / weight) > 0.5  # a pipe's wall beside the worm is no ground
+    level = normal @ (-result.gravity / weight) > 0.5  # a pipe's wall beside the worm is not ground
     seen = (load > 0.0) & level.all(axis=1)
     sine = (directors[seen] * normal[seen]).sum(axis=-1)
     rolls[seen] = -np.median(np.arcsin(np.clip(sine, -1.0, 1.0)), axis=1)
@@ -44,18 +48,18 @@ def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Rolled:
-    """Roll of a worm at rows of a run: all rows on a plane, elsewhere five rows in half a second (`MIN_SIDE_TIME`)."""
+    """Roll of a worm at some rows of a run: all rows on a plane, otherwise five rows per `MIN_SIDE_TIME`."""
 
     time: FloatArray
     """Instants, shape (R,) [s]."""
     roll: FloatArray
     """Roll, shape (R,) [rad]; NaN as in the function `roll`."""
     step: int
-    """Number of these rows in a tenth of a second."""
+    """Number of these rows between two rows at which `on_its_side` looks; they are a tenth of a second apart."""
 
     @property
     def largest(self) -> float | None:
-        """Largest roll to either side [rad]; None where there is no ground."""
+        """Largest roll to either side [rad]; None if the roll is NaN at all rows."""
         return None if np.isnan(self.roll).all() else float(np.nanmax(np.abs(self.roll)))
 
 
@@ -71,7 +75,7 @@ def rolled(result: FinishedRun) -> Rolled:
 
 @kept
 def on_its_side(result: FinishedRun) -> float | None:
-    """Return the first time from which a worm lies on its side for half a second [s]; None if there is no such time."""
+    """Return the first time from which a worm lies on its side for `MIN_SIDE_TIME` [s]; None if it never does."""
     if len(result.time) < 2:
         return None
     found = rolled(result)
@@ -84,7 +88,7 @@ def on_its_side(result: FinishedRun) -> float | None:
 
 
 def _normals(world: World, places: FloatArray, length: float) -> FloatArray:
-    """Return unit normals of the world at places (..., 3); zeros where there is none."""
+    """Return unit normals of the world at places, an array (..., 3); zeros where the world has no normal."""
     gradient = world.normal(places, length)
     size = np.linalg.norm(gradient, axis=-1, keepdims=True)
     known = np.isfinite(size) & (size > 0.5)

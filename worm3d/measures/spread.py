@@ -1,4 +1,4 @@
-"""Spread of runs with different start positions: on uneven ground the start position decides the distance."""
+"""Spread of the distances of runs with different start positions, which matter on uneven ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from worm3d.values import arguments
 from worm3d.values.documented import with_fields
 
 MIN_STARTS = 24
-"""Smallest number of starts for a mean: the error of the mean is then a fifth of the spread."""
+"""Smallest number of starts for a mean. The standard error of the mean is then a fifth of the standard deviation."""
 UNEVEN_GROUND_ADVICE = (
     "on uneven ground every stone decides, and a single distance means little: take the mean over "
     f"{MIN_STARTS} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
@@ -24,17 +24,18 @@ UNEVEN_GROUND_ADVICE = (
 @with_fields
 @dataclass(frozen=True)
 class Spread:
-    """Distance of many runs that differ in unknown details, such as the exact start position."""
+    """Mean and error of the distance of many runs that differ in unknown details, such as the exact start position."""
 
     mean: float
-    """Mean [m]."""
+    """Mean of the distances [m]."""
     standard_error: float
-    """Standard deviation of the mean [m]; for a single run, multiply by the square root of `count`."""
+    """Standard error of the mean [m]. The standard deviation of a single run is sqrt(`count`) times as large."""
     count: int
+    """Number of runs."""
 
     @classmethod
     def of(cls, results: Sequence[FinishedRun]) -> Spread:
-        """Return the spread of runs.
+        """Return the spread of the distances of some runs.
 
         Raises
         ------
@@ -50,7 +51,7 @@ class Spread:
 
 
 def rough(result: FinishedRun) -> bool:
-    """Return whether the ground has bumps of 1 % of a segment length, so that the start decides the distance."""
+    """Return whether the ground has bumps above 1 % of a segment length, on which the start affects the distance."""
     length = result.worm.l0
     return result.world is not None and result.world.bumps(length) > 0.01 * length
 
@@ -61,15 +62,19 @@ def scattered(state: State, count: int = MIN_STARTS, within: float | None = None
     Parameters
     ----------
     state : State
+        State to copy.
     count : int
+        Number of copies.
     within : float, optional
-        Largest shift along x and y [m]; a thousandth of the length of the body if left out, which no worm feels.
+        Largest shift along x and y [m]. The default is a thousandth of the body length, which has no effect on even
+        ground.
     seed : int
+        Seed of the random shifts.
 
     Raises
     ------
     ValueError
-        No start, or a shift that is not above 0.
+        `count` is not at least 1, or `within` is not above 0.
     """
     arguments.whole("count", count)
     length = float(np.linalg.norm(np.diff(state.joints, axis=0), axis=1).sum())

@@ -1,17 +1,18 @@
 """Measures of how a run settles: the return map, and the time to reach the final speed.
 
-**Return map.** The shape x_k is sampled at instants a period apart, back from the end. x_k contains the positions of
-the joints relative to the centre of mass, and on level ground is turned back by the heading: position and heading are
-left out, since a gait does not determine them. As the worm approaches a limit cycle, |x_(k+1) - x_k| shrinks from
-period to period by the largest modulus of the multipliers that the start excites:
+**Return map.** The shape x_k is sampled at instants that are a period of the gait apart, counted back from the end of
+the run. x_k contains the positions of the joints relative to the centre of mass. On level ground, the shape is also
+rotated so that the heading is 0. Position and heading are left out because a gait does not determine them. As the worm
+approaches a limit cycle, |x_(k+1) - x_k| shrinks from period to period. The factor is the largest modulus among those
+multipliers of the limit cycle that the start excites:
 
     return_map_radius = exp(slope of log |x_(k+1) - x_k| over k, least squares)                          (J7)
 
-over the later half of the differences above rounding, 1e-10 (rms over the joints), and at least two differences; 0 if
-there is at most one difference.
+Only differences above rounding are used: more than 1e-10 (rms over the joints, in body lengths). The slope is taken
+over the later half of these differences, and over at least two. The value is 0 if there is at most one such difference.
 
-**Response.** Let w(t) be the distance in the period before t (at rest before the start), and D the value of w in the
-last waves:
+**Response.** Let w(t) be the distance in the period before t (the worm is at rest before the start), and D the mean
+distance per period in the last waves:
 
     response_time = first t from which w >= 0.9 D for a period                                       (J8)
 """
@@ -28,7 +29,7 @@ from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray, IntArray
 
 RISEN = 0.9
-"""Share of a new speed or heading at which a worm has responded."""
+"""Fraction of a change of speed or heading at which a worm is considered to have responded."""
 FEW_PERIODS = "the run has fewer than three whole periods"
 UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
 
@@ -46,9 +47,9 @@ def _return_map(result: FinishedRun) -> float:
 
 
 def shapes(result: FinishedRun, rows: IntArray) -> FloatArray:
-    """Return the shape of the body at R rows, without the position, and on level ground without the heading.
+    """Return the joints relative to the centre of mass at R rows, shape (R, N+1, 3) [body lengths].
 
-    The shape has the joints relative to the centre of mass, shape (R, N+1, 3) [body lengths].
+    On level ground, the joints are also rotated about the vertical so that the heading is 0.
     """
     shape: FloatArray = (result.joints[rows] - result.com[rows, None]) / result.worm.length
     heading = result.heading[rows]
@@ -60,7 +61,7 @@ def shapes(result: FinishedRun, rows: IntArray) -> FloatArray:
 
 
 def decay(changes: FloatArray) -> float:
-    """Return the factor (J7) of the changes of shape, (K, N+1, 3); 0 if at most one change is above rounding."""
+    """Return the factor (J7) for changes of shape, an array (K, N+1, 3); 0 if at most one change exceeds rounding."""
     size = np.sqrt((changes**2).sum(axis=2).mean(axis=1))
     large = np.flatnonzero(size > 1e-10)
     if len(large) < 2:
@@ -96,12 +97,12 @@ def _response(result: FinishedRun) -> float:
 
 
 def _earlier(time: FloatArray, values: FloatArray, by: float) -> FloatArray:
-    """Return values (T, D) at times earlier by `by`; the first values for times before the start."""
+    """Return the values, an array (T, D), at times earlier by `by`; before the start, the first values."""
     return np.column_stack([np.interp(time - by, time, column) for column in values.T])
 
 
 def rise_time(time: FloatArray, values: FloatArray, before: float, after: float, lasting: float) -> float:
-    """Return the time after time[0] from which values stay beyond 90 % of the change from one value to another.
+    """Return the time after time[0] from which at least 90 % of the change from `before` to `after` is reached.
 
     Parameters
     ----------
@@ -110,12 +111,12 @@ def rise_time(time: FloatArray, values: FloatArray, before: float, after: float,
     before, after : float
         Initial value and final value.
     lasting : float
-        Time for which the values have to stay [s]; the last part of this time may be beyond the end.
+        Time for which the values have to stay there [s]. A value that stays there until the end also counts.
 
     Raises
     ------
     NoValueError
-        The values never stay beyond 90 %.
+        The values never stay there.
     """
     share = (values - before) / (after - before)
     risen = share >= RISEN

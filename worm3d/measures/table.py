@@ -1,13 +1,14 @@
-"""The table of measures of a run; each measure is declared once, with name, meaning and function.
+"""The table of measures of a run. Each measure is declared once, with its name, meaning and function.
 
-All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in figures of sweeps. A new measure:
+All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in the figures of sweeps. This adds a
+measure:
 
     @measure("lift_m", "how far the head is above the tail at the end")
     def lift(result):
         return float(result.joints[-1, -1, 2] - result.joints[-1, 0, 2])
 
-A measure with parameters is a subclass of `Measure`, with the fields `name` and `meaning` and a method `of`. Scenes
-name such functions and classes as `measures.parts = ["my_robot:lift"]`.
+A measure with parameters is a subclass of `Measure` with the fields `name` and `meaning` and a method `of`. Scenes
+refer to such functions and classes as `measures.parts = ["my_robot:lift"]`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from worm3d.values.named import marked
 from worm3d.values.read_only import kept
 
 Metric = tuple[float | str | None, str]
-"""A value, and the reason if the value is None."""
+"""A value and a reason: the value of a measure, or None, and the reason if the value is None."""
 
 Value = float | str
 Function = Callable[[Any], Value]
@@ -35,7 +36,7 @@ OVERFLOW = "it is too large for a number"
 
 
 class NoValueError(Exception):
-    """A run has no value of a measure; the message is the reason."""
+    """Raised if a run has no value of a measure; the message is the reason."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Measure:
     meaning: str = ""
     """Meaning of the measure, in a few words."""
     function: Function | None = None
-    """Function that returns the value of a run, or raises NoValueError; None if a subclass overrides `of`."""
+    """Function that returns the value of a run, or raises NoValueError. None if a subclass overrides `of`."""
 
     def of(self, result: FinishedRun) -> Value:
         """Return the value of a run, or raise NoValueError."""
@@ -55,7 +56,7 @@ class Measure:
         return self.function(result)
 
     def __call__(self, result: FinishedRun) -> Metric:
-        """Return the value of a run, or None and the reason; a user's measure that raises also has the value None."""
+        """Return the value and "", or None and the reason, for example the error that a user's measure raised."""
         try:
             value = self.of(result)
         except NoValueError as none:
@@ -72,12 +73,12 @@ MEASURES: dict[str, Measure] = {}
 
 
 def measure(name: str, meaning: str) -> Callable[[F], F]:
-    """Return a decorator that enters a function of a result in the table.
+    """Return a decorator that adds a function of a result to the table of measures.
 
     Raises
     ------
     ValueError
-        The name is taken.
+        Another measure has this name.
     """
 
     def enter(function: F) -> F:
@@ -95,7 +96,7 @@ def _measured(result: FinishedRun) -> dict[str, Metric]:
 
 
 def enter_figures(result: FinishedRun, figures: Mapping[str, Metric]) -> None:
-    """Give a run the measures computed earlier, for a world or a part whose code is not available."""
+    """Store measures of a run that were computed earlier, since the code of its world or of a part may be missing."""
     _measured(result).update(figures)
 
 

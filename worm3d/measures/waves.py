@@ -1,4 +1,4 @@
-"""The last whole periods of a run, for measures of a gait."""
+"""The last whole periods ("waves") of a run, over which measures of a gait are taken."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from worm3d.values.period_means import SHORT_RUN, integrals
 from worm3d.values.read_only import kept
 
 FEWEST_ROWS = 8
-"""Smallest number of recorded instants in a period that resolves the motion within the period."""
+"""Minimum number of recorded rows per period. With fewer, the motion within the period is not resolved."""
 SPARSE_IN_PERIOD = f"the result has fewer than {FEWEST_ROWS} rows in a period of the gait: record more of them"
 
 
 class Waves:
-    """The last whole periods in the second half of a run, at least one; K periods.
+    """The K last whole periods of a run: as many as fit into the second half of the run, but at least one.
 
-    The first half is left out since a worm that starts at rest needs some waves until the waves repeat.
+    The first half is left out because a worm that starts at rest needs some waves until its motion repeats.
 
     Raises
     ------
@@ -41,35 +41,35 @@ class Waves:
         self._result, self.period = result, period
         self.count = max(1, int(0.5 * span / period + 1e-9))
         self.edges = np.maximum(time[-1] - period * np.arange(self.count, -1.0, -1.0), time[0])
-        """Instants between the periods, shape (K+1,) [s]."""
+        """Instants at the ends of the periods, shape (K+1,) [s]."""
         self._k = np.clip(np.searchsorted(time, self.edges, side="right") - 1, 0, len(time) - 2)
         self._share = (self.edges - time[self._k]) / (time[self._k + 1] - time[self._k])
 
     def at_edges(self, values: FloatArray) -> FloatArray:
-        """Return a series, shape (T, ...), at the instants between the periods, shape (K+1, ...)."""
+        """Return a series, shape (T, ...), interpolated at `edges`, shape (K+1, ...)."""
         share = self._share.reshape(-1, *(1,) * (values.ndim - 1))
         found: FloatArray = values[self._k] + share * (values[self._k + 1] - values[self._k])
         return found
 
     @cached_property
     def first(self) -> int:
-        """Row before the first period, or at the start of the first period."""
+        """Index of the last row that is not after the start of the first period."""
         return int(self._k[0])
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Share of the time before each row after `first` that is counted, shape (T - 1 - first,)."""
+        """Fraction of each interval between rows that lies in the periods, from row `first` on, shape (T-1-first,)."""
         weights = np.ones(len(self._result.time) - 1 - self.first)
         weights[0] = 1.0 - self._share[0]
         return weights
 
     def mean(self, values: FloatArray) -> float:
-        """Return the mean over the periods of values for the time before each row after `first`."""
+        """Return the mean over the periods of values that belong to the intervals of `weights`."""
         return float(self.weights @ values / self.weights.sum())
 
     @cached_property
     def turns(self) -> FloatArray:
-        """Turn to the left in each period, shape (K,) [rad]; NoValueError for a vertical body."""
+        """Turn to the left in each period, shape (K,) [rad]. Raises NoValueError for a vertical body."""
         return np.diff(self.at_edges(self._heading))
 
     @property
@@ -92,7 +92,7 @@ class Waves:
 
     @cached_property
     def course(self) -> FloatArray | None:
-        """Progress of the worm along the course of the world (a pipe) in each period, shape (K,) [m]."""
+        """Progress along the centre line of a pipe in each period, shape (K,) [m]. None in a world without a course."""
         result = self._result
         if result.world is None:
             return None
@@ -112,5 +112,5 @@ class Waves:
 
 @kept
 def waves_of(result: FinishedRun) -> Waves:
-    """Return the last whole periods of a run; NoValueError if there are none."""
+    """Return the last whole periods of a run; raise NoValueError if there are none."""
     return Waves(result)

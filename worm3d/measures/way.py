@@ -1,4 +1,4 @@
-"""The way of a worm: the forward distance and the path."""
+"""Forward distance of a worm, and the path of its centre of mass along the ground."""
 
 from __future__ import annotations
 
@@ -17,14 +17,22 @@ if TYPE_CHECKING:
 NO_HEADING = "the body is vertical at the start: it has no heading"
 NO_PERIOD = "the actuation has no `period` [s] over which the centre of mass could be averaged"
 NO_WAY = 1e-9
-"""Distance that counts as rounding, as a fraction of the body length."""
+"""Largest distance that counts as rounding, as a fraction of the body length."""
 
 
 def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray | None:
-    """Return the forward position of each centre of mass (T, 3), shape (T,) [m]; None for a vertical body.
+    """Return the forward position of each centre of mass, shape (T,) [m]; None for a vertical body.
 
-    Forward is the heading of the joints (N+1, 3) in the world's tangent plane; in a pipe, forward is along the centre
-    line, towards the head.
+    Forward is the direction of the heading of the joints in the world's tangent plane. In a pipe, it is the direction
+    of the centre line towards the head.
+
+    Parameters
+    ----------
+    com : ndarray, shape (T, 3)
+        Centres of mass [m].
+    joints : ndarray, shape (N+1, 3)
+        Joints, which define the heading [m].
+    world : World or None
     """
     course = None if world is None else world.course(com, joints)
     if course is not None:
@@ -43,13 +51,13 @@ def distance(result: FinishedRun) -> float:
 
 
 def distance_of(com: FloatArray, joints: FloatArray, world: World | None) -> float:
-    """Return the forward displacement from the first to the last of centres of mass [m]; NaN for a vertical body."""
+    """Return the forward displacement from the first to the last centre of mass [m]; NaN for a vertical body."""
     ends = way(com[[0, -1]], joints, world)
     return float("nan") if ends is None else float(ends[-1] - ends[0])
 
 
 def along_the_ground(result: FinishedRun) -> FloatArray:
-    """Return the centre of mass without the height over a plane: a worm that rises on its feet does not advance."""
+    """Return the centre of mass without its height over a plane, since a worm that only rises does not advance."""
     if result.world is None or not result.world.flat:
         return result.com
     normal = result.world.normal(result.joints[0].mean(axis=0), result.worm.length)

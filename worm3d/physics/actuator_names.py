@@ -1,4 +1,4 @@
-"""Actuators by name, and the base classes of new actuators; the classes are defined in `worm3d.physics`."""
+"""The actuators that come with worm3d, and the base classes of new actuators."""
 
 from worm3d.physics.actuators import ACTUATORS, Actuator, FirstOrder, Response
 from worm3d.physics.pneumatic import Pneumatic

@@ -1,12 +1,13 @@
 """Check whether the energies that an actuator declares equal the work done by the actuator's force.
 
-The ledger of a run closes whatever an actuator declares: an excess counts as numerical loss, and a single run cannot
-distinguish the excess from the error of the time steps. The check moves the chamber of an isolated actuator, once with
-full steps and once with half steps. The energy missing until each time,
+The ledger of a run balances whatever energies an actuator declares, because the ledger books any difference as
+numerical loss. A single run cannot distinguish such a difference from the error of the time steps. Therefore this check
+moves the chamber of an isolated actuator twice, with full steps and with half steps. The energy missing up to a time is
 
-    D = sum of (work - stored - lost + dPsi/dl (l - l_n)),                                              (B1)
+    D = sum of (work - stored - lost + dPsi/dl (l - l_n))                                               (B1)
 
-is extrapolated to steps of zero length, 2 D_half - D. The result is 0 where force and energies are consistent.
+over the steps until then. D is extrapolated to steps of zero length as 2 D_half - D. The result is 0 if the force and
+the energies are consistent.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from worm3d.values.parameters import parameters_of
 MOTION_STROKE = 0.3
 """Largest shortening of the chamber and largest commanded contraction, as a fraction of the greatest contraction."""
 LARGEST_MISS = 0.005
-"""Largest missing energy without a warning, as a fraction of the largest energy that is declared or given.
+"""Largest missing energy without a warning, as a fraction of the largest energy that is declared or transferred.
 
-The actuators of worm3d miss 1.6e-4 at most; a declared work that is 5 % too large misses 0.05. Half and double this
-limit separate the two cases as well.
+The actuators of worm3d miss at most 1.6e-4. A declared work that is 5 % too large misses 0.05. Half or twice this limit
+would separate the two cases as well.
 """
 
 BALANCE_TERMS = ("missed", "work", "stored", "lost", "on_chamber")
@@ -42,23 +43,23 @@ class UnbalancedEnergyWarning(RuntimeWarning):
 
 
 class Balance(NamedTuple):
-    """Missing energy of the actuator of a chamber in a motion."""
+    """Missing energy of the actuator of a chamber during the motion of the check."""
 
     missed: float
     """Largest missing energy over time, extrapolated to steps of zero length [J]."""
     energy: float
-    """Largest declared or given energy over time [J]."""
+    """Largest energy over time that the actuator declares or transfers to the chamber [J]."""
     change: float
-    """Largest change of the missing energy when the step is halved [J]."""
+    """Largest change of the missing energy when the steps are halved [J]."""
 
     @property
     def holds(self) -> bool:
-        """Whether no energy is missing, except as much as the steps of the motion may cause."""
+        """Whether no more energy is missing than the tolerance or the error of the steps explains."""
         return self.missed <= max(LARGEST_MISS * self.energy, self.change)
 
 
 _FOUND: dict[tuple[Any, ...], Balance] = {}
-"""Balances of the actuators of earlier worms."""
+"""Results for the actuators of earlier worms, by class and parameters."""
 
 
 def warn_of_imbalance(worm: Worm) -> None:
@@ -79,9 +80,9 @@ def warn_of_imbalance(worm: Worm) -> None:
 
 
 def balance(part: Actuator, worm: Worm, steps: int = 100) -> Balance:
-    """Return the missing energy (B1) of the actuator of a worm's chambers, for the chamber that misses most.
+    """Return the missing energy (B1) for the chamber of the worm that misses most.
 
-    The motion takes 1 s, a typical gait period, in `steps` full steps.
+    The motion takes 1 s, a typical period of a gait, in `steps` full steps.
     """
     coarse, fine = (_energies(part, worm, count) for count in (steps, 2 * steps))
     change = fine[::2, 0] - coarse[:, 0]
@@ -92,7 +93,7 @@ def balance(part: Actuator, worm: Worm, steps: int = 100) -> Balance:
 
 
 def _energies(part: Actuator, worm: Worm, steps: int) -> FloatArray:
-    """Return the cumulative `BALANCE_TERMS` at the start and after each step, shape (steps + 1, 5, N) [J]."""
+    """Return the cumulative sums of `BALANCE_TERMS` at the start and after each step, shape (steps + 1, 5, N) [J]."""
     kind, n, dt = part.compiled(), worm.segments, 1.0 / steps
     at_rest, of_step = _functions(kind)
     lengths, commands = _motion(worm, np.linspace(0.0, 1.0, steps + 1))
@@ -112,9 +113,9 @@ def _energies(part: Actuator, worm: Worm, steps: int) -> FloatArray:
 
 
 def _motion(worm: Worm, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return lengths [m] and commanded contractions of the chambers at K times, shape (K, N) each.
+    """Return the lengths [m] and the commanded contractions of the chambers at K times, each of shape (K, N).
 
-    Both oscillate smoothly, at different frequencies; each chamber has a different phase.
+    Lengths and contractions oscillate smoothly at different frequencies, with a different phase in each chamber.
     """
     most = MOTION_STROKE * worm.stroke[1]
     phase = 2.0 * np.pi * (time[:, None] + 0.4 * np.arange(worm.segments))
@@ -122,12 +123,13 @@ def _motion(worm: Worm, time: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 Numeric = Callable[[dict[str, Any], int], dict[str, FloatArray]]
-"""Function from numbers by name, one or N of each, and N, to numbers by name, each of shape (N,)."""
+"""Function of a dictionary of inputs and the number N of chambers. An input is a number or N numbers; each result has
+the shape (N,)."""
 
 
 @once
 def _functions(kind: type[Actuator]) -> tuple[Numeric, Numeric]:
-    """Return the states of an actuator at rest, and the function of a step."""
+    """Return two functions: the states of an actuator at rest, and the energies and states of a step."""
     past = [f"{state}_{at}" for state in kind.states for at in ("n", "hat")]
     s = {name: ca.SX.sym(name) for name in (*RESPONSE_INPUTS, *parameters_of(kind), *past)}
     response, length = kind.respond(s), s["length"]
@@ -144,7 +146,7 @@ def _functions(kind: type[Actuator]) -> tuple[Numeric, Numeric]:
 
 
 def _numeric(inputs: dict[str, ca.SX], outputs: dict[str, Any]) -> Numeric:
-    """Return a function of numbers that evaluates expressions of the inputs."""
+    """Return a function that evaluates expressions numerically; `inputs` are the symbols in these expressions."""
     values = ca.Function("values", list(inputs.values()), [ca.vertcat(*map(ca.SX, outputs.values()))])
 
     def evaluate(known: dict[str, Any], count: int) -> dict[str, FloatArray]:

@@ -1,4 +1,4 @@
-"""Sizes, masses, stiffnesses and strokes of a worm; one value for all segments or one for each segment."""
+"""Sizes, masses, stiffnesses and strokes of a worm. Most are a number, or an array with a number for each segment."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from worm3d.values.parameters import check, parameter
 from worm3d.values.read_only import ReadOnly
 
 MOST_SEGMENTS = 1000
-"""Largest number of segments: longer worms do not come to rest on their world."""
+"""Maximum number of segments. Longer worms do not settle on their world."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body(ReadOnly):
-    """A chain of N rhombic linkages: the part of a worm that actuators know. Segment and joint 0 are the tail."""
+    """A chain of N rhombic linkages: properties of a worm that actuators use. Segment 0 and joint 0 are at the tail."""
 
     segments: int = parameter(
         6, "number of segments, N", ge=1, le=MOST_SEGMENTS, key="segments", aka=("n", "n_segments")

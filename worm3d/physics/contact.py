@@ -2,61 +2,66 @@
 
 A world gives the signed distance g(X) of a point (negative inside), its gradient n and its curvature.
 
-Normal load (C1): a stiff quadratic penalty with a damper that never pulls; d = max(0, -g), d_n = d(t_n):
+Normal load (C1). The contact is a stiff linear spring (a quadratic penalty) with a damper, and never pulls. With the
+penetration d = max(0, -g), d_n = d(t_n), stiffness k and damping c,
 
     N = (k + c/dt) max(0, -g - d*),   d* = (c/dt) d_n/(k + c/dt)
 
-Gauges (C2): y = (y_x, y_l) is a displacement along the segment and to its left, in the tangent plane at the start of
-the step; mu_x = mu_forward for y_x > 0 (towards the head), else mu_backward:
+Gauges (C2) are norms that weight each direction with its coefficient. y = (y_x, y_l) is a displacement along the
+segment and to its left, in the tangent plane at the start of the step. mu_x is mu_forward for y_x > 0 (towards the
+head), otherwise mu_backward.
 
     rho(y) = sqrt((mu_x y_x)^2 + (mu_l y_l)^2),   eta(y) = sqrt((e_x y_x)^2 + (e_l y_l)^2),   e = H mu >= mu
 
 The hardness H is 1, except where mu is so small that a contact would have to move far before yielding.
 
-Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; per unit of the
-capacity, which is the normal load in Coulomb's law,
+Friction (C3) is set-valued, with anchors: a contact is tied by a spring to an anchor, which moves only when the contact
+slides. s is the displacement from the anchor, and y = s - s*. The force per unit of capacity is f; in Coulomb's law,
+the capacity is the normal load.
 
     f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/c_0 - r/eta)
     1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
 
-f is linear while eta <= c_0 r. Far beyond, f = c_0 M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the greatest
-dissipation on an ellipse. f never leaves this ellipse: f_i/(c_0 mu_i) is a harmonic mean of e_i y_i/eta and
-mu_i y_i/rho, which make unit vectors. Where H = 1, f is the gradient of Huber's potential
+f is linear in y while eta <= c_0 r. Far beyond, f = c_0 M^2 y/rho with M = diag(mu_x, mu_l), which is Coulomb's law
+with maximum dissipation on an ellipse. f never leaves this ellipse, because f_i/(c_0 mu_i) is a harmonic mean of the
+components e_i y_i/eta and mu_i y_i/rho of two unit vectors. Where H = 1, f is the gradient of Huber's potential
 
     h = c_0^2 lambda + r/2 sum_i (mu_i y_i/P_i)^2
 
-Elsewhere f has no potential across the axes: descent (`worm3d.solver.descent`) takes H = 1 everywhere. The limit
-mu_x -> 0 is regular: there is no force along x, the anchor follows, and lateral friction still holds.
+Where H is not 1, f is not the gradient of a potential; the fallback (`worm3d.solver.descent`) therefore uses H = 1
+everywhere. The limit mu_x -> 0 is regular: the force along x vanishes, the anchor follows the contact along x, and
+lateral friction still holds.
 
-rho_b, the breakaway displacement times e, is a single number, so that all contacts yield together at any load; D puts a
-damper beside the anchor's spring. c_0 (`Step.limit_ratio`) bounds the total force of spring and damper: c_0 is the
-limit of friction over capacity, 1, or static_ratio while a contact is stuck.
+rho_b is the breakaway displacement times e. It is a single number, so that all contacts yield together at any load. D
+is the constant of a damper parallel to the anchor's spring. c_0 (`Step.limit_ratio`) bounds the total force of spring
+and damper per unit of capacity. It is static_ratio while a contact is stuck, and otherwise 1.
 
-Return (C4): after the step the anchor moves until y is back on the surface eta = c_0 r: s becomes s* + y
-min(1, c_0 r/eta), and the anchor moves by the difference.
+Return (C4): after the step the anchor moves until y is back on the surface eta = c_0 r. s becomes s* + y
+min(1, c_0 r/eta), and the anchor moves by the change of s.
 
 Newton (C5): f obeys P f = M E y with E = diag(e_x, e_l). In a contact that slides little, the direction of y changes
 much within a step, and a linearised f is a poor prediction. Newton's method therefore treats f as a separate unknown
-that obeys the linearised equation. The root is the same, and the convergence near the root is as fast:
+that obeys the linearised equation. The root is the same, and the convergence near the root is equally fast. With the
+stiffness K and the prediction f' for a change dy,
 
     K = (M E - H f z^T)/P,   f' = (M E (y + dy) - H f (z.dy))/P,   z = grad lambda
 
-f' is scaled back on to the yield surface (Chan, Golub, Mulet 1999, SIAM J. Sci. Comput. 20, 1964; Hintermueller,
-Stadler 2006, SIAM J. Sci. Comput. 28, 1: the same functional, the total variation of a picture).
+f' is then scaled back to the yield surface. (Chan, Golub, Mulet 1999, SIAM J. Sci. Comput. 20, 1964; Hintermueller,
+Stadler 2006, SIAM J. Sci. Comput. 28, 1, use this method for the same functional, the total variation of an image.)
 
 Breakaway (C6): the step is solved with c_0 = static_ratio for all contacts that stuck at the start of the step. Of
 these, all contacts that yield in the solution, or almost yield,
 
     eta > c_0 r (1 - 1e-9),
 
-break away together: they get c_0 = 1, and the step is solved again from the start. This is repeated until no contact
-yields. A contact that breaks away keeps the kinetic limit until the step ends, even if Newton's method puts the contact
-in a sticking regime again; therefore the repetition ends. The static limit returns in the next step if the anchor did
-not slip. A contact that yields has the greatest force regardless of rounding, so that contacts with equal forces behave
-alike; neither the order of the contacts nor the way to the solution matters.
+break away together: their c_0 becomes 1, and the step is solved again from the start. This is repeated until no further
+contact yields. A contact that breaks away keeps the kinetic limit until the step ends, even if Newton's method assigns
+it a sticking regime again; therefore the repetition ends. The static limit holds again in the next step if the anchor
+did not slip. The tolerance 1e-9 exceeds rounding, so that contacts with equal forces behave alike. Neither the order of
+the contacts nor the sequence of iterates affects the solution.
 
-Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N (C7). Where a contact slides, they add
-rho (1/c - 1/c_0) to lambda of Coulomb's law, and the strength c = c_0 + Psi'(c_0 lambda/dt) replaces c_0 (C8).
+Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N (C7). Where a contact slides, these laws
+add rho (1/c - 1/c_0) to lambda of Coulomb's law, and the strength c = c_0 + Psi'(c_0 lambda/dt) replaces c_0 (C8).
 """
 
 from __future__ import annotations
@@ -69,8 +74,9 @@ from worm3d.physics.friction_laws import FrictionLaw
 from worm3d.physics.part import Symbols
 
 YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, so that rounding does not make anchors creep; and
-relative distance below the static limit at which a contact breaks away, (C6)."""
+"""Relative tolerance of the yield surface. An anchor stays if the relative excess over this surface is smaller, since
+rounding would otherwise make anchors creep. A contact breaks away from this relative distance below the static limit,
+(C6)."""
 
 
 class Directions(NamedTuple):
@@ -81,7 +87,7 @@ class Directions(NamedTuple):
     lateral: ca.SX
 
     def of(self, y: ca.SX) -> ca.SX:
-        """Return the values along the segment and sideways for a displacement y, shape (2,)."""
+        """Return the values along the segment and sideways for a displacement y of shape (2,)."""
         return ca.vertcat(ca.if_else(y[0] > 0.0, self.forward, self.backward), self.lateral)
 
 
@@ -93,12 +99,12 @@ class Coefficients(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Constants of (C3) in a step, and the law of friction."""
+    """Constants of (C3) in a step, the law of friction, and the parameters of the law."""
 
     r: ca.SX
-    """Compliance of anchor spring and damper: gauge of y per unit of friction over capacity [m]."""
+    """Compliance r of the anchor's spring and damper: gauge of y per unit of f [m]."""
     limit_ratio: ca.SX
-    """Limit of friction over capacity, c_0: 1, or static_ratio while the contact is stuck."""
+    """Limit c_0 of f: static_ratio while the contact is stuck, otherwise 1."""
     centre: ca.SX
     """s*, shape (2,) [m]."""
     dt: ca.SX
@@ -113,7 +119,7 @@ class Step(NamedTuple):
         return ca.substitute(of, N, load), ca.substitute(ca.gradient(of, N), N, load)
 
     def strength(self, slip: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return c of (C8) at rho(slip) [m], its slope [1/m], and the excess lost in the step [m]."""
+        """Return c of (C8) for a slip with the gauge `slip` [m], its slope [1/m], and dt Psi, the excess loss [m]."""
         w = ca.SX.sym("w")
         excess = self.law.excess(w, self.parameters)
         hardening, slope = ca.gradient(excess, w), ca.gradient(ca.gradient(excess, w), w)
@@ -123,32 +129,32 @@ class Step(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """(C3) at a displacement; vectors have the shape (2,)."""
+    """Terms of (C3) at a displacement y; vectors have the shape (2,)."""
 
     mu: ca.SX
     e: ca.SX
     hardness: ca.SX
     per_P: ca.SX
     multiplier: ca.SX
-    """lambda"""
+    """lambda of (C3) [m]."""
     slope: ca.SX
-    """grad lambda"""
+    """Gradient of lambda."""
     f: ca.SX
-    """Friction per unit of capacity."""
+    """f, friction per unit of capacity."""
     strength: ca.SX
-    """c of (C8)"""
+    """c of (C8)."""
     potential: ca.SX
-    """h [m], per unit of capacity, where the hardness is 1"""
+    """h per unit of capacity [m]; valid where the hardness is 1."""
 
 
 def squares(y: ca.SX, of: Coefficients) -> tuple[ca.SX, ca.SX]:
-    """Return rho^2 and eta^2 of (C2) [m^2]; the squares, unlike rho and eta, are smooth at 0."""
+    """Return rho^2 and eta^2 of (C2) [m^2]. The squares are smooth at 0, unlike rho and eta."""
     mu_y = of.mu.of(y) * y
     return ca.sumsqr(mu_y), ca.sumsqr(of.hardness.of(y) * mu_y)
 
 
 def friction(y: ca.SX, of: Coefficients, step: Step, sticks: ca.SX | float = 0.0) -> Friction:
-    """Return (C3) with (C8); without a limit where `sticks` is not zero."""
+    """Return the friction at y, (C3) and (C8). If `sticks` is not 0, the contact sticks at any displacement."""
     mu, hardness = of.mu.of(y), of.hardness.of(y)
     rho, eta = (ca.sqrt(square) for square in squares(y, of))
     slides = ca.logic_and(eta > step.limit_ratio * step.r, ca.logic_not(sticks))
@@ -169,21 +175,21 @@ def friction(y: ca.SX, of: Coefficients, step: Step, sticks: ca.SX | float = 0.0
 
 
 def stiffness(at: Friction, force: ca.SX) -> ca.SX:
-    """Return K (2, 2) of (C5) for f."""
+    """Return K of (C5), shape (2, 2), for f = `force`."""
     return ca.diag(at.mu * at.e * at.per_P) - (at.hardness * at.per_P * force) @ at.slope.T
 
 
 def predicted_friction(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple[ca.SX, ca.SX]:
-    """Return f' (2) of (C5) for f and a step dy, and the square of the change of y as a fraction of P.
+    """Return f' of (C5), shape (2,), for f = `force` and a step dy, and the square of the change of y relative to P.
 
-    f' is not scaled back yet.
+    f' is not yet scaled back to the yield surface.
     """
     ahead = at.mu * at.e * (y + dy) - at.hardness * force * ca.dot(at.slope, dy)
     return ahead * at.per_P, ca.sumsqr(at.e * dy * at.per_P) / at.strength**2
 
 
 def utilisation_squared(force: ca.SX, of: Coefficients, strength: ca.SX) -> ca.SX:
-    """Return the square of a force per unit of capacity over the limit that a strength sets in this direction."""
+    """Return the square of the ratio of a force to the limit in its direction, both per unit of capacity."""
     return ca.sumsqr(force / of.mu.of(force)) / strength**2
 
 
@@ -196,7 +202,7 @@ def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
 
 
 def static_excess(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
-    """Return the excess of eta(y) over the static limit, (C6) [m]."""
+    """Return by how much eta(y) exceeds the limit at which a stuck contact breaks away, (C6) [m]."""
     return ca.sqrt(squares(y, of)[1]) - step.limit_ratio * step.r * (1.0 - YIELD_TOLERANCE)
 
 

@@ -1,4 +1,4 @@
-"""Checks of the symbolic expressions that actuators and laws of friction return, with clear error messages."""
+"""Checks of the symbolic expressions that user-defined parts, such as actuators, return, with clear error messages."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ EXPRESSION_ADVICE = (
     "must be a scalar expression; take ca.if_else, ca.fmin and ca.fmax (casadi as ca), not Python's if, min and max or "
     "np.clip"
 )
-"""Requirement on an expression, and advice."""
+"""Requirement on an expression, and advice, for error messages."""
 
 
 def answer(of: type, method: str, *given: Any) -> Any:
-    """Return the result of a method of a class.
+    """Return the result of the method named `method` of the class `of`.
 
     Raises
     ------
@@ -32,12 +32,12 @@ def answer(of: type, method: str, *given: Any) -> Any:
 
 
 def scalar(name: str, value: Any) -> ca.SX:
-    """Return a scalar expression.
+    """Return a value as a scalar expression.
 
     Raises
     ------
     ValueError
-        The value is anything else; `name` describes the value.
+        The value is not a scalar expression. `name` describes the value in the message.
     """
     import casadi as ca  # loading casadi takes longer than everything else that describes a worm
 

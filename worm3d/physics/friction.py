@@ -1,4 +1,4 @@
-"""Coefficients of friction, and the constants of contact (`worm3d.physics.contact`) scaled to a worm."""
+"""Coefficients of friction, and the constants of the contact law (`worm3d.physics.contact`) for a given worm."""
 
 from __future__ import annotations
 
@@ -16,41 +16,51 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5
-"""Penetration under the mean load, as a fraction of the segment length."""
+"""Penetration of a contact under the mean load, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
 """Breakaway displacement of the contact with the smallest coefficient, as a fraction of the segment length."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Smallest coefficient, as a fraction of the largest, that may set the breakaway displacement. Smaller coefficients
-would make the other contacts so stiff that rounding shows; contacts with smaller coefficients are harder instead, so
-that they yield no later."""
+"""Smallest coefficient that may set the breakaway displacement, as a fraction of the largest coefficient.
+
+A smaller coefficient would make the other contacts so stiff that rounding errors become visible. Contacts with smaller
+coefficients get a larger hardness H instead, so that they yield at the same displacement.
+"""
 
 LEAST_BESIDE_SMALL = 0.1
-"""Upper limit of the coefficient that sets the breakaway displacement beside small coefficients, as a fraction of the
-largest. A contact that glides almost freely in one direction creeps across this direction, in every step, by about the
-displacement at yield."""
+"""Upper limit of the coefficient that sets the breakaway displacement if some coefficients are below
+`SMALLEST_COEFFICIENT`, as a fraction of the largest coefficient.
+
+A contact that glides almost freely in one direction creeps at right angles to this direction, in every step, by about
+the displacement at which it yields.
+"""
 
 NEGLIGIBLE = 1e-13
-"""Coefficient, as a fraction of the largest, that replaces all smaller coefficients and 0: the force changes a velocity
-in a step by less than the rounding of positions, and the law needs no exception for 0."""
+"""Coefficient that replaces all smaller coefficients, including 0, as a fraction of the largest coefficient.
+
+Its force changes a velocity in a step by less than the rounding of positions, and the law needs no exception for 0.
+"""
 
 TINY = 1e-30
-"""Coefficient that replaces 0 where all coefficients are 0."""
+"""Coefficient that replaces 0 if all coefficients are 0."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Damping ratio of the contact with the smallest coefficient and of the mass held; larger coefficients add damping.
+"""Damping ratio of the contact with the smallest coefficient and the mass that it holds. Contacts with larger
+coefficients have a larger damping ratio.
 
-The limit of friction applies to damper and spring together, so damping affects only micrometres and milliseconds.
-With too little damping (1) a suddenly applied load overshoots and breaks loose early. Stronger damping lets the contact
-carry the full load sooner; a rigid contact carries the load at once. The distance that a worm crawls does not depend on
-the damping.
+The limit of friction applies to the sum of the forces of damper and spring, so that damping affects only displacements
+of micrometres and times of milliseconds. With 1 instead of 40, a suddenly applied load overshoots and breaks loose too
+early. With more damping, the contact carries the full load sooner; a rigid contact would carry it at once. The distance
+that a worm crawls does not depend on the damping.
 """
 
 WEIGHTLESS = 0.075
-"""Weight to which the contacts of a worm without weight are scaled, as a fraction of the mean stiffness of its springs:
-about the weight of the default worm. Only spring forces press such a worm on its world. At half and double this weight
-the contacts yield by twice and half as much."""
+"""Weight that is assumed for the contacts of a worm without weight, as a fraction of the mean stiffness of its springs.
+
+This is about the weight of the default worm. Only spring forces press a worm without weight on its world. With half or
+twice this value, contacts penetrate twice or half as far.
+"""
 
 _RANGE: dict[str, Any] = {"ge": 0, "le": 1e6, "each": "segment"}
 
@@ -58,9 +68,9 @@ _RANGE: dict[str, Any] = {"ge": 0, "le": 1e6, "each": "segment"}
 @documented
 @dataclass(frozen=True, eq=False)
 class Friction(ReadOnly):
-    """Directional friction that sticks; `law` makes a force of the coefficients, Coulomb's law if left out.
+    """Directional friction with sticking. `law` computes the force from the coefficients; the default is Coulomb's law.
 
-    A law is given as a `worm3d.FrictionLaw`, by name, or as {"name": ..., **parameters}.
+    `law` is a `worm3d.FrictionLaw`, the name of a law, or a dictionary {"name": ..., **parameters}.
 
     Raises
     ------
@@ -98,7 +108,7 @@ class Friction(ReadOnly):
 
 @dataclass(frozen=True)
 class ContactConstants:
-    """Constants of the contact law for one worm and one friction.
+    """Constants of the contact law for a given worm and friction.
 
     Attributes
     ----------
@@ -108,8 +118,10 @@ class ContactConstants:
         rho_b of (C3) [m].
     gauge_damping : float
         D of (C3) [s/m].
-    mu, hardness : ndarray, shape (3, N)
-        Coefficients forward, backward and lateral of each segment, and H of (C2).
+    mu : ndarray, shape (3, N)
+        Forward, backward and lateral coefficient of each segment.
+    hardness : ndarray, shape (3, N)
+        H of (C2) for each coefficient.
     """
 
     stiffness: float
@@ -121,7 +133,7 @@ class ContactConstants:
 
     @classmethod
     def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
-        """Return the constants scaled to a worm's weight, or to `natural_gravity` for a worm without weight.
+        """Return the constants scaled to a worm's weight; for a worm without weight, `natural_gravity` is used.
 
         Left and right apexes below a segment share the load, so that each apex has half of the segment's stiffness.
         """
@@ -137,7 +149,7 @@ class ContactConstants:
             stiffness=stiffness,
             damping=2.0 * float(np.sqrt(stiffness * share)),
             yield_gauge=yield_gauge,
-            # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
+            # The mass held is N/g. Critical damping is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
             gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (least * float(np.sqrt(yield_gauge * g))),
             mu=mu,
             hardness=np.maximum(1.0, least / mu),
@@ -145,21 +157,22 @@ class ContactConstants:
 
 
 def natural_gravity(worm: Worm, gravity: float) -> float:
-    """Return the acceleration to which contacts are scaled [m/s^2]: gravity, or by `WEIGHTLESS` where gravity is 0."""
+    """Return the acceleration to which contacts are scaled [m/s^2]: gravity if not 0, otherwise from `WEIGHTLESS`."""
     return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.mass
 
 
 def natural_time(worm: Worm, gravity: float) -> float:
-    """Return the time in which the worm falls half its length [s].
+    """Return the time in which the worm falls by half of its length [s].
 
-    Contacts are scaled to the weight and the segment length, so that the time constants of contacts grow with this
-    time. For a worm without weight these time constants grow with the worm's periods of vibration (`natural_gravity`).
+    Contacts are scaled to the weight and the segment length, so that their time constants are proportional to this
+    time. For a worm without weight, these time constants are proportional to its periods of vibration
+    (`natural_gravity`).
     """
     return float(np.sqrt(worm.length / natural_gravity(worm, gravity)))
 
 
 def _least(mu: FloatArray) -> float:
-    """Return the coefficient that sets the breakaway displacement; smaller coefficients are equally hard."""
+    """Return the coefficient that sets the breakaway displacement. Contacts with smaller coefficients get H > 1."""
     largest = float(mu.max())
     if largest <= TINY:
         return 1.0

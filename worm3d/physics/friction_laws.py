@@ -1,15 +1,16 @@
-"""Laws of friction: the resistance of a contact as two symbolic functions. A new law is one class.
+"""Laws of friction: the resistance of a contact as two symbolic functions. A new law is a subclass of `FrictionLaw`.
 
-All laws share the set of forces, the anchors and the compiled step (`worm3d.physics.contact`). A law defines
+All laws use the same set of forces, anchors and compiled step (`worm3d.physics.contact`). A law defines
 
-(C7) the capacity C(N) [N] that the coefficients multiply, at a normal load N [N]. C(0) = 0, and C never falls; C = N
-     is Coulomb's law.
-(C8) the excess Psi(w) [m/s]: power lost beyond Coulomb's law, per unit of capacity, at the rate w = rho(slip)/dt of
-     (C2) [m/s]. w is the power that Coulomb's law loses. Psi(0) = Psi'(0) = 0; Psi = 0 is Coulomb's law.
+(C7) the capacity C(N) [N], which the coefficients multiply, for a normal load N [N]. C(0) = 0, and C never decreases.
+     C = N is Coulomb's law.
+(C8) the excess Psi(w) [m/s], the power lost in addition to the loss of Coulomb's law, per unit of capacity. The rate
+     w = rho(slip)/dt of (C2) [m/s] is the power that Coulomb's law loses per unit of capacity. Psi(0) = Psi'(0) = 0.
+     Psi = 0 is Coulomb's law.
 
-A contact that slides steadily at velocity v along an axis with the coefficient mu feels C(N) mu (1 + Psi'(mu |v|)); a
-contact that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives the step from these two
-functions.
+A contact that slides steadily at the velocity v along an axis with the coefficient mu has the friction
+C(N) mu (1 + Psi'(mu |v|)). A contact that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives
+the step from these two functions.
 """
 
 from __future__ import annotations
@@ -33,19 +34,19 @@ LAWS: dict[str, type[FrictionLaw]] = {}
 """Class of each law of friction, by name."""
 
 MAX_PARAMETERS = 4
-"""Largest number of parameters of a law, which is the number of rows in the kernels."""
+"""Maximum number of parameters of a law. The kernels have this number of input rows for parameters."""
 
 CHECKED_LOADS, CHECKED_RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
-"""Normal loads [N] and rates [m/s] for the check of a law."""
+"""Normal loads [N] and rates [m/s] at which the functions of a law are checked."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionLaw(Part, registry=LAWS):
-    """Base of all laws of friction.
+    """Base class of all laws of friction.
 
-    A subclass is a frozen dataclass, `class Sticky(FrictionLaw, name="sticky")`. The fields are the parameters, at most
-    four, declared by `worm3d.values.parameters.parameter` with each="segment". A subclass overrides `capacity`,
-    `excess` or both; these methods receive the parameters by name in `p`.
+    A subclass is a frozen dataclass, for example `class Sticky(FrictionLaw, name="sticky")`. It has at most four
+    parameters, which are fields declared by `worm3d.values.parameters.parameter` with each="segment". A subclass
+    overrides `capacity`, `excess` or both. These methods receive the parameters by name in `p`.
 
     Raises
     ------
@@ -88,7 +89,7 @@ class FrictionLaw(Part, registry=LAWS):
     def _check_growth(self, name: str, derivative: str, values: Sequence[ca.DM], at: FloatArray, unit: str) -> None:
         """Raise ValueError if a function or a derivative is not finite, or if the last derivative is negative.
 
-        A negative derivative counts as rounding up to 1e-9 of the largest derivative so far.
+        A negative derivative counts as rounding up to 1e-9 of the largest absolute derivative at smaller `at`.
         """
         found = np.array([each.full()[0] for each in values])
         least = -1e-9 * np.maximum.accumulate(np.abs(found[-1]))
@@ -107,7 +108,7 @@ class FrictionLaw(Part, registry=LAWS):
         return hash((type(self), self.rows().tobytes()))
 
     def rows(self, segments: int | None = None) -> FloatArray:
-        """Return the parameters as the kernels take them, shape (4, N), unused rows 0.
+        """Return the parameters in the form of the kernels' inputs, shape (4, N). Unused rows are 0.
 
         Raises
         ------
@@ -123,14 +124,14 @@ class FrictionLaw(Part, registry=LAWS):
 
     @classmethod
     def symbols(cls, rows: ca.SX) -> Symbols:
-        """Return the parameters by name, given the rows, shape (4,)."""
+        """Return the parameters by name. `rows` has the shape (4,)."""
         return {name: rows[k] for k, name in enumerate(parameters_of(cls))}
 
     @staticmethod
     def capacity(load: ca.SX, p: Symbols) -> ca.SX:
         """Return C of (C7) [N] for a normal load [N].
 
-        Iterates of Newton's method may have small negative loads: C has to be finite and smooth there too.
+        Iterates of Newton's method may have small negative loads. C must be finite and smooth for them too.
         """
         return load
 
@@ -142,16 +143,17 @@ class FrictionLaw(Part, registry=LAWS):
 
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw, name="coulomb"):
-    """Coulomb's law: a sliding contact feels mu N at any speed."""
+    """Coulomb's law: a sliding contact has the friction mu N at any speed."""
 
 
 @documented
 @dataclass(frozen=True, eq=False)
 class Viscous(FrictionLaw, name="viscous"):
-    """Coulomb's law with a resistance that grows with the speed of sliding, as in mucus, mud or a greased skin.
+    """Coulomb's law with a resistance that grows with the speed of sliding, as in mucus, mud or on a greased skin.
 
-    A contact that slides along an axis with the coefficient mu feels mu N (1 + viscosity mu |v|), a Bingham fluid's
-    law: twice the kinetic friction at the speed 1/(viscosity mu). Sticking and breakaway follow Coulomb's law.
+    A contact that slides along an axis with the coefficient mu has the friction mu N (1 + viscosity mu |v|), as in a
+    Bingham fluid. At the speed 1/(viscosity mu), this is twice the kinetic friction. Sticking and breakaway follow
+    Coulomb's law.
     """
 
     viscosity: Numbers = parameter(
@@ -160,12 +162,12 @@ class Viscous(FrictionLaw, name="viscous"):
 
     @staticmethod
     def excess(rate: ca.SX, p: Symbols) -> Symbol:
-        """Return viscosity w^2/2, whose slope in w is viscosity w."""
+        """Return viscosity w^2/2 for the rate w. Its derivative is viscosity w."""
         return 0.5 * p["viscosity"] * rate**2
 
 
 def law_of(given: FrictionLaw | str | Mapping[str, Any]) -> FrictionLaw:
-    """Return a law that is given as an instance, by name, or by name and parameters.
+    """Return a law from an instance, from a name, or from a dictionary with the name and parameters.
 
     Raises
     ------

@@ -1,36 +1,38 @@
 """Friction in the joints of a chamber's linkage: rate-independent hysteresis, exact in each time step.
 
-The hinges of a rhombus rub. The friction can hold a force along the chamber. The largest force depends on the length of
-the chamber and is the slope of a growing function y of the length, the *coordinate* of the friction:
+The hinges of a chamber's rhombus have friction, which can hold a force along the chamber. The maximum of this force
+depends on the length l of the chamber. It is the slope of an increasing function y of the length, the *coordinate* of
+the friction:
 
     |force of the friction| <= dy/dl                                                                    (H1)
 
-A constant moment M in the hinges gives y = M angle(l). For friction in proportion to the pull of the chamber's springs,
-y is the energy of the springs with the sign of l - l0. y is in J: a motion by dy against sliding friction loses dy.
+A constant moment M in the hinges gives y = M angle(l). For friction proportional to the pull of the chamber's springs,
+y is the energy of the springs with the sign of l - l0. The unit of y is J: sliding by dy dissipates the energy dy.
 
-Joints yield elastically before they slide, and some joints slide earlier than others. Elements in parallel (Jenkins' or
-Maxwell-slip elements, a spring and a slider each) share the load: element k has the share w_k and slides once the
-element's spring is stretched by r_k in y. With the stretch e_k of the spring as a fraction of r_k, -1 <= e_k <= 1, a
-step from e_kn adds the potential
+Joints yield elastically before they slide, and some joints slide earlier than others. The model is a set of elements in
+parallel that share the load. Each element is a spring and a slider in series (Jenkins or Maxwell-slip elements).
+Element k has the share w_k of the load and slides once its spring is stretched by r_k, measured in y. Let e_k be the
+stretch of the spring as a fraction of r_k, -1 <= e_k <= 1. A step that starts from e_kn adds the potential
 
     Psi(l) = sum over k of w_k Huber_k(d_k),   d_k = r_k e_kn + y(l) - y(l_n)                           (H2)
     Huber_k(d) = d^2/(2 r_k) while |d| <= r_k, |d| - r_k/2 beyond
 
 to the potential that the step minimises. The states at the end of the step are
 
-    e_k = d_k/r_k, kept within -1 and 1                                                                 (H3)
+    e_k = d_k/r_k, limited to the range -1 to 1                                                         (H3)
 
 The force is -dPsi/dl = -(sum of w_k e_k) dy/dl, and obeys (H1) if the shares add up to 1. This is exact if the length
 changes monotonically within the step: nothing depends on the rate or on the time step. The elements' springs store
-w_k r_k e_k^2/2, and the sliders lose
+w_k r_k e_k^2/2, and the sliders dissipate
 
     w_k max(0, |d_k| - r_k) >= 0                                                                        (H4)
 
-which is Psi less the change of the springs' energy. Closed loops follow Masing's rules in y: a reversal repeats the
-first loading curve at twice the scale. (W. D. Iwan, A distributed-element model for hysteresis and its steady-state
-dynamic response, J. Appl. Mech. 33, 893, 1966; the step is the standard one of incremental plasticity.)
+which is Psi minus the change of the springs' energy. Closed loops follow Masing's rules in y: after a reversal, the
+force follows the curve of the first loading at twice the scale. (W. D. Iwan, A distributed-element model for hysteresis
+and its steady-state dynamic response, J. Appl. Mech. 33, 893, 1966. The step is the standard step of incremental
+plasticity.)
 
-While a worm comes to rest before a run, the joints are free; a run starts without stress in the joints.
+While a worm settles before a run, the joints have no friction. A run starts with unstressed elements, e_k = 0.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.parameters import documented, parameter
 
 HYSTERESIS_PREFIX = "hysteresis_"
-"""Prefix of the friction's states and parameters among the names of a chamber's actuator."""
+"""Prefix of the names of the joint friction's states and parameters, which are stored with those of the actuator."""
 
 HYSTERESES: dict[str, type[Hysteresis]] = {}
 """Class of each kind of joint friction by name."""
@@ -51,18 +53,18 @@ HYSTERESES: dict[str, type[Hysteresis]] = {}
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hysteresis(Part, registry=HYSTERESES):
-    """Base of all friction in the joints of a segment's linkage; the base itself has no friction.
+    """Base class of all friction in the joints of a segment's linkage. The base class itself has no friction.
 
-    A subclass, `class Rubbing(Hysteresis, name="rubbing")`, sets `elements` and defines `coordinate` and `sliders`. The
-    fields are parameters; fields declared with each="segment" may be arrays. `worm3d.Worm(hysteresis=...)` sets the
-    friction. `Result.actuator_states` has the state of each element, as "hysteresis_1" and so on: the load on the
-    element as a fraction of the element's limit, of shape (T, N, 2).
+    A subclass, for example `class Rubbing(Hysteresis, name="rubbing")`, sets `elements` and defines `coordinate` and
+    `sliders`. Its fields are parameters; a field declared with each="segment" may be an array. The argument
+    `hysteresis` of `worm3d.Worm` selects the friction. `Result.actuator_states` contains the state e_k of each element
+    of each chamber as "hysteresis_1", "hysteresis_2", ..., arrays of shape (T, N, 2).
     """
 
     known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
     told: ClassVar[tuple[str, ...]] = ("elements",)
     elements: ClassVar[int] = 0
-    """Number of elements in parallel of each chamber."""
+    """Number of parallel elements in each chamber."""
 
     def __init_subclass__(cls, name: str = "") -> None:
         super().__init_subclass__(name)
@@ -70,20 +72,20 @@ class Hysteresis(Part, registry=HYSTERESES):
 
     @classmethod
     def coordinate(cls, s: Symbols) -> Symbol:
-        """Return y of (H1), which must grow with the length, as a scalar expression of CasADi [J].
+        """Return y of (H1) [J] as a scalar CasADi expression. y must increase with the length.
 
         Parameters
         ----------
         s : mapping of str to SX
-            Scalars by name. The parameters; the "length" of the chamber and the rest length "l0" of its segment [m],
-            the links "link" [m], and the stiffness of the segment's springs "k" [N] and apex hinges "k_apex" [N m/rad];
-            a chamber has half of both.
+            Scalars by name: the parameters, the "length" of the chamber [m], the rest length "l0" of its segment [m],
+            the length "link" of the links [m], and the stiffness of the segment's springs "k" [N] and of its apex
+            hinges "k_apex" [N m/rad]. A chamber has half of each stiffness.
         """
         raise NotImplementedError
 
     @classmethod
     def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:
-        """Return the share w and the give r [J] of each element, of (H2), as functions of the parameters in `s`."""
+        """Return the share w and the give r [J] of each element, (H2), as functions of the parameters in `s`."""
         raise NotImplementedError
 
 
@@ -91,18 +93,18 @@ HYSTERESES["none"] = Hysteresis
 
 
 def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str]:
-    """Return the unit of each state of a chamber by name: first the actuator's states, then the joint friction's."""
+    """Return the unit of each state of a chamber by name: the actuator's states, then the joint friction's states."""
     return {**actuator.states, **{HYSTERESIS_PREFIX + name: unit for name, unit in own.states.items()}}
 
 
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Jenkins(Hysteresis, name="jenkins"):
-    """Friction in the hinges of the rhombi: a constant moment, and a part in proportion to the pull of the springs.
+    """Friction in the hinges of the rhombi: a constant moment, and a part proportional to the pull of the springs.
 
-    Let h be the half-height of a chamber, and P the force by which springs and apex hinges would pull the chamber back
-    to the nominal rest length. The friction along the chamber is at most moment/h + load_ratio |P|. The four elements
-    have equal shares; their gives are in geometric progression from give/spread to give spread.
+    Let h be the half-height of a chamber, and P the force with which the springs and apex hinges pull the chamber back
+    to its nominal rest length. The friction along the chamber is at most moment/h + load_ratio |P|. Four elements have
+    equal shares. Their gives r_k are a geometric progression from give/spread to give spread.
     """
 
     elements: ClassVar[int] = 4
@@ -136,7 +138,7 @@ class Jenkins(Hysteresis, name="jenkins"):
 
     @classmethod
     def coordinate(cls, s: Symbols) -> Symbol:
-        """Return moment angle(l) + load_ratio E(l) sign(l - l0), with the elastic energy E of the chamber."""
+        """Return moment angle(l) + load_ratio E(l) sign(l - l0), where E is the elastic energy of the chamber."""
         import casadi as ca  # parameters do not need casadi
 
         from worm3d.physics.elements import chamber_energy, hinge_angle, hinge_energy
@@ -148,6 +150,6 @@ class Jenkins(Hysteresis, name="jenkins"):
 
     @classmethod
     def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:
-        """Return equal shares, and gives in geometric progression."""
+        """Return equal shares, and gives that are a geometric progression."""
         places = [2.0 * k / (cls.elements - 1) - 1.0 for k in range(cls.elements)]
         return [(1.0 / cls.elements, s["give"] * s["spread"] ** place) for place in places]

@@ -1,11 +1,12 @@
-"""External loads, which act on joints of a worm from outside. A new load is one class.
+"""External loads, which act on joints of a worm from outside. A new load is a subclass of `Load`.
 
-A load describes a time step in CasADi symbols. The first part is a potential of the position x of the load's joint at
-the end of the step: the force is minus the gradient, so that the step remains the minimum of one potential. The other
-parts are the states at the end of the step and the terms of the energy ledger.
+A load describes its response in a time step in CasADi symbols (`LoadStep`). The response contains a potential of the
+position x of the load's joint at the end of the step. The force on the joint is minus the gradient of this potential,
+so that the step remains the minimum of a potential. The response also contains the states at the end of the step and
+the terms of the energy ledger.
 
-A law with kinks has a *regime*, which selects a side of each kink. Newton's method keeps the regime until an iterate
-lies in another regime.
+The potential of a load may be defined piecewise. Its *regime* says which piece holds. Newton's method uses the piece of
+one regime until an iterate lies in another regime.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
 LOAD_FREE, LOAD_LOW, LOAD_STICKING, LOAD_HIGH = map(float, range(-1, 3))
-"""Regimes of a law with two limits: decided by the law, at the lower limit, between the limits, at the upper limit."""
+"""Regimes of a load with two limits: no regime selected (x decides), at the lower limit, between them, at the upper."""
 
 HEAD = -1
-"""Number for the head's joint."""
+"""Number that denotes the joint at the head."""
 
 LOADS: dict[str, type[Load]] = {}
 """Class of each kind of load by name."""
@@ -34,22 +35,22 @@ class LoadStep(NamedTuple):
     """Response of a load in a step."""
 
     potential: Symbol
-    """Potential whose gradient in "x" is minus the force on the joint [J]."""
+    """Potential [J]. The force on the joint is minus its gradient with respect to "x"."""
     terms: Symbols = {}  # noqa: RUF012  # never changed
-    """Terms of the energy ledger by name [J], from `worm3d.physics.kernels.load.LEDGER_TERMS`; the numerical loss is
-    the rest of force times displacement."""
+    """Terms of the energy ledger by name [J]. The names are `worm3d.physics.kernels.load.LEDGER_TERMS`, and the
+    numerical loss is the remainder of force times displacement."""
     states: Symbols = {}  # noqa: RUF012  # never changed
     """States at the end of the step, by name."""
     regime: Symbol = LOAD_STICKING
-    """Next regime, for a law with kinks: the regime of "x", or the next regime on the way there."""
+    """Regime for the next iteration: the regime of "x", or the next regime on the way to it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Load(Part, registry=LOADS):
-    """Base of all external loads; the base itself is no load.
+    """Base class of all external loads. The base class itself exerts no force.
 
-    A subclass, `class Balloon(Load, name="balloon")`, defines `respond`; the fields are parameters.
-    `worm3d.Worm(load=...)` takes one load or several.
+    A subclass, for example `class Balloon(Load, name="balloon")`, defines `respond`. Its fields are parameters. The
+    argument `load` of `worm3d.Worm` is one load or several loads.
     """
 
     known: ClassVar[tuple[str, ...]] = (
@@ -58,11 +59,11 @@ class Load(Part, registry=LOADS):
     )
 
     acts_at_rest: ClassVar[bool] = True
-    """Whether the load acts while the worm comes to rest before a run."""
+    """Whether the load acts while the worm settles before a run."""
 
     @property
     def at(self) -> int:
-        """Joint on which the load acts; `HEAD` is the head's joint."""
+        """Index of the joint on which the load acts; `HEAD` denotes the joint at the head."""
         return 0
 
     @property
@@ -77,13 +78,14 @@ class Load(Part, registry=LOADS):
         Parameters
         ----------
         s : mapping of str to SX
-            By name: the parameters and "<state>_n" of each state. Position "x" (3) of the joint at the end of the step;
-            "past" and "velocity" (6), at the start of this step and of the step before; "tangent" (3) of the segment at
-            the joint and "normal" (3) of the world, 0 without a world, both at the start. "regime" of the law in this
-            step (`LOAD_FREE`: the regime of x), and "regime_n", the regime of the last step. "gravity" (3) [m/s^2];
-            "stiffness" [N/m] and "damping" [N s/m] for a load that sticks: the stiffness of normal contact, with the
-            damping ratio of tangential contact. "dt", "span", "ratio" and "lands" as in
-            `worm3d.physics.kernels.inertia`.
+            By name, with the number of components in brackets where it is not 1. The parameters, and "<state>_n" of
+            each state. "x" (3), position of the joint at the end of the step [m]. "past" (6) and "velocity" (6),
+            positions and velocities of the joint at the start of this step and of the previous step. "tangent" (3) of
+            the segment at the joint and "normal" (3) of the world, at the start of this step; without a world, the
+            normal is 0. "regime", regime of the law in this step (`LOAD_FREE`: the regime of x), and "regime_n", regime
+            in the last step. "gravity" (3) [m/s^2]. "stiffness" [N/m] and "damping" [N s/m] for a load that sticks: the
+            stiffness of normal contact, and a damping with the damping ratio of tangential contact. "dt", "span",
+            "ratio" and "lands" as in `worm3d.physics.kernels.inertia`.
         """
         raise NotImplementedError
 
@@ -92,7 +94,7 @@ class Load(Part, registry=LOADS):
         return {name: value for name, value in self.parameters().items() if isinstance(value, int | float)}
 
     def begin(self, worm: Body, place: FloatArray, tangent: FloatArray) -> Mapping[str, float]:
-        """Return the states by name before the first step, given the joint's position [m] and its segment's tangent."""
+        """Return the states by name before the first step. `place` is the joint's position [m]."""
         return dict.fromkeys(self.states, 0.0)
 
 

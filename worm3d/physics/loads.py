@@ -1,13 +1,11 @@
-"""Loads that a worm carries and drags (`worm3d.physics.load`).
+"""Loads that a worm carries (`worm3d.physics.load`). The tether, which it drags, is in `worm3d.physics.tether`.
 
-Payload. A mass M on a joint has the potential of a mass point, with span and x_hat of the integrator
+Payload. A mass M on the joint at x has the potential of a mass point, with span and x_hat of the integrator
 (`worm3d.physics.kernels.inertia`),
 
     M/(2 span^2) |x - x_hat|^2 - M g.x                                                                  (X1)
 
-The worm's own mass, centre of mass, momentum and cost of transport do not include the payload.
-
-The tether that a worm drags is in `worm3d.physics.tether`.
+The mass, centre of mass, momentum and cost of transport of the worm do not include the payload.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ __all__ = ["LOADS", "Load", "LoadStep", "Payload", "Tether"]
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Payload(Load, name="payload"):
-    """A mass on a joint, (X1), with weight and inertia; the mass is no part of the worm."""
+    """A mass on a joint, (X1), with weight and inertia. The mass is not part of the worm's mass."""
 
     mass: float = parameter(0.02, "mass of the payload", "kg", ge=0)
     joint: int = parameter(HEAD, "joint that carries it, from 0, the tail, to N; -1 is the head", ge=HEAD)
@@ -43,7 +41,7 @@ class Payload(Load, name="payload"):
 
     @classmethod
     def respond(cls, s: Symbols) -> LoadStep:
-        """Return (X1), and the changes of kinetic and potential energy."""
+        """Return the potential (X1), and the changes of kinetic and potential energy."""
         import casadi as ca  # parameters do not need casadi
 
         from worm3d.physics.kernels import inertia

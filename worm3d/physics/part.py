@@ -1,7 +1,8 @@
-"""Parts that are found by name: the common base of actuators, joint friction, media, loads and laws of friction.
+"""Parts that have a name: the common base class of actuators, joint friction, media, loads and laws of friction.
 
-A part is a frozen dataclass. The fields are the parameters. Class methods describe the behaviour in a time step, in
-CasADi symbols. The kernels are generated from these methods: parameters are inputs, and each class is compiled once.
+A part is a frozen dataclass. Its fields are the parameters. Its class methods describe the behaviour in a time step in
+CasADi symbols. The kernels are generated from these methods. Parameters are inputs of the kernels, so that each class
+is compiled only once.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from worm3d.values.parameters import check, parameters_of
 from worm3d.values.read_only import ReadOnly
 
 Symbol = Any
-"""A scalar expression, casadi.SX, or a number."""
+"""A scalar expression: casadi.SX, or a number."""
 Symbols = Mapping[str, Any]
 
 Numbers = float | FloatArray
@@ -26,27 +27,27 @@ Numbers = float | FloatArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Part(ReadOnly):
-    """Base of all parts; a frozen dataclass with `worm3d.values.parameters.parameter` fields.
+    """Base class of all parts: a frozen dataclass with fields made by `worm3d.values.parameters.parameter`.
 
-    A subclass for a kind of part has a registry, `class Actuator(Part, registry=ACTUATORS)`. The registry contains the
-    parts of this kind by the name in the class statement, `class Valve(Actuator, name="valve")`.
+    The base class of a kind of parts has a registry, for example `class Actuator(Part, registry=ACTUATORS)`. Each
+    subclass, for example `class Valve(Actuator, name="valve")`, is added to the registry of its kind under its name.
 
     Raises
     ------
     ValueError
-        A name of another class, a parameter that is out of range, or a parameter name that is taken.
+        A name that another class has, a parameter that is out of range, or a parameter name that is taken.
     """
 
     name: ClassVar[str] = ""
-    """Name in scenes; empty for a part that scenes cannot name."""
+    """Name in scenes; empty if scenes cannot use the part."""
     states: ClassVar[Mapping[str, str]] = {}
     """Unit of each state of a chamber or hinge, by name."""
     known: ClassVar[tuple[str, ...]] = ()
-    """Names of the inputs of the methods, beside parameters and states."""
+    """Names of the inputs of the methods other than parameters and states."""
     told: ClassVar[tuple[str, ...]] = ("states",)
-    """Class attributes that a result needs: files store these attributes for classes outside worm3d."""
+    """Class attributes that files of results contain for classes outside worm3d, whose code may be missing later."""
     registry: ClassVar[dict[str, Any]] = {}
-    """Class of each part of the kind, by name."""
+    """Class of each part of the same kind, by name."""
 
     def __init_subclass__(cls, name: str = "", registry: dict[str, Any] | None = None) -> None:
         super().__init_subclass__()
@@ -74,10 +75,10 @@ class Part(ReadOnly):
     __hash__ = None  # type: ignore[assignment]
 
     def parameters(self) -> Mapping[str, Numbers]:
-        """Return the parameters by name, a number or one for each segment."""
+        """Return the parameters by name; each is a number, or an array with a number for each segment."""
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     def require_size(self, name: str, count: int) -> None:
-        """Raise ValueError if a parameter is an array of another size; `name` is the argument that has the part."""
+        """Raise ValueError if a parameter is an array of another size; `name` is the argument that holds the part."""
         for field in parameters_of(type(self)):
             arguments.require_count(f"{name}.{field}", getattr(self, field), count)

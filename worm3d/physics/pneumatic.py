@@ -1,34 +1,35 @@
 """A pneumatic actuator: compressed air in each chamber, filled and emptied through a valve.
 
-The air fills the chamber's rhombus (E2), with the cross-section of the linkage and the width w:
+The air fills the chamber's rhombus (E2) with links a and half-height h, over the width w, and a dead volume V_d:
 
     V(l) = w l h(l) + V_d,   h = sqrt(a^2 - l^2/4)                                                     (A1)
 
-so that pressure shortens a chamber as long as l > sqrt(2) a, like a fluidic muscle, and opens the chamber. The air is
-an ideal gas at room temperature. The valve is linear, from a regulator that holds the commanded pressure:
+Pressure increases V. It therefore shortens a chamber while l > sqrt(2) a, like a fluidic muscle, and makes it taller.
+The air is an ideal gas at room temperature. Its mass is m and its pressure p. The flow through the valve, between the
+chamber and a regulator that holds the commanded pressure, is proportional to the drop of pressure:
 
     p V = m R T,   dm/dt = C (p_cmd - p)                                                                (A2)
 
-(a held chamber fills with the time constant V/(R T C)). In a step, with the integrator's m_hat and span,
+(A chamber of constant length fills with the time constant V/(R T C).) In a step, with m_hat and span of the integrator,
 
     p = (m_hat + span C p_cmd)/(V/(R T) + span C)                                                       (A3)
 
-which depends on the length alone. The force on the chamber, (p - p_0) dV/dl, is minus the derivative of
+which depends only on the length. The force on the chamber, (p - p_0) dV/dl, is minus the derivative of
 
     Psi(l) = - (m_hat + span C p_cmd) R T ln(V + span C R T) + p_0 V                                    (A4)
 
-Energy. The air stores the work available on the way to the pressure p_0 of the room, at constant temperature,
+Energy. The air stores the work that it could do until its pressure is p_0 (the room's), at constant temperature,
 
     X(m, V) = m R T (ln(p/p_0) - 1) + p_0 V,   dX = R T ln(p/p_0) dm - (p - p_0) dV                     (A5)
 
-Air flows in from the supply if p_cmd > p_0, and flows out to the vacuum if p_cmd < p_0; otherwise the valve exchanges
-air with the room. From a source at the pressure p_s a mass dm brings in R T ln(p_s/p_0) dm >= 0, and the valve loses
-R T ln(p_s/p) dm >= 0 of this energy. (This is the availability, or exergy, of a gas at the temperature of the
-surroundings: A. Bejan, Advanced Engineering Thermodynamics, chapter 3.)
+Air comes from the supply if p_cmd > p_0, and goes to the vacuum if p_cmd < p_0. In the opposite direction, the valve
+exchanges air with the room. From a source at the pressure p_s, a mass dm brings in the energy R T ln(p_s/p_0) dm >= 0,
+of which the valve loses R T ln(p_s/p) dm >= 0. (This energy is the availability, or exergy, of a gas at the temperature
+of the surroundings: A. Bejan, Advanced Engineering Thermodynamics, chapter 3.)
 
-With implicit Euler the loss of every step is at least 0. With BDF2, the flow over a step is not the flow driven by the
-pressure at the end. The loss of a step may then be negative by the integrator's error, some millionths of the work at
-time steps of 20 ms.
+With implicit Euler, the loss of every step is at least 0. With BDF2, the flow over a step differs from the flow that
+the pressure at the end drives. The loss of a step may then be negative by the error of the integrator, some millionths
+of the work at time steps of 20 ms.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ from worm3d.values.parameters import documented, parameter
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pneumatic(Actuator, name="pneumatic"):
-    """Chambers that are filled with air through a valve: a contraction is commanded as a pressure.
+    """Chambers that are filled with air through a valve. A commanded contraction is converted into a pressure.
 
-    The commanded gauge pressure is `gain` times the commanded contraction, within the limits of the supply; the springs
-    of the chambers keep their rest lengths. Small contractions are as commanded, at rest and without load, where
+    The commanded gauge pressure is `gain` times the commanded contraction, within the limits of the supply. The springs
+    of the chambers keep their rest lengths. At rest and without load, small contractions equal the commands if
     gain = k/(2 |dV/dl|). States: pressure (absolute) and mass of the air of each chamber.
 
     Raises
@@ -96,7 +97,8 @@ class Pneumatic(Actuator, name="pneumatic"):
         filled = s["air_hat"] + valve * target
         pressure = filled / (volume / RT + valve)
         air = pressure * volume / RT
-        # The logarithm counts from the volume at the start: a constant of some kJ would hide the springs' energy.
+        # The volume in the logarithm is relative to the volume at the start, since a constant of some kJ would hide the
+        # energy of the springs.
         grown = volume - volume_n
         potential = -filled * RT * ca.log1p(grown / (volume_n + valve * RT)) + s["room"] * grown
         flow = air - s["air_n"]
@@ -117,13 +119,13 @@ class Pneumatic(Actuator, name="pneumatic"):
 
     @classmethod
     def at_rest(cls, s: Symbols) -> Symbols:
-        """Return the commanded pressure, and the air in the chamber."""
+        """Return the commanded pressure, and the mass of air in the chamber at this pressure."""
         pressure = s["room"] + s["gain"] * s["command"]
         return {"pressure": pressure, "air": pressure * _volume(s, "length") / (s["gas_constant"] * s["temperature"])}
 
 
 def _volume(s: Symbols, length: str) -> Symbol:
-    """Return the volume of the air at a length, (A1) [m^3]."""
+    """Return the volume of the air in a chamber of the length s[length], (A1) [m^3]."""
     from worm3d.physics.elements import half_height
 
     return s["width"] * s[length] * half_height(s["link"], s[length]) + s["dead_volume"]

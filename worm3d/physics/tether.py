@@ -1,9 +1,9 @@
 """Tether: a cable that the worm drags from its tail (`worm3d.physics.load`).
 
 A cable with the weight w per length [N/m] comes off a reel at the initial position of the tail, and lies along the path
-of the tail. Let s be the laid length, theta the tilt of the path, positive if the path rises towards the worm, and T
-the tension. The cable does not stretch: the whole cable slides when the end slides. An element of the cable, drawn
-forward (+) or sliding back (-), is in balance if
+of the tail. Let s be the length of the cable on the ground, T the tension, and theta the tilt of the path, which is
+positive if the path rises towards the worm. The cable does not stretch, so that the whole cable slides when its end
+slides. An element of the cable that slides forward (+) or back (-) is in balance if
 
     dT/ds = w sin(theta) +- mu w cos(theta),   T = 0 at the reel                                        (X2)
 
@@ -11,36 +11,38 @@ The integral, with the climb h = (integral of sin(theta) ds) and the resistance 
 
     T = w h +- R                                                                                        (X3)
 
-On level ground T is mu w s, up a slope w s (sin(theta) + mu cos(theta)), in an upright pipe the hanging weight w s.
-Drawing ds off the reel raises the potential energy of the whole cable by w h ds, and loses R ds. Static friction holds
-up to static_ratio R. A cable never pushes: a negative limit becomes 0 (the reel then holds back cable that would run
-off by itself, at a loss). So the cable sticks at every tension between
+On level ground T is mu w s, up a slope w s (sin(theta) + mu cos(theta)), and in an upright pipe the weight w s of the
+hanging cable. If the worm pulls the length ds off the reel, the potential energy of the whole cable increases by
+w h ds, and friction dissipates R ds. Static friction holds up to static_ratio R. A cable cannot push, so that a
+negative limit is replaced by 0. (The reel then holds back cable that would slide off by itself, and the energy is
+lost.) The cable therefore sticks at every tension between
 
     T_low = max(0, w h - R)   and   T_high = max(0, w h + R)                                            (X4)
 
-The end a of the laid cable is at the distance c, the free length, behind the joint x. The free piece pulls along the
-line from x to a, projected on the tangent plane of the world: a joint that rises as its chambers widen does not climb.
-The end follows the joint as a trailer follows a drawbar; y = |x - a| - c is the stretch. As in a contact that sticks
-(`worm3d.physics.contact`), a stiff spring with a parallel damper, k y + b y', yields at the limits: the end moves by D
-towards x so that
+The piece of cable between the tail's joint x and the end a of the laid cable is free. Its length is c. The free piece
+pulls along the line from x to a, projected on the tangent plane of the world. (A joint that rises because its chambers
+widen does not climb.) The end follows the joint as a trailer follows a drawbar. The stretch is y = |x - a| - c. As in a
+contact that sticks (`worm3d.physics.contact`), a stiff spring with a parallel damper, k y + b y', yields at the limits:
+the end moves by D towards x so that
 
     T = k (y - D) + b (y - D - y_n)/dt,   T_low <= T <= T_high + rho D,   y_n >= 0                      (X5)
-    rho = dT_high/ds = w sin(theta) + mu w cos(theta), at the direction of the start of the step
+    rho = dT_high/ds = w sin(theta) + mu w cos(theta), for the direction at the start of the step
 
-D > 0 draws cable off the reel: s, h and R grow. D < 0, only if T_low > 0, lets a hanging cable slide back. If
-T_low = 0, the end does not move, and the cable is slack until the joint has come back. If a joint has passed the end of
-the cable, so that the end lies ahead in the direction of the segment, the cable does not pull, and the end does not
-move.
+If D > 0, cable comes off the reel, and s, h and R grow. If D < 0, a hanging cable slides back. This is possible only if
+T_low > 0. If T_low = 0, the end does not move, and the cable is slack until the joint has come back. If the joint has
+passed the end of the cable, so that the end lies ahead in the direction of the segment, the cable does not pull, and
+the end does not move.
 
-In a bent pipe the free piece is a chord, and the end rises with the sideways motion of the tail: tensions there deviate
-by up to 8 % from mu w s, with a free length of 0.1 m.
+In a bent pipe the free piece is a chord, and the end rises when the tail moves sideways. Tensions then deviate by up to
+8 % from mu w s, with a free length of 0.1 m.
 
-T(y) is piecewise linear with two kinks. Newton's method uses one line, the *regime*, until an iterate lies on another
-line. The regime passes through sticking between slack and sliding, so that the method does not cycle.
+T(y) is piecewise linear with two kinks. Newton's method uses the line of one piece, the *regime*, until an iterate lies
+on another piece. Between slack and sliding, the regime always becomes sticking first, so that the method does not
+cycle.
 
-Left out: the inertia of the cable, w s/g against the mass of the worm; the pressure on the inside of a bend, which
-multiplies T by exp(mu angle); the stiffness of the cable; and a path across a slope, where the load of the cable is
-less than w cos(theta).
+The model leaves out four effects: the inertia of the cable, which has the mass w s/g; the pressure on the
+inside of a bend, which multiplies T by exp(mu angle); the stiffness of the cable; and a path across a slope, where the
+load of the cable on the ground is less than w cos(theta).
 """
 
 from __future__ import annotations
@@ -60,9 +62,11 @@ if TYPE_CHECKING:
     from worm3d.physics.body import Body
 
 NEAREST = 0.01
-"""Displacement of the end in a step, as a fraction of the free length, over which no limit of the tension passes
-through 0: closer to 0 a limit changes only between steps. Half and double this value change the tension there by less
-than w times the displacement."""
+"""Displacement of the end in a step, as a fraction of the free length, up to which no limit of the tension becomes 0.
+
+The slope of a limit near 0 is reduced for this purpose, so that such a limit reaches 0 only between steps. With half or
+twice this value, the tension near 0 changes by less than w times the displacement.
+"""
 
 
 @documented
@@ -70,7 +74,7 @@ than w times the displacement."""
 class Tether(Load, name="tether"):
     """A cable that the worm drags from its tail, (X2) to (X5).
 
-    The states are in `Result.actuator_states`, with the prefix "load_".
+    `Result.actuator_states` contains its states, with the prefix "load_".
     """
 
     states: ClassVar[Mapping[str, str]] = {
@@ -84,7 +88,7 @@ class Tether(Load, name="tether"):
     }
 
     acts_at_rest: ClassVar[bool] = False
-    """The reel is where the tail has come to rest."""
+    """False: the reel is at the position where the tail comes to rest."""
 
     weight: float = parameter(0.1, "weight of the cable per length", "N/m", ge=0)
     friction: float = parameter(0.3, "kinetic coefficient of friction between the cable and the world", ge=0)
@@ -104,13 +108,13 @@ class Tether(Load, name="tether"):
         return {**super().values(worm), "free_length": length}
 
     def begin(self, worm: Body, place: FloatArray, tangent: FloatArray) -> Mapping[str, float]:
-        """Return the states of a cable without laid length; the end is straight behind the worm."""
+        """Return the states of a cable of which nothing is laid yet. Its end lies straight behind the worm."""
         end = place - self.values(worm)["free_length"] * np.asarray(tangent)
         return {**dict.fromkeys(self.states, 0.0), **dict(zip(("end_x", "end_y", "end_z"), end, strict=True))}
 
 
 class _Line(NamedTuple):
-    """T as a line of y beyond a kink: a limit of (X4), which changes while the end slides."""
+    """T as a linear function of y on one side of a kink, where T is a limit of (X4) that changes as the end slides."""
 
     limit: Any
     """Tension at the kink [N]."""
@@ -140,11 +144,14 @@ class _Cable:
         self.rubs = s["weight"] * rubs  # dR/ds
         self.stiffness = s["stiffness"] + s["damping"] / s["dt"]
         self.rest = s["damping"] / s["dt"] * self.y_n / self.stiffness
-        grip = ca.fmin(1.0, 2.0 * ahead)  # cable that lies across the pull slides in part
+        grip = ca.fmin(1.0, 2.0 * ahead)  # if the cable lies across the pull, only a part of the friction acts
         self.low, self.high = self._limits(self.pulls, ca.fmax(0.0, grip))
 
     def _reach(self, x: Any) -> tuple[Any, Any]:
-        """Return the stretch of the cable's free piece and its direction, from the end to the joint along the world."""
+        """Return the stretch of the free piece and its direction.
+
+        The unit vector points from the end to the joint, in the tangent plane of the world.
+        """
         import casadi as ca
 
         reach = x - self.end
@@ -153,7 +160,7 @@ class _Cable:
         return distance - self.s["free_length"], reach / distance
 
     def _limits(self, pulls: Any, grip: Any) -> tuple[_Line, _Line]:
-        """Return both limits of (X4) as lines of y; `grip` is the share of friction that acts."""
+        """Return both limits of (X4) as lines of y; `grip` is the fraction of the friction that acts."""
         import casadi as ca
 
         s, weight = self.s, self.s["weight"] * self.s["climb_n"]
@@ -167,14 +174,14 @@ class _Cable:
         )
 
     def _line(self, acts: Any, limit: Any, rate: Any) -> _Line:
-        """Return the line of a limit that changes as the end moves; the limit is 0 if it does not act."""
+        """Return the line of a limit that changes as the end moves. If `acts` is false, the limit is 0."""
         import casadi as ca
 
         k, limit, rate = self.stiffness, ca.if_else(acts, limit, 0.0), ca.if_else(acts, rate, 0.0)
         return _Line(limit, self.rest + limit / k, rate, k * rate / (k + rate))
 
     def _chosen(self, low: Any, sticking: Any, high: Any) -> Any:
-        """Return one of three values, by the regime, or by the position of y."""
+        """Return one of three values, selected by the regime, or by y if the regime is `LOAD_FREE`."""
         import casadi as ca
 
         regime = self.s["regime"]
@@ -189,9 +196,9 @@ class _Cable:
         return line.limit**2 / (2.0 * self.stiffness) + line.limit * beyond + line.slope / 2.0 * beyond**2
 
     def _next(self) -> Any:
-        """Return the next regime: sticking comes between the two others.
+        """Return the next regime. Sticking comes between the other two regimes.
 
-        The regime changes at an excess of the tension over a kink of 1e-9 of the limit; rounding is less.
+        The regime changes if the tension exceeds a kink by 1e-9 of the limit, which is more than rounding.
         """
         import casadi as ca
 
@@ -211,7 +218,7 @@ class _Cable:
         potential = self._chosen(self._potential(low), k / 2.0 * beyond**2, self._potential(high))
         tensions = [line.limit + line.slope * (self.y - line.kink) for line in (low, high)]
         ways = [k * (self.y - line.kink) / (k + line.rate) for line in (low, high)]
-        back = ca.if_else(low.limit > 0.0, ca.fmax(ways[0], -s["laid_n"]), 0.0)  # slack is left alone
+        back = ca.if_else(low.limit > 0.0, ca.fmax(ways[0], -s["laid_n"]), 0.0)  # a slack cable does not slide back
         tension = self._chosen(tensions[0], k * beyond, tensions[1])
         way = ca.if_else(self.pulls, self._chosen(back, 0.0, ways[1]), 0.0)
         rate = self._chosen(low.rate, 0.0, high.rate)

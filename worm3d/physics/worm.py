@@ -21,9 +21,9 @@ from worm3d.values.spelling import spelled
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Worm(Body):
-    """A chain of N rhombic linkages with left and right chambers; frozen, validated, with read-only arrays.
+    """A chain of N rhombic linkages with left and right chambers. Frozen and validated, with read-only arrays.
 
-    The defaults are the default worm of the project. Segment and joint 0 are the tail.
+    Without arguments, this is the default worm of the project. Segment 0 and joint 0 are at the tail.
 
     Raises
     ------
@@ -36,11 +36,11 @@ class Worm(Body):
     hinge_actuator: Actuator = field(default_factory=FirstOrder)
     """Actuator of the hinges."""
     hysteresis: Hysteresis = field(default_factory=Hysteresis)
-    """Friction in the joints of the chambers; `Hysteresis()` is no friction."""
+    """Friction in the joints of the chambers. `Hysteresis()` means no friction."""
     medium: Medium = field(default_factory=Medium)
-    """Medium, which makes `drag` follow the shape; with `Medium()`, `drag` does not depend on the shape."""
+    """Medium, which determines how `drag` depends on the shape. With `Medium()` it does not depend on the shape."""
     load: Load | tuple[Load, ...] = field(default_factory=Load)
-    """Loads that the worm carries or drags, one or several; `Load()` is no load."""
+    """Loads that the worm carries or drags, one or several. `Load()` means no load."""
     flat: bool = parameter(False, "whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -65,17 +65,17 @@ class Worm(Body):
     ) -> Worm:
         """Return the planar special case, with the parameters of `planar.linkage.Linkage`.
 
-        Left and right chambers coincide (b = 0) and share mass, stiffness and contact; the worm stays in the plane
-        y = const. without roll and bend; outward apexes, end faces and actuator lag do not exist.
+        Left and right chambers coincide (b = 0) and share mass, stiffness and contact. The worm stays in the plane
+        y = const. and has no roll and bend. It has no outward apexes, no end faces and no actuator lag.
 
         Parameters
         ----------
         half_height : float or ndarray, shape (N,), optional
-            sqrt(3)/4 l0, as in the paper, if left out [m].
+            Rest half-height of the chambers [m]. The default is sqrt(3)/4 l0, as in the paper.
         density, depth : float
-            Mass = density [kg/m^3] x rest area of the rhombi x depth [m], unless `mass` is given.
+            If `mass` is not given, the mass is density [kg/m^3] x rest area of the rhombi [m^2] x depth [m].
         apex_mass_fraction : float
-            Share of the mass on the apexes.
+            Share of the mass that is on the apexes.
         k_apex : float or ndarray, shape (N,)
             Stiffness of each of the two apex hinges of a rhombus [N m/rad].
         """
@@ -137,7 +137,7 @@ class Worm(Body):
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        """Loads of the worm, without `Load()`."""
+        """All loads of the worm except `Load()`, which means no load."""
         given = self.load if isinstance(self.load, tuple) else (self.load,)
         return tuple(each for each in given if type(each) is not Load)
 

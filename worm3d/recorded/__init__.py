@@ -1,4 +1,4 @@
-"""Types of the data of a run, declared once: series, energy ledger, states, status, estimated errors.
+"""Types of the data of a run: series, energy ledger, states, status, estimated errors.
 
-The recorder is `worm3d.solver.records`.
+`worm3d.solver.records` writes the data of a run.
 """

@@ -1,4 +1,4 @@
-"""The energy ledger of a run; the terms are declared here once, and computed in `worm3d.solver.ledger`."""
+"""The energy ledger of a run. Its terms are declared here; `worm3d.solver.ledger` computes them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _term(meaning: str) -> Any:
 @documented
 @dataclass(frozen=True, eq=False)
 class Energy(ReadOnly):
-    """Energy ledger: total of each term in the steps since the row before, 0 at the start."""
+    """Energy ledger: the sum of each term over the steps since the previous row. The first row is 0."""
 
     work_contract: FloatArray = _term("work of the actuators")
     work_external: FloatArray = _term("work of external forces")
@@ -44,12 +44,12 @@ class Energy(ReadOnly):
 
     @derived("time", "J", "what comes in less what is stored or lost")
     def residual(self) -> FloatArray:
-        """Return the energy supplied minus the energy stored or lost: zero up to Newton's residual."""
+        """Return the energy supplied minus the energy stored or lost. It is zero up to Newton's residual."""
         return self.sum(SUPPLIED_ENERGY) - self.sum(STORED_ENERGY) - self.sum(LOST_ENERGY)
 
     @classmethod
     def of(cls, rows: FloatArray) -> Energy:
-        """Return the ledger of records, shape (T, 19)."""
+        """Return the ledger made of recorded rows, shape (T, 19)."""
         return cls(**dict(zip(TERMS, rows.T, strict=True)))
 
     def sum(self, names: tuple[str, ...]) -> FloatArray:
@@ -59,11 +59,11 @@ class Energy(ReadOnly):
 
     @cached_property
     def uses(self) -> dict[str, float]:
-        """Uses of the work of actuators and external forces, by name; the sum of the uses is the work [J].
+        """Energy that each use takes of the work of actuators and external forces, by name [J]. The sum is the work.
 
-        Friction on the world and, as hysteresis, in the joints of the chambers, damping (of the material, by the medium
-        and in the actuators), impacts, the integrator, and the increase of stored energy from start to end (kinetic,
-        elastic, potential, of contacts and actuators).
+        The uses are friction on the world, friction in the joints of the chambers ("hysteresis"), damping (of the
+        material, by the medium and in the actuators), impacts, numerical loss, and the increase of stored energy from
+        start to end ("gained": kinetic, elastic, potential, of contacts and actuators).
         """
         parts = {
             "friction": self.friction_loss,
@@ -77,7 +77,7 @@ class Energy(ReadOnly):
 
     @property
     def balance_error(self) -> float:
-        """|Residual of the run| over the sum of the absolute terms; NaN if a term is NaN."""
+        """Absolute residual of the run, divided by the sum of the absolute terms; NaN if a term is NaN."""
         scale = sum(
             float(np.abs(getattr(self, name)).sum()) for name in (*SUPPLIED_ENERGY, *STORED_ENERGY, *LOST_ENERGY)
         )
@@ -88,5 +88,5 @@ TERMS = tuple(each.name for each in fields(Energy))
 """Terms of the ledger, in the order of the solver's array "terms"."""
 
 SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY = TERMS[:3], TERMS[3:9], TERMS[9:15]
-"""Terms that balance: the energy supplied equals the energy stored plus the energy lost. The other terms are parts of
-these terms, or terms of the paper."""
+"""Terms that balance: the energy supplied equals the energy stored plus the energy lost. The other terms of the ledger
+are parts of these terms, or quantities that the paper defines."""

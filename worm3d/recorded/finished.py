@@ -1,4 +1,4 @@
-"""A finished run as data; measures, files and pictures are functions of a finished run."""
+"""A finished run as data. Measures, files and pictures are computed from a finished run."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from worm3d.worlds.base import World
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FinishedRun(Recorded, Steps):
-    """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step."""
+    """A run with T recorded instants, S finished steps and N segments. It contains all steps before a failure."""
 
     world: World | None
     gravity: FloatArray
     """Gravity, shape (3,) [m/s^2]."""
     period: float | None
-    """Period of the gait; speeds are averaged over this period [s]."""
+    """Period of the gait, over which speeds are averaged [s]. None if the actuation has no period."""
     energy: Energy
     state: State = field(repr=False)
-    """State at the end, with memory: a run from this state continues bit for bit."""
+    """State at the end, with the memory of the solver. A run from this state continues exactly, to the last bit."""
     stop: Stop
     wall_s: float
-    """Wall time of the steps, including the commands and forces of a controller or a gait [s]."""
+    """Wall time of the steps, including the time for commands and external forces [s]."""
     error_estimate: ErrorEstimate | None = None
-    """Estimated errors of the run; None if no accuracy was requested."""
+    """Estimated errors of the run. None if no accuracy was requested."""
 
     @property
     def status(self) -> Status:
@@ -40,11 +40,11 @@ class FinishedRun(Recorded, Steps):
 
     @property
     def settled(self) -> bool:
-        """Whether the worm was brought to rest on its world before the run."""
+        """Whether the worm was settled on its world before the run."""
         return self.settling is not None
 
     def variables(self) -> Iterator[Variable]:
-        """Yield everything recorded as named arrays with dimensions and units, as in files."""
+        """Yield all recorded series as named arrays with dimensions and units, in the form that files contain."""
         for part in (self, self.energy):
             yield from variables_of(part, "time")
         yield from variables_of(self, "step", "")

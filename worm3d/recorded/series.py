@@ -1,8 +1,9 @@
-"""Recorded series of a run: each series is declared once, by the attribute that holds the series.
+"""Recorded series of a run. Each series is declared once, as an attribute of a class.
 
-The recorder (`worm3d.solver.records`), `Result` and its documentation, the data of an observer, the variables and
-columns of files and `to_xarray` follow from these declarations. A series in an array of the solver is an attribute with
-a `recorded` value; a series computed from other series is a method under `derived`.
+The recorder (`worm3d.solver.records`), `Result` and its documentation, the data that an observer receives, the
+variables and columns of files, and `to_xarray` all use these declarations. A series that an array of the solver
+contains is a field with the value `recorded(...)`. A series that is computed from other series is a method decorated
+with `derived`.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ from worm3d.values.variable import Variable
 T = TypeVar("T")
 
 UPRIGHT = 1e-3
-"""Horizontal part of a chord, as a fraction of the chord, below which the chord has no heading."""
+"""Horizontal part of a chord, as a fraction of the chord, below which the chord counts as vertical."""
 
 _declared = count()
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Position of a series in the solver: component by component in the rows of an array, from a first row.
+    """Position of a series in the solver: rows of an array, one for each component, from a first row on.
 
-    `Rows("joints", 0)` is x, y, z of the joints: rows 0 to 2, a column for each joint.
+    For example, `Rows("joints", 0)` is x, y, z of the joints: the rows 0 to 2, with a column for each joint.
     """
 
     array: str
     row: str | int = 0
-    """First row: a number, or a name in the layout of a kernel's inputs."""
+    """First row: its number, or its name in the layout of a kernel's inputs."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,12 @@ class Points(Rows):
 
 @dataclass(frozen=True)
 class Entries:
-    """Position of a series in the solver: consecutive entries of an array, or every `step`-th."""
+    """Position of a series in the solver: entries of an array that are `step` apart."""
 
     array: str
     first: int = 0
     first_per_segment: int = 0
-    """First entry = `first` + `first_per_segment` N."""
+    """The first entry is `first` + `first_per_segment` N."""
     step: int = 1
 
 
@@ -69,19 +70,19 @@ class Series:
     """A recorded quantity."""
 
     dims: tuple[str, ...]
-    """Dimensions, of `SIZES`; first "time" or "step", none for a single number."""
+    """Names of the dimensions. The first is "time" or "step", the others are in `SIZES`. Empty for a single number."""
     unit: str
-    """SI unit, "1" for a pure number."""
+    """SI unit; "1" for a dimensionless number."""
     meaning: str
     """Meaning, in a few words."""
     source: Source | None = None
-    """Position in the solver, for the recorder; None if Python computes the series."""
+    """Position in the solver, which the recorder reads. None if Python computes the series."""
     clamped: Source | None = None
-    """Position for a worm on the clamped ground instead."""
+    """Position for a worm on the clamped ground, if different."""
     order: int = 0
-    """Position among the variables of a file."""
+    """Place in the order of the variables of a file."""
     derived: bool = False
-    """Whether the series is computed from others."""
+    """Whether the series is computed from other series."""
 
     def shape(self, segments: int) -> tuple[int, ...]:
         """Return the shape of the series at one instant."""
@@ -103,7 +104,7 @@ SIZES = {
     "point": (0, 8),
     "axis": (0, 3),
 }
-"""Length of each dimension: (a, b) is a N + b."""
+"""Length of each dimension for N segments: (a, b) means a N + b."""
 
 
 def _size_text(per_segment: int, more: int) -> str:
@@ -111,19 +112,19 @@ def _size_text(per_segment: int, more: int) -> str:
 
 
 def recorded(dims: str, unit: str, meaning: str, source: Source | None = None, clamped: Source | None = None) -> Any:
-    """Return the dataclass field of a series; dimensions in one string, the rest as the attributes of `Series`."""
+    """Return the dataclass field of a series. `dims` contains the names of the dimensions, separated by spaces."""
     known = Series(tuple(dims.split()), unit, meaning, source, clamped, next(_declared))
     return field(metadata={"series": known})
 
 
 class _Derived(cached_property[T]):
-    """A series computed from others at the first access; the arrays are read-only."""
+    """A series that is computed from other series at the first access. Its arrays are read-only."""
 
     series: Series
 
 
 def derived(dims: str, unit: str, meaning: str) -> Callable[[Callable[[Any], T]], _Derived[T]]:
-    """Make a method a series that is computed at the first access; arguments as in `recorded`."""
+    """Return a decorator that makes a method a series, computed at the first access. Arguments as in `recorded`."""
 
     def declare(method: Callable[[Any], T]) -> _Derived[T]:
         made = _Derived[T](lambda self: read_only(method(self)))
@@ -135,7 +136,7 @@ def derived(dims: str, unit: str, meaning: str) -> Callable[[Callable[[Any], T]]
 
 
 def series_of(holder: type) -> dict[str, Series]:
-    """Return the series of a class by name, in the order of their declaration."""
+    """Return the series of a class by name, in the order of declaration."""
     found = {each.name: each.metadata["series"] for each in fields(holder) if "series" in each.metadata}
     for parent in holder.__mro__:
         found |= {name: each.series for name, each in vars(parent).items() if isinstance(each, _Derived)}
@@ -145,14 +146,14 @@ def series_of(holder: type) -> dict[str, Series]:
 def states_of(worm: Worm) -> dict[str, Series]:
     """Return the states of a worm's actuators, joint friction and loads as series.
 
-    The prefix of a name says which part has the state: "hinge_" an actuator of a hinge, "hysteresis_" friction in the
-    joints, "load_" the first load, "load_2_" the second load, and so on.
+    The prefix of a name denotes the part: "hinge_" for an actuator of a hinge, "hysteresis_" for friction in the
+    joints, "load_" for the first load, "load_2_" for the second load, and so on.
     """
     return states_of_parts(*part_classes(worm))
 
 
 def part_classes(worm: Worm) -> tuple[Any, ...]:
-    """Return the classes that `states_of_parts` takes."""
+    """Return the classes of the worm's parts, which are the arguments of `states_of_parts`."""
     return type(worm.actuator), type(worm.hysteresis), type(worm.hinge_actuator), *map(type, worm.loads)
 
 
@@ -178,7 +179,7 @@ def states_of_parts(
 
 
 def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
-    """Yield the series of an instance with a given first dimension, "" for no dimension; None counts as NaN."""
+    """Yield the series whose first dimension is one of `first` ("" for no dimension), with NaN in place of None."""
     for name, series in series_of(type(holder)).items():
         if "".join(series.dims[:1]) in first:
             value = getattr(holder, name)
@@ -191,7 +192,7 @@ def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
 
 @by
 def documented(holder: Any) -> str:
-    """Return the series of a class in words."""
+    """Return a description of the series of a class, for its documentation."""
     lines = ""
     for name, series in series_of(holder).items():
         kind = f"ndarray, shape {series.shape_text}" if series.dims else "number"
@@ -202,7 +203,10 @@ def documented(holder: Any) -> str:
 
 
 def heading(joints: FloatArray) -> FloatArray:
-    """Return the azimuth of the tail-to-head chord of joints (T, N+1, 3), unwrapped, NaN where vertical, shape (T,)."""
+    """Return the azimuth of the chord from tail to head, unwrapped, shape (T,); NaN where the chord is vertical.
+
+    `joints` has the shape (T, N+1, 3).
+    """
     chord = joints[:, -1] - joints[:, 0]
     azimuth = np.arctan2(chord[:, 1], chord[:, 0])
     upright = np.hypot(chord[:, 0], chord[:, 1]) < UPRIGHT * np.linalg.norm(chord, axis=1)
@@ -217,7 +221,8 @@ class Recorded(ReadOnly):
 
     worm: Worm
     actuator_states: Mapping[str, FloatArray]
-    """States of the actuators by name (`states_of`): chambers have the shape (T, N, 2), hinges (T, N-1), loads (T,)."""
+    """States of the actuators by name (`states_of`). The shape is (T, N, 2) for chambers, (T, N-1) for hinges, and (T,)
+    for loads."""
     time: FloatArray = recorded("time", "s", "time")
     joints: FloatArray = recorded("time joint axis", "m", "joints, from tail to head", Rows("joints"))
     joint_velocity: FloatArray = recorded("time joint axis", "m/s", "velocity of the joints", Rows("joint_velocity"))
@@ -311,7 +316,7 @@ class Recorded(ReadOnly):
 
     @property
     def apexes(self) -> FloatArray:
-        """Apexes in the order of NOTATION.md, shape (T, N, 6, 3) [m]."""
+        """Positions of the apexes in the order of NOTATION.md, shape (T, N, 6, 3) [m]."""
         return self.points[:, :, :6]
 
     @property
@@ -330,14 +335,14 @@ class Recorded(ReadOnly):
 
     @cached_property
     def chamber_strain(self) -> FloatArray:
-        """Length over rest length less 1, shape (T, N, 2)."""
+        """Strain of each chamber, which is length/(rest length) - 1, shape (T, N, 2)."""
         strain: FloatArray = read_only(self.chamber_length / self.worm.l0 - 1.0)
         return strain
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Steps(ReadOnly):
-    """Series of the time steps of a run, S of them."""
+    """Series of the S time steps of a run."""
 
     dt: float
 
@@ -357,4 +362,4 @@ class Steps(ReadOnly):
 
 
 COUNTERS = [name for name, series in series_of(Steps).items() if name != "step_time" and series.dims == ("step",)]
-"""Series of the solver's counters, in their order."""
+"""Series that the solver counts, in the order of its counters."""

@@ -21,30 +21,31 @@ from worm3d.values.spelling import spelled
 from worm3d.worlds.base import World
 
 TOUCHES = 1e-12
-"""Depth of an apex in the world that counts as rounding, as a fraction of the body length."""
+"""Depth of an apex in the world that still counts as rounding, as a fraction of the body length."""
 
 
 class StateError(ValueError):
-    """A run cannot start from this state: the state does not fit the worm, or lies inside the world."""
+    """Raised if a run cannot start from a state: the state does not fit the worm, or lies inside the world."""
 
 
 @with_fields
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State(ReadOnly):
-    """Pose and motion of a worm of N segments; frozen, with read-only arrays.
+    """Pose and motion of a worm of N segments. Frozen, with read-only arrays.
 
     Raises
     ------
     ValueError
-        An array of the wrong shape, a value that is not finite, or directors that are not unit vectors across.
+        An array of the wrong shape, a value that is not finite, or directors that are not unit vectors normal to their
+        segments.
     """
 
     joints: FloatArray
-    """Joints, tail first, shape (N+1, 3) [m]."""
+    """Positions of the joints, tail first, shape (N+1, 3) [m]."""
     directors: FloatArray
-    """Unit vector to the left of each segment, normal to it, shape (N, 3)."""
+    """Unit vector that points to the left of each segment, normal to the segment, shape (N, 3)."""
     bend: FloatArray
-    """Chamber bend th of each segment: the left chamber is b th shorter than the segment, shape (N,) [rad]."""
+    """Chamber bend th of each segment, shape (N,) [rad]. The left chamber is b th shorter than the segment."""
     joint_velocity: FloatArray
     """Velocity of the joints, shape (N+1, 3) [m/s]."""
     roll_rate: FloatArray
@@ -52,19 +53,19 @@ class State(ReadOnly):
     bend_rate: FloatArray
     """Rate of bend of each segment, shape (N,) [rad/s]."""
     contraction: FloatArray
-    """Shortening fraction of each chamber [left, right] that the actuators give now, shape (N, 2).
+    """Output of the actuators: contraction of each chamber [left, right], shape (N, 2).
 
-    A worm may start contracted, wedged in a pipe. An output without shortening, such as a pressure, may be greater than
-    1; such an output is stored as `GREATEST_CONTRACTION` here, and in full in the memory.
+    A worm may start contracted, for example wedged in a pipe. An output that is not a contraction, such as a pressure,
+    may exceed 1. It is then stored as `GREATEST_CONTRACTION` here, and unchanged in `memory`.
     """
     time: float
     """Time [s]."""
     laid: bool
-    """Whether `straight` laid the pose on a world: a run then settles the worm, even if rough ground leaves a gap."""
+    """Whether `straight` has placed the worm on a world. A run then settles it, even if rough ground leaves gaps."""
     memory: Mapping[str, NDArray[Any]] = field(repr=False)
-    """Arrays that integrator, contacts and actuators remember, by name; empty in a state made by hand.
+    """Arrays that the integrator, contacts and actuators need to continue, by name; empty if a user made the state.
 
-    With these arrays, a run continues bit for bit as if it had never been stopped.
+    From a state with these arrays, a run continues as if it had never been stopped, to the last bit.
     """
 
     def __init__(
@@ -104,7 +105,7 @@ class State(ReadOnly):
 
     @classmethod
     def unchecked(cls, **values: Any) -> State:
-        """Return the state with these fields, which must all be given, be valid, and have their own arrays."""
+        """Return the state with these fields. All fields must be given and valid, with arrays that nobody else uses."""
         state = cls.__new__(cls)
         state.__setstate__(values)
         return state
@@ -132,7 +133,7 @@ class State(ReadOnly):
 
     @property
     def moves(self) -> bool:
-        """Whether anything has a velocity."""
+        """Whether any velocity is not 0."""
         return any(bool(np.any(getattr(self, name))) for name in ("joint_velocity", "roll_rate", "bend_rate"))
 
     @classmethod
@@ -145,28 +146,30 @@ class State(ReadOnly):
         azimuth: float = 0.0,
         contraction: ArrayLike = 0.0,
     ) -> State:
-        """Return a worm at rest on its world, straight where the world is straight; at height 0 without a world.
+        """Return a worm at rest on its world. It is straight, or follows the centre line of a pipe.
+
+        Without a world, the worm lies at height 0.
 
         Parameters
         ----------
         worm : Worm
         world : World, optional
         position : array_like, shape (2,) or (3,)
-            Position of the tail, seen from above; a third entry is the lift of the worm off the surface [m]. In a pipe:
-            position of the tail along the pipe, and 0. In no world can a worm start below the surface, and on the
-            clamped ground a worm cannot start above the surface.
+            Position x, y of the tail. A third number is the height of the worm above the surface [m]. In a pipe, the
+            first number is the position of the tail along the pipe, and the second is 0. In no world can a worm start
+            below the surface. On the clamped ground it cannot start above the surface either.
         azimuth : float
-            Heading, from x towards y; in a pipe 0 (along the pipe) or pi (back) [rad].
+            Heading, from x towards y [rad]. In a pipe it is 0 (along the pipe) or pi (in the opposite direction).
         contraction : float or array_like, shape (N, 2)
-            Contraction of the chambers. The pose shows the worm at its rest length; settling contracts the worm as far
-            as the world allows.
+            Contraction of the chambers. The pose of the state still has the rest lengths; settling contracts the worm
+            as far as the world allows.
 
         Raises
         ------
         ValueError
             A position or azimuth that is not finite or of another shape.
         StateError
-            A world that has no room for the worm there.
+            The world has no room for the worm there.
         """
         arguments.instance("worm", worm, Worm, "a worm3d.Worm")
         arguments.instance("world", world, World | None, "a world such as worm3d.Plane(), or None")
@@ -188,14 +191,17 @@ class State(ReadOnly):
         return cls(joints=joints, directors=directors, contraction=contraction, laid=laid)
 
     def with_changes(self, **changes: Any) -> State:
-        """Return a copy with some fields changed; drop the memory unless given, and `laid` if the pose changes."""
+        """Return a copy with some fields changed.
+
+        The copy has no memory unless `memory` is an argument, and `laid` becomes False if the pose changes.
+        """
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
         return State(**{**given, "memory": None, "laid": laid, **changes})
 
 
 def _require_lift(lift: float, world: World | None) -> None:
-    """Raise ValueError for a height above the surface of a world at which no worm can start."""
+    """Raise ValueError if no worm can start at this height above the surface of a world."""
     if world is None or lift == 0.0 or (lift > 0.0 and not world.clamped):
         return
     allowed = "0 on a ClampedGround, which holds the joints at its height" if world.clamped else "at least 0"
@@ -226,7 +232,7 @@ def _laid(
 
 
 def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray) -> FloatArray:
-    """Return the apexes of a worm with the chambers' rest lengths, (E3), shape (N, 6, 3) [m]."""
+    """Return the apexes of a worm whose chambers have their rest lengths, (E3), shape (N, 6, 3) [m]."""
     edges = np.diff(joints, axis=0)
     tangents, middles = edges / np.linalg.norm(edges, axis=1)[:, None], (joints[:-1] + joints[1:]) / 2.0
     sizes = np.column_stack([worm.link_length, np.tile([worm.chamber_offset, worm.l0], (worm.segments, 1))])
@@ -236,7 +242,7 @@ def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray) -> FloatArray
 
 @cache
 def _rest_apexes(segments: int) -> ca.Function:
-    """Return the apexes (18) of middle, tangent, director, and (link, offset, length) of each segment."""
+    """Return a function of middle, tangent, director and (link, offset, length) of each segment: its apexes (18)."""
     m, t, d, sizes = (ca.SX.sym(name, 3) for name in ("middle", "tangent", "director", "sizes"))
     link, offset, length = ca.vertsplit(sizes)
     points = elements.apexes(m, elements.Frame(length, t, d, ca.cross(t, d)), [length, length], link, offset)
@@ -244,7 +250,7 @@ def _rest_apexes(segments: int) -> ca.Function:
 
 
 def level_directors(joints: FloatArray) -> FloatArray:
-    """Return level directors that point to the left, shape (N, 3); along y for a vertical segment."""
+    """Return horizontal directors that point to the left, shape (N, 3). A vertical segment gets the y axis."""
     edges = np.diff(joints, axis=0)
     left = np.column_stack([-edges[:, 1], edges[:, 0], np.zeros(len(edges))])
     size = np.linalg.norm(left, axis=1)

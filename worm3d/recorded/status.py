@@ -32,7 +32,7 @@ class Status(Enum):
 
     @property
     def diverged(self) -> bool:
-        """Whether the run was given up (as opposed to reaching the end, or being stopped by the observer)."""
+        """Whether the run failed: it did not reach the end, and no user or observer stopped it."""
         return self not in (Status.DONE, Status.INTERRUPTED, Status.OBSERVER_FAILED)
 
 
@@ -44,19 +44,19 @@ class Stop:
     status: Status
     """How the run ended."""
     step: int
-    """Last attempted step (the number of finished steps if the run is done)."""
+    """Last attempted step, which is the number of finished steps if the run is done."""
     time: float
-    """Time at the end of the last attempted step [s]."""
+    """Time at the end of this step [s]."""
     residual: float = 0.0
     """Norm of the residual of the last Newton iterate [N]."""
     segment: int = 0
-    """Segment with the largest residual, or the folded, flattened or sunk segment; joint j belongs to segment j."""
+    """Segment with the largest residual, or the folded, flattened or sunk segment. Joint j counts as segment j."""
     reason: str = ""
-    """Error of a command, a force or the observer, or the part that was bent or pressed too far; with advice."""
+    """Error of a command, a force or the observer, or the part that was bent or pressed too far, with advice."""
 
     @property
     def sentence(self) -> str:
-        """One line: the outcome, the time and the place."""
+        """A line with the outcome, and with the time and place if the run failed."""
         if self.status in (Status.DONE, Status.INTERRUPTED):
             return str(self.status.value)
         where = f"step {self.step}, t = {self.time:.4g} s"

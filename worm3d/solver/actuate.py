@@ -19,7 +19,7 @@ _HINGE_COMMAND, _HINGE_COMMAND_N, _HINGE_GIVEN_N = actuator.HINGE_COMMANDS[:3]
 
 @njit
 def ask(core: Core, command: FloatArray) -> None:
-    """Set a command, within the actuators' limits, as the start of the actuators' next step."""
+    """Limit a command as the actuators do, and store it as the command at the start of the next step."""
     given = vector(core.block, a.GIVEN).copy()
     actuate(core, command, 1.0)
     copy(vector(core.block, a.GIVEN), given)
@@ -27,7 +27,7 @@ def ask(core: Core, command: FloatArray) -> None:
 
 @inner
 def actuate(core: Core, command: FloatArray, dt: float) -> None:
-    """Start the actuators' step towards a command; the outputs may change again at the end of the step."""
+    """Start the actuators' step towards a command. Their outputs may change again at the end of the step."""
     block, n = core.block, core.n
     asked, given = vector(block, a.ACTUATOR_COMMANDS), vector(block, a.GIVEN)
     rows, joints = matrix(block, a.ACTUATED), matrix(block, a.HINGED)

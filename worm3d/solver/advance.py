@@ -1,11 +1,14 @@
-"""Many steps at once, compiled: the commands of the actuators, the steps, and their records.
+"""Compiled loop over many steps: the commands of the actuators, the steps, and their records.
 
-Time is counted in ticks. A step is a tick long, or an allowed error limits the length of the step. In the second case,
-a step that ends too far from the parabola through the last three positions (`worm3d.solver.step`) is repeated with a
-shorter length. The error grows with the third power of the length; thus the error of the last step determines the
-length of the next step. Time is divided into beats of several ticks. Steps end at the end of a beat, where a run can be
-observed, steered and divided. Commands and forces are given at equal intervals, and change linearly in between. Rows
-are interpolated (`worm3d.solver.between`).
+Time is counted in ticks of equal length. In a run with steps of equal length, a step is a tick. In a run with adaptive
+steps, a limit of the error determines the length of each step. The error of a step is the distance from the parabola
+through the last three positions (`worm3d.solver.step`). A step with too large an error is repeated with a shorter
+length. The error grows with the third power of the length; thus the error of the last step determines the length of the
+next step.
+
+Several ticks are a beat. A step always ends at the end of a beat, where a run can be observed, controlled and split
+into parts. Commands and forces are defined at equal intervals, and change linearly in between. If steps are adaptive,
+rows are interpolated between the ends of steps (`worm3d.solver.between`).
 """
 
 from __future__ import annotations
@@ -27,17 +30,17 @@ from worm3d.solver.step import step
 from worm3d.values.arrays import FloatArray
 
 LAST, NEXT, SINCE, SOLVES = range(4)
-"""Numbers about the steps of a run: the last step, 0 before the first [s]; the next step to try, infinite if a step is
-a tick [s]; the time since the last whole beat or tick [s]; and the number of solved steps, including repeated steps.
-"""
+"""Indices in the array `pace`, which describes the steps of a run. The array contains the length of the last step, 0
+before the first step [s]; the length of the next step to try, infinite if a step is a tick [s]; the time since the last
+whole beat or tick [s]; and the number of solved steps, including repeated steps."""
 MIN_STEP, MAX_STEP = 1e-5, 2e-2
-"""Shortest and longest step [s]: the error of a step this short is not checked, but Newton has to converge; a longer
-step would miss details of a gait."""
+"""Shortest and longest step [s]. At the shortest step the error is not checked, but Newton's method has to converge.
+Longer steps than the longest would miss details of a gait."""
 GIVEN_UP = 64.0
-"""Largest divisor of the shortest step: Newton is not tried again with even shorter steps."""
+"""Largest factor by which a step may be shorter than the shortest step if Newton's method does not converge."""
 GROWTH, SHRINKING, SAFETY = 2.0, 0.2, 0.9
-"""Largest and least ratio of a step to the step before, and ratio of the chosen length to the predicted length: BDF2 is
-stable below a ratio of 1 + sqrt(2)."""
+"""Largest and smallest ratio of a step to the previous step, and the ratio of the chosen length to the length predicted
+from the error. BDF2 is stable if steps grow by less than a factor of 1 + sqrt(2)."""
 
 
 @njit
@@ -54,29 +57,30 @@ def advance(
     pace: FloatArray,
     beats: tuple[int, int, int],
 ) -> tuple[int, int]:
-    """Advance by a tick per `parts` commands; return the number of finished ticks and the end of the last step.
+    """Advance by one tick per `parts` commands. Return the number of finished ticks and the status of the last step.
 
     Parameters
     ----------
     records : Block
         Block of `worm3d.solver.records`; a row is filled after every `every`-th tick.
     counters : ndarray of int, shape (S, 4)
-        The counters of the steps that end in a tick are added to the row of the tick.
+        The counters of all steps that end in a tick are added to the row of this tick.
     commands : ndarray, shape (K parts, 5 N)
-        Commands to the actuators, `parts` per tick, in the form of the array "asked".
+        Commands to the actuators, `parts` per tick, in the order of the array "asked".
     external : ndarray, shape (K parts + 1, 3, N+1) or (0, 3, N+1)
-        Forces on the joints, from the present on [N].
+        Forces on the joints, starting at the present instant [N].
     done : int
-        Number of ticks before the chunk.
+        Number of ticks before this call.
     every : int
+        Number of ticks per recorded row.
     dt : float
-        A tick [s].
+        Length of a tick [s].
     bdf2 : bool
         Whether the integrator is BDF2.
     pace : ndarray, shape (4,)
-        `LAST` and so on; changed.
+        Numbers at `LAST`, `NEXT`, `SINCE` and `SOLVES`; changed by this function.
     beats : tuple of int
-        Number `parts`, ticks of a beat, and ticks since the last whole beat.
+        Number `parts` of commands per tick, number of ticks per beat, and ticks since the last whole beat.
     """
     parts, beat, begin = beats
     taken, count, asked = 0, len(commands) // parts, vector(core.block, a.ACTUATOR_COMMANDS)
@@ -120,7 +124,7 @@ def advance(
 
 @inner
 def _between(to: FloatArray, before: FloatArray, share: float, after: FloatArray) -> None:
-    """Interpolate linearly between two instants after a share of the time between them."""
+    """Interpolate linearly between `before` and `after`; `share` is the elapsed fraction of the time between them."""
     if share == 1.0:
         copy(to, after)
     else:
@@ -129,7 +133,7 @@ def _between(to: FloatArray, before: FloatArray, share: float, after: FloatArray
 
 @inner
 def _length(wanted: float, left: float) -> float:
-    """Return the length of the next step, so that no step is much shorter than wanted at the end of a beat."""
+    """Return the length of the next step. No step at the end of a beat becomes much shorter than `wanted`."""
     if wanted >= left * (1.0 - 1e-9):
         return left
     return 0.5 * left if 2.0 * wanted > left else wanted
@@ -137,7 +141,7 @@ def _length(wanted: float, left: float) -> float:
 
 @inner
 def _take(core: Core, command: FloatArray, h: float, bdf2: bool) -> int:
-    """Take a step and return the end of the step; a failed step leaves the actuators unchanged."""
+    """Take a step and return its status. A failed step leaves the actuators unchanged."""
     asked, given = vector(core.block, a.ACTUATOR_COMMANDS), vector(core.block, a.GIVEN)
     asked_n, given_n = asked.copy(), given.copy()
     actuate(core, command, h)
@@ -150,7 +154,7 @@ def _take(core: Core, command: FloatArray, h: float, bdf2: bool) -> int:
 
 @inner
 def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int:
-    """Try a step, and choose the length of the next step."""
+    """Try a step, store the length of the next step in `pace`, and return the status of the step."""
     numbers, last = vector(core.block, a.NUMBERS_), pace[LAST]
     allowed, ratio = numbers[a.ALLOWED], h / last if last > 0.0 else 0.0
     if h <= MIN_STEP:
@@ -173,7 +177,7 @@ def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int
 
 @inner
 def _stretch(core: Core, of_last: float, of_curve: float) -> None:
-    """Multiply the expected motion of the next step, and the expected change of motion."""
+    """Scale the expected motion of the next step and the expected change of this motion by two factors."""
     last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
     combine(last, of_last, last, 0.0, last)
     combine(curve, of_curve, curve, 0.0, curve)
@@ -181,7 +185,7 @@ def _stretch(core: Core, of_last: float, of_curve: float) -> None:
 
 @njit
 def worst_residual(core: Core) -> tuple[float, int]:
-    """Return the norm of the last residual [N] and the joint with its largest entry."""
+    """Return the norm of the last residual [N], and the joint with the largest component of the residual."""
     gradient, held = vector(core.block, a.GRADIENT), vector(core.block, a.HELD)
     total, worst, most = 0.0, 0, -1.0
     for k in range(len(gradient)):

@@ -1,11 +1,11 @@
-"""Arrays, kernels and numbers of a step, each declared once together with the constant for its index.
+"""Arrays, kernels and numbers of a step. Each is declared once, together with the constant for its index.
 
-Lanes are segments (S of them, a multiple of the vector width); the eight contact points of segment i are the lanes
-S slot + i of point arrays. An array `inside` another array shares the memory of that array, so that one kernel writes
-directly into the inputs of the next kernel: the points follow the chamber lengths and frames, the world's outputs are
-rows of the points' inputs, and so on. Rows of the points' and joints' arrays hold the past of points and joints. The
-kernel point_after gives the state of a point after a step. The friction state and the world's force stay in these
-outputs; `worm3d.solver.step` copies the other outputs to the past.
+Lanes are segments. Their number S is a multiple of the vector width. In the arrays of contact points, the eight points
+of segment i are in the lanes S slot + i. An array that is `inside` another array shares its memory, so that a kernel
+writes directly into the inputs of the next kernel. For example, the points follow the chamber lengths and frames, and
+the outputs of the world's kernel are rows of the points' inputs. Rows of the points' and joints' arrays contain their
+past. The kernel point_after computes the state of a point after a step. The friction state and the force of the world
+stay in its outputs; `worm3d.solver.step` copies the other outputs to the past.
 """
 
 from __future__ import annotations
@@ -37,23 +37,23 @@ from worm3d.worlds.kernels import WORLD_ROWS
 SHAPE = Layout({"lengths": 2, "tangent": 3, "director": 3, "points": 3 * POINTS_PER_SEGMENT})
 """Outputs of the kernel segment_shape."""
 POINT_FORCES = Layout({"f": 3, "phi": 1, "load": 1, "f_ahead": 3, "K": 9})
-"""Outputs of the kernel point_stiffness; point_force has the outputs before "f_ahead"."""
+"""Outputs of the kernel point_stiffness. The kernel point_force has only the outputs before "f_ahead"."""
 
 
 class KernelRow(NamedTuple):
-    """A compiled function."""
+    """Declaration of a compiled function."""
 
     make: Callable[..., ca.Function | None] | None = None
-    """Returns the function to compile, or None; left out for the world's kernel and for entries
-    (`worm3d.solver.entry`)."""
+    """Returns the function to compile, or None if the worm does not need it. Left out for the world's kernel, and for
+    entries (`worm3d.solver.entry`)."""
     padded: bool = False
-    """Whether the function is evaluated in all lanes: lanes without a point or joint have neither mass nor
-    stiffness."""
+    """Whether the function is evaluated in all lanes. Lanes without a point or joint have neither mass nor stiffness.
+    """
     of: Literal["", "law", "chamber", "hinge", "medium", "load"] = ""
-    """Classes that `make` receives: the law of friction, the actuator and friction of the chambers, the actuator of the
-    hinges, the medium, or all loads."""
+    """Which classes are the arguments of `make`: the law of friction, the actuator and joint friction of the chambers,
+    the actuator of the hinges, the medium, or all loads."""
     exact: bool = False
-    """Whether the function is computed exactly as written, to the last bit."""
+    """Whether the function is computed exactly as written, so that all bits equal the results of NumPy."""
 
 
 KERNELS: dict[str, KernelRow] = {}
@@ -110,26 +110,26 @@ STEP_ENTRY = _kernel("step")
 PUT = _kernel("put")
 
 NUMBER_NAMES: list[str] = []
-"""Names of the single numbers of a worm and a world."""
+"""Names of the single numbers that describe a worm and a world."""
 
 
 def _number(name: str) -> int:
-    """Declare a number and return its index in the array "numbers"."""
+    """Declare a number, and return its index in the array "numbers"."""
     NUMBER_NAMES.append(name)
     return len(NUMBER_NAMES) - 1
 
 
 L0 = _number("l0")  # [m]
-MAX_PENETRATION = _number("deepest")  # greatest penetration of a joint [m]; a deeper joint counts as sunk
+MAX_PENETRATION = _number("deepest")  # largest penetration of a joint [m]; a deeper joint counts as sunk
 STATIC_RATIO = _number("static_ratio")
 BODY_LENGTH = _number("length")  # body length, the unit of Newton's tolerances [m]
 NEWTON_TOLERANCE = _number("tolerance")  # largest final step of Newton, as a fraction of the body length
 LEVER = _number("lever")  # metres per radian in Newton's tolerances
-CLAMPED = _number("clamped")  # 1: the ground is the paper's, (P9) and (P10)
+CLAMPED = _number("clamped")  # 1 if the ground is the paper's, (P9) and (P10)
 THRESHOLD = _number("threshold")  # eps of (P10) [m/s]
 MASS = _number("mass")  # [kg]
-RATIO = _number("ratio")  # this step over the last step, for BDF2
-ALLOWED = _number("allowed")  # largest estimated error of a step [m]
+RATIO = _number("ratio")  # length of this step divided by the length of the last step, for BDF2
+ALLOWED = _number("allowed")  # limit of the estimated error of a step [m]
 ERROR = _number("error")  # estimated error of the last step, if a limit is set [m]
 GRAVITY = _number("gravity_x")  # [m/s^2]; y and z follow
 _number("gravity_y")
@@ -140,15 +140,15 @@ class Sizes(NamedTuple):
     """Sizes of a core's arrays."""
 
     n: int
-    """Segments."""
+    """Number of segments."""
     lanes: int
-    """Lanes for n segments."""
+    """Number of lanes for n segments."""
     joint_lanes: int
-    """Lanes for the n - 1 joints between segments."""
+    """Number of lanes for the n - 1 joints between segments."""
     node_lanes: int
-    """Lanes for all n + 1 joints."""
+    """Number of lanes for all n + 1 joints."""
     world_rows: int
-    """Inputs of the world's kernel: x (3) and the parameters."""
+    """Number of inputs of the world's kernel: x (3) and the parameters."""
     chamber: type[Actuator]
     """Actuator of the chambers."""
     hysteresis: type[Hysteresis]
@@ -156,14 +156,14 @@ class Sizes(NamedTuple):
     hinge: type[Actuator]
     """Actuator of the hinges."""
     medium: type[Medium]
-    """Medium that resists the joints."""
+    """Medium that resists the motion of the joints."""
     loads: tuple[type[Load], ...]
     """External loads on the joints."""
 
 
 @cache
 def _extents(sizes: Sizes) -> dict[str, Any]:
-    """Return the sizes and the derived sizes by name."""
+    """Return the sizes in `sizes`, and sizes computed from them, by name."""
     size = BLOCK_SIZE * (sizes.n + 1)
     parts = sizes.chamber, sizes.hysteresis
     chamber, hinge = 2 * actuator.ACTUATORS_PER_SEGMENT * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
@@ -194,27 +194,28 @@ def _extents(sizes: Sizes) -> dict[str, Any]:
 
 
 Extent = int | str | Layout
-"""A number of rows or columns, the name of a size in `_extents`, or a layout, whose rows have names."""
+"""Number of rows or columns: a number, the name of a size in `_extents`, or a layout, whose rows have names."""
 
 
 class ArrayRow(NamedTuple):
-    """An array of a core."""
+    """Declaration of an array of a core."""
 
     rows: Extent
     columns: Extent
     inside: tuple[str, str | int] | None = None
-    """Earlier array whose memory this array shares, and the row of that array where this array begins."""
+    """Name of an earlier array whose memory this array shares, and the row of the earlier array where this one begins.
+    """
     remembered: bool | tuple[str, ...] = False
-    """Whether the next step depends on the array, or the names of the rows that the next step depends on."""
+    """Whether the next step depends on the array, or the names of the rows on which the next step depends."""
     history: bool = False
-    """Whether the array holds two instants, the present instant first; such an array is also remembered."""
+    """Whether the array contains two instants, the present first. The next step depends on such an array."""
 
     def shape(self, sizes: Sizes) -> tuple[int, int]:
         """Return the shape in a core of these sizes."""
         return _extent(self.rows, sizes), _extent(self.columns, sizes)
 
     def first(self, row: str | int) -> int:
-        """Return the index of a row."""
+        """Return the index of a row, which is given by its name or number."""
         return self.rows.first(row) if isinstance(self.rows, Layout) and isinstance(row, str) else int(row)
 
 
@@ -225,7 +226,7 @@ def _extent(extent: Extent, sizes: Sizes) -> int:
 
 
 ARRAYS: dict[str, ArrayRow] = {}
-"""Arrays of a core by name, in the order of its block."""
+"""Arrays of a core by name, in the order of their constants."""
 
 
 def _array(name: str, rows: Extent, columns: Extent, **more: Any) -> int:
@@ -249,14 +250,14 @@ FACTOR = _array("factor", "band_rows", BAND_COLUMNS)  # factors of the linear so
 # inputs of the segment's kernels
 SEGMENT_IN = _array("segment_in", segment.SEGMENT_LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
 POINT_OUT = _array("point_out", POINT_FORCES, "points", inside=("segment_in", "f"))
-POINT_ANEW = _array("point_anew", POINT_FORCES, "points")  # the same for changed contacts, with the change of K
+POINT_ANEW = _array("point_anew", POINT_FORCES, "points")  # as "point_out", for changed contacts, with the change of K
 SEGMENT_OUT = _array("segment_out", 1 + segment.COORDINATES + segment.COORDINATES**2, "lanes")
 # gradients and Hessians of the segments, one segment after the other
 SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES + segment.COORDINATES**2)
 CHANGED = _array("changed", 1, "points")  # 1 if a contact has changed since the Jacobian was made
 # derivatives of the points with respect to the coordinates
 POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS_PER_SEGMENT * segment.COORDINATES, "lanes")
-# the same, segments one after the other
+# as "points_jacobian", but one segment after the other
 JACOBIANS = _array("jacobians", "lanes", 3 * POINTS_PER_SEGMENT * segment.COORDINATES)
 DERIVATIVES_KNOWN = _array("known", 1, "vectors")  # 1 if "jacobians" of 8 segments are newer than "band"
 SEGMENT_SHAPE_OUT = _array("rest", SHAPE, "lanes")
@@ -268,7 +269,7 @@ POINT_IN = _array(
     inside=("rest", "points"),
     remembered=("anchor", "load_n", "load_m", "pull", "pull_m"),
 )
-# the same memory with the lanes of segments, row 8 r + slot
+# the same memory as "point_in", with the lanes of segments: row 8 r + slot
 POINT_ROWS = _array("point_rows", point.POINT_LAYOUT.rows * POINTS_PER_SEGMENT, "lanes", inside=("point_in", 0))
 WORLD_IN = _array("world_in", "world_rows", "points")
 WORLD_OUT = _array("world_out", WORLD_ROWS, "points", inside=("point_in", "distance"))
@@ -291,7 +292,8 @@ AFTER_OUT = _array("after_out", point.AFTER, "points")
 JOINT_IN = _array("joint_in", joint.JOINT_LAYOUT, "joint_lanes", remembered=("hinge_n",))
 JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "strain_hat"))  # the last rows
 JOINT_OUT = _array("joint_out", 1 + (1 + joint.COORDINATES) * joint.ROW, "joint_lanes")
-JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)  # the same for joints
+# gradients and Hessians of the joints, one joint after the other
+JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)
 KINKS = _array("kinks", 1, "points")
 Y_START = _array("y_start", 3, "points")  # working memory of the line search
 STEP_CHANGE = _array("moved", 1, "moved")  # change of x in the step, followed by zeros
@@ -367,13 +369,13 @@ TERMS_ = _array("terms", 1, len(TERMS))  # energy ledger since the last record [
 SLID = _array("slid", POINTS_PER_SEGMENT, "lanes")  # slip since the last record [m]
 
 HANDLE = 5
-"""Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
+"""Number of integers in the handle of a core: n, and the addresses of memory, table, kernels and counters."""
 COUNTERS = len(series.COUNTERS)
-"""Number of counters of a step."""
+"""Number of quantities that are counted in a step."""
 
 
 class Core(NamedTuple):
-    """Input of compiled code: the number of segments, and the addresses of all data."""
+    """Argument of compiled functions: the number of segments, and the addresses of all data."""
 
     n: int
     kernels: int
@@ -386,7 +388,7 @@ class Core(NamedTuple):
 
 @cache
 def plan(sizes: Sizes) -> Plan:
-    """Return the plan of the arrays in cores of these sizes."""
+    """Return the layout of the arrays in the memory of a core of these sizes."""
     inside = {}
     for name, row in ARRAYS.items():
         if row.inside is not None:
@@ -396,7 +398,7 @@ def plan(sizes: Sizes) -> Plan:
 
 
 class CoreMemory:
-    """Owner of a core with arrays of zeros.
+    """Owner of the memory of a core. The arrays are zero at first.
 
     Parameters
     ----------
@@ -415,13 +417,13 @@ class CoreMemory:
         self.arrays = self._memory.arrays()
 
     def copy(self, kernels: NDArray[np.int64]) -> CoreMemory:
-        """Return another core with the same numbers and the given addresses."""
+        """Return another core with the same numbers, and with kernels at the given addresses."""
         other = CoreMemory(self.sizes, kernels)
         other._memory.take(self._memory)
         return other
 
     def remembered(self) -> dict[str, FloatArray]:
-        """Return views, by name, of all arrays that the next step depends on."""
+        """Return views, by name, of everything on which the next step depends."""
         views = {}
         for name, row in ARRAYS.items():
             if (row.remembered is True or row.history) and self.arrays[name].size > 0:

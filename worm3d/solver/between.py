@@ -1,8 +1,8 @@
-"""Rows of instants between the ends of steps: recorded values are interpolated, gathered, and restored.
+"""Recorded rows at instants between the ends of steps: values are interpolated, recorded, and restored.
 
-Positions lie on the cubic through the positions and velocities at both ends of a step, all other values on a straight
-line. Sums since the row before grow evenly in a step, so that the energy ledger of a row closes as well as the ledger
-of the step.
+Positions lie on the cubic through the positions and velocities at both ends of a step. All other values are
+interpolated linearly. Sums since the previous row grow linearly within a step, so that the energy ledger of a row has
+no larger residual than the ledger of the step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from worm3d.solver.records import BEFORE, CURVED, NOW, REGIONS, SUMS, gather, re
 
 @inner
 def keep(records: Block, to: int) -> None:
-    """Copy the regions that fill rows: to `BEFORE` at the start of a step, to `NOW` at the end."""
+    """Copy all regions of the core from which rows are recorded to the array `to` (`BEFORE` or `NOW`)."""
     for r in range(matrix(records, REGIONS).shape[0]):
         here, size, at = _region(records, r)
         vectors.move(address(records, to, 0) + 8 * at, here, size)
@@ -30,7 +30,10 @@ def keep(records: Block, to: int) -> None:
 
 @inner
 def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
-    """Write the row of an instant after a `share` of the last finished step, of length h [s]."""
+    """Write the row of an instant within the last finished step.
+
+    `share` is the elapsed fraction of the step at this instant, and h is the length of the step [s].
+    """
     if share >= 1.0 - 1e-9:
         record(core, records, row)
         return
@@ -46,7 +49,7 @@ def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
     gather(core, records, row)
     for r in range(regions):
         here, size, at = _region(records, r)
-        if r >= regions - SUMS:  # this share of the sums is already in a row
+        if r >= regions - SUMS:  # this row now contains a part of the sums, which is subtracted from both ends
             values = carray(doubles_at(here), (size,))
             for sums in (before, now):
                 combine(sums[at : at + size], 1.0, sums[at : at + size], -1.0, values)
@@ -55,13 +58,13 @@ def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
 
 @inner
 def _region(records: Block, r: int) -> NDArray[np.int64]:
-    """Return begin and size of a region, and where the copies of the region begin."""
+    """Return the address and the size of a region, and the position of its copy."""
     return integers(address(records, REGIONS, r), 3)
 
 
 @inner
 def _bend(core: Core, places: int, velocities: int, share: float, h: float) -> None:
-    """Move positions from the end of a step to the cubic through the positions and velocities at both ends."""
+    """Replace the positions at the end of a step by positions on the cubic, at the fraction `share` of the step."""
     x, x_n = rows(core.block, places, 0, 3), rows(core.block, places, 3, 3)
     v, v_n = rows(core.block, velocities, 0, 3), rows(core.block, velocities, 3, 3)
     left = 1.0 - share

@@ -1,9 +1,9 @@
-"""Many named arrays in one block of memory, for compiled code: functions receive few arguments.
+"""Many named arrays in one block of memory, so that compiled functions receive few arguments.
 
-Numba passes every array as seven numbers and counts references to the array; with a hundred arrays the compile time
-becomes minutes. Compiled code gets a block as two addresses: the address of the numbers, and the address of a table
-with the place of each array. `matrix(block, NAME)` is the array itself. Python gets the same arrays by name from
-`Memory`, which owns the arrays.
+Numba passes every array as seven numbers and counts references to it. With a hundred arrays, compilation would take
+minutes. Compiled code therefore receives a block as two addresses: the address of the numbers, and the address of a
+table with the position of each array. `matrix(block, NAME)` returns an array. `Memory` owns the arrays, and returns
+them by name to Python.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from worm3d.machine.vectors import doubles_at, integers_at
 from worm3d.values.arrays import FloatArray
 
 LINE = 8
-"""Doubles in a cache line; every array begins at the start of a cache line."""
+"""Doubles in a cache line. Every array begins at the start of a cache line."""
 
 
 class Block(NamedTuple):
@@ -34,13 +34,13 @@ class Block(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Layout of arrays in a block, each array at the start of a cache line."""
+    """Layout of arrays in a block. Arrays with memory of their own begin at the start of a cache line."""
 
     names: tuple[str, ...]
     table: NDArray[np.int64]
     """Begin, rows and columns of each array, shape (A, 3)."""
     size: int
-    """Doubles of the block."""
+    """Number of doubles in the block."""
 
     @classmethod
     def of(
@@ -57,8 +57,8 @@ class Plan(NamedTuple):
         shapes : sequence of tuple of int
             Rows and columns of each array.
         inside : mapping of str to (str, int), optional
-            Arrays that share memory: the earlier array that contains the array, and the offset from the beginning of
-            that array.
+            For each array that shares memory: the earlier array that contains it, and the offset from the beginning of
+            the earlier array.
         """
         places: dict[str, tuple[str, int]] = {}  # array that owns the memory, and the offset in that array
         room = dict.fromkeys((name for name in names if name not in inside), 0)
@@ -80,7 +80,7 @@ class Plan(NamedTuple):
 
 
 class Memory:
-    """A block of arrays of zeros; with `cleared` False the arrays are uninitialised."""
+    """A block of arrays. They contain zeros, or arbitrary numbers if `cleared` is False."""
 
     def __init__(self, plan: Plan, *, cleared: bool = True) -> None:
         self._plan, self.table = plan, plan.table
@@ -94,7 +94,7 @@ class Memory:
         return Block(self._numbers.ctypes.data, self.table.ctypes.data)
 
     def take(self, other: Memory) -> None:
-        """Copy the numbers of a block of the same shapes."""
+        """Copy the numbers from another block of the same shapes."""
         self._numbers[:] = other._numbers
 
     def arrays(self) -> dict[str, FloatArray]:
@@ -107,7 +107,7 @@ class Memory:
 
 @inner
 def integers(address: int, count: int) -> NDArray[np.int64]:
-    """Return a view of the whole numbers at an address."""
+    """Return a view of `count` integers at an address."""
     found: NDArray[np.int64] = carray(integers_at(address), (count,))
     return found
 
@@ -122,7 +122,7 @@ def matrix(block: Block, k: int) -> FloatArray:
 
 @inner
 def vector(block: Block, k: int) -> FloatArray:
-    """Return a view of array k, all rows one after the other."""
+    """Return a view of all rows of array k, one after the other, shape (rows * columns,)."""
     place = integers(block.table + 24 * k, 3)
     found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1] * place[2],))
     return found
@@ -130,7 +130,7 @@ def vector(block: Block, k: int) -> FloatArray:
 
 @inner
 def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
-    """Return a view of some rows of array k, one after the other, shape (count * columns,)."""
+    """Return a view of `count` rows of array k from row `first` on, one after the other, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
     start = block.memory + 8 * (place[0] + first * place[2])
     found: FloatArray = carray(doubles_at(start), (count * place[2],))
@@ -144,7 +144,7 @@ def address(block: Block, k: int, row: int) -> int:
     return int(block.memory + 8 * (place[0] + row * place[2]))
 
 
-# Loops, since Numba would compile each array expression for a third of a second.
+# The following functions contain loops, since Numba would compile each array expression for a third of a second.
 
 
 @inner
@@ -156,21 +156,21 @@ def fill(to: FloatArray, value: float) -> None:
 
 @inner
 def copy(to: FloatArray, source: FloatArray) -> None:
-    """Copy a vector."""
+    """Copy the vector `source` to `to`."""
     for k in range(len(to)):
         to[k] = source[k]
 
 
 @inner
 def combine(to: FloatArray, u: float, x: FloatArray, v: float, y: FloatArray) -> None:
-    """Set a vector to u x + v y; the vector may be x or y."""
+    """Set `to` to u x + v y. `to` may be x or y."""
     for k in range(len(to)):
         to[k] = u * x[k] + v * y[k]
 
 
 @inner
 def dot(x: FloatArray, y: FloatArray) -> float:
-    """Return the scalar product of two vectors; Numba's `dot` imports SciPy, which takes longer than a short run."""
+    """Return the scalar product of two vectors. Numba's `dot` imports SciPy, which takes longer than a short run."""
     value = 0.0
     for k in range(len(x)):
         value += x[k] * y[k]

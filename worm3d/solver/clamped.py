@@ -1,4 +1,7 @@
-"""The paper's ground: predictor without friction, loads (P9) of the held heights, corrector with friction (P10)."""
+"""The step on the paper's ground, in three parts: a predictor without friction, the loads (P9), and a corrector.
+
+The loads are the forces that hold the heights of the joints. The corrector includes the friction (P10).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ _T_REF = segment.SEGMENT_LAYOUT.first("t_ref")
 
 @inner
 def solve_clamped(core: Core, dt: float) -> bool:
-    """Solve a step of the clamped worm; return whether Newton converged both times."""
+    """Solve a step of the clamped worm, and return whether Newton's method converged both times."""
     x, load = vector(core.block, a.X), vector(core.block, a.JOINT_LOAD)
     friction, past = matrix(core.block, a.JOINT_FRICTION), matrix(core.block, a.JOINTS)
     fill(vector(core.block, a.JOINT_FRICTION), 0.0)
@@ -38,7 +41,7 @@ def solve_clamped(core: Core, dt: float) -> bool:
 
 @inner
 def _heading(core: Core, j: int) -> tuple[float, float]:
-    """Return the horizontal direction towards the head at joint j at the start of the step."""
+    """Return the horizontal unit vector towards the head at joint j, at the start of the step."""
     rows = matrix(core.block, a.SEGMENT_IN)
     behind, ahead = max(j - 1, 0), min(j, core.n - 1)
     tx, ty = rows[_T_REF, behind] + rows[_T_REF, ahead], rows[_T_REF + 1, behind] + rows[_T_REF + 1, ahead]
@@ -48,7 +51,7 @@ def _heading(core: Core, j: int) -> tuple[float, float]:
 
 @inner
 def _p10(core: Core, j: int, along: float, across: float, load: float) -> tuple[float, float]:
-    """Return the friction (P10) along and across: N mu against the velocity, on the ellipse of the gauge."""
+    """Return the friction (P10) along and across the worm. It is opposite to the velocity, on the gauge's ellipse."""
     mu, threshold = matrix(core.block, a.JOINT_MU), vector(core.block, a.NUMBERS_)[a.THRESHOLD]
     mu_x, mu_l = mu[0 if along > 0.0 else 1, j], mu[2, j]
     gauge = np.sqrt((mu_x * along) ** 2 + (mu_l * across) ** 2)

@@ -1,7 +1,7 @@
-"""Minimisation of the potential of a step for given normal loads, the fallback of Newton's method.
+"""Minimisation of the potential of a step for given normal loads, which is the fallback of Newton's method.
 
-The Hessian is shifted until it is positive definite, and a line search lowers the potential in every iteration, so that
-the descent cannot run in circles.
+The Hessian is shifted until it is positive definite. A line search lowers the potential in every iteration, so that the
+iterates cannot cycle.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
 MAX_ITERATIONS = 40
-"""Largest number of iterations of a descent, of trial points of a line search, and of Newton's iterations; the count of
-Newton's iterations restarts whenever contacts break away."""
+"""Maximum number of iterations of a descent, of trial points in a line search, and of Newton's iterations. Newton's
+iterations are counted from the last breakaway of contacts."""
 SMALL_STEP = 1e-9
-"""Coordinate step, as a fraction of the body length, that ends a descent. In smaller Newton steps, unchanged contacts
-are not examined before the last step."""
+"""Size of a step that ends a descent, as a fraction of the body length. After a Newton step below this size, contacts
+are not examined again until the method has converged, if nothing has happened to them."""
 SUFFICIENT = 1e-4
-"""Least decrease at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
+"""Minimum decrease of the potential at a trial point, as a fraction of the first-order decrease (Armijo's rule)."""
 POTENTIAL_ROUNDING = 1e-14
-"""Relative rise of the potential that counts as rounding."""
+"""Relative increase of the potential that counts as rounding."""
 
 _LOAD, _MU = point.POINT_LAYOUT.firsts("load", "mu")
 
 
 @inner
 def descend(core: Core) -> bool:
-    """Move x to the minimum of the potential for the given normal loads; return whether a minimum was found."""
+    """Move x to the minimum of the potential for the given normal loads, and return whether a minimum was found."""
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     tolerance = SMALL_STEP * vector(core.block, a.NUMBERS_)[a.BODY_LENGTH]
     for _ in range(MAX_ITERATIONS):
@@ -58,7 +58,7 @@ def descend(core: Core) -> bool:
 
 @inner
 def _descent_direction(core: Core) -> bool:
-    """Solve with the Hessian, shifted until positive definite."""
+    """Compute the direction from the Hessian, shifted until positive definite, and return whether this was possible."""
     direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
     band, factor = matrix(core.block, a.BANDED_JACOBIAN), matrix(core.block, a.FACTOR)
     square = vector(core.block, a.NUMBERS_)[a.LEVER] ** 2
@@ -82,8 +82,9 @@ def _descent_direction(core: Core) -> bool:
 def _search(core: Core, phi: float) -> bool:
     """Put a lower point along the direction into "best"; return False if there is no decrease above rounding.
 
-    The slope of friction jumps within the tiny displacement in which a contact sticks; halving alone would find this
-    place very slowly. The search first tries the steps at which contacts come to rest.
+    Where a contact comes to rest, the slope of the potential changes within the tiny displacement in which a contact
+    sticks. Halving the step would approach this place slowly. Therefore the search first tries the steps at which
+    contacts come to rest.
     """
     x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
     direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
@@ -102,7 +103,7 @@ def _search(core: Core, phi: float) -> bool:
 
 @inner
 def _shorter(kinks: FloatArray, step: float) -> float:
-    """Return the middle of the sorted kinks below a step, or half the step if there is no kink."""
+    """Return the middle one of the sorted kinks below a step, or half of the step if there is no such kink."""
     below = 0
     for kink in kinks:
         if kink < step:
@@ -112,7 +113,7 @@ def _shorter(kinks: FloatArray, step: float) -> float:
 
 @inner
 def _sort(values: FloatArray) -> None:
-    """Sort a few values in place; Numba's sort takes seconds to compile."""
+    """Sort a few values in place. Numba's own sort would take seconds to compile."""
     for i in range(1, len(values)):
         value, k = values[i], i
         while k > 0 and values[k - 1] > value:
@@ -123,7 +124,10 @@ def _sort(values: FloatArray) -> None:
 
 @inner
 def _resting_points(core: Core) -> int:
-    """Find the step lengths in (0, 1), sorted, at which sliding contacts come closest to rest, to first order."""
+    """Store the sorted step lengths in (0, 1) at which sliding contacts come closest to rest, to first order.
+
+    The function returns the number of these step lengths, which are in the array "kinks".
+    """
     x, trial = vector(core.block, a.X), vector(core.block, a.TRIAL)
     point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     start, kinks = matrix(core.block, a.Y_START), vector(core.block, a.KINKS)
@@ -152,7 +156,7 @@ def _resting_points(core: Core) -> int:
 
 @inner
 def _slides(core: Core, which: int) -> bool:
-    """Run the kernel that determines the sliding contacts at x."""
+    """Run the kernel that determines which contacts slide at x; return False if the shape at x is impossible."""
     if not evaluate(core, which, False, NO_HESSIAN) < np.inf:
         return False
     regimes.evaluate_yielding(core)
@@ -161,6 +165,6 @@ def _slides(core: Core, which: int) -> bool:
 
 @inner
 def largest(core: Core, step: FloatArray) -> float:
-    """Return the largest entry of a step, with rolls and bends converted to metres."""
+    """Return the largest absolute entry of a step. Rolls and bends are converted to metres."""
     lever = vector(core.block, a.NUMBERS_)[a.LEVER]
     return float(vectors.largest(step.ctypes.data, len(step), lever))

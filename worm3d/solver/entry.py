@@ -1,7 +1,7 @@
-"""Boundaries inside the compiled code: functions that are compiled separately and called through an address.
+"""Calls by address within the compiled code, between functions that are compiled separately.
 
-Numba optimises all called functions again together with each caller; in a deep call tree the compile time becomes
-minutes. An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`; the handle is the address of
+Numba optimises all called functions again together with each caller. In a deep call tree, compilation would take
+minutes. An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`. The handle is the address of
 the numbers of a `Core`.
 """
 
@@ -24,7 +24,7 @@ def call(w: Writer, address: Any, handle: Any, value: Any, a: Any, b: Any) -> An
 
 @inner
 def opened(handle: int) -> Core:
-    """Return the core of a handle."""
+    """Return the core that belongs to a handle."""
     n, memory, table, kernels, counters = integers(handle, HANDLE)
     return Core(n, kernels, Block(memory, table), counters, handle)
 
@@ -37,7 +37,7 @@ def kernel(core: Core, k: int) -> int:
 
 @inner
 def run(core: Core, k: int, given: int, out: int, count: int, first: int = 0) -> None:
-    """Run a kernel on `count` lanes, from lane `first` on, of an array of inputs and an array of outputs."""
+    """Run kernel k on `count` lanes, starting at lane `first`, of the arrays with the indices `given` and `out`."""
     evaluate(kernel(core, k), matrix(core.block, given), matrix(core.block, out), count, first)
 
 
@@ -50,5 +50,5 @@ def reset(core: Core) -> None:
 
 @inner
 def count(core: Core, k: int) -> None:
-    """Add one to a counter."""
+    """Add 1 to counter k."""
     integers(core.counters, k + 1)[k] += 1

@@ -1,10 +1,10 @@
 """Potential, residual and Jacobian of a step at a trial state, assembled from the kernels' outputs.
 
-A Jacobian is first made as if all points were free masses. The K (3, 3) of a contact, and the change dK of K between
-two Newton steps, are added afterwards as J^T dK J. J is the derivative of the point with respect to the coordinates of
-the segment, at the first such exchange. The second derivatives of the point keep the old contact force. The error of
-these terms, relative to dK, is the ratio of the penetration, or of the distance to the yield limit, to the segment
-length.
+A Jacobian is first assembled as if all points were free masses. Then the contacts are added: the contribution of a
+contact with the stiffness K (3, 3) is J^T K J. J contains the derivatives of the point with respect to the coordinates
+of the segment. If K changes by dK between two Newton steps, J^T dK J is added, with the J of the first addition. The
+second derivatives of the point keep the old contact force. Relative to dK, the error of these terms is the ratio of the
+penetration, or of the distance to the yield limit, to the segment length.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ _COUPLED, _REGIME = point.POINT_LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
 MIN_CHAMBER_LENGTH = 1e-4
-"""Shortest possible length of a chamber, as a fraction of the link length."""
+"""Length of a chamber below which a shape is impossible, as a fraction of the link length."""
 LENGTHS, TANGENT, DIRECTOR = a.SHAPE.firsts("lengths", "tangent", "director")
 PHI, LOAD_ROW, _AHEAD, STIFFNESS = a.POINT_FORCES.firsts("phi", "load", "f_ahead", "K")
 NO_HESSIAN, WHOLE_HESSIAN, LOCAL_HESSIAN, CHOICES = range(4)
-"""Choices for the outputs of `evaluate`, and the number of choices."""
+"""Choices for the argument `hessian` of `evaluate`, and the number of choices."""
 
 
 @inner
 def to_segments(core: Core, row: int, x: int) -> None:
-    """Write the coordinates at an address, or the motion of the coordinates, into rows of the segments' inputs."""
+    """Write coordinates, or their change, which begin at the address x, into rows of the segments' inputs."""
     for i in range(0, core.n, vectors.VECTOR_WIDTH):
         to = address(core.block, a.SEGMENT_IN, row) + 8 * i
         vectors.transpose(to, matrix(core.block, a.SEGMENT_IN).shape[1], x + 8 * BLOCK_SIZE * i, BLOCK_SIZE)
@@ -48,16 +48,16 @@ def to_segments(core: Core, row: int, x: int) -> None:
 
 @inner
 def to_joints(core: Core, row: int, x: int) -> None:
-    """Write the coordinates, or their motion, into rows of the joints' inputs."""
+    """Write coordinates, or their change, which begin at the address x, into rows of the joints' inputs."""
     for i in range(0, core.n - 1, vectors.VECTOR_WIDTH):
-        for r in (0, _BOTH - vectors.VECTOR_WIDTH):  # the two overlap
+        for r in (0, _BOTH - vectors.VECTOR_WIDTH):  # two overlapping groups of rows
             to = address(core.block, a.JOINT_IN, row + r) + 8 * i
             vectors.transpose(to, matrix(core.block, a.JOINT_IN).shape[1], x + 8 * (BLOCK_SIZE * i + r), BLOCK_SIZE)
 
 
 @inner
 def place(core: Core, x: FloatArray) -> bool:
-    """Compute points and distances at x; return whether the linkages can have this shape."""
+    """Compute points and distances at x, and return whether the linkages can have this shape."""
     segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_SHAPE_OUT)
     to_segments(core, _Q, x.ctypes.data)
     run(core, a.SEGMENT_SHAPE, a.SEGMENT_IN, a.SEGMENT_SHAPE_OUT, core.n)
@@ -84,26 +84,27 @@ def find_distances(core: Core) -> None:
 
 @njit
 def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
-    """Return the potential of a step (infinite for an impossible shape), and fill gradient and perhaps band.
+    """Return the potential of a step (infinite for an impossible shape), and fill the gradient and the band.
 
-    With `coupled`, friction uses the normal loads of x itself: the gradient is then the true residual, the band is the
-    unsymmetric Jacobian of the residual, and the return value has no meaning. The gradient contains the forces of held
-    coordinates.
+    The gradient contains the forces of held coordinates.
 
     Parameters
     ----------
     which : int
         Array with the coordinates, X or TRIAL.
+    coupled : bool
+        Whether friction uses the normal loads at x. The gradient is then the true residual, the band is the unsymmetric
+        Jacobian of the residual, and the return value is meaningless.
     hessian : int
-        Whether to fill the band: NO_HESSIAN; WHOLE_HESSIAN; or LOCAL_HESSIAN, only the contributions of the contacts
-        marked in "changed".
+        NO_HESSIAN does not fill the band. WHOLE_HESSIAN fills it. LOCAL_HESSIAN updates only the contributions of the
+        contacts that are marked in "changed".
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
 
 
 def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
-    """`evaluate` as an entry."""
+    """`evaluate` as an entry of the table of functions (`worm3d.solver.entry`)."""
     core = opened(handle)
     return _evaluate(core, vector(core.block, which), flags >= CHOICES, flags % CHOICES)
 
@@ -143,13 +144,13 @@ def _potentials(core: Core) -> float:
 
 @inner
 def open_at(core: Core, first: int) -> bool:
-    """Return whether all points of a vector have the regime OPEN."""
+    """Return whether all points of the vector that starts at `first` have the regime OPEN."""
     return bool(vectors.all_equal(address(core.block, a.POINT_IN, _REGIME) + 8 * first, point.OPEN) != 0)
 
 
 @inner
 def _points(core: Core, coupled: bool, hessian: int) -> None:
-    """Run the kernel of the points; if all points of a vector are open, no contact is computed."""
+    """Run the kernels of the points. For a vector whose points are all open, the kernel without contact runs."""
     point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS_PER_SEGMENT
     for first in range(0, point_in.shape[1], vectors.VECTOR_WIDTH):
@@ -169,7 +170,7 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
 
 @inner
 def _segments(core: Core, hessian: int) -> None:
-    """Run the segments' kernel, and fill the requested part of the band."""
+    """Run the segments' kernel, and fill the band as `hessian` requests."""
     if hessian in (NO_HESSIAN, LOCAL_HESSIAN):
         gradient = matrix(core.block, a.SEGMENT_OUT)[: 1 + _OWN]
         evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), matrix(core.block, a.ACTUATED), gradient, core.n)
@@ -183,7 +184,7 @@ def _segments(core: Core, hessian: int) -> None:
 
 @inner
 def _joints(core: Core, x: FloatArray) -> float:
-    """Add inertia (P4), weight, viscous medium (P8) and forces of the joints."""
+    """Set the gradient to inertia (P4), weight, viscous medium (P8) and forces of the joints; return the potential."""
     gradient, numbers = vector(core.block, a.GRADIENT), vector(core.block, a.NUMBERS_)
     inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
     hat, drag_hat = matrix(core.block, a.JOINT_HAT), matrix(core.block, a.JOINT_DRAG_HAT)
@@ -204,7 +205,7 @@ def _joints(core: Core, x: FloatArray) -> float:
 
 @inner
 def _add_gradients(core: Core) -> None:
-    """Add the gradients of segments and joints one number at a time: overlapping vectors would wait for each other."""
+    """Add the gradients of segments and joints, one number at a time, since overlapping vectors wait for each other."""
     gradient = vector(core.block, a.GRADIENT)
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
     for r in range(_OWN):
@@ -217,7 +218,7 @@ def _add_gradients(core: Core) -> None:
 
 @inner
 def hold(core: Core, in_band: bool) -> None:
-    """Set the gradient of held coordinates to zero, and the rows and columns in the band to the identity."""
+    """Set the gradient of held coordinates to zero, and their rows and columns in the band to the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
     band, size = matrix(core.block, a.BANDED_JACOBIAN), vector(core.block, a.HELD).size
     for first in range(0, size, vectors.VECTOR_WIDTH):
@@ -248,7 +249,7 @@ def _fill_band(core: Core) -> None:
         _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first)
     for first in range(0, core.n - 1, vectors.VECTOR_WIDTH):
         _transpose(core, a.JOINT_OUT, a.JOINT_BLOCKS, first)
-    for begin in range(2):  # overlapping blocks would wait for each other
+    for begin in range(2):  # neighbouring blocks overlap, and would wait for each other
         for i in range(begin, core.n, 2):
             own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
             vectors.add_rows(_row(core, a.BANDED_JACOBIAN, i, 0), pitch, own, _OWN, _OWN)
@@ -261,7 +262,7 @@ def _fill_band(core: Core) -> None:
 
 @inner
 def _exchange(core: Core) -> None:
-    """Exchange the contributions to the band of the contacts marked in "changed"."""
+    """Update the contributions to the band of the contacts that are marked in "changed"."""
     changed, known = vector(core.block, a.CHANGED), vector(core.block, a.DERIVATIVES_KNOWN)
     lanes = len(changed) // POINTS_PER_SEGMENT
     for first in range(0, len(changed), vectors.VECTOR_WIDTH):
@@ -277,7 +278,7 @@ def _exchange(core: Core) -> None:
 
 @inner
 def _differentiate(core: Core, first: int) -> None:
-    """Compute the derivatives of the points of a vector of segments."""
+    """Compute the derivatives of the points of a vector of segments, which starts at `first`."""
     count = min(vectors.VECTOR_WIDTH, core.n - first)
     run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
     _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first)
@@ -286,7 +287,7 @@ def _differentiate(core: Core, first: int) -> None:
 
 @inner
 def _exchange_one(core: Core, k: int) -> None:
-    """Exchange the contribution of a contact: "point_out" gets the new K, and "point_anew" gets dK."""
+    """Update the contribution of contact k to the band. Its K in "point_out" is replaced; "point_anew" gets dK."""
     old, new = matrix(core.block, a.POINT_OUT), matrix(core.block, a.POINT_ANEW)
     lanes = old.shape[1] // POINTS_PER_SEGMENT
     slot, i = k // lanes, k % lanes
@@ -300,13 +301,13 @@ def _exchange_one(core: Core, k: int) -> None:
 
 @inner
 def _row(core: Core, k: int, i: int, r: int) -> int:
-    """Return the address where row r of the Hessian of segment or joint i begins in a band."""
+    """Return the address in a band where row r of the Hessian of segment or joint i begins."""
     return int(address(core.block, k, BLOCK_SIZE * i + r) + 8 * (B - r))
 
 
 @inner
 def _transpose(core: Core, source: int, to: int, first: int) -> None:
-    """Transpose derivatives of a vector of lanes, after any potentials, into rows."""
+    """Transpose the derivatives in the last rows of `source`, for a vector of lanes, to rows of `to`."""
     lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
     before = matrix(core.block, source).shape[0] - pitch
     for r in range(0, pitch, vectors.VECTOR_WIDTH):

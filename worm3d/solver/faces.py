@@ -13,7 +13,7 @@ from worm3d.solver.block import address, matrix
 from worm3d.solver.entry import kernel, run
 
 FACES = POINTS_PER_SEGMENT - 2
-"""Number of the tail face among the points of a segment; the head face follows."""
+"""Index of the tail face among the points of a segment. The head face is the next point."""
 
 _RADIUS, _NORMAL, _RIM = segment.SEGMENT_LAYOUT.firsts("radius", "normal", "rim")
 _POINT_NORMAL, _ANCHOR = point.POINT_LAYOUT.firsts("normal", "anchor")
@@ -21,11 +21,11 @@ _POINT_NORMAL, _ANCHOR = point.POINT_LAYOUT.firsts("normal", "anchor")
 
 @njit
 def turn_faces(core: Core) -> None:
-    """Choose the points on the rims nearest to the world, fixed to the body until the next call.
+    """Choose the points of the rims that are nearest to the world. They stay fixed to the body until the next call.
 
-    A rolling face touches with one point after the other: anchor and past keep their positions relative to the point.
-    The new points are placed; the distances still belong to the old points, a second-order difference in the roll of a
-    step.
+    A face that rolls touches the world with one point after the other. The anchor and the past positions are shifted
+    together with the point. The positions of the new points are computed, but the distances still belong to the old
+    points. The difference is of second order in the roll of a step.
     """
     radii = matrix(core.block, a.SEGMENT_IN)[_RADIUS : _RADIUS + 2]  # of the worm's ends
     for first in range(0, core.n, vectors.VECTOR_WIDTH):
@@ -35,7 +35,7 @@ def turn_faces(core: Core) -> None:
 
 @inner
 def _turn(core: Core, first: int) -> None:
-    """Turn the faces of a vector of segments."""
+    """Choose the points of the faces for a vector of segments."""
     block, count = core.block, min(vectors.VECTOR_WIDTH, core.n - first)
     segments, p, before = matrix(block, a.SEGMENT_IN), matrix(block, a.POINT_IN), matrix(block, a.FIRST)
     past, lanes = matrix(block, a.POINTS_PAST), segments.shape[1]

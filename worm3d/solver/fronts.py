@@ -1,6 +1,7 @@
-"""Prediction of regimes, friction and loads in a step: the initial guess of Newton's method.
+"""Prediction of regimes, friction and loads in a step, which is the initial guess of Newton's method.
 
-All contacts continue as in the last two steps. A wrong guess costs iterations, nothing else.
+All contacts are assumed to continue as in the last two steps. A wrong guess costs iterations, but does not affect the
+solution.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows,
 from worm3d.solver.entry import kernel
 
 SMOOTH = 0.02
-"""Largest change of motion that is extrapolated: squared norm of the change over squared norm of the motion."""
+"""Largest change of motion that is extrapolated: squared norm of the change, divided by squared norm of the motion."""
 
 _LOAD_N, _LOAD_M = point.POINT_LAYOUT.firsts("load_n", "load_m")
 _PULL, _PULL_M = point.POINT_LAYOUT.firsts("pull", "pull_m")
@@ -32,7 +33,7 @@ def goes_on(core: Core) -> bool:
 
 @inner
 def expect(core: Core) -> None:
-    """Set contacts to the expected regimes; before the call they have the regimes of the last step."""
+    """Set the contacts to the expected regimes. Before the call, they have the regimes at the end of the last step."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     first, now = rows(core.block, a.POINT_IN, _FIRST, 3), rows(core.block, a.POINTS_PAST, 0, 3)
     before = rows(core.block, a.POINTS_PAST, 3, 3)
@@ -54,6 +55,6 @@ def expect(core: Core) -> None:
 
 @inner
 def keep(core: Core) -> None:
-    """Store friction and loads at the start of the step; the next step derives the trend from these values."""
+    """Store friction and loads at the start of the step, from which the next step computes the trend."""
     copy(rows(core.block, a.POINT_IN, _PULL_M, 2), vector(core.block, a.PULL_N))
     copy(rows(core.block, a.POINT_IN, _LOAD_M, 1), rows(core.block, a.POINT_IN, _LOAD_N, 1))

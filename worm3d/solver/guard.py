@@ -1,4 +1,4 @@
-"""Shapes outside the model: the solver refuses a step that ends in such a shape, and reports the reason and remedy."""
+"""Shapes outside the model. The solver rejects a step that ends in such a shape, and reports reason and remedy."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from worm3d.values.arrays import FloatArray
 Arrays = dict[str, FloatArray]
 
 BEND = 4
-"""Row of the chamber bend among the coordinates of a segment."""
+"""Index of the chamber bend among the coordinates of a segment."""
 CHAMBER_SIDES = ("left", "right")
 
 OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, TOO_COARSE = range(7)
-"""Ends of a step. TOO_COARSE: the step was solved, but its estimated error exceeds the allowed error."""
+"""Status of a step. TOO_COARSE: the step was solved, but its estimated error exceeds the allowed error."""
 
 _HINGE = joint.JOINT_LAYOUT.first("hinge")
 _REST = segment.SEGMENT_LAYOUT.first("commanded")
@@ -32,7 +32,7 @@ _DISTANCE = point.POINT_LAYOUT.first("distance")
 
 @inner
 def guard(core: Core) -> int:
-    """Return OK for a shape within the model, else the reason of the refusal."""
+    """Return OK for a shape within the model, otherwise the reason for rejecting the step."""
     rest, longest = matrix(core.block, a.SEGMENT_SHAPE_OUT), vector(core.block, a.FLATTENED_LENGTH)
     if not (np.isfinite(total(vector(core.block, a.X))) and _actuators_end_finite(core)):
         return NOT_FINITE
@@ -46,7 +46,7 @@ def guard(core: Core) -> int:
 
 @inner
 def actuators_start_finite(core: Core) -> bool:
-    """Return whether all known outputs of the actuators at the start of a step are finite."""
+    """Return whether all outputs of the actuators that are known at the start of a step are finite."""
     block = core.block
     value = total(vector(block, a.ACTUATOR_COMMANDS)) + total(vector(block, a.GIVEN))
     value += total(rows(block, a.SEGMENT_IN, _REST, 2)) + _sum(matrix(block, a.HINGE_OUT), core.n - 1)
@@ -64,7 +64,7 @@ def _actuators_end_finite(core: Core) -> bool:
 
 @inner
 def _sum(values: FloatArray, count: int) -> float:
-    """Return the sum of the first entries of each row."""
+    """Return the sum of the first `count` entries of all rows."""
     value = 0.0
     for row in range(values.shape[0]):
         value += total(values[row, :count])
@@ -73,7 +73,7 @@ def _sum(values: FloatArray, count: int) -> float:
 
 @inner
 def _folded(core: Core) -> bool:
-    """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge command such an angle."""
+    """Return whether a joint is bent by 90 degrees or more, or bends and hinge command 90 degrees or more."""
     rest, joints = matrix(core.block, a.SEGMENT_SHAPE_OUT), matrix(core.block, a.JOINT_IN)
     x = vector(core.block, a.X)
     for i in range(core.n - 1):
@@ -98,23 +98,24 @@ def _sunk(core: Core) -> bool:
 
 
 def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
-    """Return the segment that caused the refusal of a step by the solver's guard, and the reason in words.
+    """Return the segment because of which the guard rejected a step, and the reason in words.
 
     Parameters
     ----------
     arrays : dict of str to ndarray
-        Arrays of the solver after the step (`worm3d.solver.arrays`): all arrays except the coordinates belong to the
-        refused shape.
+        Arrays of the solver after the step (`worm3d.solver.arrays`). All arrays except the coordinates belong to the
+        rejected shape.
     segments : int
-        N.
+        Number of segments.
     status : Status
+        Why the step was rejected.
     """
     of = {Status.FOLDED: _where_folded, Status.FLATTENED: _where_flattened, Status.SUNK: _where_sunk}.get(status)
     return of(arrays, segments) if of else (0, "")
 
 
 def joint_angles(arrays: Arrays, segments: int) -> tuple[FloatArray, FloatArray]:
-    """Return the angles between neighbouring segments, and the angles that bends and hinges command, (N-1,) [rad]."""
+    """Return the angles between segments, and the angles that bends and hinges command, each (N-1,) [rad]."""
     tangent = arrays["rest"][TANGENT : TANGENT + 3, :segments]
     cosine = np.sum(tangent[:, :-1] * tangent[:, 1:], axis=0)
     bend = arrays["segment_in"][segment.SEGMENT_LAYOUT.first("q") + BEND, :segments]

@@ -1,31 +1,34 @@
-"""Energy ledger of a step; every term is computed independently.
+"""Energy ledger of a step. Every term is computed independently.
 
-Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the first-order motion of a mass point,
+Multiply the residual of a step by dq = q_{n+1} - q_n, and let J dq be the first-order motion of a mass point. Then
 
     work of the actuators + of external forces + change of the anchors' energy by loads and turning tangents
     = change of kinetic, elastic, potential, penetration and anchor energy
       + friction loss + viscous loss + impact + numerical loss - residual.dq
 
-* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, also for hinges, by the trapezoidal rule,
-  and -F dl of chamber forces. The difference from a change of command before the motion is numerical loss, of either
-  sign.
-* Actuators with a potential Psi: the work of the source, the change of the stored energy and the loss, all given by the
-  actuator; the rest of dPsi/dl times the first-order change of the length is numerical loss.
-* Friction: N rho(motion of the anchor); (P10) as -F.dq for the clamped worm.
+* Actuators, also of hinges: the work is the integral of (dE/dl_cmd) dl_cmd over the change of command, by the
+  trapezoidal rule, and -F dl for chamber forces. The step itself applies the change of command before the motion. The
+  difference, which can have either sign, is numerical loss.
+* Actuators with a potential Psi: the actuator supplies the work of the source, the change of the stored energy and the
+  loss. The remainder of dPsi/dl times the first-order change of the length is numerical loss.
+* Friction: N rho(motion of the anchor). For the clamped worm, (P10) as -F.dq.
 * Friction in the joints of the chambers: the loss of the sliding elements, (H4), and the change of energy of the
-  springs of these elements (elastic); the rest of dPsi/dl times the first-order change of the length is numerical loss.
-* Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of friction.
-* Impact: the loss in the damper of the normal contact. A strike (`STRIKE`) is too fast for the step to resolve the
-  contact. In a step with a strike, the loss is instead the impulse N dt times the mean (V + V_n)/2 of the normal
-  velocities before and after, less the energy stored in the contact. Friction's impulse adds f.(dt (V + V_n)/2 - dX),
-  since N rho(motion of the anchor) contains only the velocity after the strike. N also carries the weight, which is not
-  part of the impact; hence m g.(J dq - dt (V + V_n)/2) for every mass point.
-* Numerical: for inertia m [e_v.(V + V_n)/2 + A.e_x] with the defects of the integrator
+  springs of these elements, which is elastic energy. The remainder of dPsi/dl times the first-order change of the
+  length is numerical loss.
+* Viscous: Kelvin-Voigt damping c rate^2 dt, the medium (P8), and the dampers of friction.
+* Impact: the loss in the damper of the normal contact, except in a step with a strike (`STRIKE`). A strike is too fast
+  for the step to resolve the contact. The loss in such a step is the impulse N dt times the mean (V + V_n)/2 of the
+  normal velocities before and after, minus the energy stored in the contact. Two terms are added. The impulse of
+  friction adds f.(dt (V + V_n)/2 - dX), since N rho(motion of the anchor) contains only the velocity after the strike.
+  Every mass point adds m g.(J dq - dt (V + V_n)/2), since N also carries the weight, which is not part of the impact.
+* Numerical: the sum of three kinds of terms, minus the part counted as impact. The first kind is due to inertia,
+  m [e_v.(V + V_n)/2 + A.e_x], with the defects of the integrator
 
       e_x = dX - dt (V + V_n)/2,   e_v = dt A - dV = w/(1 + w) (V - (1 + w) V_n + w V_{n-1})
 
-  with w = dt/dt_old, 0 and so m |dV|^2/2 for implicit Euler; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and,
-  since X(q) and the strains s(q) are not linear, force times (J dq - dX); less the part counted as impact.
+  and w = dt/dt_old. For implicit Euler w = 0, and the term is m |dV|^2/2. The second kind is
+  E_n - E_{n+1} + gradE_{n+1}.dq for every energy E. The third is force times (J dq - dX), since the positions X(q) and
+  the strains s(q) are not linear.
 """
 
 from __future__ import annotations
@@ -61,15 +64,15 @@ _DT, _LANDS = point.POINT_LAYOUT.firsts("dt", "lands")
 _NODE_LANDS = node.NODE_LAYOUT.first("lands")
 
 STRIKE = 2.0
-"""Least speed of approach of a strike, divided by the speed that gravity causes in a time step.
+"""Minimum speed of approach of a strike, divided by the speed that gravity causes in a time step.
 
-A crawling worm lands more slowly: the springs and dampers press the worm down more strongly than the momentum does.
+A crawling worm lands more slowly, because springs and dampers, not its momentum, then press it on the world.
 """
 
 
 @inner
 def gravity(core: Core) -> float:
-    """Return the size of gravity [m/s^2]."""
+    """Return the magnitude of gravity [m/s^2]."""
     numbers = vector(core.block, a.NUMBERS_)
     return float(np.sqrt(numbers[a.GRAVITY] ** 2 + numbers[a.GRAVITY + 1] ** 2 + numbers[a.GRAVITY + 2] ** 2))
 
@@ -91,7 +94,7 @@ def _lands(core: Core) -> bool:
 
 @inner
 def prepare(core: Core) -> None:
-    """Fill the motion of the step, to first order for the points, and run the ledgers of segments and mass points."""
+    """Fill the change of x in the step and the first-order motion of the points, and run the ledgers of all parts."""
     lands = 1.0 if _lands(core) else 0.0
     fill(rows(core.block, a.POINT_IN, _LANDS, 1), lands)
     fill(rows(core.block, a.NODE_IN, _NODE_LANDS, 1), lands)
@@ -117,9 +120,10 @@ def prepare(core: Core) -> None:
 
 @inner
 def add(core: Core, terms: FloatArray) -> None:
-    """Add the terms of the step, shape (19,) [J]; `prepare` has run, and the past still precedes the step.
+    """Add the terms of the step to `terms`, shape (19,) [J].
 
-    The hinge angles of the segments are stored after the terms in "segment_ledger", the joints' angles in "joint_out".
+    `prepare` must have run, and the stored past must still be the past of this step. In the outputs, the apex angles
+    follow the terms in "segment_ledger", and the angles of the joints follow the terms in "joint_out".
     """
     n, worked, dragged = core.n, terms[WORK_CONTRACT], terms[DRAG]
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
@@ -140,7 +144,7 @@ def add(core: Core, terms: FloatArray) -> None:
 
 @inner
 def _collect(core: Core, outputs: int, count: int, of: NDArray[np.int64], terms: FloatArray) -> None:
-    """Add the sums of the first rows (at most eight) of a kernel's outputs to the corresponding terms."""
+    """Add the sums over the lanes of a kernel's first outputs, at most eight, to the terms with the indices `of`."""
     sums, lanes = vector(core.block, a.SUMS), matrix(core.block, outputs).shape[1]
     vectors.totals(address(core.block, a.SUMS, 0), address(core.block, outputs, 0), lanes, count)
     for k in range(len(of)):

@@ -23,7 +23,7 @@ _OWN = sum(load.SHARED_INPUTS.values())
 _X, _PAST, _VELOCITY, _TANGENT, _NORMAL, _REGIME, _KEPT = (
     sum(list(load.INPUTS_PER_LOAD.values())[:k]) for k in range(len(load.INPUTS_PER_LOAD))
 )
-"""Rows of each load, from `_OWN` on, times the number of loads."""
+"""Position of each input of the loads: first row = `_OWN` + this number times the number of loads."""
 _OF_LOAD = np.array([TERMS.index(name) for name in load.LEDGER_TERMS])
 _T_REF, _NODE_LANDS = segment.SEGMENT_LAYOUT.first("t_ref"), node.NODE_LAYOUT.first("lands")
 _WORLD = point.POINT_LAYOUT.first("normal")
@@ -38,7 +38,7 @@ def loaded(core: Core) -> bool:
 
 @inner
 def begin(core: Core, dt: float, span: float, ratio: float) -> None:
-    """Fill the known values of the loads' joints at the start of a step."""
+    """Fill the inputs of the loads that are known at the start of a step."""
     block, at = core.block, vector(core.block, a.LOADED)
     given, count, kept = matrix(block, a.LOAD_IN), len(at), vector(block, a.LOAD_STATES)
     joints, velocity, segments = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY), matrix(block, a.SEGMENT_IN)
@@ -62,7 +62,7 @@ def begin(core: Core, dt: float, span: float, ratio: float) -> None:
 
 @inner
 def release(core: Core) -> None:
-    """Let the laws themselves determine the regimes."""
+    """Set the regimes of all loads to `LOAD_FREE`, so that the positions determine the regimes."""
     given, count = matrix(core.block, a.LOAD_IN), len(vector(core.block, a.LOADED))
     for k in range(count):
         given[_OWN + _REGIME * count + k, 0] = LOAD_FREE
@@ -70,7 +70,7 @@ def release(core: Core) -> None:
 
 @inner
 def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
-    """Set the positions of the loads' joints at x less a share of a step."""
+    """Set the positions of the loads' joints to the positions at x minus `share` times a step."""
     at, given = vector(core.block, a.LOADED), matrix(core.block, a.LOAD_IN)
     for k in range(len(at)):
         for d in range(3):
@@ -80,7 +80,7 @@ def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
 
 @inner
 def add(core: Core, x: FloatArray, in_band: bool) -> float:
-    """Add the loads to the gradient, and perhaps the band; return the potential of the loads."""
+    """Add the loads to the gradient and, if `in_band`, to the band; return the potential of the loads."""
     at, out = vector(core.block, a.LOADED), matrix(core.block, a.LOAD_OUT)
     gradient, band, count = vector(core.block, a.GRADIENT), matrix(core.block, a.BANDED_JACOBIAN), len(at)
     _place(core, x, 0.0, x)
@@ -101,7 +101,7 @@ def add(core: Core, x: FloatArray, in_band: bool) -> float:
 
 @inner
 def turn(core: Core, step: FloatArray) -> bool:
-    """Give each load the regime that follows at x less a step; return whether a regime changes."""
+    """Set each load to its next regime at x minus a step, and return whether a regime changes."""
     given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(vector(core.block, a.LOADED))
     _place(core, vector(core.block, a.X), 1.0, step)
     evaluate_kernel(kernel(core, a.LOAD_TURN), given, out[:count], 1)
@@ -115,7 +115,7 @@ def turn(core: Core, step: FloatArray) -> bool:
 
 @inner
 def finish(core: Core, terms: FloatArray) -> None:
-    """Add the loads' terms of the ledger, and store the loads' states; the kernels' inputs belong to the solution."""
+    """Add the loads' terms of the ledger, and store the loads' states. The inputs must belong to the solution."""
     given, out, kept = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_ENDS), vector(core.block, a.LOAD_STATES)
     x, nodes = vector(core.block, a.X), matrix(core.block, a.NODE_IN)
     given[_LANDS, 0] = nodes[_NODE_LANDS, 0]

@@ -1,9 +1,9 @@
-"""Newton-Raphson (P1), (P2) with exact derivatives, compiled.
+"""Newton-Raphson iteration (P1), (P2) with exact derivatives, compiled.
 
-Newton's method first solves the residual with the normal loads of the iterate itself from the first guess, and again
-from the start of the step; the Jacobian is unsymmetric. If neither converges, the fallback begins: each pass minimises
-the potential of the step for given loads (`worm3d.solver.descent`), solves from the minimum, and then updates the
-loads.
+Newton's method first solves the equations of the step with the normal loads of each iterate. The Jacobian is then
+unsymmetric. The iteration starts from a guess of the motion. If it does not converge, it starts again from the state at
+the start of the step. If this fails too, the fallback begins. Each pass of the fallback minimises the potential of the
+step for given loads (`worm3d.solver.descent`), runs Newton's method from the minimum, and then updates the loads.
 """
 
 from __future__ import annotations
@@ -30,56 +30,58 @@ from worm3d.solver.evaluate import (
 )
 
 RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
-"""Relaxation factor of the normal loads after each pass of the fallback."""
+"""Relaxation factor for the update of the normal loads after each pass of the fallback."""
 DIVERGED = 0.1
-"""Largest Newton step, as a fraction of the body length; a larger step ends the iteration."""
+"""Largest Newton step, as a fraction of the body length. A larger step ends the iteration."""
 STRAY_STEP = 0.02
-"""Largest Newton step, as a fraction of the segment length, that never counts as straying; a step strays if it exceeds
-both this limit and the first step."""
+"""Newton step that never counts as straying, as a fraction of the segment length. A step strays if it is larger than
+this limit and larger than the first step."""
 MAX_STRAYS = 2
-"""Number of tolerated straying steps: if many contacts release at once, the descent finds the solution sooner."""
+"""Number of straying steps after which Newton's method still continues. When many contacts release at once, the descent
+finds the solution sooner."""
 CONTRACTION = 0.2
-"""Largest ratio of successive steps for which the Jacobian is kept."""
+"""Largest ratio of a step to the previous step for which the Jacobian is kept."""
 CURVATURE = 10.0
-"""Error of the first-order motion of a contact point in a step of size s, divided by s^2/l0."""
+"""Estimated error of the first-order motion of a contact point in a step of size s, divided by s^2/l0."""
 DOUBT = 2.0
-"""Factor on this error for each earlier change of regime in the same step."""
+"""Factor by which the estimated error grows with each earlier iteration in which contacts changed regime."""
 EARLY_RELEASE_MARGIN = 10.0
-"""Smallest distance of every stuck contact from the static limit, divided by the last change of this distance, for an
-early breakaway: contacts beyond the limit then break away before Newton's method has converged. The outcome is the same
-as after convergence."""
+"""Condition for contacts to break away before Newton's method has converged: the distance of every stuck contact from
+the static limit must be at least this number times the last change of the distance. The outcome is the same as after
+convergence."""
 SLIDE_AT_ONCE = 25.0
-"""Square of y over the yield limit beyond which a stuck contact slides at once, if no guess can be trusted."""
+"""Square of the ratio of eta(y) to the yield limit beyond which a stuck contact slides at once if there is no
+guess."""
 KEPT_JACOBIAN_MOTION = 3e-4
-"""Largest motion of x, as a fraction of the segment length, for which the Jacobian is kept except for changed
-contacts."""
+"""Largest change of x, as a fraction of the segment length, for which the Jacobian is kept. Only the contributions of
+changed contacts are then replaced."""
 STAGNATION = 1e-12
-"""Newton step, as a fraction of the body length; smaller steps that no longer shrink count as rounding."""
+"""Newton step, as a fraction of the body length, below which a step that no longer shrinks counts as rounding."""
 
 NO_EVENT, CONTACT_TURNED, CONTACT_FREED, CONTACT_CHANGED = range(4)
-"""Event among the contacts in an iteration: none, a sliding or stuck contact turns, a contact breaks away, a contact
-changes regime."""
+"""What happened to the contacts in an iteration: nothing, a sliding or stuck contact turned, a contact broke away, or a
+contact changed regime."""
 
 _LOAD, _REGIME, _BREAKS = point.POINT_LAYOUT.firsts("load", "regime", "breaks")
 
 
 @inner
 def solve(core: Core, again: bool) -> bool:
-    """Move x to the state that solves the step; return whether Newton converged.
+    """Move x to the solution of the step, and return whether Newton's method converged.
 
-    On success the kernels' outputs belong to the solution, with the loads of the solution.
+    On success the outputs of the kernels belong to the solution, with the loads of the solution.
 
     Parameters
     ----------
     again : bool
-        True in the second solve of the clamped worm: x solves the step without friction on the joints, which is now
-        added.
+        True in the second solve of a step of the clamped worm. x then solves the step without friction on the joints,
+        and the friction is now added.
     """
     return bool(call(kernel(core, a.SOLVE), core.handle, 0.0, again, 0) != 0.0)
 
 
 def solve_entry(handle: int, _value: float, again: int, _b: int) -> float:
-    """`solve` as an entry."""
+    """`solve` as an entry of the table of functions (`worm3d.solver.entry`)."""
     return 1.0 if _solve(opened(handle), again != 0) else 0.0
 
 
@@ -128,17 +130,17 @@ def _solve(core: Core, again: bool) -> bool:
 
 @inner
 def _follow(core: Core) -> bool:
-    """Run Newton's method with the loads of the iterate itself; the unsymmetric Jacobian is kept while useful.
+    """Run Newton's method with the loads of each iterate. The unsymmetric Jacobian is kept while it is useful.
 
     The residual is exact. Where the Jacobian depends on contact forces, it uses the forces predicted by the previous
-    Newton step. The forces of the iterate are far off at stiff contacts: a Newton step follows the tangent of a curved
-    path and thus changes the penetration by the square of the step size, and a stiff contact turns this change into a
-    large load (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
+    Newton step, because the forces of the iterate are far off at stiff contacts. A Newton step follows the tangent of a
+    curved path, and thus changes the penetration by about the square of the step size. A stiff contact turns this
+    change into a large load (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
 
-    Every contact keeps the regime until the step, to first order, makes the regime inconsistent with the friction law
-    by more than the error of the step: contacts stick within nanometres, and with the law alone the iterates would jump
-    to and fro across this distance. There is no potential to descend: the iteration gives up if the iterates come no
-    closer to the solution.
+    Every contact keeps its regime until the step, to first order, makes the regime inconsistent with the friction law
+    by more than the error of the step. Contacts stick within nanometres. Without this tolerance, the iterates would
+    jump between the regimes. There is no potential whose decrease would show progress; the iteration ends if the
+    iterates do not come closer to the solution.
     """
     x, step, numbers = vector(core.block, a.X), vector(core.block, a.DIRECTION), vector(core.block, a.NUMBERS_)
     l0, length, tolerance = numbers[a.L0], numbers[a.BODY_LENGTH], numbers[a.NEWTON_TOLERANCE]
@@ -180,7 +182,7 @@ def _follow(core: Core) -> bool:
 
 @inner
 def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
-    """Return the event among the contacts in a step of this size, and whether an open contact lands in this step."""
+    """Return what happened to the contacts in a step of this size, and whether an open contact lands in this step."""
     l0 = vector(core.block, a.NUMBERS_)[a.L0]
     error = doubt * CURVATURE * size * size / l0
     regimes.predict_yielding(core, vector(core.block, a.DIRECTION), error)
@@ -195,23 +197,23 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 @inner
 def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
-    """Return whether a step, as a fraction of the body length, is small enough, or is rounding."""
+    """Return whether a step, as a fraction of the body length, is small enough, or consists of rounding only."""
     return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
 
 
 @inner
 def _excused(core: Core, hessian: int, before: int) -> bool:
-    """Return whether a step may be large for contacts that the Jacobian was adapted to.
+    """Return whether a large step is acceptable after the Jacobian was adapted to changed contacts.
 
-    The step may have any size if a contact changed regime, and always in a body of several vectors of segments: a whole
-    new Jacobian for one contact costs more than it saves.
+    It is acceptable after a change of regime. In a body with several vectors of segments it is always acceptable,
+    because a new Jacobian for one contact costs more than it saves.
     """
     return hessian == LOCAL_HESSIAN and (before == CONTACT_CHANGED or core.n > vectors.VECTOR_WIDTH)
 
 
 @inner
 def _newton_step(core: Core, hessian: int) -> float:
-    """Put Newton's step into "direction"; return the size of the step, infinite if there is no step."""
+    """Put Newton's step into the array "direction", and return its size, which is infinite if there is no step."""
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
     hold(core, hessian != NO_HESSIAN)

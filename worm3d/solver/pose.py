@@ -1,4 +1,4 @@
-"""Poses, compiled: a worm is placed, with a past, and comes to rest."""
+"""Poses, compiled: a worm is placed with its past, and settles on its world."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ _COMMAND = actuator.CHAMBER_COMMANDS[0]
 _TERMS = len(segment.LEDGER_TERMS)
 _HISTORIES = np.array([list(a.ARRAYS).index(name) for name, row in a.ARRAYS.items() if row.history])
 PLACINGS = 3
-"""Number of searches for the contact points of the faces, which depend on the world's normal at these points."""
+"""Number of iterations for the contact points of the faces, which depend on the world's normal at these points."""
 
 
 def put_entry(handle: int, _value: float, stops: int, _b: int) -> float:
-    """Put the worm at x with the given directors and the actuators at rest at the commanded contraction; an entry.
+    """Put the worm at x, with the actuators at rest at the commanded contraction. An entry (`worm3d.solver.entry`).
 
-    The worm has no stored friction, and the past equals the present. "trial" has the rates of the coordinates. With
-    `stops` the worm keeps the present pose, at rest: the anchors move to the points, and the loads are kept.
+    The directors are in the inputs of the segments, and the rates of the coordinates are in "trial". There is no stored
+    friction, and the past equals the present. If `stops` is not 0, the worm keeps its present pose and is at rest. The
+    anchors move to the points, and the loads are kept.
     """
     core = opened(handle)
     if stops == 0:
@@ -79,7 +80,7 @@ def _put(core: Core, rate: FloatArray) -> None:
 
 @inner
 def _orient(core: Core, i: int) -> None:
-    """Set the tangent of a segment, and make the director a unit vector across the segment, the origin of roll."""
+    """Set the tangent of segment i, set its roll to 0, and make its director a unit vector normal to the tangent."""
     x, segments = vector(core.block, a.X), matrix(core.block, a.SEGMENT_IN)
     x[BLOCK_SIZE * i + 3] = 0.0
     square = 0.0
@@ -93,7 +94,7 @@ def _orient(core: Core, i: int) -> None:
 
 @inner
 def _set_rates(core: Core, rate: FloatArray) -> None:
-    """Set the positions of the joints, and the rates of all coordinates that are not held."""
+    """Set the positions and velocities of the joints, and the rates of all coordinates (0 if held)."""
     block, x, held = core.block, vector(core.block, a.X), vector(core.block, a.HELD)
     joints, velocity = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY)
     segments = matrix(block, a.SEGMENT_IN)
@@ -110,7 +111,7 @@ def _set_rates(core: Core, rate: FloatArray) -> None:
 
 @inner
 def _place(core: Core) -> None:
-    """Evaluate points, angles and distances at x."""
+    """Compute points, angles and distances at x."""
     block, x = core.block, vector(core.block, a.X)
     segments, joints = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN)
     for i in range(core.n - 1):
@@ -125,7 +126,7 @@ def _place(core: Core) -> None:
 
 @inner
 def _rest_actuators(core: Core) -> None:
-    """Put actuators at rest at the commanded contraction, without forces and hinge commands."""
+    """Put the actuators at rest at the commanded contraction, with no forces and with hinge commands of 0."""
     block, n = core.block, core.n
     asked, segments = vector(block, a.ACTUATOR_COMMANDS), matrix(block, a.SEGMENT_IN)
     given, actuated, out = asked[: 2 * n], matrix(block, a.ACTUATED), matrix(block, a.ACTUATOR_OUT)
@@ -166,21 +167,25 @@ def _stop(core: Core) -> None:
 def settle(
     core: Core, command: FloatArray, dt: float, most: int, slides: bool, rest: float, far: float
 ) -> tuple[int, float, float]:
-    """Take steps of implicit Euler until the worm rests; return the end of the last step and two motions of the joints.
+    """Take steps of implicit Euler until the worm rests. Return the status of the last step, and two motions.
+
+    The motions are the largest motion of a joint in the last step and since the start, along any axis [m]. They are
+    infinite if no step succeeded.
 
     Parameters
     ----------
     command : ndarray, shape (5 N,)
-        As the array "asked".
+        Commands in the order of the array "asked".
     dt : float
-        [s]
+        Time step [s].
     most : int
-        Number of steps.
+        Maximum number of steps.
     slides : bool
-        Whether the worm slides without friction, with velocities set to zero after each step.
-    rest, far : float
-        Motion in a step below which the worm rests, and motion since the start beyond which the worm is not held [m].
-        The returned motions are the values of the last step, infinite if no step succeeded.
+        Whether the worm slides without friction. Velocities are then set to zero after each step.
+    rest : float
+        Motion in a step below which the worm rests [m].
+    far : float
+        Motion since the start above which nothing holds the worm, so that settling ends [m].
     """
     joints = rows(core.block, a.JOINTS, 0, 3)
     start, before, moved, away = joints.copy(), joints.copy(), np.inf, np.inf
@@ -200,7 +205,7 @@ def settle(
 
 @inner
 def _way(x: FloatArray, y: FloatArray) -> float:
-    """Return the largest difference of two vectors."""
+    """Return the largest absolute difference between the entries of two vectors."""
     found = 0.0
     for k in range(len(x)):
         found = max(found, abs(x[k] - y[k]))

@@ -1,8 +1,8 @@
 """Records of a run: a row for every recorded instant.
 
-The declarations in `worm3d.recorded.series` determine the arrays of a core that fill a row: Python turns the
-declarations into a plan, and compiled code executes the plan. An entry of the plan is a block of numbers, i < count_i,
-j < count_j, k < count_k:
+The declarations in `worm3d.recorded.series` determine which numbers of a core's arrays fill a row. Python turns the
+declarations into a plan, and compiled code executes the plan. An entry of the plan copies a block of numbers with
+i < count_i, j < count_j, k < count_k:
 
     row[(i count_j + j) count_k + k] = source[i step_i + j step_j + k step_k]
 """
@@ -46,27 +46,28 @@ STATE_PREFIX = "actuator_"
 """Prefix of the names of the actuators' states."""
 
 PLAN, MOMENTA, REGIONS, BEFORE, NOW = range(5)
-"""Arrays of the block of records that are not series: the plan; momentum, angular momentum and centre of mass; the
-regions of the core that fill rows; and copies of the regions at the start and at the end of a step. Regions and copies
-are only for rows between the ends of steps (`worm3d.solver.between`)."""
+"""Arrays of the block of records other than the series: the plan; momentum, angular momentum and centre of mass; the
+regions of the core's memory from which rows are filled; and copies of the regions at the start and at the end of a
+step. Regions and copies are only used for rows between the ends of steps (`worm3d.solver.between`)."""
 CURVED, SUMS = 2, 2
-"""Number of regions at the beginning that hold positions, and at the end that hold sums since the row before."""
+"""Number of regions at the beginning that contain positions, and at the end that contain sums since the previous row.
+"""
 MOMENTUM_SIZE = 9
 
 ENTRY = 9
-"""Numbers of an entry of the plan: addresses of the source and of the first row, width of a row, counts, steps."""
+"""Numbers in an entry of the plan: addresses of the source and of the first row, width of a row, counts, steps."""
 
 
 class _Piece(NamedTuple):
-    """An entry of the plan, by name."""
+    """An entry of the plan whose source is given by the name of an array."""
 
     array: str
     first: int
-    """Entry of the array where the piece begins."""
+    """Index of the first number in the array."""
     counts: tuple[int, int, int]
     steps: tuple[int, int, int]
     to: int = 0
-    """Entry of the row where the piece is written."""
+    """Index of the first number in the row."""
 
 
 class _Form(NamedTuple):
@@ -76,12 +77,12 @@ class _Form(NamedTuple):
     """Shape of each series at one instant."""
     plan: Plan
     entries: NDArray[np.int64]
-    """Entries of the plan; sources count from the memory of the core or of the records, rows from the memory of the
-    records."""
+    """Entries of the plan. Positions of sources are relative to the memory of the core or of the records, positions of
+    rows to the memory of the records."""
     own: NDArray[np.bool_]
-    """Whether the source of an entry is in the records."""
+    """Whether the source of each entry is in the memory of the records."""
     regions: NDArray[np.int64]
-    """Begin of each region in the core's memory, size, and begin in the copies of the regions."""
+    """Beginning of each region in the core's memory, its size, and the beginning of its copies."""
 
 
 @lru_cache
@@ -107,19 +108,19 @@ def _form(sizes: a.Sizes, parts: tuple[Any, ...], clamped: bool, rows: int, betw
 
 
 class Records:
-    """Series of a run in progress, with the addresses for compiled code.
+    """Series of a run in progress, with their addresses for compiled code.
 
     Parameters
     ----------
     core : CoreMemory
-        The arrays of the core are read as long as rows are written.
+        Core whose arrays are read whenever a row is written.
     worm : Worm
     clamped : bool
         Whether the ground is the clamped ground of the paper.
     rows : int
-        Number of instants; `record` writes every number of a row.
+        Number of instants. The memory is not cleared; `record` writes every number of a row.
     between : bool
-        Whether the instants may lie between the ends of steps.
+        Whether instants may lie between the ends of steps.
     """
 
     def __init__(self, core: CoreMemory, worm: Worm, clamped: bool, rows: int, between: bool = False) -> None:
@@ -139,7 +140,7 @@ class Records:
         return {name: array.reshape(len(array), *self._shapes[name]) for name, array in found.items()}
 
     def fields(self, rows: slice) -> dict[str, Any]:
-        """Return rows of each series as fields of `Recorded`, and of the energy ledger."""
+        """Return rows of each series as fields of `Recorded`, and rows of the energy ledger."""
         found, states = {}, {}
         for name, array in self.arrays(rows).items():
             if name.startswith(STATE_PREFIX):
@@ -150,7 +151,7 @@ class Records:
 
 
 def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]) -> list[_Piece]:
-    """Return the places of the numbers of a series."""
+    """Return the entries of the plan for a series."""
     source, shape = _source(series, clamped), series.shape(n)
     if isinstance(source, Entries):
         first = source.first + source.first_per_segment * n
@@ -162,7 +163,7 @@ def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]
     first, steps = _row(source) * POINTS_PER_SEGMENT * lanes, (1, lanes, POINTS_PER_SEGMENT * lanes)
     if series.dims[1] == "segment":
         return [_Piece(source.array, first, (n, shape[1], prod(shape[2:])), steps)]
-    # a joint is the tail face of its segment, the last joint the head face
+    # a joint is the tail face of its segment; the last joint is the head face of the last segment
     tail, head = POINTS_PER_SEGMENT - 2, POINTS_PER_SEGMENT - 1
     return [
         _Piece(source.array, first + tail * lanes, (n, 1, 1), steps),
@@ -173,7 +174,7 @@ def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]
 def _regions(
     declared: Mapping[str, Series], clamped: bool, n: int, core: Mapping[str, list[int]]
 ) -> list[tuple[int, int, int]]:
-    """Return begin, size and place in copies of each part of the core that fills rows: positions first, sums last."""
+    """Return beginning, size and position of the copy of each region, with positions first and sums last."""
     first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS_PER_SEGMENT), ("terms", 0, 1)]
     found = dict.fromkeys([*first, ("joint_velocity", 0, 3), ("point_velocity", 0, 3)])
     for series in declared.values():
@@ -201,7 +202,7 @@ def _row(source: Rows) -> int:
 
 @njit
 def record(core: Core, records: Block, row: int) -> None:
-    """Write one row, and start the sums for the next row."""
+    """Write a row, and restart the sums for the next row."""
     gather(core, records, row)
     fill(vector(core.block, a.TERMS_), 0.0)
     fill(vector(core.block, a.SLID), 0.0)
@@ -209,7 +210,7 @@ def record(core: Core, records: Block, row: int) -> None:
 
 @njit
 def gather(core: Core, records: Block, row: int) -> None:
-    """Write one row."""
+    """Write a row."""
     momenta = vector(records, MOMENTA)
     _momenta(core, momenta[:6], momenta[6:])
     for entry in range(matrix(records, PLAN).shape[0]):
@@ -238,7 +239,7 @@ def _gather(
 
 @inner
 def _places(core: Core, rows: int, to: int) -> None:
-    """Write three rows of the points, x, y and z, at an address as (N, 8, 3)."""
+    """Write three rows of the points (x, y, z), which begin at the address `rows`, to `to` in the order (N, 8, 3)."""
     lanes, turned = matrix(core.block, a.SEGMENT_SHAPE_OUT).shape[1], address(core.block, a.TRANSPOSED_RECORDS, 0)
     for i in range(0, core.n, vectors.VECTOR_WIDTH):
         vectors.transpose_places(turned + 8 * 3 * POINTS_PER_SEGMENT * i, 3 * POINTS_PER_SEGMENT, rows + 8 * i, lanes)
@@ -254,7 +255,7 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
 
 @njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
-    """Compute momentum, angular momentum and centre of mass of all mass points."""
+    """Compute the momentum, angular momentum and centre of mass of all mass points together."""
     points = matrix(core.block, a.POINT_IN).shape[1]
     fill(momentum, 0.0)
     fill(com, 0.0)
@@ -268,7 +269,7 @@ def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
 
 @inner
 def _add_sums(core: Core, count: int, momentum: FloatArray, com: FloatArray) -> None:
-    """Add the sums of a kernel's outputs: momenta, and mass times position."""
+    """Add the sums over the outputs of a kernel: momenta, and mass times position."""
     sums, lanes = vector(core.block, a.SUMS), matrix(core.block, a.MOMENTA_OUT).shape[1]
     vectors.totals(address(core.block, a.SUMS, 0), address(core.block, a.MOMENTA_OUT, 0), lanes, count)
     for k in range(6):

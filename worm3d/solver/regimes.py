@@ -1,6 +1,6 @@
-"""Regimes of contacts (open, sliding, sticking), which Newton's method keeps until they contradict the friction law.
+"""Regimes of contacts (open, sliding, sticking). Newton's method keeps a regime until it contradicts the friction law.
 
-The rows "pull" of the points hold the predicted friction f of (C5); stored states contain the name "pull".
+The row "pull" of the points contains the predicted friction f of (C5). (Stored states use the name "pull" for it.)
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ _LOAD_N, _REGIME, _STIFFNESS, _LIMIT_RATIO = point.POINT_LAYOUT.firsts("load_n",
 _DQ, _FIRST, _FRICTION = segment.SEGMENT_LAYOUT.first("dq"), *point.POINT_LAYOUT.firsts("first", "pull")
 _FORESEEN, _ERROR = point.POINT_LAYOUT.firsts("foreseen", "error")
 Y, _, EXCESS, TOUCHING_DEPTH, PREDICTED_FRICTION, _, _, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = range(12)
-"""Rows of "yielding_out"."""
+"""Rows of the array "yielding_out"."""
 
 PRESSED = 1e-3
-"""Penetration, as a fraction of the segment length, that sets the load of a landing contact in its first iteration."""
+"""Penetration that determines the load of a landing contact in its first iteration, as a fraction of the segment
+length."""
 
 
 @inner
 def set_regimes_from_last_step(core: Core) -> None:
-    """Set regime, friction and load of every contact to the values at the end of the last step."""
+    """Set the regime, friction and load of every contact to the values at the end of the last step."""
     p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
     copy(rows(core.block, a.POINT_IN, _FRICTION, 2), vector(core.block, a.PULL_N))
     copy(p[_FORESEEN], p[_LOAD_N])
@@ -41,7 +42,7 @@ def set_regimes_from_last_step(core: Core) -> None:
 
 @inner
 def set_regimes_from_law(core: Core) -> None:
-    """Set the regime of every contact to the result of the friction law at the last evaluation."""
+    """Set the regime of every contact to the regime that the friction law gives at the last evaluated x."""
     evaluate_yielding(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     copy(p[_REGIME], out[NEXT])
@@ -56,14 +57,14 @@ def _take_predicted_friction(core: Core) -> None:
 
 @njit
 def evaluate_yielding(core: Core) -> None:
-    """Fill "yielding_out" for the x of the last evaluation."""
+    """Fill "yielding_out" for the last evaluated x."""
     fill(rows(core.block, a.POINT_IN, _FIRST, 3), 0.0)
     run(core, a.POINT_YIELDING, a.POINT_IN, a.YIELDING_OUT, matrix(core.block, a.POINT_IN).shape[1])
 
 
 @inner
 def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
-    """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of this prediction [m]."""
+    """Fill "yielding_out" for x minus a step, to first order. `error` bounds the error of this prediction [m]."""
     p, moved = matrix(core.block, a.POINT_IN), vector(core.block, a.STEP_CHANGE)
     combine(moved[: len(step)], -1.0, step, 0.0, step)
     to_segments(core, _DQ, address(core.block, a.STEP_CHANGE, 0))
@@ -82,20 +83,20 @@ def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
 
 @inner
 def look(core: Core, which: int) -> None:
-    """Fill the row "stale" by a kernel that marks the points for which another kernel has to run."""
+    """Fill the row "stale" by a kernel that marks the points for which a larger kernel has to run."""
     p = matrix(core.block, a.POINT_IN)
     evaluate_kernel(kernel(core, which), p, matrix(core.block, a.YIELDING_OUT)[STALE : STALE + 1], p.shape[1])
 
 
 @inner
 def seen(core: Core, first: int) -> bool:
-    """Return whether the row "stale" marks a point in a vector of points."""
+    """Return whether the row "stale" marks a point in the vector of points that starts at `first`."""
     return bool(vectors.all_equal(address(core.block, a.YIELDING_OUT, STALE) + 8 * first, 0.0) == 0)
 
 
 @inner
 def lands(core: Core) -> bool:
-    """Return whether the step, which ignores open contacts, would drive an open contact deep into the world."""
+    """Return whether the step, which ignores contacts that are open, would move such a contact deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = RESTING_PENETRATION * vector(core.block, a.NUMBERS_)[a.L0]
     for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
@@ -113,14 +114,14 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
     Parameters
     ----------
     step_rejected : bool
-        Whether the step will not be taken: stuck contacts then either open or do not change.
+        Whether the step will not be taken. Stuck contacts then either open or do not change.
 
     Returns
     -------
     changed : bool
-        Whether a contact has a new regime.
+        Whether a contact has another regime now.
     turned : bool
-        Whether a sliding contact has a new direction, or a stuck contact has changed side.
+        Whether a sliding contact changed direction, or a stuck contact changed from one sticking regime to the other.
     """
     p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
     concerned = vector(core.block, a.CHANGED)
@@ -146,19 +147,19 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
 
 @inner
 def sticking(y: float) -> float:
-    """Return the regime of a stuck contact with displacement `y`, or an opposing force `y`, along the segment."""
+    """Return the regime of a stuck contact. `y` is its displacement along the segment, or the friction against it."""
     return point.STICKING_FORWARD if y >= 0.0 else point.STICKING_BACK
 
 
 @inner
 def break_away(core: Core, margin: float) -> bool:
-    """Give all stuck contacts at the static limit the kinetic limit (C6); return whether there was such a contact.
+    """Give all stuck contacts at the static limit the kinetic limit, (C6), and return whether there was such a contact.
 
     Parameters
     ----------
     margin : float
-        Nothing breaks away while the distance of a stuck contact from the limit is at most `margin` times the last
-        change of this distance; 0 if the iterate solves the step.
+        Nothing breaks away if, for any stuck contact, the distance from the limit is at most `margin` times the last
+        change of this distance. 0 if the iterate solves the step.
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)

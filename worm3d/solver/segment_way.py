@@ -1,4 +1,4 @@
-"""One segment along a given motion, compiled: the kernels at each length, without masses, weight and contact."""
+"""One segment whose length follows a given motion, compiled. Masses, weight and contact are left out."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from worm3d.physics.kernels import actuator, segment
 from worm3d.values.arrays import FloatArray
 
 KERNELS = ("segment_gradient", "segment_ledger", "actuator_end")
-"""Kernels of `follow`."""
+"""Kernels that `follow` calls."""
 
 _HEAD = 5
-"""Coordinate along x of the joint ahead."""
+"""Index of the x coordinate of the segment's front joint."""
 
 _OF_SEGMENT = segment.SEGMENT_LAYOUT.rows
 _Q, _DQ, _LINK, _SPAN, _DT = segment.SEGMENT_LAYOUT.firsts("q", "dq", "link", "span", "dt")
@@ -39,21 +39,22 @@ def follow(
     steps: FloatArray,
     found: FloatArray,
 ) -> None:
-    """Fill force, change of elastic energy, viscous loss and loss to friction at each length, shape (4, T) [N, J].
+    """Fill `found` with forces and energies for a sequence of lengths.
 
     Parameters
     ----------
     addresses : ndarray of int, shape (3,)
-        Addresses of `KERNELS`; the last address is not needed without states.
+        Addresses of `KERNELS`. The last address is used only if `states` is not 0.
     rows : ndarray, shape (R, lanes)
-        Inputs of a segment along the x axis and of the segment's friction, in the first lane.
+        Inputs of a segment along the x axis and of its friction, in the first lane.
     slope, terms, end : ndarray
-        Outputs of the kernels, working memory.
+        Outputs of the kernels (working memory).
     states : int
-        Number of states of the friction of a chamber.
+        Number of states of the friction in the joints of a chamber.
     lengths, steps : ndarray, shape (T,)
-        Lengths [m] and the time since the length before [s].
+        Lengths of the segment [m], and the time from the previous length to each length [s].
     found : ndarray, shape (4, T)
+        Force [N], change of elastic energy, viscous loss, and loss to friction in the joints [J] at each length.
     """
     for k, length in enumerate(lengths):
         length_n = lengths[max(k - 1, 0)]

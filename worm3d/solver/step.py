@@ -1,4 +1,4 @@
-"""One time step, compiled: implicit Euler or BDF2, breakaway of contacts, and the histories."""
+"""One time step, compiled: implicit Euler or BDF2, breakaway of contacts, and storage of the past."""
 
 from __future__ import annotations
 
@@ -41,23 +41,24 @@ _GIVEN, _HINGE_STATES = actuator.LEDGER_ROWS, actuator.HINGE_ROWS
 
 @inner
 def step(core: Core, dt: float, bdf2: bool) -> int:
-    """Advance the worm by one step to the given commands; return OK or the reason of failure (`worm3d.solver.guard`).
+    """Advance the worm by a step to the present commands. Return OK or the reason of failure (`worm3d.solver.guard`).
 
-    A failed step leaves the worm unchanged. The energy ledger is added to "terms", the sliding distance of each contact
-    to "slid".
+    A failed step leaves the worm unchanged. The terms of the energy ledger are added to the array "terms", and the
+    sliding distance of each contact to "slid".
 
     Parameters
     ----------
     dt : float
-        [s]
+        Time step [s].
     bdf2 : bool
-        Whether to use BDF2: the past holds two instants, separated by dt divided by the number "ratio".
+        Whether to use BDF2. The past must then contain two instants. They are separated by dt divided by the number
+        "ratio".
     """
     return int(call(kernel(core, a.STEP_ENTRY), core.handle, dt, bdf2, 0))
 
 
 def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
-    """`step` as an entry."""
+    """`step` as an entry of the table of functions (`worm3d.solver.entry`)."""
     return float(_step(opened(handle), dt, bdf2 != 0))
 
 
@@ -85,7 +86,7 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
     if loads.loaded(core):
         loads.finish(core, vector(core.block, a.TERMS_))
     _commit(core)
-    if bdf2 and span == dt:  # the velocity has jumped: the next step starts from the new velocity alone
+    if bdf2 and span == dt:  # a strike has changed the velocity suddenly: both past velocities become the new velocity
         for velocity in (a.JOINT_VELOCITY, a.POINT_VELOCITY):
             copy(rows(core.block, velocity, 3, 3), rows(core.block, velocity, 0, 3))
     return OK
@@ -96,10 +97,11 @@ _weights = inner(inertia.weights)
 
 @inner
 def _fine(core: Core) -> bool:
-    """Return whether the error of a step is allowed: half the largest distance of a joint from its prediction.
+    """Return whether the error of a step is allowed.
 
-    The prediction of a joint lies on the parabola through the last three positions. The error of BDF2 is 2/11 of the
-    distance for equal steps, and 1/7 to 1/4 for any steps.
+    The error is estimated as half of the largest distance of a joint from its prediction, per axis. The prediction of a
+    joint lies on the parabola through its last three positions. The error of BDF2 is 2/11 of this distance for equal
+    steps, and 1/7 to 1/4 of it for any steps.
     """
     numbers = vector(core.block, a.NUMBERS_)
     if numbers[a.ALLOWED] == np.inf:
@@ -115,7 +117,7 @@ def _fine(core: Core) -> bool:
 
 @inner
 def place_start(core: Core) -> None:
-    """Make the present state the start of a step, and place the points."""
+    """Make the present state the start of a step, and compute the points."""
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
         x[BLOCK_SIZE * j + 3] = 0.0
@@ -127,11 +129,11 @@ def place_start(core: Core) -> None:
 
 @inner
 def _strikes(core: Core, dt: float) -> bool:
-    """Return whether a point strikes the world in this step: the point would sink further in by more than at rest.
+    """Return whether a point strikes the world in this step.
 
-    BDF2 extrapolates velocities and would throw the point back; with implicit Euler the impact is inelastic. If gravity
-    alone moves the point as far in the step, the point does not strike. A heavily loaded foot that does not move does
-    not strike either.
+    A point strikes if its velocity would move it deeper into the world than a resting contact penetrates, and farther
+    than gravity moves it in the step. BDF2 extrapolates velocities and would throw the point back. With implicit Euler
+    the impact is inelastic. A heavily loaded foot that does not move does not strike.
     """
     p, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
     deep = max(gravity(core) * dt * dt, RESTING_PENETRATION * numbers[a.L0])
@@ -142,8 +144,8 @@ def _strikes(core: Core, dt: float) -> bool:
 def begin(core: Core, dt: float, bdf2: bool) -> float:
     """Fill all other values that are known at the start of a step.
 
-    Return span = beta dt, the effective step [s]: 2/3 dt in BDF2 at equal steps, dt in implicit Euler and if a point
-    strikes.
+    Return span = beta dt [s]. It is dt for implicit Euler, and in a step in which a point strikes the world. For BDF2
+    at equal steps it is 2/3 dt.
     """
     ratio = vector(core.block, a.NUMBERS_)[a.RATIO] if bdf2 else 0.0
     span = dt * (1.0 + ratio) / (1.0 + 2.0 * ratio)
@@ -214,7 +216,7 @@ def _begin_strains(core: Core, dt: float, span: float, ratio: float) -> None:
 
 @inner
 def _begin_points(core: Core, dt: float, span: float, ratio: float) -> None:
-    """Freeze the tangents and the other memory of contacts at the start of the step, and preset the inertia."""
+    """Set the contact values that are constant in the step, such as the tangents, and the values for the inertia."""
     lanes = matrix(core.block, a.SEGMENT_SHAPE_OUT).shape[1]
     for row, value in ((_P_DT, dt), (_P_SPAN, span), (_P_RATIO, ratio)):
         fill(rows(core.block, a.POINT_IN, row, 1), value)
@@ -228,7 +230,7 @@ def _begin_points(core: Core, dt: float, span: float, ratio: float) -> None:
 
 @inner
 def _solve_contact(core: Core) -> bool:
-    """Solve with the static limit for stuck contacts until these contacts break away."""
+    """Solve the step. Stuck contacts have the static limit until they break away; return whether this succeeded."""
     limit_ratio, stuck = rows(core.block, a.POINT_IN, _LIMIT_RATIO, 1), vector(core.block, a.STUCK)
     static_ratio = vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
     for k in range(len(limit_ratio)):
@@ -238,7 +240,7 @@ def _solve_contact(core: Core) -> bool:
 
 @inner
 def _commit(core: Core) -> None:
-    """Shift the histories, move the anchors, update the directors."""
+    """Store the solution: shift the past, move the anchors, and update the directors."""
     block, x = core.block, vector(core.block, a.X)
     _remember(core, a.JOINTS, address(block, a.NODE_IN, 0))
     _remember(core, a.JOINT_VELOCITY, address(block, a.NODE_OUT, _OF_NODES_LEDGER))
@@ -274,7 +276,7 @@ def _commit_actuators(core: Core) -> None:
 
 @inner
 def _remember(core: Core, k: int, new: int) -> None:
-    """Shift an array of two instants: the present becomes the past, the values at address `new` the present."""
+    """Shift array k, which holds two instants. The present becomes the past, and the values at `new` the present."""
     present, size = address(core.block, k, 0), vector(core.block, k).size // 2
     vectors.move(present + 8 * size, present, size)
     vectors.move(present, new, size)
@@ -282,7 +284,7 @@ def _remember(core: Core, k: int, new: int) -> None:
 
 @inner
 def _move_anchors(core: Core) -> None:
-    """Copy anchors, and the energy and slip of the anchors, from the outputs of point_after."""
+    """Copy the anchors with their energy, and add their slip, from the outputs of point_after."""
     block, slid = core.block, vector(core.block, a.SLID)
     anchors, lanes = address(block, a.POINT_IN, _ANCHOR), slid.size
     vectors.move(anchors, address(block, a.AFTER_OUT, _NEW_ANCHOR), 3 * lanes)
@@ -292,7 +294,7 @@ def _move_anchors(core: Core) -> None:
 
 @inner
 def _carry_directors(core: Core) -> None:
-    """Make tangents and directors at the end of the step the reference of the next step, orthonormal again."""
+    """Make the tangents and directors at the end of the step the references of the next step, orthonormal again."""
     rest, segments = matrix(core.block, a.SEGMENT_SHAPE_OUT), matrix(core.block, a.SEGMENT_IN)
     for i in range(core.n):
         for d in range(3):
@@ -302,7 +304,7 @@ def _carry_directors(core: Core) -> None:
 
 @inner
 def straighten(core: Core, i: int) -> None:
-    """Make the reference director of a segment a unit vector across the reference tangent."""
+    """Make the reference director of segment i a unit vector normal to the reference tangent."""
     segments, along, square = matrix(core.block, a.SEGMENT_IN), 0.0, 0.0
     for d in range(3):
         along += segments[_D_REF + d, i] * segments[_T_REF + d, i]

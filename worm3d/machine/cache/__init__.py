@@ -1,7 +1,7 @@
-"""Files that are kept on disk for the next process: compiled code, distance grids, identified worms.
+"""Files that are stored on disk for later processes: compiled code, distance grids, identified worms.
 
-`files` keeps bytes under a key and verifies the bytes before use, `locks` lets one process at a time make a missing
-file, and `trust` decides which files are trusted. This package needs no compiler and is independent of worms.
+`files` stores bytes under a key and verifies them before use. With `locks`, only one process at a time makes a missing
+file. `trust` decides which files are trusted. This package needs no compiler and is independent of worms.
 """
 
 from worm3d.machine.cache.files import folder, load, obstacle, store

@@ -1,9 +1,9 @@
-"""Bytes on disk under a key, verified before use; doubtful files count as absent.
+"""Bytes that are stored on disk under a key and verified before use. A file that fails the check counts as missing.
 
-A file consists of a SHA-256 of the key and the content, followed by the content. Each file is written under a temporary
-name and then renamed, so that any number of processes may write the same file. Files and folders that others could have
-written are not read (`worm3d.machine.cache.trust`). The next process makes everything again that cannot be kept. A
-message on stderr tells the user the reason, once.
+A file consists of a SHA-256 checksum of the key and the content, followed by the content. Each file is written under a
+temporary name and then renamed, so that any number of processes may write the same file. Files and folders to which
+others could have written are not read (`worm3d.machine.cache.trust`). If something cannot be stored, the next process
+makes it again. A message on stderr states the reason once.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _told: set[str] = set()
 
 
 class DamagedError(Exception):
-    """The content of a file differs from the written content."""
+    """Raised if the content of a file differs from the content that was written."""
 
 
 def folder(name: str) -> Path | None:
-    """Return the folder `name` in $XDG_CACHE_HOME/worm3d or ~/.cache/worm3d; None for a user without a home."""
+    """Return the folder `name` in $XDG_CACHE_HOME/worm3d or ~/.cache/worm3d; None if the user has no home folder."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(base):
         return Path(base) / "worm3d" / name
@@ -41,7 +41,7 @@ def folder(name: str) -> Path | None:
 
 
 def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None:
-    """Return the content kept under `key`, or None."""
+    """Return the content stored under `key`, or None."""
     if folder is None:
         return None
     try:
@@ -58,7 +58,7 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
 
 
 def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel", most: int = 400) -> bool:
-    """Keep the content under `key`; return whether this was possible. The oldest files beyond `most` are removed."""
+    """Store the content under `key`; return whether this was possible. The oldest files beyond `most` are removed."""
     if folder is None:
         return False
     try:
@@ -99,7 +99,7 @@ def require_trusted(folder: Path) -> None:
     UntrustedError
         Others can write to the folder.
     OSError
-        The folder does not exist, or is no folder.
+        The folder does not exist, or is not a folder.
     """
     require_safe_way(folder)
     status = folder.lstat()
@@ -109,7 +109,7 @@ def require_trusted(folder: Path) -> None:
 
 
 def make(folder: Path) -> None:
-    """Make a folder and the folders above, for this user alone; raise as `require_trusted`."""
+    """Make a folder and its parent folders, to which only this user has access. Raises as `require_trusted`."""
     require_safe_way(folder)
     for place in (*reversed(folder.parents), folder):
         if not place.is_dir():
@@ -127,12 +127,12 @@ def _content(path: Path) -> bytes:
 
 
 def signed(key: str, content: bytes) -> bytes:
-    """Return the content kept under a key, with a checksum."""
+    """Return a checksum of key and content, followed by the content."""
     return _digest(key, content) + content
 
 
 def verified(key: str, content: bytes) -> bytes:
-    """Return the content kept under a key, without the checksum; raise DamagedError if the checksum is wrong."""
+    """Return the content without the checksum in front; raise DamagedError if the checksum is wrong."""
     digest, rest = content[:_DIGEST], content[_DIGEST:]
     if digest != _digest(key, rest):
         raise DamagedError(f"{key[:16]}... is damaged: its checksum is wrong")
@@ -157,7 +157,7 @@ def _write_whole(folder: Path, name: str, content: bytes) -> None:
 
 
 def _prune(folder: Path, suffix: str, most: int) -> None:
-    """Remove the oldest files beyond `most`, and files unfinished for an hour; another process may be quicker."""
+    """Remove the oldest files beyond `most`, and files unfinished for an hour, unless another process does so first."""
     dated = []
     for path in folder.iterdir():
         with contextlib.suppress(OSError):

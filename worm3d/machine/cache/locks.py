@@ -1,7 +1,7 @@
-"""Only one process at a time makes a file of the cache: the other processes wait, and find the file on disk.
+"""Locks, so that only one process makes a file of the cache. Other processes wait and then find the file on disk.
 
-The lock belongs to an open file, so that the lock ends with the process, however the process ends. The lock only saves
-work: no process waits without locks, or for longer than any compilation takes.
+The lock belongs to an open file. It therefore ends with the process, even if the process crashes. The lock only saves
+work. Without locks no process waits, and with locks no process waits longer than a compilation may take.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ _OPEN = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 
 
 def load_or_make(folder: Path | None, key: str, make: Callable[[], tuple[bytes, bool]]) -> bytes:
-    """Return the content kept under `key`; else the content that `make` returns, which is kept if `make` says so."""
+    """Return the content stored under `key`. If there is none, store and return the result of `make`.
+
+    `make` returns the content, and whether to store it.
+    """
     content = files.load(folder, key)
     if content is None:
         with alone(folder, key):
@@ -38,7 +41,7 @@ def load_or_make(folder: Path | None, key: str, make: Callable[[], tuple[bytes, 
 
 @contextlib.contextmanager
 def alone(folder: Path | None, key: str, wait: float = 300.0) -> Iterator[None]:
-    """Exclude other processes and threads with the same folder and key, for which this one waits up to a time [s]."""
+    """Exclude other processes and threads with the same folder and key. Wait for them for at most `wait` [s]."""
     path = None if folder is None or fcntl is None else folder / f".{key}.part"
     handle = None if path is None else _locked(path, time.monotonic() + wait)
     try:

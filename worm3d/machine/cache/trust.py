@@ -1,9 +1,9 @@
-"""Trust in files of the cache: code loaded from the cache runs, so nobody else may be able to write these files.
+"""Which files of the cache are trusted. Code from the cache runs, so that nobody else may be able to write such files.
 
-A checksum reveals damage, but not the author of file and checksum; owner and mode identify the author. A file is
-trusted under three conditions: the file belongs to this process's user or to root, and nobody else may write to the
-file; the same holds for the folder; and nobody else can replace a folder on the path. On Windows everything is trusted,
-since a user's folders are private by default and Python does not see the permissions.
+A checksum reveals damage, but does not show who wrote the file and the checksum. Owner and mode show this. A file is
+trusted under three conditions. The file belongs to this process's user or to root, and nobody else may write to it. The
+same holds for its folder. Nobody else can replace a folder on the path to it. On Windows all files are trusted, since a
+user's folders are private by default and Python does not see the permissions.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ HAS_OWNERS = hasattr(os, "geteuid")
 
 
 class UntrustedError(Exception):
-    """Another user owns a file or folder, or may write to it; the message names the file or folder and the user."""
+    """Raised if another user owns a file or folder, or may write to it; the message names the file and the user."""
 
 
 def require_own(status: os.stat_result, place: object) -> None:
@@ -29,11 +29,11 @@ def require_own(status: os.stat_result, place: object) -> None:
 
 
 def require_safe_way(folder: Path, links: int = 0) -> None:
-    """Raise UntrustedError if others can replace a folder or a folder above it.
+    """Raise UntrustedError if others can replace a folder or one of its parent folders.
 
-    Folders that do not exist are safe; OSError means that the path cannot be followed. A folder with the sticky bit,
-    such as /tmp, is safe. A folder writable by the owner's private group, the default for a home on some systems, is
-    safe unless it is the direct parent.
+    A folder that does not exist is safe. A folder with the sticky bit, such as /tmp, is safe. A folder that the owner's
+    private group may write to (the default for a home folder on some systems) is safe unless it is the direct parent.
+    An OSError means that the path cannot be followed.
     """
     if not HAS_OWNERS:
         return
@@ -67,7 +67,7 @@ def _is_open(status: os.stat_result, *, private_allowed: bool) -> bool:
 
 @cache
 def _is_private(group: int) -> bool:
-    """Return whether a group is root's, or this user's alone: by convention named after the user."""
+    """Return whether a group is root's, or contains only this user: by convention such a group has the user's name."""
     import grp
     import pwd
 

@@ -1,15 +1,15 @@
-"""Writes a CasADi function as an LLVM module: one function, `SYMBOL`, that loops over the instances, W at a time.
+"""Translates a CasADi function to an LLVM module with one function, `SYMBOL`, which loops over blocks of W instances.
 
-An SX function is a list of instructions on a work vector of scalars whose slots are used again and again:
-`slot[out] = op(slot[a], slot[b])`, with loads from the inputs and stores to the outputs between them.
+An SX function is a list of instructions on a work vector of scalars, whose slots are reused. Most instructions have the
+form `slot[out] = op(slot[a], slot[b])`. Others load from the inputs and store to the outputs. The function is
 
     int64 SYMBOL(const double *inputs, int64 rows_in, int64 lanes_in,
                  double *outputs, int64 rows_out, int64 lanes_out, int64 count)
 
-The function returns `SHAPES_FIT` or `WRONG_SHAPE`. Row r of lane k is at inputs[r lanes_in + k]. In the last block the
-lanes beyond `count` compute the last instance again, whatever the memory of these lanes holds; thus these lanes cause
-no traps, denormals or slow paths. This costs an instruction for every input; in a "padded" program these lanes use the
-numbers in their own memory.
+It returns `SHAPES_FIT` or `WRONG_SHAPE`. Row r of lane k is at inputs[r lanes_in + k]. In the last block, the lanes
+after `count` compute the last instance again, whatever numbers their memory contains, so that they cannot cause traps,
+denormals or slow paths. This takes an instruction for every input. In a "padded" kernel these lanes use the numbers in
+their own memory instead.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ OPERATION_NAMES = {getattr(casadi, key): key[3:].lower() for key in dir(casadi) 
 
 
 class UnsupportedError(ValueError):
-    """The function cannot become a native kernel; the message names the unsupported operation or kind of function."""
+    """Raised if a function cannot become a kernel; the message names the unsupported operation or kind of function."""
 
 
 class Slot:
-    """Content of a slot of the work vector: a number, a truth value, or both, written only on request."""
+    """Content of a slot of the work vector: a number, a truth value, or both. Conversions are written when needed."""
 
     def __init__(self, w: Writer, number: Any = None, mask: Any = None, constant: float | None = None) -> None:
         self._w, self._number, self._mask, self.constant = w, number, mask, constant
 
     def number(self) -> Any:
-        """Return the value; 1 and 0 for true and false."""
+        """Return the value as a number; true is 1 and false is 0."""
         if self._number is None:
             self._number = self._w.select(self._mask, self._w.splat(1.0), self._w.splat(0.0))
         return self._number
 
     def mask(self) -> Any:
-        """Return the mask of nonzero lanes; NaN counts as true, as in C."""
+        """Return the mask of the nonzero lanes. NaN counts as true, as in C."""
         if self._mask is None:
             self._mask = self._w.compare("une", self._number, self._w.splat(0.0))
         return self._mask
@@ -71,14 +71,14 @@ def _comparison(how: str) -> Rule:
 
 
 def _sign(w: Writer, x: Any) -> Any:
-    """Return -1, 1, or x itself if x is 0 or NaN."""
+    """Return -1 or 1, or x itself if x is 0 or NaN."""
     zero = w.splat(0.0)
     positive = w.select(w.compare("ogt", x, zero), w.splat(1.0), x)
     return w.select(w.compare("olt", x, zero), w.splat(-1.0), positive)
 
 
 def _power(w: Writer, args: list[Slot]) -> Any:
-    """Return x^n by multiplication for small whole n, by the C library otherwise."""
+    """Return x^n, by multiplication if n is a small integer, otherwise by the C library."""
     exponent = args[1].constant
     if exponent is None or not abs(exponent) <= 16.0 or exponent != int(exponent):
         return library(w, "pow", args[0].number(), args[1].number())
@@ -140,7 +140,7 @@ def require_sx(function: casadi.Function) -> None:
 def module(
     source: casadi.Function, width: int, fused: bool, flags: tuple[str, ...] = FLAGS, padded: bool = False
 ) -> str:
-    """Return the module's text for vectors of `width` doubles; UnsupportedError for an operation without a rule."""
+    """Return the text of the module for vectors of `width` doubles; raise UnsupportedError for unknown operations."""
     unit = ir.Module()
     block = _block_function(unit, source, width, flags, padded)
     define_all(unit, width, fused)
@@ -149,7 +149,7 @@ def module(
 
 
 def _function(unit: Any, name: str, result: Any, args: dict[str, Any]) -> Any:
-    """Return a function, with its arguments named, and its first block."""
+    """Return a function, with its arguments by name, and its first block."""
     function = ir.Function(unit, ir.FunctionType(result, list(args.values())), name)
     for arg, own in zip(function.args, args, strict=True):
         arg.name = own
@@ -158,7 +158,7 @@ def _function(unit: Any, name: str, result: Any, args: dict[str, Any]) -> Any:
 
 
 def _block_function(unit: Any, source: casadi.Function, width: int, flags: tuple[str, ...], padded: bool) -> Any:
-    """Write `block`: W instances; `last` is the index of the last valid lane."""
+    """Write `block`, which computes W instances. Its argument `last` is the index of the last valid lane."""
     args = {"in": POINTER, "stride_in": INT, "out": POINTER, "stride_out": INT, "last": INT}
     function = _function(unit, "block", ir.VoidType(), args)
     function.linkage = "internal"
@@ -192,7 +192,7 @@ def _block_function(unit: Any, source: casadi.Function, width: int, flags: tuple
 
 
 def _offsets(sizes: list[int]) -> list[int]:
-    """Return the first row of each input or output; rows are the nonzeros, one after the other."""
+    """Return the first row of each input or output. Rows are the nonzero entries, one after the other."""
     return list(accumulate(sizes, initial=0))
 
 
@@ -219,7 +219,7 @@ def _gep(w: Writer, pointer: Any, offset: Any) -> Any:
 
 
 def _load(w: Writer, row: int, valid: Any) -> Any:
-    """Load a row of the inputs, with the last instance also in the lanes beyond the last instance."""
+    """Load a row of the inputs. Lanes after the last instance get the numbers of the last instance."""
     place = _row(w, "in", row)
     values = w.once("load", place, align=BYTES, typ=w.vector)
     last = w.once("load", _gep(w, place, w.builder.function.args[4]), align=BYTES, typ=DOUBLE)
@@ -227,7 +227,7 @@ def _load(w: Writer, row: int, valid: Any) -> Any:
 
 
 def _driver(unit: Any, source: casadi.Function, width: int, block: Any) -> None:
-    """Write `SYMBOL`, which checks the shapes and calls `block` for W instances after W."""
+    """Write `SYMBOL`, which checks the shapes and then calls `block` for each group of W instances."""
     args = {"in": POINTER, "rows_in": INT, "lanes_in": INT, "out": POINTER, "rows_out": INT, "lanes_out": INT}
     function = _function(unit, SYMBOL, INT, {**args, "count": INT})
     inputs, rows_in, lanes_in, outputs, rows_out, lanes_out, count = function.args

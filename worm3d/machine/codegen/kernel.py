@@ -1,4 +1,4 @@
-"""Kernels: CasADi functions compiled for many instances at once; the user's side of `worm3d.machine.codegen`."""
+"""Kernels: CasADi functions compiled for many instances at once. The public interface of `worm3d.machine.codegen`."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from worm3d.values.arrays import FloatArray
 class Kernel:
     """A CasADi function y = f(x), evaluated for many instances at once by `worm3d.machine.codegen.evaluate`.
 
-    Inputs and outputs are stored as rows: row r of `inputs` is the r-th nonzero of all inputs of the function, one
-    input after the other in CasADi's (column-major) order, and column k is instance k. The two arrays must not overlap.
+    Inputs and outputs are arrays. Column k belongs to instance k. Row r of `inputs` is the r-th nonzero entry of the
+    inputs of the function, in the order of the inputs and, within each, in CasADi's (column-major) order. The arrays
+    of inputs and outputs must not overlap.
     """
 
     name: str
     rows_in: int
     rows_out: int
     width: int
-    """Instances computed together, W."""
+    """Number W of instances that are computed together."""
     address: int
     """Address of the C function (`emit`), valid until the process ends."""
 
     def lanes(self, count: int) -> int:
-        """Return the number of columns for `count` instances: a multiple of W."""
+        """Return the number of columns for `count` instances, which is rounded up to a multiple of W."""
         return -(-count // self.width) * self.width
 
     def allocate(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return zero inputs, shape (rows_in, lanes(count)), and outputs, (rows_out, lanes(count))."""
+        """Return zeros for the inputs, shape (rows_in, lanes(count)), and outputs, shape (rows_out, lanes(count))."""
         return np.zeros((self.rows_in, self.lanes(count))), np.zeros((self.rows_out, self.lanes(count)))
 
 
@@ -45,7 +46,7 @@ LONG_COMPILATION = 20_000
 """Number of instructions of a function whose compilation is announced; it takes about a second."""
 _LOCK = threading.Lock()
 _LOADED: dict[str, tuple[int, object]] = {}
-"""Address and owner of every kernel; never freed, since compiled code may hold the address."""
+"""Address and owner of every kernel. They are never freed, since compiled code may use the address."""
 
 
 def compile_kernel(
@@ -61,18 +62,18 @@ def compile_kernel(
     Parameters
     ----------
     function : casadi.Function
-        An SX function; sparse inputs and outputs count their nonzeros only.
+        An SX function. Only the nonzero entries of sparse inputs and outputs count.
     folder : Path, optional
-        Folder of the cache on disk; default `worm3d.machine.cache.folder("kernels")`. The folder need not exist or be
-        writeable.
+        Folder of the cache on disk. The default is `worm3d.machine.cache.folder("kernels")`. The folder need not exist
+        or be writable.
     host : Host, optional
-        Processor to compile for; default the processor of this computer.
+        Processor to compile for. The default is the processor of this computer.
     padded : bool
-        Whether lanes beyond the last instance hold harmless numbers; these lanes are then computed like all other
-        lanes.
+        Whether the lanes after the last instance contain numbers that can be computed without harm. The kernel then
+        treats these lanes like all other lanes.
     exact : bool
-        Whether the function is computed as written, with the C library's functions, so that all bits equal the results
-        of NumPy or Numba.
+        Whether the function is computed as written, with the functions of the C library. All bits then equal the
+        results of NumPy and Numba.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Transcendental functions on vectors, as LLVM functions `lanes_<name>` in the kernel's module.
 
-A vector library may be missing, so sin, cos, asin, atan2, exp and log, which the kernels contain, are written out:
-argument reduction and then a polynomial, with the coefficients of Sun's fdlibm, equal to the C library to a few units
-in the last place. These formulas need fused multiply-add. For arguments outside the valid range (huge, infinite, NaN,
-zero denominators), and for every other function, each lane calls the C library.
+A library of vector functions may be missing. Therefore sin, cos, asin, atan2, exp and log, which the kernels contain,
+are written out as an argument reduction and a polynomial with the coefficients of Sun's fdlibm. They equal the C
+library to a few units in the last place. These formulas need fused multiply-add. For arguments outside the valid range
+(huge, infinite, NaN, zero denominators), and for all other functions, each lane calls the C library.
 """
 
 from __future__ import annotations
@@ -77,12 +77,12 @@ LOG = (
 )
 EXP = tuple(1.0 / math.factorial(k) for k in range(13, -1, -1))
 HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17, -1.49738490485916983e-33)
-"""pi/2 as a sum, each term rounded."""
+"""pi/2 as a sum of rounded terms."""
 LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
-"""ln 2 as a sum; the first term has trailing zeros, so that products of this term with exponents are exact."""
+"""ln 2 as a sum. The first term has trailing zero bits, so that its products with exponents are exact."""
 LANES_PREFIX = "lanes_"
 PURE = ("noinline", "nounwind", "willreturn", "memory(none)")
-"""Attributes of the functions here; inlined functions would cut the kernel's one long block into many blocks."""
+"""Attributes of these functions. Inlined functions would cut the one long block of a kernel into many blocks."""
 
 
 def library(w: Writer, name: str, *args: Any) -> Any:
@@ -91,13 +91,13 @@ def library(w: Writer, name: str, *args: Any) -> Any:
 
 
 def sincos(w: Writer, x: Any) -> tuple[Any, Any]:
-    """Return sine and cosine, which derivatives always need together."""
+    """Return sine and cosine. Both are computed together, since derivatives always need both."""
     both = w.call(f"{LANES_PREFIX}sincos", ir.LiteralStructType([w.vector, w.vector]), x)
     return w.once("extract_value", both, 0), w.once("extract_value", both, 1)
 
 
 def define_all(unit: Any, width: int, fused: bool) -> None:
-    """Write the functions `lanes_<name>` that a module calls; if not `fused`, each lane calls the C library."""
+    """Write the functions `lanes_<name>` that a module calls. If not `fused`, each lane calls the C library."""
     for function in [each for each in unit.functions if each.name.startswith(LANES_PREFIX)]:
         name = function.name.removeprefix(LANES_PREFIX)
         w = _begun(function, width)
@@ -116,12 +116,12 @@ def define_all(unit: Any, width: int, fused: bool) -> None:
 def _begun(function: Any, width: int) -> Writer:
     function.linkage = "internal"
     for attribute in PURE:
-        set.add(function.attributes, attribute)  # llvmlite does not know all attributes
+        set.add(function.attributes, attribute)  # set.add avoids llvmlite's check, which does not know all attributes
     return Writer(ir.IRBuilder(function.append_basic_block()), width)
 
 
 def _of_each(w: Writer, name: str, args: Any) -> Any:
-    """Call `each_<name>`, the C library's function on every lane; write this function if needed."""
+    """Call `each_<name>`, which applies a function of the C library to every lane, after writing it if needed."""
     value = w.call(f"each_{name}", w.vector, *args)
     function = w.builder.module.get_global(f"each_{name}")
     if function.is_declaration:
@@ -140,17 +140,17 @@ def _pair(w: Writer, first: Any, second: Any) -> Any:
 
 
 def _beyond(limit: float) -> Callable[..., Any]:
-    """Return a function that gives the mask of |x| > limit or NaN."""
+    """Return a function that returns the mask of the lanes where |x| > limit or x is NaN."""
     return lambda w, x: w.compare("ugt", w.size(x), w.splat(limit))
 
 
 def _nowhere(w: Writer, _x: Any) -> Any:
-    """Return an empty mask: the formula holds everywhere."""
+    """Return an empty mask, for a formula that holds for all arguments."""
     return w.splat(False, BOOL)
 
 
 def _sincos(w: Writer, x: Any) -> Any:
-    """Split x into n pi/2 + r with |r| <= pi/4; exchange and negate sin r and cos r by n mod 4."""
+    """Return sin x and cos x from x = n pi/2 + r, |r| <= pi/4; n mod 4 decides exchange and signs of sin r, cos r."""
     n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / HALF_PI[0])))
     r = x
     for part in HALF_PI:
@@ -169,7 +169,7 @@ def _sincos(w: Writer, x: Any) -> Any:
 
 
 def _bit(w: Writer, integers: Any, bit: int) -> Any:
-    """Return the mask of the lanes whose integer has this bit."""
+    """Return the mask of the lanes whose integer has bit `bit`."""
     return w.once("icmp_signed", "!=", w.once("and_", integers, w.splat(bit, INDEX)), w.splat(0, INDEX))
 
 
@@ -191,7 +191,7 @@ def _asin(w: Writer, x: Any) -> Any:
 
 
 def _first_quadrant(w: Writer, a: Any, b: Any) -> Any:
-    """Return atan(a/b) for a, b >= 0, by turning (b, a) to within 22.5 degrees of the axis; one division."""
+    """Return atan(a/b) for a, b >= 0. (b, a) is first turned to within 22.5 degrees of the axis; one division."""
     steep = w.compare("ogt", a, w.mul(b, w.splat(1.0 + math.sqrt(2.0))))
     middle = w.compare("ogt", a, w.mul(b, w.splat(math.sqrt(2.0) - 1.0)))
     over = w.select(steep, w.neg(b), w.select(middle, w.sub(a, b), a))
@@ -205,7 +205,7 @@ def _first_quadrant(w: Writer, a: Any, b: Any) -> Any:
 
 
 def _atan2(w: Writer, y: Any, x: Any) -> Any:
-    """Return the first quadrant's angle, or pi minus this angle for negative x, with the sign of y."""
+    """Return the angle of (|x|, |y|), or pi minus this angle for negative x, with the sign of y."""
     angle = _first_quadrant(w, w.size(y), w.size(x))
     behind = w.sub(w.splat(2.0 * HALF_PI[0]), w.sub(angle, w.splat(2.0 * HALF_PI[1])))
     left = w.compare("olt", x, w.splat(0.0))
@@ -213,13 +213,13 @@ def _atan2(w: Writer, y: Any, x: Any) -> Any:
 
 
 def _atan2_outside(w: Writer, y: Any, x: Any) -> Any:
-    """Return the mask of |y| + |x| that is zero, tiny, huge or NaN."""
+    """Return the mask of the lanes where |y| + |x| is zero, tiny, huge or NaN."""
     size = w.add(w.size(y), w.size(x))
     return w.once("or_", w.compare("ult", size, w.splat(1e-280)), w.compare("ugt", size, w.splat(1e280)))
 
 
 def _exp(w: Writer, x: Any) -> Any:
-    """Return exp x as 2^n exp r, x = n ln 2 + r, by Taylor's series to r^13."""
+    """Return exp x as 2^n exp r with x = n ln 2 + r. exp r is Taylor's series up to r^13."""
     n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / math.log(2.0))))
     r = w.fma(n, w.splat(-LN_2[1]), w.fma(n, w.splat(-LN_2[0]), x))
     whole = w.once("sext", w.once("fptosi", n, ir.VectorType(INDEX, w.width)), ir.VectorType(INT, w.width))
@@ -228,7 +228,7 @@ def _exp(w: Writer, x: Any) -> Any:
 
 
 def _log(w: Writer, x: Any) -> Any:
-    """Return log x as k ln 2 + 2 atanh s, x = 2^k (1 + f), 1 + f in [sqrt(1/2), sqrt(2)], s = f/(2 + f)."""
+    """Return log x as k ln 2 + 2 atanh s with x = 2^k (1 + f), 1 + f in [sqrt(1/2), sqrt(2)], s = f/(2 + f)."""
     integers = ir.VectorType(INT, w.width)
     bits = w.once("bitcast", x, integers)
     above = w.once("sub", bits, w.splat(0x3FE6A09E667F3BCD, INT))  # the bits of sqrt(1/2)
@@ -246,7 +246,7 @@ def _log(w: Writer, x: Any) -> Any:
 
 
 def _log_outside(w: Writer, x: Any) -> Any:
-    """Return the mask of x that is not positive, tiny, huge or NaN."""
+    """Return the mask of the lanes where x is not positive, tiny, huge or NaN."""
     return w.once("or_", w.compare("ult", x, w.splat(1e-300)), w.compare("ugt", x, w.splat(1e300)))
 
 
@@ -257,4 +257,4 @@ FORMULAS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "exp": (_beyond(700.0), _exp),
     "log": (_log_outside, _log),
 }
-"""The mask of the arguments outside the formula's range, and the formula."""
+"""For each function, the mask of the arguments outside the valid range of the formula, and the formula."""

@@ -1,4 +1,4 @@
-"""LLVM: the host's vectors, a program's object code, and the address of a loaded object."""
+"""LLVM: the vectors of this computer's processor, object code of a function, and the address of loaded object code."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from worm3d.machine.codegen.lanes import LIBRARY
 
 
 class Host(NamedTuple):
-    """A processor by LLVM's name, and the suitable vectors."""
+    """A processor: the name and features that LLVM uses, and the vectors that suit it."""
 
     cpu: str
     features: str
@@ -35,14 +35,14 @@ FEATURES = {"x86-64-v4": (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "
 FEATURES["x86-64-v2"] = _V2
 """Features of each kind of processor, the best kind first."""
 PROCESSOR_VECTORS = {"x86-64-v4": (8, True), "x86-64-v3": (4, True), "x86-64-v2": (2, False)}
-"""Vectors of each kind, as in `Host`."""
+"""Vectors of each kind of processor: `width` and `fused` of `Host`."""
 SWITCH = "WORM3D_COMPILE_FOR"
-"""Environment variable that names the kind of processor to compile for, "host" for this processor; code in the package
-is then not used."""
+"""Environment variable with the kind of processor to compile for, or "host" for this processor. If it is set, the
+object code in the package is not used."""
 
 
 def kind(name: str) -> Host:
-    """Return the target of code for a kind of processor."""
+    """Return the kind of processor with this name, as a target for compilation."""
     return Host(name, "", *PROCESSOR_VECTORS[name])
 
 
@@ -53,7 +53,7 @@ def this_host() -> Host:
     Raises
     ------
     ValueError
-        The variable names no kind, or a kind whose code this processor cannot run.
+        The variable contains no kind of processor, or a kind whose code this processor cannot run.
     """
     features = llvm.get_host_cpu_features()
     asked = os.environ.get(SWITCH, "host") or "host"
@@ -68,7 +68,7 @@ def this_host() -> Host:
 
 
 def cache_key(function: casadi.Function, host: Host, padded: bool = False, exact: bool = False) -> str:
-    """Return a digest of everything that determines the object code: function, generator, libraries, processor."""
+    """Return a digest of everything that affects the object code: function, generator, libraries, processor."""
     parts = (
         function.serialize(),
         _generator(),
@@ -83,7 +83,7 @@ def cache_key(function: casadi.Function, host: Host, padded: bool = False, exact
 
 @functools.cache
 def _generator() -> str:
-    """Return a digest of this package's source, an automatic version number."""
+    """Return a digest of the sources of this package, which serves as a version number."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
@@ -91,9 +91,9 @@ def _generator() -> str:
 def compile_function(function: casadi.Function, host: Host, padded: bool = False, exact: bool = False) -> bytes:
     """Return the object code of a function.
 
-    The text already has no repeated subexpression (`Writer`), and one long block leaves little to optimise: besides
-    combining neighbouring instructions, LLVM's optimisation pipelines gain 2 to 5 % for 50 % more compile time. Raises
-    UnsupportedError for an operation without native form, RuntimeError if LLVM fails.
+    The text has no repeated subexpression (`Writer`), and is one long block, so that little is left to optimise. Only
+    neighbouring instructions are combined. LLVM's optimisation pipelines would gain 2 to 5 % for 50 % more compile
+    time. Raises UnsupportedError for an operation that has no native form, and RuntimeError if LLVM fails.
     """
     return compile_text(module(function, host.width, host.fused and not exact, () if exact else FLAGS, padded), host)
 
@@ -111,7 +111,7 @@ def compile_text(text: str, host: Host) -> bytes:
 
 
 def load(code: bytes, host: Host, more: bytes = b"") -> tuple[int, object]:
-    """Return the address of the kernel in object code, and an owner that must live as long as the address is used.
+    """Return the address of the kernel in object code, and an owner that must exist as long as the address is used.
 
     `more` is object code that the kernel calls.
     """
@@ -133,13 +133,13 @@ def _machine(host: Host) -> llvm.TargetMachine:
 
 @functools.cache
 def c_library() -> Any:
-    """Return the C library, on Linux and macOS with all other names of a fresh process."""
+    """Return the C library. On Linux and macOS it also contains all other names of a fresh process."""
     return ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
 
 
 @functools.cache
 def _bind_library() -> None:
-    """Tell LLVM the addresses of C library functions that LLVM does not find: LLVM aborts on unknown functions."""
+    """Give LLVM the addresses of C functions that it does not find itself, since LLVM aborts at unknown functions."""
     for name in LIBRARY:
         if not llvm.address_of_symbol(name):
             llvm.add_symbol(name, ctypes.cast(getattr(c_library(), name), ctypes.c_void_p).value)

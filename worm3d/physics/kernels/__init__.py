@@ -1,19 +1,19 @@
-"""The simulator's kernels: formulas of `worm3d.physics`, combined and differentiated; the solver compiles them.
+"""The simulator's kernels: formulas of `worm3d.physics`, combined and differentiated. The solver compiles them.
 
-Each module defines CasADi functions of one kind of instance. All functions of a module have the same list of inputs and
-share one array; `layout` defines the rows of the inputs.
+Each module defines CasADi functions for one kind of object, such as a segment. All functions of a module have the same
+inputs and share an array of inputs, in which each input has its rows (`layout`).
 
     segment   eight contact points, springs, dampers and apex hinges of a segment
     point     loads on a contact point: inertia, weight, normal contact, friction
     joint     pitch, yaw and twist between two segments
-    node      joints as mass points
+    node      joints between segments as mass points
     actuator  actuators of chambers and hinges
     hysteresis, medium, load  friction in the joints of chambers, viscous media, external loads
     inertia, losses  terms that points and joints share
-    regime    first-order prediction of a contact, for the solver's guess of the regime
+    regime    first-order prediction of a contact, with which the solver guesses its regime
 """
 
 from math import nextafter
 
 GREATEST_CONTRACTION = nextafter(1.0, 0.0)
-"""Greatest contraction of a state: the greatest number below 1, so that rest lengths stay above 0."""
+"""Largest contraction of a state: the largest number below 1. With this value, rest lengths stay above 0."""

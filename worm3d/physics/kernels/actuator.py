@@ -36,7 +36,7 @@ HASTE = "haste"
 before a run."""
 
 ACTUATORS_PER_SEGMENT = 2
-"""Number of actuators of a segment: its chambers, left and right."""
+"""Number of actuators of a segment: one for each chamber, left and right."""
 
 
 @once

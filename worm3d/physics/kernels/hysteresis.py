@@ -13,20 +13,20 @@ from worm3d.values.parameters import parameters_of
 
 
 class Slid(NamedTuple):
-    """Response of the friction of a chamber in a step."""
+    """Response of the friction in the joints of a chamber in a step."""
 
     potential: ca.SX
-    """(H2) [J]"""
+    """Potential Psi of (H2) [J]."""
     states: Mapping[str, ca.SX]
-    """(H3)"""
+    """States at the end of the step, (H3), by name."""
     stored: ca.SX
     """Change of the energy in the springs of the elements [J]."""
     lost: ca.SX
-    """(H4) [J]"""
+    """Loss of the sliders, (H4) [J]."""
 
 
 def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Slid:
-    """Return the response of a chamber's friction in a step; `acts` is 1, or 0 if the joints are free.
+    """Return the response of a chamber's joint friction in a step. `acts` is 1, or 0 if there is no friction now.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Sl
         d = give * before + moved
         e = ca.fmin(ca.fmax(d / give, -1.0), 1.0)
         spring = share * give / 2.0
-        potential += acts * (share * e * d - spring * e**2)  # this form has the right slope at |d| = r, too
+        potential += acts * (share * e * d - spring * e**2)  # this form also has the correct slope at |d| = r
         stored += acts * spring * (e**2 - before**2)
         lost += acts * share * ca.fmax(ca.fabs(d) - give, 0.0)
         states[HYSTERESIS_PREFIX + name] = acts * e

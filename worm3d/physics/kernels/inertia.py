@@ -1,7 +1,7 @@
-"""Mass points in time, symbolic: presets of the integrator, velocities, momenta, and inertia in the energy ledger.
+"""Mass points in CasADi symbols: reference positions of the integrator, velocities, momenta and terms of the ledger.
 
-Both kinds of mass points, joints (`worm3d.physics.kernels.node`) and contact points (`worm3d.physics.kernels.point`),
-have the inputs `SIZES` in their layouts, beside the position "x" and the "weight".
+Joints (`worm3d.physics.kernels.node`) and contact points (`worm3d.physics.kernels.point`) are mass points. The layout
+of each kind contains the inputs `SIZES`, the position "x" and the "weight".
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ Symbols = Mapping[str, ca.SX]
 def weights(ratio: Any) -> tuple[Any, Any]:
     """Return the weights of t_n and t_{n-1} in the backward difference of the integrator.
 
-    BDF2 takes the derivative at the end of a step from the parabola through the last three values. With w = dt/dt_old
+    BDF2 takes the derivative at the end of a step from the parabola through the last three values. With w = dt/dt_old,
 
         x'_{n+1} = (x_{n+1} - (1 + w)^2/(1 + 2 w) x_n + w^2/(1 + 2 w) x_{n-1})/(beta dt),   beta = (1 + w)/(1 + 2 w)
 
-    (4/3, -1/3 and 2/3 for equal steps); w = 0 is implicit Euler.
+    For equal steps, the weights are 4/3 and -1/3, and beta is 2/3. w = 0 is implicit Euler.
     """
     return (1.0 + ratio) ** 2 / (1.0 + 2.0 * ratio), -(ratio**2) / (1.0 + 2.0 * ratio)
 
 
 def _weigh(s: Symbols, both: ca.SX) -> ca.SX:
-    """Return the weighted values of t_n and t_{n-1} in the integrator's difference, shape (3,)."""
+    """Return the weighted sum of the values at t_n and t_{n-1} in the integrator's difference, shape (3,)."""
     w0, w1 = weights(s["ratio"])
     weighed: ca.SX = w0 * both[:3] + w1 * both[3:]
     return weighed
 
 
 def still(s: Symbols) -> ca.SX:
-    """Return the position at which the integrator gives the point no velocity, shape (3,) [m]."""
+    """Return the position at the end of the step for which the integrator's velocity is 0, shape (3,) [m]."""
     return _weigh(s, s["past"])
 
 
 def coasting(s: Symbols) -> ca.SX:
-    """Return "x_hat", the position at which the integrator gives the point no acceleration, shape (3,) [m]."""
+    """Return "x_hat", the position at the end of the step for which the acceleration is 0, shape (3,) [m]."""
     return still(s) + s["span"] * _weigh(s, s["velocity"])
 
 
 def force(s: Symbols) -> ca.SX:
-    """Return m A, shape (3,) [N]."""
+    """Return mass times acceleration, shape (3,) [N]."""
     return s["inertia"] * (s["x"] - s["x_hat"])
 
 
@@ -73,14 +73,14 @@ def motion(s: Symbols) -> ca.SX:
 
 
 def mean_motion(s: Symbols) -> ca.SX:
-    """Return dt (V + V_n)/2, the displacement in the work of a step's force on a free mass, shape (3,) [m]."""
+    """Return dt (V + V_n)/2, the displacement with which a step's force does work on a free mass, shape (3,) [m]."""
     return 0.5 * s["dt"] * (velocity(s) + s["velocity"][:3])
 
 
 def ledger(s: Symbols, first: ca.SX) -> dict[str, ca.SX]:
     """Return a mass point's terms of the energy ledger [J]; `first` is the first-order motion, shape (3,) [m].
 
-    In a landing the contact also carries the weight; the impulse of the weight is not part of the impact.
+    In a step with a strike, the contact also carries the weight. The impulse of the weight is not part of the impact.
     """
     v, v_n, v_m, mean = velocity(s), s["velocity"][:3], s["velocity"][3:], mean_motion(s)
     w = s["ratio"]
@@ -96,6 +96,6 @@ def ledger(s: Symbols, first: ca.SX) -> dict[str, ca.SX]:
 
 
 def momenta(s: Symbols) -> ca.SX:
-    """Return momentum (3), angular momentum about the origin (3) and mass times place (3), at t_n."""
+    """Return momentum (3), angular momentum about the origin (3) and mass times position (3), at t_n."""
     x, p = s["past"][:3], s["mass"] * s["velocity"][:3]
     return ca.vertcat(p, ca.cross(x, p), s["mass"] * x)

@@ -1,14 +1,15 @@
 """Kernels of a joint: pitch, yaw and twist between two segments, their springs, dampers and hinge.
 
 Coordinates: [p_{j-1} (3), g_{j-1}, th_{j-1}, p_j (3), g_j, th_j, p_{j+1} (3)] of the segments behind and ahead.
-The dampers act on the strains at the hinge angle of the step, as the chambers' dampers act at a given command.
+The dampers act on the strains for the hinge angle of the step, as the chambers' dampers act for a given command.
 
-Derivatives use the spins w_1, w_2 of the frames, (E1); the strains depend only on the difference of the spins:
+The derivatives use the spins w_1, w_2 of the frames, (E1). The strains depend only on the difference of the spins:
 
     (J1)  ds_i = m_i.(w_2 - w_1),   m_twist = (t_1 + t_2)/(1 + t_1.t_2)
           m_pitch = t_2 x (d x t_1) + d_2 x (c - s d)/|d_1 + d_2|   with the mean d of (E5), m_yaw the same with u
 
-The second variation of an energy with the moment m = sum f_i m_i is, with the change m' of m as only w_2 turns,
+Here s = c.d. An energy whose derivatives with respect to the strains are f_i has the moment m = sum f_i m_i. Let m' be
+the change of m if only the second frame turns. The second variation of the energy at constant f_i is
 
     (J2)  (w_2 - w_1).(m'(w_2' - w_1') + w_1' x m) + m.(dw_2' - dw_1')
 """
@@ -25,7 +26,7 @@ from worm3d.physics.kernels.layout import Layout
 
 COORDINATES = 13
 ROW = 16
-"""Length of a row of derivatives, with zeros at its end: two vectors."""
+"""Length of a row of derivatives, which is padded with zeros to two vectors."""
 
 JOINT_LAYOUT = Layout(
     {
@@ -51,11 +52,11 @@ JOINT_LAYOUT = Layout(
 
 
 _REDUCED = ca.SX.sym("z", 9)
-"""Edges behind and ahead (3 each), rolls behind and ahead, sum of the bends: all variables of the strains."""
+"""Edges behind and ahead (3 each), rolls behind and ahead, and sum of the bends. The strains depend only on these."""
 
 
 def _reduced() -> ca.SX:
-    """Return `_REDUCED` as a linear function of the coordinates."""
+    """Return the variables in `_REDUCED` as a linear function of the coordinates."""
     return _reduced_of(JOINT_LAYOUT.symbols["q"])
 
 
@@ -80,7 +81,7 @@ def _reference(k: int) -> tuple[ca.SX, ca.SX]:
 
 @cache
 def _angles() -> ca.SX:
-    """c.d, c.u, twist and the sum of the bends, shape (4,)."""
+    """Return c.d, c.u, twist and the sum of the bends, shape (4,)."""
     return ca.substitute(_angles_of_reduced(), _REDUCED, _reduced())
 
 
@@ -90,7 +91,7 @@ def _strains(angles: ca.SX, hinge: ca.SX) -> ca.SX:
 
 
 def start() -> ca.Function:
-    """Return the quantities known at the start of a step, the rows from "strain_hat" on (9)."""
+    """Return the quantities that are known at the start of a step: the rows from "strain_hat" on (9)."""
     s = JOINT_LAYOUT.symbols
     known = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
     n, m, old = (_strains(s[at], s[hinge]) for at, hinge in known)
@@ -107,7 +108,7 @@ def _potential() -> tuple[ca.SX, ca.SX]:
 
 
 def _energy(strains: ca.SX) -> ca.SX:
-    """Return the potential of springs and dampers at strains, shape (3,) [J]."""
+    """Return the potential of springs and dampers [J]. `strains` has the shape (3,)."""
     s = JOINT_LAYOUT.symbols
     return ca.dot(s["k"] / 2.0, strains**2 + s["tau"] / s["span"] * (strains - s["strain_hat"]) ** 2)
 
@@ -117,12 +118,12 @@ def _strains_of(angles: ca.SX) -> ca.SX:
 
 
 def _linear() -> ca.SX:
-    """Return the derivatives of `_reduced` in the coordinates."""
+    """Return the derivatives of `_reduced` with respect to the coordinates."""
     return ca.jacobian(_reduced(), JOINT_LAYOUT.symbols["q"])
 
 
 def gradient() -> ca.Function:
-    """Return potential and gradient (13), padded with zeros (16)."""
+    """Return the potential, and the gradient (13) padded with zeros (16)."""
     phi, slope = _potential()
     return JOINT_LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
 
@@ -132,7 +133,7 @@ _FRAMES = [elements.Frame(ca.SX.sym("l"), *(ca.SX.sym(axis, 3) for axis in "tdu"
 
 @cache
 def _derivatives() -> tuple[ca.SX, ca.SX]:
-    """Return the strains' derivatives, times the roots of their stiffnesses in the step (13, 3), and the Hessian."""
+    """Return the derivatives of the strains times the square roots of their stiffnesses (13, 3), and the Hessian."""
     angles, strains = ca.SX.sym("angles", 4), ca.SX.sym("strains", 3)
     stiffness, force = ca.hessian(_energy(strains), strains)
     moments, bending = ca.horzcat(*_moments()), ca.jacobian(_strains_of(angles), angles[3])
@@ -162,7 +163,7 @@ def _moments() -> list[ca.SX]:
 
 
 def _spin(k: int) -> ca.SX:
-    """Return the derivatives of the spin of a segment, (E1), in `_REDUCED` without the bends, shape (3, 8)."""
+    """Return the derivatives of a segment's spin, (E1), with respect to `_REDUCED` without the bends, shape (3, 8)."""
     f, spin = _FRAMES[k], ca.SX.zeros(3, 8)
     spin[:, 3 * k : 3 * k + 3], spin[:, 6 + k] = (
         ca.skew(f.t) / f.length + f.t @ elements.holonomy(f, _reference(k)[0]).T,
@@ -172,7 +173,7 @@ def _spin(k: int) -> ca.SX:
 
 
 def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
-    """Return (J2) at constant f_i, shape (8, 8)."""
+    """Return the second variation (J2) as a matrix, shape (8, 8)."""
     axes, between = _FRAMES[1][1:], spins[1] - spins[0]
     turning = ca.jacobian(m, ca.vertcat(*axes)) @ ca.vertcat(*[-ca.skew(axis) for axis in axes])
     curve = between.T @ (turning @ between - ca.skew(m) @ spins[0])
@@ -184,7 +185,7 @@ def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
 
 
 def hessian() -> ca.Function:
-    """Return the outputs of `gradient`, and the whole Hessian, row by row, each padded with zeros (13 x 16)."""
+    """Return the outputs of `gradient`, and the whole Hessian row by row, padded with zeros (13 x 16)."""
     phi, slope = _potential()
     rows = ca.vertcat(_derivatives()[1], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
     return JOINT_LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
@@ -219,7 +220,7 @@ def ledger() -> ca.Function:
 
 
 def _first_strains() -> ca.SX:
-    """Return the first-order motion of the strains, shape (3,), by way of the angles, which cost most to derive."""
+    """Return the first-order change of the strains, shape (3,). The chain rule saves repeating the angles' formulas."""
     s, angles = JOINT_LAYOUT.symbols, ca.SX.sym("angles", 4)
     turned = ca.jtimes(_angles_of_reduced(), _REDUCED, _reduced_of(s["dq"]))
     turned = ca.substitute(turned, _REDUCED, _reduced())

@@ -1,4 +1,4 @@
-"""Rows of kernel arrays by name: the inputs of a CasADi function, one after the other."""
+"""Layouts of the arrays of kernels: the inputs of a CasADi function by name, and the rows that contain them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from worm3d.values.arrays import FloatArray
 F = TypeVar("F", bound=Callable[..., Any])
 
 once: Callable[[F], F] = cast(Any, cache)
-"""`functools.cache` for functions of a class, which mypy does not consider hashable."""
+"""`functools.cache` for functions with classes as arguments, which mypy does not consider hashable."""
 
 
 class Layout:
-    """Named inputs of a family of functions, and the rows of the inputs.
+    """Named inputs of a group of functions, and the rows of an array that contain these inputs.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Layout:
         self.symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
     def extended(self, sizes: Mapping[str, int]) -> Layout:
-        """Return a layout with further inputs after the present inputs, which keep their symbols."""
+        """Return a layout with further inputs after the present inputs. The present inputs keep their symbols."""
         longer = Layout({**self.sizes, **sizes})
         longer.symbols |= self.symbols
         return longer
@@ -55,12 +55,12 @@ class Layout:
         return array[self.first(name) : self.first(name) + self.sizes[name]]
 
     def function(self, name: str, outputs: Mapping[str, ca.SX | Sequence[ca.SX]]) -> ca.Function:
-        """Return the function of all inputs with the named outputs, dense columns; lists are stacked."""
+        """Return a function of all inputs with named, dense outputs. A list of matrices is stacked to one column."""
         dense = [ca.densify(ca.vertcat(*_parts(value))) for value in outputs.values()]
         return ca.Function(name, list(self.symbols.values()), dense, list(self.sizes), [f"to_{key}" for key in outputs])
 
 
 def _parts(value: ca.SX | Sequence[ca.SX]) -> list[ca.SX]:
-    """Return the columns of a matrix, or of each matrix of a list."""
+    """Return the columns of a matrix, or of all matrices in a list."""
     matrices = [value] if isinstance(value, ca.SX) else list(value)
     return [column for matrix in matrices for column in ca.horzsplit(matrix)]

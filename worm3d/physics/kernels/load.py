@@ -1,4 +1,4 @@
-"""Kernels of the loads of a worm, all of them in one instance, generated from `worm3d.physics.load.Load.respond`."""
+"""Kernels of the loads of a worm, generated from `worm3d.physics.load.Load.respond`. All loads are one instance."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from worm3d.values.parameters import parameters_of
 Kind = type[Load]
 
 SHARED_INPUTS = {"dt": 1, "span": 1, "ratio": 1, "lands": 1, "gravity": 3, "stiffness": 1, "damping": 1, "touches": 1}
-"""Rows of the inputs that all loads share."""
+"""Number of rows of each input that all loads share."""
 INPUTS_PER_LOAD = {"x": 3, "past": 6, "velocity": 6, "tangent": 3, "normal": 3, "regime": 1, "regime_n": 1}
-"""Rows of the inputs of each load, repeated for all loads; the states and parameters of the loads follow."""
+"""Number of rows of the inputs of each load. After these inputs of all loads, the states and parameters follow."""
 STORED_LOAD_TERMS, LOST_LOAD_TERMS = (
     ("kinetic", "elastic", "potential", "anchor"),
     ("friction_loss", "viscous_loss", "impact"),
@@ -26,7 +26,7 @@ LEDGER_TERMS = ("work_external", *STORED_LOAD_TERMS, *LOST_LOAD_TERMS, "numerica
 
 @once
 def layout(*kinds: Kind) -> Layout:
-    """Return the layout of the inputs; without rows where there are no loads."""
+    """Return the layout of the inputs. It has no rows if there are no loads."""
     if not kinds:
         return Layout({})
     states = [f"{k}_{name}_n" for k, kind in enumerate(kinds) for name in kind.states]
@@ -36,7 +36,7 @@ def layout(*kinds: Kind) -> Layout:
 
 
 def kept(*kinds: Kind) -> int:
-    """Return how many numbers the loads remember: the regime of each, then their states."""
+    """Return the number of values that the loads keep between steps: the regimes of all loads, then their states."""
     return sum(1 + len(kind.states) for kind in kinds)
 
 
@@ -53,7 +53,7 @@ def _steps(*kinds: Kind) -> list[LoadStep]:
 
 
 def _potentials(kinds: tuple[Kind, ...]) -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return the potential of each load, and the position of the load's joint."""
+    """Return the potentials of all loads, and the positions of the loads' joints."""
     x = ca.vertsplit(layout(*kinds).symbols["x"], 3)
     return [
         scalar(f"{kind.__name__}.potential", step.potential) for kind, step in zip(kinds, _steps(*kinds), strict=True)
@@ -66,7 +66,7 @@ def _gradient(kinds: tuple[Kind, ...]) -> dict[str, Any]:
 
 
 def gradient(*kinds: Kind) -> ca.Function | None:
-    """Return the potential and its gradient (3 for each load); None without loads."""
+    """Return the potential of all loads and its gradient (3 for each load); None if there are no loads."""
     return layout(*kinds).function("load_gradient", _gradient(kinds)) if kinds else None
 
 
@@ -79,14 +79,14 @@ def hessian(*kinds: Kind) -> ca.Function | None:
 
 
 def turn(*kinds: Kind) -> ca.Function | None:
-    """Return the next regime of each load."""
+    """Return the next regime of each load; None if there are no loads."""
     if not kinds:
         return None
     return layout(*kinds).function("load_turn", {"regime": [ca.SX(step.regime) for step in _steps(*kinds)]})
 
 
 def after(*kinds: Kind) -> ca.Function | None:
-    """Return the terms of the energy ledger, in the order of `LEDGER_TERMS`, and the numbers kept by the loads."""
+    """Return the terms of the energy ledger, in the order of `LEDGER_TERMS`, and the values that `kept` counts."""
     if not kinds:
         return None
     past = ca.vertsplit(layout(*kinds).symbols["past"], 6)
@@ -99,7 +99,7 @@ def after(*kinds: Kind) -> ca.Function | None:
 
 
 def _terms(kind: Kind, step: LoadStep, done: ca.SX) -> ca.SX:
-    """Return the terms of one load; `done` is the first-order work of the joint against the load."""
+    """Return the terms of a load. `done` is the work of the joint against the load, to first order [J]."""
     if unknown := set(step.terms) - set(LEDGER_TERMS[:-1]):
         raise ValueError(f"{kind.__name__}.respond: got the term {unknown.pop()!r}, must be of {LEDGER_TERMS[:-1]}")
     known = {name: scalar(f"{kind.__name__}.{name}", value) for name, value in step.terms.items()}

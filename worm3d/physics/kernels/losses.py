@@ -1,7 +1,7 @@
-"""Contributions of a spring and a damper on a strain s to the energy ledger of a step, symbolic.
+"""Terms of the energy ledger of a step for a spring and a damper that act on a strain s, in CasADi symbols.
 
-In the residual of a step times dq, each strain contributes force times (ds/dq) dq, the first-order change of s, which
-is called `first` here.
+The ledger multiplies the residual of a step by dq, the change of the coordinates. Each strain contributes its force
+times (ds/dq) dq. This first-order change of s is the argument `first` of the functions below.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ def slope(energy: Callable[[ca.SX], ca.SX], at: ca.SX) -> ca.SX:
 
 
 def spring(energy: Callable[[ca.SX], ca.SX], s: ca.SX, s_n: ca.SX, first: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the change of energy from s_n to s, and the numerical loss dE/ds `first` - change [J]."""
+    """Return the change of energy from s_n to s, and the numerical loss (dE/ds) `first` - change [J]."""
     change = energy(s) - energy(s_n)
     return change, slope(energy, s) * first - change
 
 
 def trapezoid(before: ca.SX, after: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the work of a changing command, and the numerical loss of applying the change before the motion [J].
+    """Return the work of a changing command, and the numerical loss if the command changes before the motion [J].
 
     Parameters
     ----------
     before, after : SX
-        Change of energy by the command, at the strain before and after the step.
+        Change of energy due to the command, at the strain before and after the step.
     """
     work = (before + after) / 2.0
     return work, work - before
@@ -43,7 +43,7 @@ def damper(c: ca.SX, moved: ca.SX, span: ca.SX, dt: ca.SX, first: ca.SX) -> tupl
     c : SX
         Damping: force over rate of strain.
     moved, span : SX
-        s - s_hat and beta dt; the quotient is the integrator's rate.
+        s - s_hat and beta dt. The quotient is the rate of strain according to the integrator.
     dt : SX
         Time step [s].
     first : SX

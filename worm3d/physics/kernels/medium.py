@@ -10,15 +10,15 @@ from worm3d.physics.media import Medium
 from worm3d.values.parameters import parameters_of
 
 MEDIUM_PREFIX = "medium_"
-"""Prefix of the parameters among the inputs."""
+"""Prefix of the names of the medium's parameters among the inputs."""
 
 STRAIN, RATE, SHARE = range(3)
-"""First rows of the inputs: strain, rate of strain [1/s], and resistance of a segment at the factor 1 [N s/m]."""
+"""First rows of the inputs: strain, rate of strain [1/s], and resistance of a segment if the factor is 1 [N s/m]."""
 
 
 @once
 def layout(kind: type[Medium]) -> Layout:
-    """Return the layout of the inputs; without rows for a uniform medium."""
+    """Return the layout of the inputs. It has no rows for a uniform medium."""
     if kind.factor.__func__ is Medium.factor.__func__:  # type: ignore[attr-defined]
         return Layout({})
     return Layout({"strain": 1, "rate": 1, "share": 1, **{MEDIUM_PREFIX + name: 1 for name in parameters_of(kind)}})
@@ -31,7 +31,7 @@ def resistance(kind: type[Medium] = Medium) -> ca.Function | None:
     Raises
     ------
     ValueError
-        The factor of the class is not valid.
+        The factor of the class is not a scalar expression.
     """
     rows = layout(kind)
     if not rows.rows:

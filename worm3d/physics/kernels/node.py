@@ -1,4 +1,4 @@
-"""Kernels of a joint as a mass point: inertia, weight, viscous medium and forces, before and after a step."""
+"""Kernels of joints as mass points: inertia, weight, viscous medium and forces, before and after a step."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NODE_LAYOUT = Layout(
 
 
 def start() -> ca.Function:
-    """Return the presets of a step, the rows from "drag_hat" on (8)."""
+    """Return the quantities that are known at the start of a step: the rows from "drag_hat" on (8)."""
     s = NODE_LAYOUT.symbols
     rows = {"drag_hat": inertia.still(s), "x_hat": inertia.coasting(s), "inertia": inertia.stiffness(s)}
     return NODE_LAYOUT.function("node_start", {**rows, "drag_rate": s["drag"] / s["span"]})
@@ -64,5 +64,5 @@ def after() -> ca.Function:
 
 
 def momenta() -> ca.Function:
-    """Return momentum (3), angular momentum about the origin (3) and mass times place (3)."""
+    """Return momentum (3), angular momentum about the origin (3) and mass times position (3)."""
     return NODE_LAYOUT.function("node_momenta", {"momenta": inertia.momenta(NODE_LAYOUT.symbols)})

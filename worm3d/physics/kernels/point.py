@@ -1,8 +1,8 @@
 """Kernels of a contact point: inertia, weight, normal contact and friction, and the state after a step.
 
-The world has been evaluated already: distance g, its gradient n and curvature H at X are inputs. Kernels of friction
-are made for one law (`worm3d.physics.friction_laws`); how Newton's method guesses regimes is in
-`worm3d.physics.kernels.regime`.
+The kernel of the world runs before. Its results, the distance g, its gradient n and its curvature H at X, are inputs
+here. Kernels with friction are made for a law of friction (`worm3d.physics.friction_laws`).
+`worm3d.physics.kernels.regime` contains the kernels with which Newton's method guesses regimes.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ POINT_LAYOUT = Layout(
         "stiffness": 1,  # k [N/m], 0 without contact
         "damping": 1,  # c [N s/m]
         **inertia.SIZES,
-        "tangent": 6,  # along and to the left, frozen at the start of the step; `start` computes the rows to "deep"
+        "tangent": 6,  # along and to the left, constant in the step; `start` computes the rows from here to "deep"
         "slide_n": 2,  # displacement from the anchor at the start of the step, in the tangents
         "x_hat": 3,
         "inertia": 1,  # m/(beta dt)^2 [N/m]
         "depth_n": 1,
         "distance_n": 1,
         "hold": 1,  # the world's multiplier of friction at the start of the step
-        "load": 1,  # normal load for friction while it is not coupled
+        "load": 1,  # normal load for friction if "coupled" is 0
         "stiff": 1,  # k + c/dt of (C1) [N/m]
         "carried": 1,  # d* of (C1) [m]
         "r": 1,  # of (C3) [m]
@@ -45,18 +45,18 @@ POINT_LAYOUT = Layout(
         "hardness": 3,  # H of (C2), in the same order
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
-        "limit_ratio": 1,  # limit of friction over capacity: 1, or static_ratio while stuck
-        "pull": 2,  # predicted friction f of (C5), per unit of capacity; stored states use this name
+        "limit_ratio": 1,  # c_0 of (C3): static_ratio while stuck, otherwise 1
+        "pull": 2,  # predicted friction f of (C5), per unit of capacity; also its name in stored states
         "foreseen": 1,  # normal load predicted by the last Newton step
         "regime": 1,  # FREE, or the assumed regime, regardless of X
         "error": 1,  # error of the prediction [m]
-        "breaks": 1,  # square of eta over the yield limit, above which a stuck contact slides at any error
-        "pull_m": 2,  # predicted friction and load a step before the last
+        "breaks": 1,  # square of the ratio of eta to the yield limit above which a stuck contact slides at any error
+        "pull_m": 2,  # predicted friction and normal load at the end of the step before the last
         "load_m": 1,
-        "coupled": 1,  # 1: friction uses the normal load at X
-        "load_n": 1,  # at the end of the last step; for `after`, of this step
+        "coupled": 1,  # 1 if friction uses the normal load at X, otherwise 0
+        "load_n": 1,  # normal load at the end of the last step; for `after`, of this step
         "f": 3,  # for `after`: the point's gradient at the end of the step
-        "of_segment": 1,  # rows shared with the ledger of the segment: its 8 terms lie here, directly before `first`
+        "of_segment": 1,  # row for the 8 terms of the segment's ledger, which are directly before "first"
         "first": 3,  # (dX/dq) dq
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
         "segment_tangent": 3,  # of the segment, at the start of the step
@@ -66,24 +66,24 @@ POINT_LAYOUT = Layout(
 )
 
 FREE, OPEN, SLIDING, STICKING_FORWARD, STICKING_BACK = map(float, range(5))
-"""Regimes. FREE: the law decides. OPEN: no contact. SLIDING: contact that slides, loaded even at a distance.
-STICKING_FORWARD and STICKING_BACK: contact that sticks, even beyond the yield surface.
+"""Regimes. FREE: the friction law decides. OPEN: no contact. SLIDING: a contact that slides; it has a load even if the
+point is above the surface. STICKING_FORWARD and STICKING_BACK: a contact that sticks, even beyond the yield surface.
 
-At any y, STICKING_FORWARD has the coefficient against motion towards the head, and STICKING_BACK the coefficient
-against motion towards the tail. With a regime and coupled, K is the matrix of (C5) at the predicted forces, else the
-derivative of f.
+At any y, STICKING_FORWARD uses the coefficient against motion towards the head, and STICKING_BACK the coefficient
+against motion towards the tail. If a regime other than FREE is set and "coupled" is 1, K is the matrix of (C5) at the
+predicted forces. Otherwise K is the derivative of f.
 """
 
 Law = type[FrictionLaw]
 
 
 class Contact(NamedTuple):
-    """Contact of a point at X."""
+    """Contact of a point at X, in symbols."""
 
     pressed: ca.SX
-    """Penetration that carries load [m]."""
+    """Penetration that causes load [m]."""
     touching: ca.SX
-    """Penetration, negative where nothing touches [m]."""
+    """Penetration, negative if the point does not touch the world [m]."""
     load: ca.SX
     of: contact.Coefficients
     step: contact.Step
@@ -106,7 +106,7 @@ def contact_of(law: Law) -> Contact:
 
 
 def penetration(touching: ca.SX) -> ca.SX:
-    """Return the penetration that carries load [m]; negative if a regime of contact is assumed wrongly."""
+    """Return the penetration that causes load [m]; it is negative if an open point is wrongly assumed to touch."""
     regime = POINT_LAYOUT.symbols["regime"]
     return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
 
@@ -128,7 +128,7 @@ def _curvature() -> ca.SX:
 def force(law: Law = Coulomb) -> ca.Function:
     """Return the gradient f (3) of a point's potential, the potential and the load.
 
-    With `coupled` f is the true residual; the potential then has no meaning.
+    If "coupled" is 1, f is the true residual, and the potential is meaningless.
     """
     outputs = _force(law)
     return POINT_LAYOUT.function("point_force", {name: outputs[name] for name in ("f", "phi", "load")})
@@ -137,25 +137,25 @@ def force(law: Law = Coulomb) -> ca.Function:
 def stiffness(law: Law = Coulomb) -> ca.Function:
     """Return the outputs of `force`, f with the predicted forces (3), and the Hessian K (9, row by row).
 
-    With `coupled` K is the unsymmetric derivative of the residual. The predicted forces serve for the second
-    derivatives of the points.
+    If "coupled" is 1, K is the unsymmetric derivative of the residual. The f with the predicted forces is used in the
+    second derivatives of the points.
     """
     return POINT_LAYOUT.function("point_stiffness", _force(law))
 
 
 def ahead(law: Law = Coulomb) -> ca.Function:
-    """Return the outputs of `stiffness`, but with K of a free point: the contact's part of K is exchanged."""
+    """Return the outputs of `stiffness`, but with the K of a free point. The part of the contact is added later."""
     return POINT_LAYOUT.function("point_ahead", {**_force(law), "K": ca.vec(_still()[2])})
 
 
 def free_force() -> ca.Function:
-    """Return the outputs of `force` for a point that touches nothing: in the regime OPEN, coupled."""
+    """Return the outputs of `force` for a point in the regime OPEN with "coupled" equal to 1."""
     outputs = _free()
     return POINT_LAYOUT.function("point_free_force", {name: outputs[name] for name in ("f", "phi", "load")})
 
 
 def free_stiffness() -> ca.Function:
-    """Return the outputs of `stiffness` for a point that touches nothing."""
+    """Return the outputs of `stiffness` for such a point."""
     return POINT_LAYOUT.function("point_free_stiffness", _free())
 
 
@@ -198,7 +198,7 @@ def _force(law: Law) -> dict[str, ca.SX]:
 
 
 def sided(of: contact.Coefficients) -> contact.Coefficients:
-    """Return the coefficients of a regime; a sticking contact has the same in both directions along the segment."""
+    """Return the coefficients of the regime. If the contact sticks, both directions along the segment have the same."""
     regime = POINT_LAYOUT.symbols["regime"]
     sides = [
         contact.Directions(
@@ -212,7 +212,7 @@ def sided(of: contact.Coefficients) -> contact.Coefficients:
 
 
 def start() -> ca.Function:
-    """Return the quantities known at the start of a step: the rows from "tangent" to "deep" (22)."""
+    """Return the quantities that are known at the start of a step: the rows from "tangent" to "deep" (22)."""
     s = POINT_LAYOUT.symbols
     tangents, slide = _projected()
     depth = ca.fmax(0.0, -s["distance"])
@@ -239,9 +239,10 @@ def start() -> ca.Function:
 
 
 def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return the tangents at X, along the segment (projected) and to the left, and the displacement in the tangents.
+    """Return the tangents at X, and the components of the displacement from the anchor along both.
 
-    Where the segment is along the normal, up to an angle of 1e-6, its upward director takes its place.
+    The first tangent is the tangent of the segment, projected on the surface. The second points to its left. If the
+    segment is parallel to the normal to within 1e-6 rad, its upward director is projected instead.
     """
     s = POINT_LAYOUT.symbols
     n, t = s["normal"], s["segment_tangent"]
@@ -253,7 +254,7 @@ def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
 
 
 def _slip(law: Law) -> ca.SX:
-    """Return the motion of the anchor (C4), shape (2,): zero without contact, all of s where the world has no grip."""
+    """Return the motion of the anchor, (C4), shape (2,): 0 without contact, s where the world has no friction."""
     s, c = POINT_LAYOUT.symbols, contact_of(law)
     slip = c.y - contact.left_after_return(c.y, c.of, c.step)
     return ca.if_else(c.load > 0.0, ca.if_else(s["hold"] > 0.0, slip, c.slide), ca.SX.zeros(2))
@@ -305,7 +306,7 @@ def after(law: Law = Coulomb) -> ca.Function:
 
 
 def touches() -> ca.Function:
-    """Return 1 for a point that bears or has borne load; for other points `free_after` is equal to `after`."""
+    """Return whether a point has or had load, or is in the world. For other points `free_after` equals `after`."""
     s = POINT_LAYOUT.symbols
     signs = ca.vertcat(s["load_n"], s["stored_n"], s["depth_n"], -s["distance"])
     return POINT_LAYOUT.function("point_touches", {"touches": ca.mmax(signs) > 0.0})
@@ -328,12 +329,12 @@ def free_after() -> ca.Function:
 
 
 def momenta() -> ca.Function:
-    """Return momentum (3), angular momentum about the origin (3) and mass times place (3)."""
+    """Return momentum (3), angular momentum about the origin (3) and mass times position (3)."""
     return POINT_LAYOUT.function("point_momenta", {"momenta": inertia.momenta(POINT_LAYOUT.symbols)})
 
 
 def _normal_ledger(law: Law) -> dict[str, ca.SX]:
-    """Return penetration, loss by impact and numerical loss of the normal contact."""
+    """Return the terms of the normal contact: change of penetration energy, loss by impact, and numerical loss."""
     s, c = POINT_LAYOUT.symbols, contact_of(law)
     depth = ca.fmax(0.0, -s["distance"])
     rise = s["stiffness"] / 2.0 * (depth**2 - s["depth_n"] ** 2)
@@ -344,7 +345,7 @@ def _normal_ledger(law: Law) -> dict[str, ca.SX]:
 
 
 def _friction_ledger(law: Law, slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
-    """Return the anchor's energy at the end of the step, and friction's terms."""
+    """Return the energy of the anchor at the end of the step, and the terms of friction."""
     s, c = POINT_LAYOUT.symbols, contact_of(law)
     touching = c.load > 0.0
     load, s_n = s["hold"] * c.step.capacity(c.load)[0], s["slide_n"]
@@ -359,7 +360,7 @@ def _friction_ledger(law: Law, slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     stored, stored_n = load * of(energy, left), load * of(energy, s_n)
     spring = load * of(ca.gradient(energy, y), left)
     at = contact.friction(c.y, c.of, c.step)
-    force = load * at.f  # (C4) keeps the force
+    force = load * at.f  # the return (C4) does not change the force
     lost = ca.sqrt(contact.squares(slip, c.of)[0])
     loss = load * c.step.strength(lost)[0] * lost
     load_change = stored_n - s["stored_n"]

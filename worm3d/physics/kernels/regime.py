@@ -1,7 +1,7 @@
-"""Kernels that guess the present or next regime of a contact, with the friction and the load.
+"""Kernels that guess the present or next regime of a contact, together with its friction and load.
 
-The guesses are heuristics: they affect the start and the number of iterations of Newton's method, but not the solution,
-which obeys only the law of `worm3d.physics.contact`.
+The guesses are heuristics. They affect the start and the number of iterations of Newton's method, but not the solution,
+which depends only on the law in `worm3d.physics.contact`.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from worm3d.physics.kernels.point import (
 )
 
 MAX_SWING = 3e-5
-"""Square of the relative change of y above which the K of a sliding contact is computed again."""
+"""Square of the relative change of y above which the stiffness K of a sliding contact is computed again."""
 
 STICK_SHARE = 0.25
-"""Square of the predicted force of a sliding contact, as a fraction of the law's force, below which contacts stick."""
+"""Square of the ratio of the predicted force of a sliding contact to the law's force below which it sticks."""
 
 SIDE_TOLERANCE = 1e-7
-"""Displacement along the segment, as a fraction of the yield limit, below which a stuck contact keeps its side."""
+"""Displacement along the segment below which a stuck contact keeps its sticking regime, as a fraction of the yield
+limit (both as gauges)."""
 
 
 def near(law: Law = Coulomb) -> ca.Function:
-    """Return 1 for a contact that is closed, or closes to first order; `yielding` leaves other contacts as they are."""
+    """Return 1 for a contact that is closed or closes to first order. `yielding` would not change other contacts."""
     s, c = POINT_LAYOUT.symbols, contact_of(law)
     touching = c.touching - ca.dot(s["normal"], s["first"])
     lands = ca.logic_and(s["stiffness"] > 0.0, touching > s["error"])
@@ -44,16 +45,17 @@ def near(law: Law = Coulomb) -> ca.Function:
 
 
 def yielding(law: Law = Coulomb) -> ca.Function:
-    """Return the first-order prediction of a contact at X + `first`: rows "y" to "recent", 12 in all.
+    """Return the first-order prediction of a contact at X + "first": the rows "y" to "recent", 12 in all.
 
     y, predicted_friction : s - s* (2) [m], and f' (2) of (C5).
-    excess : eta minus the yield limit, over the largest coefficient [m].
-    touching : penetration -g - d*, negative where nothing touches [m].
+    excess : difference between eta and the yield limit, divided by the largest coefficient [m].
+    touching : penetration -g - d*, negative if the point does not touch the world [m].
     foreseen : normal load [N].
     swing : square of the relative change of y.
-    regime : next regime; it changes if the present regime contradicts the friction law by more than `error`.
+    regime : next regime. It changes if the present regime contradicts the friction law by more than "error".
     stale : whether the stiffness K of the contact must be computed again.
-    static_excess, recent : excess of eta over the static limit, (C6), and its last change, including the error [m].
+    static_excess, recent : by how much eta exceeds the static limit, (C6), and the last change of this excess,
+        including the error [m].
     """
     s, c = POINT_LAYOUT.symbols, contact_of(law)
     now, dy = c.y, in_tangents(s["first"])
@@ -95,7 +97,7 @@ def _elastic(y: ca.SX, of: contact.Coefficients) -> ca.SX:
 
 
 def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
-    """Return the next regime; it changes if the present regime contradicts the friction law by more than the error."""
+    """Return the next regime. It changes if the present regime contradicts the friction law by more than the error."""
     s = POINT_LAYOUT.symbols
     error, regime = s["error"], s["regime"]
     sticking = ca.if_else(y[0] >= 0.0, STICKING_FORWARD, STICKING_BACK)
@@ -117,8 +119,8 @@ def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held
 def expected(law: Law = Coulomb) -> ca.Function:
     """Return f of (C5), load and regime of a contact that continues as in the last two steps.
 
-    X and `regime` are the values at the start of the step, and `first` is the expected motion. A contact that lands
-    counts as pressed in by `error`.
+    X and "regime" are the values at the start of the step, and "first" is the expected motion. A contact that lands is
+    assumed to have the penetration "error".
     """
     s, c = POINT_LAYOUT.symbols, contact_of(law)
     y = c.y + in_tangents(s["first"])

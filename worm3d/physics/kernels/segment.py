@@ -72,7 +72,7 @@ are the shortest expressions."""
 
 
 def _reduced() -> ca.SX:
-    """Return `_REDUCED` as a linear function of the coordinates."""
+    """Return the variables in `_REDUCED` as a linear function of the coordinates."""
     q = SEGMENT_LAYOUT.symbols["q"]
     return ca.vertcat((q[0:3] + q[5:8]) / 2.0, q[5:8] - q[0:3], q[3], q[4])
 

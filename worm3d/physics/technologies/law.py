@@ -1,57 +1,59 @@
-"""The law of a technology: a slow drive, a spring moved by the drive, a limited force, and the energy used.
+"""The law of an actuator technology: a slow drive, a spring moved by the drive, a limited force, and the energy used.
 
-Drive. A command c, the commanded contraction of the chamber, is the share u = c/s of the free stroke s = strain lever.
-A separate lag delays the command. The drive d (the heat of a wire, the charge of a film, the pressure of a muscle, the
-angle of a motor) follows the delayed command by first order, up and down at different speeds, and no faster than a
-rate:
+Drive. The command c is the commanded contraction of the chamber. It corresponds to the share u = c/s of the free stroke
+s = strain lever. A lag (`delay`) delays the command. The drive d is, for example, the heat of a wire, the charge of a
+film, the pressure of a muscle or the angle of a motor. It follows the delayed command by first order, with different
+time constants up and down and a limited rate:
 
     d' = (target - d)/tau,   tau = rise where |target| > |d|, else fall,   |d'| <= rate                 (T1)
 
-rise and fall hold for an actuator of the cross-section `gauge`. A wire that is heated by a current and cooled by air
-becomes slower with increasing thickness, equally up and down, so that the times follow the size:
+rise and fall hold for an actuator with the cross-section `gauge`. A wire that is heated by a current and cooled by air
+becomes slower with increasing thickness. Its times up and down depend on its cross-section (area) in the same way:
 
     rise, fall, 1/leak  ~  (area/gauge)^(THICKNESS_POWER/2)                                             (T1a)
 
-The active share a follows the drive within a band, as austenite follows temperature (a play operator, which has minor
-loops), with the width w = `hysteresis`:
+The active share a of the actuator follows the drive with hysteresis, as the phase of a shape memory alloy follows the
+temperature. The drive can change by the width w = `hysteresis` of a band before a changes (a play operator, which also
+describes minor loops):
 
     (1 + w) d - w <= a <= (1 + w) d,   0 <= a <= 1                                                      (T2)
 
-The target of (T1) is the drive that makes a equal to u, at the edge of the band that moves a. Actuators that are driven
-both ways have no band, and -1 <= d = a <= 1.
+The target of (T1) is the drive at which a equals u, on that edge of the band where a moves towards u. Actuators that
+are driven both ways have no band, and -1 <= d = a <= 1.
 
-Force. Let z = 1 - l/l0 be the actuator's own contraction (z = l/l0 - 1 for an actuator that lengthens the chamber),
-x = z/s, and F_b = stress area/lever the blocking force. The actuator pulls by F = F_b f, bounded by the largest push
-and the largest pull:
+Force. Let z = 1 - l/l0 be the contraction of the actuator (z = l/l0 - 1 for an actuator that lengthens the chamber),
+x = z/s, and F_b = stress area/lever the blocking force. The actuator pulls with the force F = F_b f, where f is limited
+by the largest push and the largest pull:
 
     f = max(-push, min(kappa (q - x), A (1 - droop max(x, 0)))),   kappa = `series`                     (T3)
 
-A drive that moves the free end of a spring (alloys, films, bellows, motors) has q = a and A = 1: at kappa = 1, f is the
-line from the blocking force to the free stroke, moved by the drive; with a stiffer spring the actuator sets the
-position with a limited force. A drive that scales the force (`scales`: the pressure of braided muscles, the activation
-of natural muscles) has q = 1 and A = a. f never grows with x: the potential Psi = - F_b l0 s (integral of f dx) is
-convex in the length.
+A drive that moves the free end of a spring (alloys, films, bellows, motors) has q = a and A = 1. With kappa = 1, f is
+then the line from the blocking force to the free stroke, moved by the drive. With a stiffer spring, the actuator sets
+the position with a limited force. A drive that scales the force (`scales`: the pressure of braided muscles, the
+activation of natural muscles) has q = 1 and A = a. Since f never grows with x, the potential
+Psi = - F_b l0 s (integral of f dx) is convex in the length.
 
-Energy. The end of the spring moves by dy = s l0 dx + (1 - scales) dF/K, K = kappa F_b/(s l0): the drive does the work
+Energy. The end of the spring moves by dy = s l0 dx + (1 - scales) dF/K, K = kappa F_b/(s l0). The drive does the work
 W = F dy. The spring stores (1 - scales) F^2/(2 K) of this work, and the rest goes to the chamber. The other energies
 are
 
-    kept in the drive       E |d|,   E = charge area l0          (heat, field, compressed air)           (T4)
+    stored in the drive     E |d|,   E = charge area l0          (heat, field, compressed air)           (T4)
     leaking from it         leak E |d|                           (cooling, leakage)
     holding                 stall F^2 lever/F_b                  (the current of a motor)
     idling                  `idle`                               (the current of electronics, in every step)
     drawn from the source   D+/charging + W+/efficiency + holding + idling,   D = E |d|' + leak E |d|
     lost                    leak + D+ (1/charging - 1) + D- + W+ (1/efficiency - 1) + W- + holding + idling
 
-D+ and D- are the positive and negative parts. A released drive loses all energy that does not leak, and loses the work
-that the chamber does on the drive; nothing returns to the source. The energy drawn is the sum of the energies kept,
-stored, lost and given to the chamber. `idle` is the power of the drive of one chamber at any size. In a step, W and the
-holding are trapezoids, and the leak follows from the drive's exponential. The energy given to the chamber is then the
-mean pull times the shortening; the remainder is the ledger's numerical loss.
+D+ and D- are the positive and negative parts of D, and W+ and W- those of W. A drive that is released loses all of its
+energy that does not leak away. The work that the chamber does on the drive is also lost, and nothing returns to the
+source. The energy drawn is the sum of the energies stored, lost and transferred to the chamber. `idle` is the power of
+the drive of one chamber at any size. In a step, W and the holding energy are computed by the trapezoidal rule, and the
+leak follows from the exponential of the drive. The energy transferred to the chamber is then the mean pull times the
+shortening. The remainder is numerical loss in the ledger.
 
 Heat. The temperature T above the room temperature is the sum of hot |d| and the warming T_l of a body by all losses
-except idling. The body has the heat capacity C = heat_capacity stress area and cools by first order. Near `hottest` the
-command is reduced to zero:
+except idling. The body has the heat capacity C = heat_capacity stress area, and cools with the time constant `cooling`.
+Near `hottest` the command is reduced to zero:
 
     T = hot |d| + T_l,   C T_l' = lost - C T_l/cooling,   |u| <= 10 (1 - T/hottest)                     (T5)
 """
@@ -76,23 +78,23 @@ MOST_STROKE = 0.9
 NO_LIMIT = float("inf")
 
 THICKNESS_POWER = 1.75
-"""Exponent of a wire's thickness in the time constants, (T1a).
+"""Exponent of the thickness of a wire in its time constants, (T1a).
 
-With this exponent, 1.85 s for a wire of 0.15 mm gives the reported times of wires of 0.10 to 0.38 mm, 1 to 10 s, within
-10 %. With 2 (air that only conducts), a wire of half the thickness takes 0.25 of the time instead of 0.30; with 1 (a
-constant coefficient of heat transfer), 0.5.
+With this exponent, and 1.85 s for a wire of 0.15 mm, the times of wires of 0.10 to 0.38 mm agree with the published
+times, 1 to 10 s, within 10 %. A wire of half the thickness takes 0.30 of the time. The exponent 2 (heat conduction in
+air only) would give 0.25, and the exponent 1 (a constant coefficient of heat transfer) 0.5.
 """
 
 
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Technology(Actuator):
-    """Base of the actuator technologies, (T1) to (T5), which differ in numbers and act on the chambers' lengths.
+    """Base class of the actuator technologies, (T1) to (T5). They differ in numbers, and change the chambers' lengths.
 
     The springs of the chambers keep their rest lengths and pull the chambers back. An actuator that can only pull
-    (push = 0) shortens the chamber, or lengthens the chamber with `lengthens`, as hoops that squeeze a mesh do. A run
-    records the states: "asked", "drive" and "active" as shares of the full drive, "warmth", and "pull", the force on
-    the chamber, positive for contraction.
+    (push = 0) shortens the chamber. With `lengthens`, it lengthens the chamber, as hoops that squeeze a mesh do. The
+    recorded states are "asked" (the delayed command), "drive" and "active", all as shares of the full drive, "warmth",
+    and "pull", the force on the chamber, which is positive for contraction.
     """
 
     states: ClassVar[Mapping[str, str]] = {"asked": "1", "drive": "1", "active": "1", "warmth": "K", "pull": "N"}
@@ -162,9 +164,10 @@ class Technology(Actuator):
         left_out="no limit",
     )
     sources: ClassVar[Mapping[str, str]] = {}
-    """Source of each number of the technology, by parameter."""
+    """Source of each number of the technology, by name of the parameter."""
     uncounted: ClassVar[str] = ""
-    """Energy not included in the energy drawn, which prevents comparisons with others; empty: nothing known."""
+    """Energy that the energy drawn does not include, so that the technology cannot be compared with others; empty if
+    nothing is missing."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -175,12 +178,12 @@ class Technology(Actuator):
 
     @classmethod
     def compiled(cls) -> type[Actuator]:
-        """Return the class from which the kernels are made: technologies differ only in numbers."""
+        """Return the class from which the kernels are made, which is the same for all technologies."""
         return Technology
 
     @classmethod
     def respond(cls, s: Symbols) -> Response:
-        """Return (T1) to (T5)."""
+        """Return the response according to (T1) to (T5)."""
         import casadi as ca  # parameters do not need casadi
 
         asked, drive, active, time = _driven(s)
@@ -213,7 +216,7 @@ class Technology(Actuator):
 
     @classmethod
     def at_rest(cls, s: Symbols) -> Symbols:
-        """Return the states under a command that has long been constant."""
+        """Return the states under a command that has been constant for a long time."""
         import casadi as ca
 
         share = _share(s, s["command"])
@@ -223,7 +226,7 @@ class Technology(Actuator):
         return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * ca.fabs(drive), "pull": pull}
 
     def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
-        """Return the parameters; a size that is left out follows from the worm, and the times from the size."""
+        """Return the parameters. An omitted size is computed from the worm, and the times depend on the size, (T1a)."""
         given = super().values(worm, hinge=hinge)
         area = self.size(worm) if self.area is None else self.area
         if self.gauge is None:
@@ -233,7 +236,7 @@ class Technology(Actuator):
         return {**given, "area": area, **times}
 
     def slower(self, area: FloatArray) -> FloatArray:
-        """Return the times of an actuator of a cross-section [m^2] as multiples of `rise` and `fall`, (T1a)."""
+        """Return the factor by which `rise` and `fall` are longer with a given cross-section [m^2], (T1a)."""
         return (area / (area if self.gauge is None else self.gauge)) ** (THICKNESS_POWER / 2.0)
 
     def size(self, worm: Body) -> FloatArray:
@@ -247,8 +250,8 @@ class Technology(Actuator):
     def needed(self, worm: Body) -> FloatArray:
         """Return the cross-section of the actuator of each chamber that the worm needs, shape (N,) [m^2].
 
-        The blocking force is `reserve` times the sum of two forces: the force for the stroke of half of a segment's
-        springs (a chamber's half), and half of the worm's weight on earth.
+        The blocking force is `reserve` times the sum of two forces. The first is the force of a chamber's springs (half
+        of a segment's springs) at the stroke. The second is half of the worm's weight on earth.
         """
         wanted = -worm.stroke[0] if self.lengthens else worm.stroke[1]
         stroke = np.minimum(np.minimum(self.strain * np.asarray(self.lever), MOST_STROKE), wanted or MOST_STROKE)
@@ -257,7 +260,7 @@ class Technology(Actuator):
 
 
 class _Shape:
-    """Stroke x of an actuator, force f as a fraction of the blocking force, and the integral of f dx, (T3)."""
+    """Stroke x, force f as a fraction of the blocking force, and the integral of f dx, at an active share, (T3)."""
 
     def __init__(self, s: Symbols, active: Symbol, length: str) -> None:
         import casadi as ca
@@ -275,7 +278,7 @@ class _Shape:
 
 
 def _sense(s: Symbols) -> Symbol:
-    """Return 1 for an actuator that shortens its chamber, -1 for an actuator that lengthens its chamber."""
+    """Return 1 for an actuator that shortens its chamber, and -1 for an actuator that lengthens its chamber."""
     return 1.0 - 2.0 * s["lengthens"]
 
 
@@ -298,9 +301,10 @@ def _command(s: Symbols) -> Symbol:
 
 
 def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol, Symbol]:
-    """Return asked, drive and active share at the end of the step, (T1) and (T2), and the time integral of |drive|.
+    """Return the delayed command, drive and active share at the end of the step, and the time integral of |drive|.
 
-    The drive's target is held in the step. The integral is exact unless the drive changes sign.
+    They follow (T1) and (T2). The target of the drive is constant in the step. The integral is exact unless the drive
+    changes sign.
     """
     import casadi as ca
 

@@ -1,7 +1,7 @@
-"""Numbers of each technology, with sources; technologies are subclasses of `Technology` that differ in these numbers.
+"""Numbers of each actuator technology, with sources. Each technology is a subclass of `Technology`.
 
-A number whose source is "estimate" was not found in print; a "computed" number names its inputs. Published times are
-times to 90 % of a step; time constants are computed from these times.
+The source "estimate" means that no published number was found. The source of a "computed" number names its inputs.
+Published times are times to 90 % of a step; time constants are computed from these times.
 """
 
 from __future__ import annotations
@@ -30,28 +30,31 @@ SES = "Riddle et al., Bioinspir. Biomim. 20 (2025) 066001, and its program"
 ESTIMATE = "estimate"
 
 Row = tuple[float | bool, str]
-"""A number or a flag, and the source."""
+"""A number or a flag, and its source."""
 
 
 def _lag(seconds: float, hysteresis: float = 0.0) -> float:
-    """Return the time constant that reaches 90 % of the active share in a time, through the band of (T2) [s]."""
+    """Return the time constant with which the active share, through the band of (T2), reaches 90 % in a time [s]."""
     return seconds / log(10.0 * (1.0 + hysteresis))
 
 
 def compressed_air(gauge: float) -> tuple[float, float]:
-    """Return the energy kept in compressed air [J/m^3] and the efficiency of filling from a supply at its pressure.
+    """Return the energy stored in compressed air [J/m^3] and the efficiency of filling from a supply at its pressure.
 
-    A volume V at the pressure p_0 of the room already holds air. Filling V to p takes air of p - p_0 in V from a supply
-    that has compressed this air at the temperature of the room, (A5):
+    `gauge` is the gauge pressure [Pa]. A volume V that is open to the room contains air at the room's pressure p_0. To
+    fill V to the pressure p, air with the pressure p - p_0 in V is added. It comes from a supply that has compressed
+    this air at the temperature of the room, (A5). The stored energy and the energy drawn from the supply are
 
-        kept  V (p ln(p/p_0) - p + p_0),   drawn  V (p - p_0) ln(p/p_0)
+        stored  V (p ln(p/p_0) - p + p_0),   drawn  V (p - p_0) ln(p/p_0)
 
-    A chamber that then grows by dV takes p ln(p/p_0) dV more from the supply, for the work (p - p_0) dV; `efficiency`
-    includes this loss and is at best (1 - p_0/p)/ln(p/p_0), 0.80 at 60 kPa and 0.54 at 300 kPa.
+    A chamber that then expands by dV draws p ln(p/p_0) dV more from the supply, for the work (p - p_0) dV. The
+    parameter `efficiency` of the technology includes this loss. It is at most (1 - p_0/p)/ln(p/p_0), which is 0.80 at
+    60 kPa and 0.54 at 300 kPa.
 
-    At part of the pressure the energy drawn is in proportion to the pressure, as here; the energy kept is less than in
-    proportion, by up to 0.23 (60 kPa) or 0.19 (300 kPa) of the whole. For the same difference below the room's
-    pressure, a vacuum pump draws (p_0 - p) ln(p_0/p) instead, 1.9 times as much at 60 kPa.
+    The law (T4) makes both energies proportional to the drive. With p constant, the energy drawn is indeed proportional
+    to the pressure reached. The stored energy is smaller than in proportion, by up to 0.23 (60 kPa) or 0.19 (300 kPa)
+    of the stored energy at full pressure. For a pressure below the room's, a vacuum pump draws (p_0 - p) ln(p_0/p),
+    which at a difference of 60 kPa is 1.9 times as much.
     """
     p = gauge + ROOM_PRESSURE
     kept, drawn = p * (log(p / ROOM_PRESSURE) - 1.0) + ROOM_PRESSURE, (p - ROOM_PRESSURE) * log(p / ROOM_PRESSURE)
@@ -68,23 +71,23 @@ def _air(gauge: float) -> dict[str, Row]:
 
 
 def bending(thickness: float, length: float, stress: float) -> tuple[float, float]:
-    """Return the lever of strips that bend, and the blocking stress, from the stress of the faces [Pa].
+    """Return the lever of bending strips, and their blocking stress [Pa].
 
     The faces of a cantilever strain by +e and -e, so that the curvature is 2 e/thickness and the tip moves by
-    e length^2/thickness. The blocking force is 3 E I/length^3 times this displacement, e E b thickness^2/(4 length)
-    with the width b. Strips that fill a chamber end to end have the stroke e lever, lever = length/thickness, and the
-    force (e E/4) area/lever.
+    e length^2/thickness. The blocking force is 3 E I/length^3 times this displacement, which is
+    e E b thickness^2/(4 length) for the width b. Strips that fill a chamber end to end therefore have the stroke
+    e lever, with lever = length/thickness, and the force (e E/4) area/lever. `stress` is the stress e E of the faces.
     """
     return length / thickness, stress / 4.0
 
 
 def _round(diameter: float) -> float:
-    """Return the cross-section of a wire or coil [m^2]."""
+    """Return the cross-section of a wire or coil from its diameter [m^2]."""
     return pi * diameter**2 / 4.0
 
 
 def _braid(gauge: float, angle_deg: float) -> float:
-    """Return the blocking stress of a braided muscle on its cross-section, 0.67 of the ideal stress [Pa]."""
+    """Return the blocking stress of a braided muscle on its cross-section, which is 0.67 of the ideal stress [Pa]."""
     a = radians(angle_deg)
     return 0.67 * gauge * (3.0 / tan(a) ** 2 - 1.0 / sin(a) ** 2)
 
@@ -103,7 +106,7 @@ TECHNOLOGIES: dict[str, type[Technology]] = {}
 
 
 def _preset(name: str, what: str, **rows: Row) -> type[Technology]:
-    """Return the class of a technology, from a description and numbers with sources; other numbers are the default."""
+    """Return the class of a technology with the numbers and sources in `rows`; other numbers have their defaults."""
     known, hints = {each.name: each for each in fields(Technology)}, get_type_hints(Technology)
 
     def body(namespace: dict[str, Any]) -> None:
