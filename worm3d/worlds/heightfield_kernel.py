@@ -31,8 +31,8 @@ Height = tuple[float, float, float, float, float, float]
 """Height h of the surface and its derivatives h_u, h_v, h_uu, h_uv, h_vv."""
 
 CONTACT = 0.05
-"""The limit of the module's docstring in a simulation, in cells: the foot point is computed for points up to this height
-above all coefficients around the point. The surface lies below the largest of these coefficients."""
+"""The limit of the module's docstring in a simulation, in cells. The foot point is computed for points up to this
+height above all coefficients around the point. The surface lies below the largest of these coefficients."""
 
 CLOSE = 1e-5
 """Newton's iteration ends after a step of the foot that is smaller than this, in cells. For this last step, the surface

@@ -38,12 +38,12 @@ a lane. A pipe, for example, keeps the last piece of the point of each lane, and
 
 @dataclass(frozen=True, eq=False)
 class Union(World, ReadOnly):
-    """The union of the free spaces of worlds, for example a pipe bored into the ground below a plane, or crossing pipes.
+    """The union of the free spaces of worlds, for example a pipe bored into the ground below a plane.
 
     The solid is the intersection of the solids of all worlds. The signed distance is the largest of the worlds'
-    distances. Near the edges where the worlds meet, this distance may differ from the true distance, but its sign is
-    correct everywhere. The normal jumps at such an edge. Where a point touches several worlds, the world with the
-    largest distance sets the friction.
+    distances. This distance is exact inside the solid, where contact forces act. In free space, near the edges where
+    the worlds meet, it may be less than the true distance. The sign is correct everywhere. The normal jumps at such an
+    edge. Where a point touches several worlds, the world with the largest distance sets the friction.
 
     Attributes
     ----------
