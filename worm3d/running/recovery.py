@@ -1,11 +1,15 @@
-"""Recovery of a gait from pushes: stability from separate runs, which take long and are not part of the table.
+"""Recovery of a gait from pushes, as a measure of its stability.
 
-At the end of a run the worm has reached its limit cycle. From there two runs continue: one unchanged, one with a push
-during the first period. The distance of the two shapes (`worm3d.measures.stability.shapes`) after each further period
-shrinks by the largest modulus of the return map's multipliers that the push excites, as in (J7). If the push has
-brought the worm to another cycle, such as lying on a side, the distance stays and the factor is 1: pushes of a tenth of
-the weight tip the default worm. A push consists of random forces on the joints along x and y, without resultant and
-moment about z, over a half-sine in time; the push does not displace the worm as a whole.
+This measure is not part of a result's summary, because it needs several additional runs. At the end of a run, the worm
+has reached its limit cycle. From there, a run continues without a push, and other runs continue with a push during the
+first period. After each further period, the shapes of the worm in the two runs (`worm3d.measures.stability.shapes`) are
+compared. Their difference shrinks by a factor per period. This factor is the largest modulus of those multipliers of
+the return map that the push excites, as in (J7). If the push has brought the worm to another limit cycle, for example
+lying on its side, the difference does not shrink and the factor is about 1. Pushes of a tenth of the weight tip the
+default worm over.
+
+A push consists of random forces on the joints along x and y, without resultant and moment about z, so that it does not
+displace the worm as a whole. In time, the forces are a half-sine over the period.
 """
 
 from __future__ import annotations
@@ -25,23 +29,25 @@ from worm3d.values.spelling import spelled
 
 @spelled
 def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.01, seed: int = 0) -> FloatArray:
-    """Return the decay factor per period of the effect of each push, shape (pushes,): below 1 the gait is stable.
+    """Return the factor by which the effect of each push decays in a period, shape (pushes,).
 
-    A factor of about 1 means that the push has brought the worm to another cycle, or that the worm does not recover.
+    If the factors are below 1, the gait is stable. A factor of about 1 means that the push has brought the worm to
+    another limit cycle, or that the worm does not recover.
 
     Parameters
     ----------
     problem : Problem
-        Run before the pushes, long enough for the worm to reach the limit cycle. A controller restarts after this run.
+        Run before the pushes. It must be long enough for the worm to reach its limit cycle. A controller is reset after
+        this run.
     pushes : int
-        Number of pushes, each different.
+        Number of pushes, each with other random forces.
     periods : int
         Number of periods after each push, at least 2.
     size : float
-        Root mean square of the components of the pushes, divided by the worm's weight, or without gravity by the mean k
-        of the springs.
+        Root mean square of the force components, divided by the weight of the worm, or without gravity by the mean
+        `k_spring`.
     seed : int
-        Seed of the pushes.
+        Seed of the random forces.
 
     Raises
     ------
@@ -71,7 +77,10 @@ def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float
 
 
 class _Pushing:
-    """The external force of a run plus a push of shape (N+1, 3) [N], over a period [s] from a given time."""
+    """The external force of a run plus a push, with the forces `push` of shape (N+1, 3) [N] at its maximum.
+
+    The push starts at the time `begin` [s] and lasts a period [s].
+    """
 
     def __init__(self, problem: Problem, push: FloatArray, begin: float, period: float) -> None:
         self._own, self._push, self._begin, self._period = problem.external_force, push, begin, period
