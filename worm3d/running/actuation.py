@@ -1,4 +1,4 @@
-"""Actuation of a worm: commands, and a common interface to gaits, plain functions of time and controllers."""
+"""Actuation of a worm: commands, and a common interface to gaits, functions of time and controllers."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ class Command(ReadOnly):
     Raises
     ------
     ValueError
-        An array of the wrong shape, a value that is not finite, or a contraction of 1 or more.
+        An array has the wrong shape, a value is not finite, or a contraction is 1 or more.
     """
 
     contraction: FloatArray
-    """Shortening fraction of each chamber [left, right], shape (N, 2); negative values lengthen.
+    """Contraction of each chamber as a fraction of its length, columns left and right, shape (N, 2).
 
-    The commanded rest length is l0 (1 - contraction).
+    The commanded rest length is l0 (1 - contraction). A negative value lengthens the chamber.
     """
     hinge: FloatArray
-    """Hinge angle of joints 1 to N-1, shape (N-1,) [rad]; positive yaws the headward segment to the left."""
+    """Hinge angle of joints 1 to N-1, shape (N-1,) [rad]. A positive angle turns the segment ahead to the left."""
     force: FloatArray
-    """Extra force of each chamber [left, right] along the chamber, shape (N, 2) [N]; positive contracts."""
+    """Additional force along each chamber, columns left and right, shape (N, 2) [N]. A positive force contracts it."""
 
     def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
         c = arguments.floats("contraction", contraction)
@@ -67,38 +67,38 @@ class Command(ReadOnly):
 
 
 class Commands(NamedTuple):
-    """Commands at K instants, not checked yet; the arrays of `Command` with a first dimension K."""
+    """Unchecked commands at K instants. The arrays are those of `Command` with an additional first dimension K."""
 
     contraction: FloatArray
-    """Shape (K, N, 2)."""
+    """Contraction, shape (K, N, 2)."""
     hinge: FloatArray
-    """Shape (K, N - 1) [rad]."""
+    """Hinge angles, shape (K, N - 1) [rad]."""
     force: FloatArray
-    """Shape (K, N, 2) [N]."""
+    """Additional forces, shape (K, N, 2) [N]."""
 
 
 @runtime_checkable
 class Gait(Protocol):
-    """A pattern that a given worm turns into a function of time, or into a controller if the gait uses sensors."""
+    """A pattern of motion that does not depend on a particular worm until it is bound to one."""
 
     def bind(self, worm: Worm) -> Callable[[float], Command] | Controller:
-        """Return the commands as a function of time [s], or a controller that gives a command at each step.
+        """Return the commands for a worm as a function of time [s], or a controller if the gait uses sensors.
 
-        A controller returned by a gait is called like the gait, for the command at the end of a step; the measurement
-        was taken at the beginning of the step. Before the first step of a run the controller is called once, with the
-        measurement None, for the command at the start. The actuators' ramp begins at this command.
+        The `step` of such a controller is called with the time at the end of a step and the measurement at the
+        beginning of the step. Before the first step of a run, `step` is called with the start time and the measurement
+        None. The actuators move from this first command to the next command.
         """
 
 
 @runtime_checkable
 class Controller(Protocol):
-    """Decides at every step from a measurement."""
+    """Feedback controller, which is called in every step with a measurement."""
 
     def reset(self) -> None:
-        """Forget everything; a run begins."""
+        """Forget all earlier measurements. This method is called at the start of a run."""
 
     def step(self, t: float, measurement: Any) -> Command:
-        """Return the command from time t [s] on."""
+        """Return the command that holds from time t [s] on."""
 
 
 Actuation = Gait | Controller | Callable[[float], Command]
@@ -109,13 +109,14 @@ Sensor = Callable[["Observation"], Any]
 
 
 class BadCommandError(ValueError):
-    """The actuation returned a value that cannot be applied."""
+    """The actuation returned an object that is not a command for the worm."""
 
 
 class Driver:
-    """Commands of an actuation, as rows for the compiled steps; without an actuation all commands are zero.
+    """Source of the commands of a run, as rows for the compiled solver.
 
-    A controller, or a gait with sensors, gets the measurement that `sensor` returns, or else the observation itself.
+    Without an actuation, all commands are zero. A controller, or a gait with sensors, gets the measurement that
+    `sensor` returns. Without a sensor, it gets the observation itself.
 
     Raises
     ------
@@ -154,20 +155,20 @@ class Driver:
 
     @property
     def tabular(self) -> bool:
-        """Whether `table` gives all commands at once: the actuation has a method `commands`, as bound gaits do."""
+        """Whether `table` can return many commands at once, because the actuation has a method `commands`."""
         return self.controller is None and hasattr(self._at, "commands")
 
     def table(self, times: FloatArray) -> FloatArray | None:
-        """Return the commands at K times as rows, shape (K, 5 N); None if they must be requested one by one."""
+        """Return the commands at K times as rows, shape (K, 5 N), or None if they have to be requested one by one."""
         if not self.tabular:
             return None
         try:
             return self.rows(self._at.commands(times), len(times))  # type: ignore[attr-defined]
-        except EXCEPTIONS:  # of a user's own code: single requests name the time and keep earlier steps
+        except EXCEPTIONS:  # in the user's code. Requests one by one then find the time, and the steps before it remain
             return None
 
     def rows(self, given: Commands, k: int) -> FloatArray | None:
-        """Return K commands as rows, shape (K, 5 N); None if any of them cannot be applied."""
+        """Return K commands as rows, shape (K, 5 N), or None if any of them cannot be applied."""
         parts = (given.contraction.reshape(k, -1), given.force.reshape(k, -1), np.zeros((k, 1)), given.hinge)
         rows = np.hstack(parts)
         fits = rows.shape == (k, 5 * self.n) and np.isfinite(rows).all() and (given.contraction < 1.0).all()
@@ -178,24 +179,24 @@ class Driver:
         return self.row(self._at(t))
 
     def first(self, t: float) -> FloatArray | None:
-        """Return the command at the start of a run, as a row; None for a controller, which has not decided yet."""
+        """Return the command at the start of a run as a row, or None for a controller that is not part of a gait."""
         if self.controller is None:
             return self.at(t)
         return self.row(self.controller.step(t, None)) if self._is_gait else None
 
     def decide(self, observation: Observation, end: float) -> FloatArray:
-        """Return the controller's present command, for a step until `end` [s], as a row."""
+        """Return the controller's command for a step that ends at the time `end` [s], as a row."""
         assert self.controller is not None
         seen = observation if self._sensor is None else self._sensor(observation)
         return self.row(self.controller.step(end if self._is_gait else observation.time, seen))
 
     def row(self, command: Command) -> FloatArray:
-        """Return a command as a row: contraction, force, one unused entry, and hinge angles.
+        """Return a command as a row: contraction, force, an unused entry, and hinge angles.
 
         Raises
         ------
         BadCommandError
-            The value is not a `Command`, or the command is for another worm.
+            The object is not a `Command`, or has another number of segments than the worm.
         """
         if not isinstance(command, Command):
             raise BadCommandError(f"actuation: returned a {type(command).__name__}, must return a worm3d.Command")

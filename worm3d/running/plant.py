@@ -1,4 +1,4 @@
-"""A worm on a world, ready for time steps: the compiled kernels, and the arrays of `worm3d.solver` with their values."""
+"""A worm on a world, ready for time steps: the compiled kernels, and the arrays of `worm3d.solver` with values."""
 
 from __future__ import annotations
 
@@ -372,7 +372,7 @@ class Plant:
             view[...] = value
 
     def set_pose(self, state: State) -> None:
-        """Set the pose and velocities of a state. Commands, and the anchors of static friction, are not restored."""
+        """Set the pose, contraction and velocities of a state, without the friction forces stored in its memory."""
         n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK_SIZE), np.zeros((self.n + 1, BLOCK_SIZE))
         x[:, :3], x[:n, 4] = state.joints, state.bend
         self._segment_row("d_ref")[:] = state.directors.T
