@@ -34,7 +34,7 @@ class Result(FinishedRun):
 
     @property
     def on_its_side(self) -> float | None:
-        """Time from which the worm lay on its side [s]. None if it did not lie on its side, or if there is no ground."""
+        """Time from which the worm lay on its side [s]. None if it did not do so, or if there is no ground."""
         return on_its_side(self)
 
     @property

@@ -48,7 +48,7 @@ class Observation:
     normal_load: FloatArray
     """Normal load of each apex, shape (N, 6) [N]."""
     actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
-    """States of the actuators by name, for example a pressure. The shape is (N, 2) for chambers and (N-1,) for hinges."""
+    """States of the actuators by name, for example a pressure, shape (N, 2) for chambers or (N-1,) for hinges."""
 
     @classmethod
     def of(cls, plant: Plant, time: float) -> Observation:
