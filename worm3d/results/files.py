@@ -58,7 +58,7 @@ STATE_FIELDS = {
 """Units of the numeric fields of a state."""
 
 FIELD_PREFIX, MEMORY_PREFIX = "state_", "memory_"
-"""Prefixes of the names of variables in the group `checkpoint`, for fields of the state and for arrays of its memory."""
+"""Prefixes of the names of variables in the group `checkpoint`: fields of the state, and arrays of its memory."""
 
 KEPT_MARGIN = 0.4
 """A user-defined world is stored up to this distance from the worm's path [body lengths]. Pictures show 0.3 body

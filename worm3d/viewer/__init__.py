@@ -1,4 +1,4 @@
-"""Pictures from plain arrays: pages for a browser, figures, movies and meshes. The package is independent of the solver.
+"""Pictures from plain arrays: pages for a browser, figures, movies and meshes. The package does not need the simulator.
 
 Import the modules `figure`, `movie`, `meshes` and `live` directly. They are not imported here because they load large
 libraries.
