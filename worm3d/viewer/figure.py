@@ -1,4 +1,4 @@
-"""The worm from the side and from above as a figure, without any browser."""
+"""A figure of the worm from the side and from above, which needs no browser."""
 
 from __future__ import annotations
 
@@ -25,12 +25,16 @@ from worm3d.viewer.world import GROUND
 DPI = 100
 """Resolution of a figure [pixel/inch]."""
 LARGEST = 760
-"""Largest width of a view, and largest height of both views together [pixel]."""
+"""Largest width of a view, and largest sum of the heights of both views [pixel]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """A view without perspective: unit vectors (3,) to the right and upwards in the picture, and towards the viewer."""
+    """A view without perspective.
+
+    `right` and `up` are the unit vectors to the right and upwards in the picture, and `near` is the unit vector towards
+    the viewer, each of shape (3,).
+    """
 
     right: FloatArray
     up: FloatArray
@@ -38,24 +42,27 @@ class Projection:
 
     @property
     def plane(self) -> FloatArray:
-        """Rows that give picture coordinates, shape (2, 3)."""
+        """Matrix that turns a point into its coordinates in the picture, shape (2, 3)."""
         return np.array([self.right, self.up])
 
     def points(self, points: FloatArray) -> FloatArray:
-        """Return picture coordinates, shape (..., 2) [m]."""
+        """Return the coordinates of points in the picture, shape (..., 2) [m]."""
         return np.asarray(points @ self.plane.T)
 
     def facing(self, corners: FloatArray) -> FloatArray:
-        """Return how much polygons face the viewer: the cosine of the angle to their normals, shape (K,).
+        """Return the cosine of the angle between the normals of polygons and the direction to the viewer, shape (K,).
 
-        The corners of the polygons, shape (K, C, 3), are anticlockwise seen from the side that the normals point to.
+        The corners of the polygons, shape (K, C, 3), are anticlockwise seen from the side to which the normals point.
         """
         normal = np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)
         size = np.linalg.norm(normal, axis=1)
         return np.asarray(normal @ self.near / np.maximum(size, 1e-300))
 
     def seen(self, panels: FloatArray, paint: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the panels, (P, 4, 3), that face the viewer, the farthest first, (K, 4, 2), and their colours."""
+        """Return the panels that face the viewer in picture coordinates, the farthest first, and their colours.
+
+        The given panels have the shape (P, 4, 3), and the results have the shapes (K, 4, 2) and (K, 3).
+        """
         facing, depth = self.facing(panels), panels.mean(axis=1) @ self.near
         front = np.flatnonzero(facing > 0.0)
         order = front[np.argsort(depth[front], kind="stable")]
@@ -63,7 +70,10 @@ class Projection:
         return self.points(panels[order]), bright * paint[order]
 
     def cut(self, vertices: FloatArray, faces: NDArray[np.int64], through: FloatArray) -> FloatArray:
-        """Return the section of a mesh with the plane of the picture through a point, as lines, shape (S, 2, 2) [m]."""
+        """Return the section of a mesh with a plane parallel to the picture through the point `through`.
+
+        The section consists of S straight lines, shape (S, 2, 2) [m].
+        """
         height, after = (vertices - through) @ self.near, np.roll(faces, -1, axis=1)
         crossed = (height[faces] >= 0.0) != (height[after] >= 0.0)  # two edges of a face, or none
         a, b = faces[crossed], after[crossed]
@@ -73,10 +83,11 @@ class Projection:
 
 
 class Stage:
-    """Side and top view of a worm, ready to be drawn at any instant.
+    """Side and top view of a worm, which can be drawn at any instant.
 
-    The views show the whole run, or follow the worm with three body lengths (one and a half across); both views have
-    the same scale. `axes` are the axes of the side view and of the top view.
+    The views show the whole run if it extends over less than three body lengths along the heading and one and a half
+    across. Otherwise they show a part of this size that follows the worm. Both views have the same scale. `axes` are
+    the axes of the side view and of the top view.
     """
 
     def __init__(self, frames: Frames) -> None:
@@ -126,7 +137,7 @@ class Stage:
     def draw(self, index: int) -> Figure:
         """Draw the frame `index` and return the figure."""
         index = range(len(self.frames))[index]
-        step = 0.5 * self.frames.body_length  # in between the axes do not move
+        step = 0.5 * self.frames.body_length  # the views move in steps of this length
         here = step * np.round(self.frames.axes @ self.frames.centre[index] / step)
         middle = np.where(self._follows, here, self._middle)
         low, high = middle - 0.5 * self._span, middle + 0.5 * self._span
@@ -152,15 +163,15 @@ class Stage:
 
     @property
     def limits(self) -> list[tuple[float, float]]:
-        """Limits of the axes, which change if the views follow the worm."""
+        """Limits of the axes. They change if the views follow the worm."""
         return [limits for axes in self.axes for limits in (axes.get_xlim(), axes.get_ylim())]
 
     def _draw_world(self, axes: Axes, view: Projection, index: int) -> None:
-        """Draw sections of the world with the picture's plane through the centre of mass, the path and the trail."""
+        """Draw the path, the trail, and the section of the world through the centre of mass."""
         frames, through = self.frames, self.frames.centre[index]
         cuts = [(mesh, view.cut(mesh.vertices, mesh.faces, through)) for mesh in frames.world]
         if view.up[2] > 0.0:
-            # A transparent mesh is a wall; an opaque mesh is ground, and the side view is filled below the ground.
+            # A transparent mesh is a wall. An opaque mesh is ground, and the side view is filled below it.
             bottom = axes.get_ylim()[0]
             areas = [_down(line, bottom) for mesh, cut in cuts if mesh.opacity == 1.0 for line in cut]
             axes.add_collection(PolyCollection(areas, facecolors=[GROUND], lw=0.0, antialiaseds=False))
@@ -196,7 +207,7 @@ class Stage:
 
 
 def _down(line: FloatArray, bottom: float) -> FloatArray:
-    """Return the area between a line and the bottom of the picture, shape (4, 2)."""
+    """Return the corners of the area between a line and the bottom of the picture, shape (4, 2)."""
     (x, _), (other_x, _) = line
     return np.array([*line, [other_x, bottom], [x, bottom]])
 

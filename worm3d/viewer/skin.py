@@ -167,7 +167,7 @@ def _fan(ring: FloatArray) -> FloatArray:
 
 
 def _quads(rings: FloatArray) -> FloatArray:
-    """Return the quadrilaterals between successive rings, shape ((R - 1) C, 4, 3). The rings have the shape (R, C, 3)."""
+    """Return the quadrilaterals between successive rings of shape (R, C, 3). The result has the shape (K, 4, 3)."""
     after = np.roll(rings, -1, axis=1)
     return np.stack([rings[:-1], after[:-1], after[1:], rings[1:]], axis=2).reshape(-1, 4, 3)
 
