@@ -1,7 +1,7 @@
-"""Bytes of a NetCDF4 file, written directly with HDF5: an HDF5 file whose dimensions are dimension scales.
+"""Bytes of a NetCDF4 file, written directly with HDF5. A NetCDF4 file is an HDF5 file with dimension scales.
 
-The format follows "File Format Specifications", NetCDF-4 format, in the NetCDF documentation of Unidata. The code uses
-low-level calls of h5py, which take a ninth of the time of h5netcdf for a run of 90 variables.
+The format is described in "File Format Specifications", NetCDF-4 format, in the NetCDF documentation of Unidata. The
+code uses low-level functions of h5py. For a run of 90 variables, they take a ninth of the time of h5netcdf.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from worm3d.values.variable import Variable
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{:10d}"
-"""Name of a dimension scale without a variable, given the length of the dimension."""
+"""NAME attribute of a dimension scale that is not a variable. The placeholder is the length of the dimension."""
 
 OTHER_THAN_DIMENSION = "_nc4_non_coord_{}"
-"""HDF5 name of a variable that has the name of a dimension but is not the coordinate of that dimension."""
+"""HDF5 name of a variable that has the name of a dimension but is not its coordinate variable."""
 
 TEXT_TYPE = h5py.string_dtype()
-"""Type of texts of any length, in UTF-8."""
+"""HDF5 type of texts of any length, in UTF-8."""
 
 SCALAR = h5s.create(h5s.SCALAR)
-"""Shape of a single value."""
+"""HDF5 shape of a single value."""
 
 
 def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]]) -> bytes:
@@ -37,7 +37,7 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
     attributes : mapping
         Texts and whole numbers of the root group by name.
     groups : mapping
-        Variables of each group by the group's name, "" for the root group; each group has its own dimensions.
+        Variables of each group by the name of the group, "" for the root group. Each group has its own dimensions.
     """
     # In memory, since the HDF5 library crashes when the disc is full. The file name "image" is never used.
     with h5py.File("image", "w", driver="core", backing_store=False, track_order=True) as file:
@@ -55,7 +55,10 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
 
 
 def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
-    """Write variables and their dimensions to a group; return the number of dimensions, in addition to `known`."""
+    """Write variables and their dimensions to a group, and return the number of its dimensions.
+
+    `known` is the number of dimensions in the groups written before.
+    """
     sizes = {dim: size for variable in variables for dim, size in variable.sizes.items()}
     written = {}
     for variable in variables:
@@ -76,12 +79,15 @@ def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
 
 
 def _is_free(variable: Variable, sizes: Mapping[str, int]) -> bool:
-    """Return whether the file may use a variable's name: no dimension has the name, or the variable is its scale."""
+    """Return whether a variable keeps its name in the file.
+
+    This is so if no dimension has this name, or if the variable is the coordinate variable of this dimension.
+    """
     return variable.name not in sizes or variable.dims == (variable.name,)
 
 
 def _array(group: Any, name: str, values: NDArray[Any]) -> Any:
-    """Write an array and return the identifier; a dimension without entries is stored as an unlimited dimension."""
+    """Write an array and return its identifier. A dimension of length 0 is stored as an unlimited dimension."""
     creation, greatest = h5p.create(h5p.DATASET_CREATE), None
     creation.set_obj_track_times(False)  # so that the same content gives the same bytes
     if 0 in values.shape:
