@@ -36,7 +36,7 @@ def rounded_up(error: float) -> float:
 def _last(error: float) -> int:
     """Return the power of ten of the last written digit of an error."""
     first = floor(log10(error))
-    return first - 1 if error < 2.95 * 10.0**first else first  # two digits where rounding up to one digit might double the error
+    return first - 1 if error < 2.95 * 10.0**first else first  # rounding up to one digit might double it
 
 
 def with_error(value: float, error: float, unit: str) -> str:
