@@ -29,5 +29,5 @@ def require_fit(dt: float, name: str, span: float, why: str = "", times: int = 1
 
 
 def require_period(dt: float, name: str, period: float) -> None:
-    """Raise ValueError if a period of a gait [s] has fewer than `PER_PERIOD` time steps. `name` describes the period."""
+    """Raise ValueError if a gait's period [s] has fewer than `PER_PERIOD` time steps. `name` describes the period."""
     require_fit(dt, name, period, WAVE_MISSED, PER_PERIOD)
