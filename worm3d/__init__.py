@@ -1,13 +1,13 @@
-"""The plant: a worm robot, the worlds it crawls in, and its simulation.
+"""A worm robot, the worlds in which it crawls, and its simulation.
 
     result = worm3d.simulate(worm, world, ground, actuation=gait, duration=10.0)
 
-Start reading at `worm3d/running/simulate.py`, then `worm3d/solver/step.py`, and the formulas in
-`worm3d/physics/elements.py` and `worm3d/physics/contact.py`; the letters are listed in NOTATION.md.
+To read the code, start with `worm3d/running/simulate.py` and `worm3d/solver/step.py`. The formulas are in
+`worm3d/physics/elements.py` and `worm3d/physics/contact.py`, and NOTATION.md explains the symbols.
 
-The public names and their modules are listed once, in `__init__.pyi`, where editors and type checkers find them too
-(the names of worlds in `worm3d.worlds`). Each name is imported on the first access: gaits and scene checks need no
-compiler.
+The public names and their modules are listed in `__init__.pyi`, where editors and type checkers also find them. The
+names of worlds are listed in `worm3d.worlds`. Each name is imported on its first access, so that programs that only use
+gaits or check scenes do not load the compiler.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from typing import Any
 
 _LINES = [line.partition("  #")[0].split() for line in Path(__file__).with_suffix(".pyi").read_text().splitlines()]
 _MODULES = {name: module for _, module, _, *_, name in _LINES if name != "*"}
-"""Module of each public name; `worm3d.worlds` lists the names of worlds."""
+"""Module of each public name except the names of worlds, which `worm3d.worlds` lists."""
 _ELSEWHERE = (
     "control.gaits",
     "control.sensing",
@@ -25,7 +25,7 @@ _ELSEWHERE = (
     "planar.published",
     "planar.linkage",
 )
-"""Modules outside this package whose names people look for here; the error message names the right module."""
+"""Modules outside this package with names that users may look for in `worm3d`. The error message names the module."""
 
 
 def __getattr__(name: str) -> Any:

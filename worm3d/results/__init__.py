@@ -1,1 +1,1 @@
-"""Results as data: measured, kept in files and drawn. `worm3d.running`, a layer above, creates results."""
+"""Results of runs, with their metrics, files and pictures. The package `worm3d.running` creates results."""

@@ -1,10 +1,10 @@
-"""Writing and reading results: `Result.save` and `worm3d.load`. `worm3d run` writes such a file too.
+"""Files of results, for `Result.save` and `worm3d.load`. The command `worm3d run` also writes such files.
 
-A file has the series of a result as variables, the end state as the group `checkpoint`, and worm, world and end of the
-run as text in the attribute `run` (plain values by name, arrays in the group `run`). Nothing is pickled, and no user
-code is imported. For a part of a user's own class, the file has the parameters and the attributes that a result needs.
-For a world of a user's own class, the file has the surface around the worm's path. The figures of such a run are stored
-as computed by the run.
+A file has the series of a result as variables, and the state at the end in the group `checkpoint`. The attribute `run`
+describes the worm, the world and the end of the run as JSON text. Larger arrays of this description are in the group
+`run`. Nothing is pickled, and reading a file imports no user code. For a part of a user-defined class, the file has the
+parameters and the class attributes that a result needs. For a world of a user-defined class, the file has the surface
+around the worm's path. The metrics of such runs are stored, because they cannot be computed from the file.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ RESULT = "result.nc"
 """Name of the file in a folder written by `worm3d run`."""
 
 RUN, CHECKPOINT = "run", "checkpoint"
-"""Groups: arrays of worm and world, and the state at the end."""
+"""Names of the groups with the arrays of worm and world, and with the state at the end."""
 
 STATE_FIELDS = {
     "joints": "m",
@@ -56,14 +56,15 @@ STATE_FIELDS = {
     "contraction": "1",
     "time": "s",
 }
-"""Numeric fields of a state, and the units."""
+"""Units of the numeric fields of a state."""
 
 FIELD_PREFIX, MEMORY_PREFIX = "state_", "memory_"
-"""Prefixes of variables of a checkpoint: fields of the state, and arrays of the memory."""
+"""Prefixes of the names of variables in the group `checkpoint`: fields of the state, and arrays of its memory."""
 
 KEPT_MARGIN = 0.4
-"""Distance around a worm within which a user's own world is stored [body lengths]. Pictures show 0.3 body lengths. With
-half the margin the rim is visible; with double the margin the cells are a third wider."""
+"""A user-defined world is stored up to this distance from the worm's path [body lengths]. Pictures show 0.3 body
+lengths. With half this value, pictures would show the edge of the stored part. With double this value, the cells of the
+grid would be a third wider."""
 
 
 def save(result: FinishedRun, path: str | PathLike[str]) -> None:
@@ -93,9 +94,9 @@ def save(result: FinishedRun, path: str | PathLike[str]) -> None:
 
 
 def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> tuple[dict[str, Any], dict[str, Metric]]:
-    """Return the fields of the result in a file, and figures that only the program of the run could compute.
+    """Return the fields of the result in a file, and the metrics that cannot be computed from the file.
 
-    Parameters and errors as in `worm3d.load`.
+    Parameters and errors are the same as in `worm3d.load`.
     """
     arguments.instance("path", path, str | PathLike, "the path of a file")
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
@@ -116,7 +117,7 @@ def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> tuple[dict
 
 
 def _require_there(file: Path) -> None:
-    """Raise FileNotFoundError if a file does not exist, with a similar file name as a hint."""
+    """Raise FileNotFoundError if a file does not exist. The message names a similar file if there is one."""
     if file.exists():
         return
     beside = [(each.name, str(each)) for each in file.parent.iterdir()] if file.parent.is_dir() else []
@@ -155,19 +156,22 @@ def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:
 
 
 def _figures(content: Content) -> dict[str, Metric]:
-    """Return the figures of a run with user-defined parts, as computed by the run."""
+    """Return the stored metrics of a run with user-defined parts or measures, with reasons for missing values."""
     figures = json.loads(content.attributes["summary"])
     kept = json.loads(content.attributes["run"]).get("measured", ())
     return {name: (figures[name], figures["reasons"].get(name, "")) for name in kept if name in figures}
 
 
 def world_of(said: str, parts: tuple[Variable, ...]) -> Any:
-    """Return the world that the text of a run describes, given the arrays of the group `run`."""
+    """Return the world that the attribute `run` describes. `parts` are the variables of the group `run`."""
     return restored("world", json.loads(said)["world"], [variable.values for variable in parts])
 
 
 def described(result: FinishedRun, measured: Iterable[str] = ()) -> tuple[str, tuple[Variable, ...]]:
-    """Return worm, world and end of a run as text, and their arrays; `measured` are user-defined measures."""
+    """Return the attribute `run` with worm, world and end of a run, and the variables of the group `run`.
+
+    `measured` are the names of user-defined measures whose values have to be stored.
+    """
     arrays: list[NDArray[Any]] = []
     worm, world = plain(result.worm, arrays), plain(result.world, arrays)
     own = [*measured]
@@ -198,7 +202,7 @@ def described(result: FinishedRun, measured: Iterable[str] = ()) -> tuple[str, t
 
 
 def _seen(result: FinishedRun) -> World | None:
-    """Return the visible part of a user-defined world; None if the world raises an error."""
+    """Return a sampled copy of the visible part of a user-defined world, or None if the world raises an error."""
     assert result.world is not None
     with suppress(*EXCEPTIONS):
         return SampledWorld.around(result.world, result.points, KEPT_MARGIN * result.worm.length)
@@ -206,7 +210,7 @@ def _seen(result: FinishedRun) -> World | None:
 
 
 def checkpoint_of(state: State) -> tuple[Variable, ...]:
-    """Return a state with its memory as variables."""
+    """Return the variables of the group `checkpoint` for a state with its memory."""
     arrays = {
         FIELD_PREFIX + name: (getattr(state, name), unit, f"{name} at the end") for name, unit in STATE_FIELDS.items()
     }
@@ -219,7 +223,7 @@ def checkpoint_of(state: State) -> tuple[Variable, ...]:
 
 
 def state_of(checkpoint: tuple[Variable, ...], laid: bool = False) -> State:
-    """Return the state of a checkpoint."""
+    """Return the state from the variables of the group `checkpoint`."""
     values = {variable.name: variable.values for variable in checkpoint}
     memory = {
         name.removeprefix(MEMORY_PREFIX): array for name, array in values.items() if name.startswith(MEMORY_PREFIX)
@@ -231,7 +235,7 @@ def state_of(checkpoint: tuple[Variable, ...], laid: bool = False) -> State:
 
 
 def _state(checkpoint: tuple[Variable, ...], series: Mapping[str, NDArray[Any]], laid: bool) -> State:
-    """Return the state at the end of a run, from the checkpoint or from the last row."""
+    """Return the state at the end of a run, from the checkpoint if there is one, otherwise from the last row."""
     if checkpoint:
         return state_of(checkpoint, laid)
     last = {name: series[name][-1] for name in ("joints", "directors", "bend", "joint_velocity", "contraction")}
@@ -240,7 +244,7 @@ def _state(checkpoint: tuple[Variable, ...], series: Mapping[str, NDArray[Any]],
 
 
 def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Return a value in a form for JSON; larger arrays are appended to `arrays`."""
+    """Return a value as an object that JSON can represent. Larger arrays are appended to `arrays` instead."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.generic):
@@ -262,7 +266,7 @@ def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
 
 
 def _of_own(value: Part, arrays: list[NDArray[Any]]) -> Any:
-    """Return a part of a user-defined class: the parameters, and the class attributes that a result needs."""
+    """Return a description of a part of a user-defined class: its parameters, and the attributes a result needs."""
     kind = type(value)
     base: Any = next(each for each in kind.__mro__ if _name_of(each))
     return {
@@ -274,7 +278,7 @@ def _of_own(value: Part, arrays: list[NDArray[Any]]) -> Any:
 
 
 def _name_of(kind: type) -> str:
-    """Return the name for finding a class of worm3d again; empty for any other class."""
+    """Return a name from which `_class_of` finds a class of worm3d, or an empty text for any other class."""
     import worm3d
 
     if getattr(worm3d, kind.__name__, None) is kind:
@@ -283,12 +287,12 @@ def _name_of(kind: type) -> str:
 
 
 def restored(name: str, said: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Return the value that `plain` converted to `said`; lists become tuples, and paths become text.
+    """Return the value that `plain` converted to `said`. Lists become tuples, and paths become text.
 
     Raises
     ------
     ValueError
-        The value has a class outside worm3d; `name` is the argument to give instead.
+        The value has a class outside worm3d. The message asks for the argument `name` of `worm3d.load` instead.
     """
     if isinstance(said, list):
         return tuple(restored(name, each, arrays) for each in said)

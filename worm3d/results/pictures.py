@@ -1,4 +1,4 @@
-"""Pictures of runs: a result becomes plain arrays for `worm3d.viewer`, then a page, a figure, a movie or a mesh.
+"""Pictures of runs: a result is converted to plain arrays, and `worm3d.viewer` draws a page, figure, movie or mesh.
 
 worm3d.draw(result, "viewer.html")  # or .png, .gif, .mp4, .glb
 worm3d.show(result)                 # at the end of a notebook cell
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 
 
 FPS = 25.0
-"""Largest number of frames per second of a page or a movie, and of the live view in real time."""
+"""Largest number of frames in a second of a page or a movie, and of the live view at speed 1."""
 
 PATH_ABOVE, TRAIL_ABOVE = 0.004, 0.008
-"""Heights above the ground of the drawn path to follow and of the trail of the centre of mass [body lengths]."""
+"""Heights above the ground at which the reference path and the trail of the centre of mass are drawn [body lengths]."""
 
 SERIES = (
     *("time", "joints", "points", "directors", "chamber_length", "com", "contact_force"),
     *("normal_load", "slip", "joint_load", "joint_slip"),
 )
-"""Series of a result that pictures show."""
+"""Series of a result that pictures use."""
 
 ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 
@@ -58,36 +58,36 @@ def draw(
     horizon: ArrayLike | None = None,
     title: str = "worm3d",
 ) -> None:
-    """Write a picture of a run; the ending of the file sets the kind.
+    """Write a picture of a run. The ending of the file name sets the format.
 
-    `.html` is a page that plays the run in any browser, without a network; `.png` shows the worm from the side and from
-    above at one instant; `.gif` and `.mp4` (needs ffmpeg) are movies of these views, in real time; `.glb` is a mesh of
-    worm and world at one instant.
+    An `.html` file is a page that plays the run in any browser, without a network. A `.png` file shows the worm from
+    the side and from above at an instant. Files with the endings `.gif` and `.mp4` (needs ffmpeg) are movies of these
+    views in real time. A `.glb` file is a mesh of worm and world at an instant.
 
     Parameters
     ----------
     result : Result
     path : str or Path
-        An existing file is replaced.
+        File to write. An existing file is replaced.
     at : float, optional
-        Instant of a `.png` or `.glb`, the end if left out [s].
+        Time of a `.png` or `.glb` picture [s]. The default is the end of the run.
     fps : float, optional
-        Frames a second of a page or movie; 25 if left out, fewer for long runs and long worms.
+        Frames per second of a page or movie. The default is 25, or fewer for long runs of worms with many segments.
     skin : bool
-        Whether a page shows the worm under a smooth skin; without the skin, a page shows chambers and links.
+        Whether a page shows the worm with a smooth skin. Without the skin, a page shows chambers and links.
     reference : array_like, shape (P, 3), optional
-        Path that the worm was to follow [m]; path and horizon are drawn on the ground if there is ground below.
+        Path that the worm had to follow [m]. It is drawn on the ground below, if there is any.
     horizon : array_like, shape (T, H, 3), optional
-        Points that a controller expected to pass, at the instants of the result [m].
+        Points that a controller expected to pass, at each instant of the result [m]. They are also drawn on the ground.
     title : str
         Title of a page.
 
     Raises
     ------
     ValueError
-        An unknown ending, or an instant outside the run.
+        The ending is unknown, or `at` is outside the run.
     FileNotFoundError
-        No such folder, or no ffmpeg for an MP4.
+        The folder does not exist, or ffmpeg is missing for an MP4 file.
     """
     arguments.instance("result", result, Recorded, "a worm3d.Result")
     arguments.instance("path", path, str | PathLike, "the path of a file")
@@ -108,7 +108,7 @@ def show(
     horizon: ArrayLike | None = None,
     height: int = 520,
 ) -> NotebookView:
-    """Return the page for the end of a notebook cell; `open()` shows the page in a browser instead.
+    """Return the page of a run as the value of a notebook cell. Its method `open` shows the page in a browser instead.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def show(
     fps, skin, reference, horizon
         As in `draw`.
     height : int
-        Height of the cell [pixels].
+        Height of the page in the notebook [pixels].
     """
     from worm3d.viewer.html import NotebookView, html
 
@@ -125,7 +125,7 @@ def show(
 
 
 def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
-    """Write all frames in the format of the file ending, one of `ENDINGS`; parameters and errors as in `draw`."""
+    """Write a picture in the format of the file ending, one of `ENDINGS`. Parameters and errors as in `draw`."""
     ending = path.suffix.lower()
     if ending == ".html":
         from worm3d.viewer import write_html
@@ -147,12 +147,12 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
 
 
 def nearest(time: FloatArray, at: float | None) -> int:
-    """Return the index of the instant nearest to `at` [s]; the last index if `at` is None.
+    """Return the index of the instant nearest to `at` [s]. If `at` is None, return the last index.
 
     Raises
     ------
     ValueError
-        `at` is after the end or before the start of the run.
+        `at` is before the start or after the end of the run.
     """
     if at is None:
         return len(time) - 1
@@ -163,7 +163,7 @@ def nearest(time: FloatArray, at: float | None) -> int:
 
 
 def frames_of(result: FinishedRun, **shown: Any) -> Frames:
-    """Return a result as plain arrays for pictures; `shown` are the arguments of `arrays` by name."""
+    """Return a result as plain arrays for pictures. `shown` are further arguments of `arrays`."""
     series = {name: getattr(result, name) for name in SERIES}
     return arrays(series, result.worm, result.world, result.period, **shown)
 
@@ -181,18 +181,20 @@ def arrays(
     reference_speed: ArrayLike | None = None,
     obstacles: Sequence[FloatArray] = (),
 ) -> Frames:
-    """Return arrays of a run, stored or not, as plain arrays for pictures; other parameters as in `draw`.
+    """Return the series of a finished or unfinished run as plain arrays for pictures.
+
+    Parameters that are not listed here are the same as in `draw`.
 
     Parameters
     ----------
     series : mapping
         The arrays named in `SERIES`, as in `Result`.
     period : float or None
-        Averaging time of the displayed speed [s].
+        Period over which the displayed speed is averaged [s].
     reference_speed : array_like, shape (T,), optional
-        Speed that a controller was to keep to, at the instants of the run [m/s].
+        Speed that a controller had to keep, at each instant of the run [m/s].
     obstacles : sequence of ndarray, shape (P, 3)
-        Outlines of obstacles that a controller was to avoid; where there is ground below, they stand on the ground [m].
+        Outlines of obstacles that a controller had to avoid [m]. They are drawn on the ground below, if there is any.
     """
     rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}
@@ -226,14 +228,14 @@ def arrays(
 
 
 def _prisms(feet: Sequence[FloatArray], worm: Worm) -> list[WorldMesh]:
-    """Return obstacles on outlines of shape (P, 3) [m], as high as the worm at rest."""
+    """Return obstacles as prisms over outlines of shape (P, 3) [m], as high as the worm at rest."""
     height = np.array([0.0, 0.0, 2.0 * float(np.max(worm.half_height))])
     meshes = [rings_mesh(np.array([foot, foot + height])) for foot in feet]
     return [WorldMesh(f"obstacle {k}", *mesh, colour=(1.0, 0.5, 0.05), opacity=0.5) for k, mesh in enumerate(meshes)]
 
 
 def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:
-    """Return the indices of the instants to show."""
+    """Return the indices of the instants to show, including the instant nearest to `at`."""
     if len(time) < 2:
         return list(range(len(time)))
     if fps is None:
@@ -243,7 +245,10 @@ def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | N
 
 
 def anchored(series: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
-    """Return whether each contact point sticks (carries load without slip since the row before), shape (T, N, 8)."""
+    """Return whether each contact point sticks, shape (T, N, 8).
+
+    A contact point sticks if it carries load and has not slipped since the previous row.
+    """
     of_apexes = (series["normal_load"] > 0.0) & (series["slip"] == 0.0)
     of_joints = (series["joint_load"] > 0.0) & (series["joint_slip"] == 0.0)
     faces = np.zeros((*of_apexes.shape[:2], 2), dtype=bool)

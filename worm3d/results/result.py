@@ -22,38 +22,47 @@ if TYPE_CHECKING:
     import xarray
 
 HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "cost_of_transport")
-"""Metrics in the printed form of a result."""
+"""Metrics that are shown when a result is printed."""
 
 
 @documented
 class Result(FinishedRun):
-    """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step."""
+    """The result of a run with T recorded instants, S finished steps and N segments.
+
+    The result is complete up to the last finished step, also if the run stopped early.
+    """
 
     @property
     def on_its_side(self) -> float | None:
-        """Time from which the worm lay on its side [s]; None if it did not, or if there is no ground."""
+        """Time from which the worm lay on its side [s]. None if it did not do so, or if there is no ground."""
         return on_its_side(self)
 
     @property
     def distance(self) -> float:
-        """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
+        """Displacement of the centre of mass along the initial heading, in the tangent plane of the surface [m]."""
         return distance(self)
 
     @property
     def rolled(self) -> Rolled:
-        """Roll of the worm at some or all rows of the result."""
+        """Roll of the worm at the rows of the result."""
         return rolled(self)
 
     @property
     def waves(self) -> Waves:
-        """Last whole periods of the run, for measures of a gait; NoValueError if there are none."""
+        """The last whole periods of the run, for measures of a gait.
+
+        Raises
+        ------
+        NoValueError
+            The run has no whole periods.
+        """
         return waves_of(self)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the result as a NetCDF4 file, completely or not at all.
+        """Write the result to a NetCDF4 file.
 
-        `worm3d.load`, xarray and other programs read the file. The file includes worm and world, if their classes are
-        in worm3d. The file name should end in ".nc".
+        An existing file is replaced only after the new file is complete. `worm3d.load`, xarray and other programs can
+        read the file. It includes worm and world if their classes belong to worm3d. The file name should end in ".nc".
 
         Raises
         ------
@@ -85,18 +94,21 @@ class Result(FinishedRun):
         return xarray.Dataset(variables, coordinates, attributes)
 
     def to_csv(self, path: str | PathLike[str], series: Sequence[str] | None = None) -> None:
-        """Write series as text: a row for each recorded instant, a column for each number ("com_x_m").
+        """Write series as comma-separated text, with a row for each instant and a column for each number.
+
+        The first line has the names of the columns, for example "com_x_m".
 
         Parameters
         ----------
         path : str or Path
         series : sequence of str, optional
-            Names of series or terms of the energy ledger; all if left out. The time is always the first column.
+            Names of series or of terms of the energy ledger. By default, all are written. The time is always the first
+            column.
 
         Raises
         ------
         ValueError
-            An unknown name, or a series that is not recorded at every instant.
+            A name is unknown, or a series is not recorded at every instant.
         OSError
             The file cannot be written.
         """
@@ -123,18 +135,21 @@ class Result(FinishedRun):
         )
 
     def _repr_html_(self) -> str:
-        """Return HTML that shows the run and the metrics in a notebook cell."""
+        """Return HTML that shows the run and its metrics in a notebook cell."""
         from worm3d.results.pictures import show
 
         merits = (f"{name} = {value:.6g}" for name, value in self.summary().items() if isinstance(value, float))
         return f"<p>{self.stop.sentence}: {', '.join(merits)}</p>{show(self)._repr_html_()}"
 
     def summary(self) -> Summary:
-        """Return the metrics of the run by name, printed as a table; None for no value (see `reasons`)."""
+        """Return the metrics of the run by name. They are printed as a table.
+
+        A metric is None if it has no value for this run. `reasons` then gives the reason.
+        """
         return measures.summary(self)
 
     def reasons(self) -> dict[str, str]:
-        """Return the reasons why metrics of the summary have no value."""
+        """Return the reasons why metrics of the summary have no value, by the name of the metric."""
         return measures.reasons(self)
 
 
@@ -147,21 +162,23 @@ def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ..
     path : str or Path
         The file, or a folder with a `result.nc`.
     worm, world : Worm, World, optional
-        Worm and world of the run, if a file cannot store them (user-defined parts and worlds). Without these arguments,
-        the result has stand-ins for display.
+        Worm and world of the run. They are needed only if their classes are user-defined, because a file cannot store
+        such objects. Without these arguments, the result has substitutes that are sufficient for pictures.
 
     Returns
     -------
     Result
-        The result with the same numbers. A run from `Result.state` continues bit for bit if the file has the whole
-        state. The file of a closed loop has only pose and velocities, without the data of the controller.
+        The result with the same numbers. A run from `Result.state` continues the run bit for bit if the file has the
+        whole state. The file of a run with a controller has only the pose and velocities, without the data of the
+        controller.
 
     Raises
     ------
     FileNotFoundError, OSError
         The file does not exist or cannot be read.
     ValueError
-        The file is no result, is damaged, was written by a version that did not store the worm, or lacks worm or world.
+        The file is not a result, is damaged, was written by a version that did not store the worm, or lacks a worm or
+        world that must be given.
     """
     from worm3d.results import files
 

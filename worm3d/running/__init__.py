@@ -1,4 +1,4 @@
-"""Runs of worms: problem, actuation, plant, settling, steps, observers, and experiments made of runs.
+"""Runs of worms: problem, actuation, plant, settling, steps, observers, and experiments that consist of several runs.
 
-The plant is a worm in its world as the arrays of the solver.
+The plant is a worm in its world, in the form of the solver's arrays.
 """

@@ -34,12 +34,12 @@ class Command(ReadOnly):
     contraction: FloatArray
     """Shortening of each chamber [left, right] as a fraction, shape (N, 2); negative values lengthen the chamber.
 
-    The commanded rest length is l0 (1 - contraction).
+    The commanded rest length is l0 (1 - contraction). A negative value lengthens the chamber.
     """
     hinge: FloatArray
-    """Hinge angle of joints 1 to N-1, shape (N-1,) [rad]; positive yaws the headward segment to the left."""
+    """Hinge angle of joints 1 to N-1, shape (N-1,) [rad]. A positive angle turns the segment ahead to the left."""
     force: FloatArray
-    """Extra force of each chamber [left, right] along the chamber, shape (N, 2) [N]; positive contracts."""
+    """Additional force along each chamber, columns left and right, shape (N, 2) [N]. A positive force contracts it."""
 
     def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
         c = arguments.floats("contraction", contraction)
@@ -70,11 +70,11 @@ class Commands(NamedTuple):
     """Commands at K times: the arrays of `Command` with a first dimension of length K, not yet checked."""
 
     contraction: FloatArray
-    """Shape (K, N, 2)."""
+    """Contraction, shape (K, N, 2)."""
     hinge: FloatArray
-    """Shape (K, N - 1) [rad]."""
+    """Hinge angles, shape (K, N - 1) [rad]."""
     force: FloatArray
-    """Shape (K, N, 2) [N]."""
+    """Additional forces, shape (K, N, 2) [N]."""
 
 
 @runtime_checkable

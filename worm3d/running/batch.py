@@ -43,31 +43,33 @@ def simulate_batch(
     accuracy: float | None = None,
     threads: int = 1,
 ) -> list[Result]:
-    """Simulate many worms; the results equal the results of `simulate`, bit for bit.
+    """Simulate many worms. The results are equal to the results of `simulate`, bit for bit.
 
-    Equal worms on the same world are placed and settled once. On one thread this is the whole gain of a batch, and
-    short runs gain most. The lanes of a vector belong to the segments of one worm (`tests/benchmarks/README.md`).
+    Equal worms on the same world are placed and settled only once. On a single thread, this is the only saving of a
+    batch, and it is largest for short runs. Runs are not combined in vector instructions, because these already process
+    several segments of a worm at once (`tests/benchmarks/README.md`).
 
     Parameters
     ----------
     worm, world, ground, actuation, external_force, state
-        As in `simulate`: one value for all runs, or a list or tuple with one value for each run; at least one argument
-        must be a list or tuple.
+        As in `simulate`. Each argument is a single value for all runs, or a list or tuple with a value for each run. At
+        least one of these arguments must be a list or tuple.
     duration, dt, integrator, gravity, held, record_every, settle_first, tolerance, accuracy
         As in `simulate`, for all runs.
     threads : int
-        Number of simultaneous runs. With several threads, a shared actuation or force is called from several threads.
+        Number of simultaneous runs. With several threads, an actuation or force that is shared by several runs is
+        called from several threads.
 
     Returns
     -------
     list of Result
-        Results in the given order; a run that stops early does not stop the other runs, and neither does an error in an
-        actuation or force.
+        Results in the order of the arguments. If a run stops early, for example because of an error in an actuation or
+        force, the other runs go on.
 
     Raises
     ------
     ValueError
-        The lists have different lengths, or `simulate` refuses an argument; raised before any run begins.
+        The lists have different lengths, or `simulate` refuses an argument. The error is raised before any run begins.
     """
     arguments.whole("threads", threads, le=1024)
     each: dict[str, Any] = {

@@ -31,39 +31,41 @@ if TYPE_CHECKING:
 
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
-"""Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
+"""Function of the time [s] and the centre of mass, shape (3,) [m]. It returns the points that a controller expects to
+pass, shape (H, 3) [m], or None."""
 
 FASTEST = 1e6
-"""Largest speed (simulated time over real time) that shows all rows in turn; a higher speed shows only the latest
-row."""
+"""Largest speed, as simulated time over real time. A higher speed is reduced to this value."""
 
 
 class Live(Spelled):
-    """Shows runs in a browser; use the object in a `with` statement, which closes the port and the process.
+    """View that shows runs in a browser.
 
-    The view shows the chambers, links and end faces of the worm; the page of a result also has a smooth skin.
+    Use the object in a `with` statement, which closes the port and the server process. The view shows the chambers,
+    links and end faces of the worm. Only the page of a finished result also has a smooth skin.
 
     Parameters
     ----------
     speed : float
-        Simulated time over real time: the run waits for the picture. Infinity means full speed.
+        Simulated time over real time. The run waits so that it is not faster. Infinity means full speed.
     open_browser : bool
-        Whether a browser is opened; `began` gets the address in any case.
+        Whether a browser is opened.
     began : callable, optional
-        Called with the address once there is a picture; by default the address is printed.
+        Function that is called with the address of the view after the first picture. By default, the address is
+        printed.
     address : str, optional
-        Address of a running meshcat server, e.g. "tcp://127.0.0.1:6000"; by default a server is started.
+        Address of a running meshcat server, for example "tcp://127.0.0.1:6000". By default, a server is started.
     horizon : callable, optional
-        Called with the time [s] and the centre of mass, shape (3,) [m], of each picture. Returns the points that a
-        controller expects to pass, shape (H, 3) [m], or None. The points are shown.
+        Function that is called for each picture with the time [s] and the centre of mass, shape (3,) [m]. It returns
+        points to show, which a controller expects to pass, shape (H, 3) [m], or None.
 
     Raises
     ------
     ValueError
         The speed is not above 0.
     ConnectionError
-        The server does not start or does not answer when a run begins. Later failures give a warning, and the run goes
-        on.
+        The server does not start or does not answer when a run begins. If it fails later, there is only a warning, and
+        the run goes on.
     """
 
     def __init__(
@@ -98,7 +100,8 @@ class Live(Spelled):
                 self.close()
 
         rows = self.speed / (FPS * run.dt * run.every)  # between two pictures
-        # A controlled run is slower and shows every row; another run shows a picture about every 50 steps at least.
+        # A run with a controller is slower and shows every row. Any other run shows a picture after at most about 50
+        # steps.
         most = 1.0 if run.driver.controller is not None else 50 / run.every + 1.0
         return Observer(look, run.every * round(min(max(rows, 1.0), most)))
 
@@ -120,7 +123,7 @@ class Live(Spelled):
         self.began(self._view.url)
 
     def _show(self, result: Result) -> None:
-        """Show the new rows, each at the right time."""
+        """Show the new rows of a result, each at its time."""
         rows = range(self._rows, len(result.time))
         if self._view is None or not rows:
             return
@@ -131,7 +134,7 @@ class Live(Spelled):
             if wait > 0.0:
                 time.sleep(wait)
             elif -wait > 2.0 / FPS and k < len(frames) - 1:
-                continue  # the picture is late, and is left out
+                continue  # the picture is late and is skipped
             assert frames.com is not None
             ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
             shown = replace(frames.take([k]), horizon=None if ahead is None else ahead[None])
@@ -139,7 +142,7 @@ class Live(Spelled):
         self._rows = rows.stop
 
     def close(self) -> None:
-        """Close the view and stop the server; may be called twice."""
+        """Close the view and stop the server. The method may be called several times."""
         if self._view is not None:
             self._view.close()
             self._view = None
@@ -152,7 +155,10 @@ class Live(Spelled):
 
 
 def caption(result: Result, time: float) -> str:
-    """Return the time of a row, and the mean speed over the last gait period, since a wave rocks the centre of mass."""
+    """Return a text with the time and the speed of the centre of mass.
+
+    The speed is the mean over the last gait period, because the centre of mass oscillates with each wave.
+    """
     last = int(np.searchsorted(result.time, time))
     since = time - result.period if result.period else time - result.dt
     first = min(int(np.searchsorted(result.time, since - 1e-9)), max(last - 1, 0))

@@ -1,4 +1,4 @@
-"""True state of a worm, the input of sensors."""
+"""The true state of a worm, from which sensors compute measurements."""
 
 from __future__ import annotations
 
@@ -20,36 +20,42 @@ if TYPE_CHECKING:
 @with_fields
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """True state of a worm of N segments, the input of sensors: quantities that a robot can hope to measure."""
+    """The true state of a worm of N segments, from which sensors compute measurements.
+
+    It has only quantities that a real robot might measure.
+    """
 
     time: float
     """Time [s]."""
     chamber_strain: FloatArray
-    """Strain l_c/l0 - 1 of each chamber [left, right], shape (N, 2)."""
+    """Strain l_c/l0 - 1 of each chamber, where l_c is its length, columns left and right, shape (N, 2)."""
     com: FloatArray
     """Centre of mass, shape (3,) [m]."""
     com_velocity: FloatArray
     """Velocity of the centre of mass, shape (3,) [m/s]."""
     heading: float
-    """Azimuth of the tail-to-head chord in (-pi, pi] [rad]."""
+    """Azimuth of the line from tail to head, in (-pi, pi] [rad]."""
     joints: FloatArray
-    """Joints, shape (N+1, 3) [m]."""
+    """Positions of the joints, shape (N+1, 3) [m]."""
     joint_velocity: FloatArray
     """Velocity of the joints, shape (N+1, 3) [m/s]."""
     apexes: FloatArray
-    """Apexes in the order of NOTATION.md, shape (N, 6, 3) [m]."""
+    """Positions of the apexes in the order of NOTATION.md, shape (N, 6, 3) [m]."""
     apex_velocity: FloatArray
     """Velocity of the apexes, shape (N, 6, 3) [m/s]."""
     contraction: FloatArray
-    """Contraction that the actuators have reached, shape (N, 2)."""
+    """Contraction that the actuators have reached, columns left and right, shape (N, 2)."""
     normal_load: FloatArray
     """Normal load of each apex, shape (N, 6) [N]."""
     actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
-    """States of the actuators by name, such as a pressure; shape (N, 2) for chambers, (N-1,) for hinges."""
+    """States of the actuators by name, for example a pressure, shape (N, 2) for chambers or (N-1,) for hinges."""
 
     @classmethod
     def of(cls, plant: Plant, time: float) -> Observation:
-        """Return the observation of a worm at a time, read directly from the solver, since every step requests it."""
+        """Return the observation of a worm at a time.
+
+        The values are read directly from the arrays of the solver, because a controller needs them in every step.
+        """
         from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT  # imports CasADi, which sensors do not need
         from worm3d.solver.records import mass_centre
 
@@ -83,11 +89,11 @@ class Observation:
 
     @property
     def angular_velocity(self) -> FloatArray:
-        """Angular velocity w of each segment in the segment's axes t forward, d left and u up, shape (N, 3) [rad/s].
+        """Angular velocity w of each segment along the axes t, d and u of the segment, shape (N, 3) [rad/s].
 
-        From t' = w x t and u' = w x u follow w.t = -u'.d, w.d = -t'.u, w.u = t'.d. The axis t lies along the edge
-        between the joints, d points from the right to the left outward apex, and u points from the lower to the upper
-        apexes.
+        The axis t (forward) lies along the line between the joints, d (left) points from the right to the left outward
+        apex, and u (up) points from the lower to the upper apexes. From t' = w x t and u' = w x u follow w.t = -u'.d,
+        w.d = -t'.u and w.u = t'.d.
         """
         edge, edge_rate = np.diff(self.joints, axis=0), np.diff(self.joint_velocity, axis=0)
         rise, rise_rate = (p[:, 1] - p[:, 0] + p[:, 4] - p[:, 3] for p in (self.apexes, self.apex_velocity))

@@ -1,4 +1,4 @@
-"""Worms on their worlds before the first step, each placed and settled once."""
+"""A cache of worms on their worlds before the first step, so that equal worms are placed and settled only once."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from worm3d.worlds import World
 T = TypeVar("T")
 
 MAX_SEGMENTS_KEPT = 100
-"""Segments of the largest worm kept for later runs of this process: it takes 2 MB, and its run takes much longer than
-placing."""
+"""Number of segments of the largest worm that is kept for later runs of the process. Such a worm needs 2 MB. For larger
+worms, placing takes little time compared with the run."""
 
 
 class _Once(Generic[T]):
-    """Cache for several threads: the first thread makes a requested object; the last `most` are kept."""
+    """Cache for several threads. Each object is made once, and the `most` objects used last are kept."""
 
     def __init__(self, most: float) -> None:
         self._lock, self._most, self._found = Lock(), most, dict[Hashable, Future[T]]()
@@ -44,7 +44,11 @@ class _Once(Generic[T]):
 
 
 class Places:
-    """Places worms on worlds: equal worms are copies of one placed worm, and are settled once whatever the friction."""
+    """Cache of placed worms.
+
+    Equal worms with equal friction are copies of a placed worm. Worms that differ only in their friction share the
+    settled pose.
+    """
 
     def __init__(self, most: float = math.inf) -> None:
         self._placed, self._rested = _Once[Placed](most), _Once[Rested](most)
@@ -73,12 +77,12 @@ class Places:
 
 
 def _is_ours(world: World | None) -> bool:
-    """Return whether a world is one of worm3d's own classes, whose objects never change."""
+    """Return whether the class of a world belongs to worm3d. Objects of these classes never change."""
     return world is None or type(world).__module__.startswith("worm3d.")
 
 
 def _content(parts: tuple[object, ...]) -> Hashable:
-    """Return a key that equal parts share; parts with a class made in a function have a unique key."""
+    """Return a key that is the same for equal parts. Parts that cannot be pickled get a key of their own."""
     try:
         return pickle.dumps(parts)
     except (AttributeError, TypeError, pickle.PicklingError):
@@ -91,7 +95,7 @@ _kept = Places(16)
 def place_kept(problem: Problem) -> Placed:
     """Return the result of `worm3d.running.start.place`, copied if an equal worm was placed on this world before.
 
-    Users' own worlds, which may change, and states with memory are always placed again.
+    The worm is always placed again in a user-defined world, which may have changed, and from a state with memory.
     """
     goes_on = problem.state is not None and bool(problem.state.memory)
     keeps = _is_ours(problem.world) and not goes_on and problem.worm.segments <= MAX_SEGMENTS_KEPT

@@ -1,4 +1,4 @@
-"""A worm on a world, ready for time steps: the compiled kernels and the filled arrays of `worm3d.solver`."""
+"""A worm on a world, ready for time steps: the compiled kernels, and the arrays of `worm3d.solver` with values."""
 
 from __future__ import annotations
 
@@ -40,27 +40,27 @@ from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
 
 FLATTENED_HEIGHT = 0.02
-"""Height of a chamber that counts as flattened, as a fraction of the rest height."""
+"""A chamber below this fraction of its rest height is flattened, which ends the run."""
 
 SUNK_DEPTH = 0.1
-"""Depth of a joint in the world that counts as sunk, as a fraction of the segment length."""
+"""A joint that lies deeper in the world than this fraction of the segment length has sunk, which ends the run."""
 
 MIN_NEWTON_TOLERANCE = 2e-15
-"""Smallest tolerance of Newton, as a fraction of the body length; shorter steps are rounding."""
+"""Smallest tolerance of Newton's method, as a fraction of the body length. Smaller Newton steps are rounding errors."""
 
 ROLL_DAMPING = 1e-7
-"""Damping of roll if all mass is on the axis, divided by the largest stiffnesses [J] of the worm [s].
+"""Damping of roll of a worm with all its mass on the axis, divided by the sum of its largest stiffnesses [J], in s.
 
-In this case the roll of the whole worm has no inertia and, in the air, no stiffness: without this damping Newton's
-matrix is singular except for rounding. A tenth of this value and ten times this value work equally well.
+The roll of such a worm has no inertia and, in the air, no stiffness. Newton's matrix would be singular without this
+damping. A tenth of this value and ten times this value work equally well.
 """
 
 MASSLESS = 1e-3
-"""Share of a segment's mass off the axis below which roll damping acts; the damping is full if no mass is off the
-axis."""
+"""The damping of roll acts if less than this share of a segment's mass lies off the axis. It has its full value if no
+mass lies off the axis."""
 
 HISTORIES = [name for name, row in arrays.ARRAYS.items() if row.history]
-"""Arrays that hold two instants, the present instant first."""
+"""Names of the arrays that hold the values at two instants, at the present instant first."""
 
 
 def kernels(
@@ -71,7 +71,11 @@ def kernels(
     around: type[Medium] = Medium,
     loads: tuple[type[Load], ...] = (),
 ) -> dict[str, Kernel]:
-    """Return the compiled kernels for classes of friction, actuators, the friction in joints, the medium and loads."""
+    """Return the compiled kernels by name.
+
+    The arguments are the classes of the friction law, the actuators of chambers and hinges, the friction in the joints,
+    the medium, and the loads.
+    """
     parts: dict[str, tuple[type, ...]] = {
         "law": (law,),
         "chamber": (chamber, own),
@@ -93,20 +97,20 @@ def _kernel(name: str, *part: type) -> Kernel | None:
 
 @cache
 def entries() -> dict[str, Any]:
-    """Return the compiled entries of the solver by name."""
+    """Return the functions of the solver that are compiled once and called by address, by name."""
     functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry, "put": put_entry}
     return {name: cfunc(function, missed=announce) for name, function in functions.items()}
 
 
 def _addresses(world: WorldKernel, made: Mapping[str, Kernel]) -> NDArray[np.int64]:
-    """Return the addresses of `worm3d.solver.arrays.KERNELS`; 0 for kernels that these actuators do not use."""
+    """Return the addresses of the kernels in the order of `worm3d.solver.arrays.KERNELS`, 0 for unused kernels."""
     addresses = {"world": world.address, **{name: kernel.address for name, kernel in made.items()}}
     addresses |= {name: entry.address for name, entry in entries().items()}
     return np.array([addresses.get(name, 0) for name in arrays.KERNELS], dtype=np.int64)
 
 
 def _roll_damping(worm: Worm) -> FloatArray:
-    """Return C of `worm3d.physics.kernels.segment`, shape (N,) [N m s]: 0 for a segment with inertia in roll."""
+    """Return the damping of roll of each segment, C of `worm3d.physics.kernels.segment`, shape (N,) [N m s]."""
     share = worm.apex_mass.sum(axis=1) / (MASSLESS * worm.mass / worm.segments)
     stiffness = sum(float(np.max(k, initial=0.0)) for k in (worm.k_spring * worm.l0, worm.k_torsion, worm.k_twist))
     damping: FloatArray = ROLL_DAMPING * stiffness * np.maximum(0.0, 1.0 - share)
@@ -114,10 +118,10 @@ def _roll_damping(worm: Worm) -> FloatArray:
 
 
 class Plant:
-    """The arrays of one worm on one world, with the methods that fill and read these arrays.
+    """The arrays of a worm on a world, with the methods that fill and read these arrays.
 
-    Of the 5 (N+1) coordinates, the coordinates marked in `held` stay fixed. The contact stiffness is scaled to `scale`,
-    shape (3,) [m/s^2], or to `gravity` if `scale` is left out.
+    `held` marks the coordinates that stay fixed among the 5 (N+1) coordinates. The contact stiffness is proportional to
+    the length of `scale`, shape (3,) [m/s^2]. The default of `scale` is `gravity`.
     """
 
     def __init__(
@@ -140,7 +144,7 @@ class Plant:
             warn_of_imbalance(worm)
         width = max(vectors.VECTOR_WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
-        self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane
+        self.world_kernel = (world or Plane()).kernel()  # without a world, no contact acts on this plane
         world_rows = 3 + len(self.world_kernel.parameters)
         sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, chamber, own, hinge, around, loads)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
@@ -160,7 +164,7 @@ class Plant:
     def copy(self) -> Plant:
         """Return an independent copy of the worm in the same state."""
         other = copy.copy(self)
-        other.world_kernel = (self.world or Plane()).kernel()  # working memory cannot be shared
+        other.world_kernel = (self.world or Plane()).kernel()  # each copy needs its own working memory
         other._open(self.memory_of_core.copy(_addresses(other.world_kernel, self._kernels)))
         return other
 
@@ -171,7 +175,7 @@ class Plant:
 
     @property
     def touches(self) -> bool:
-        """Whether contacts act: there is a world, and the world is not the paper's clamped ground."""
+        """Whether contacts act, i.e. there is a world and it is not the clamped ground of the paper."""
         return self.world is not None and not self.clamped
 
     def _fill_numbers(self) -> None:
@@ -205,7 +209,7 @@ class Plant:
         self.arrays["stuck"][:] = 1.0
 
     def _put(self, rows: Layout, array: str, count: int, values: Mapping[str, Any], prefix: str = "") -> None:
-        """Write values by name to the first `count` lanes of an array."""
+        """Write values to the first `count` lanes of an array. `rows` gives the rows of each name, after `prefix`."""
         for name, value in values.items():
             rows.of(prefix + name, self.arrays[array])[:, :count] = value
 
@@ -260,7 +264,7 @@ class Plant:
         self._point_row("law")[:, :, : self.n] = law
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
-        self.arrays["rest"][[TANGENT, DIRECTOR + 2]] = 1.0  # vectors of four lanes skip some lanes without a segment
+        self.arrays["rest"][[TANGENT, DIRECTOR + 2]] = 1.0  # lanes without a segment also need unit vectors
         self._point_row("dt")[:] = self._point_row("limit_ratio")[:] = 1.0
 
     def _fill_actuators(self) -> None:
@@ -291,7 +295,7 @@ class Plant:
         self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]
 
     def _begin_external_loads(self) -> None:
-        """Start the loads from the present pose."""
+        """Set the states of the loads for the present pose."""
         begun: list[float] = [LOAD_STICKING] * len(self.worm.loads)
         for each in self.worm.loads:
             j = each.at % (self.n + 1)
@@ -301,7 +305,7 @@ class Plant:
         self.arrays["loads"][0] = begun
 
     def hasten(self, times: float) -> None:
-        """Make time pass `times` as fast for the actuators; unless `times` is 1, joints have no friction."""
+        """Speed up the actuators by the factor `times`. If it differs from 1, there is no friction in the joints."""
         for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
             layout.of(actuator.ACTUATOR_PREFIX + actuator.HASTE, self.arrays[name])[:] = times
 
@@ -313,15 +317,15 @@ class Plant:
 
     @property
     def natural_time(self) -> float:
-        """Time in which the worm falls half the body length [s]; see `worm3d.physics.friction.natural_time`."""
+        """Time in which a body falls half the body length [s]; see `worm3d.physics.friction.natural_time`."""
         return natural_time(self.worm, self._weight)
 
     def refused(self, status: Status) -> tuple[int, str]:
-        """Return the segment that caused the refusal of a step, and the reason in words."""
+        """Return the segment for which a step was refused with this status, and the reason in words."""
         return self._not_finite() if status is Status.NOT_FINITE else refused(self.arrays, self.n, status)
 
     def _not_finite(self) -> tuple[int, str]:
-        """Return the place and the name of an actuator's output that is not finite."""
+        """Return the segment or joint of an actuator with an output that is not finite, and an error message."""
         worm, n, a = self.worm, self.n, self.arrays
         started = a["actuator_start"][:, :n].reshape(-1, actuator.ACTUATORS_PER_SEGMENT, n)
         known = list(zip(("command", "spring", "force", "given"), started, strict=True))
@@ -342,11 +346,11 @@ class Plant:
         return 0, ""
 
     def records(self, rows: int, between: bool = False) -> Records:
-        """Return empty records for `rows` instants of this worm; parameters of `worm3d.solver.records.Records`."""
+        """Return empty records for `rows` instants of this worm. `between` is explained in `Records`."""
         return Records(self.memory_of_core, self.worm, self.clamped, rows, between)
 
     def memory(self) -> dict[str, FloatArray]:
-        """Return copies, by name, of all arrays that the next step depends on."""
+        """Return copies of all arrays that the next step depends on, by name."""
         return {name: array.copy() for name, array in self.memory_of_core.remembered().items()}
 
     def remember(self, memory: Mapping[str, FloatArray]) -> None:
@@ -355,7 +359,7 @@ class Plant:
         Raises
         ------
         StateError
-            The memory belongs to another worm, or to a computer with other vectors.
+            The memory belongs to another worm, or to a computer with vectors of another length.
         """
         for name, view in self.memory_of_core.remembered().items():
             value = memory.get(name)
@@ -368,7 +372,7 @@ class Plant:
             view[...] = value
 
     def set_pose(self, state: State) -> None:
-        """Set the pose and velocities of a state, without a command and without stored friction."""
+        """Set the pose, contraction and velocities of a state, without the friction forces stored in its memory."""
         n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK_SIZE), np.zeros((self.n + 1, BLOCK_SIZE))
         x[:, :3], x[:n, 4] = state.joints, state.bend
         self._segment_row("d_ref")[:] = state.directors.T
@@ -379,17 +383,24 @@ class Plant:
         self._begin_external_loads()
 
     def reset_at_pose(self) -> None:
-        """Reset the present pose to rest: anchors move to the points, histories restart, loads are kept."""
+        """Set the worm to rest in its present pose.
+
+        The anchors of static friction move to the contact points, and the values of the previous instant become the
+        present values. The normal loads do not change.
+        """
         entries()["put"](self.core.handle, 0.0, 1, 0)
 
     def set_normal_loads(self, load: FloatArray) -> None:
-        """Set the normal loads of a worm at rest, shape (8, N) [N], and the contact forces to these loads alone."""
+        """Set the normal loads of a worm at rest, shape (8, N) [N], and contact forces without friction."""
         self.normal_loads()[:] = load
         force = self.arrays["contact_force"].reshape(3, POINTS_PER_SEGMENT, -1)
         force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
 
     def zero_velocities(self) -> None:
-        """Set velocities and ledger to zero, and the past to the present; pose, loads and anchors stay."""
+        """Set the velocities and the energy ledger to zero, and the previous instant to the present values.
+
+        Pose, loads and anchors do not change.
+        """
         for name in HISTORIES:
             rows = self.arrays[name]
             rows[len(rows) // 2 :] = rows[: len(rows) // 2]
@@ -401,7 +412,10 @@ class Plant:
         return self._point_row("load_n")[0, :, : self.n]
 
     def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
-        """Return the state with memory and `more`; `dt` is the last time step, for the rates of roll and bend."""
+        """Return the present state. Its memory has all arrays of `memory`, and the arrays `more`.
+
+        `dt` is the length of the last time step [s], for the rates of roll and bend.
+        """
         n, a = self.n, self.arrays
         rates = a["last"].reshape(-1, BLOCK_SIZE)[:n] / dt
         return State.unchecked(
@@ -418,15 +432,15 @@ class Plant:
         )
 
     def _distances(self) -> FloatArray:
-        """Return the distance of each contact point from the world, infinite for inactive points, shape (8, N) [m]."""
+        """Return the distances of the contact points from the world, infinite for unused points, shape (8, N) [m]."""
         active = self._point_row("stiffness")[0, :, : self.n] > 0.0
         return np.where(active, self._point_row("distance")[0, :, : self.n], np.inf)
 
     def gap(self) -> float:
-        """Return the least distance of an active contact point from the world, infinite without such a point [m]."""
+        """Return the smallest distance of a contact point from the world, infinite without contact points [m]."""
         return float(self._distances().min())
 
     def depth(self) -> FloatArray:
-        """Return the depth of each active contact point in the world, shape (8, N) [m]."""
+        """Return the depth of each contact point in the world, 0 for points outside, shape (8, N) [m]."""
         depth: FloatArray = np.maximum(0.0, -self._distances())
         return depth

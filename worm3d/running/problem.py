@@ -1,4 +1,4 @@
-"""Input of a run: the arguments of `worm3d.simulate` as one object, checked once."""
+"""Input of a run: the checked arguments of `worm3d.simulate` in one object."""
 
 from __future__ import annotations
 
@@ -26,31 +26,35 @@ from worm3d.worlds import World
 Integrator = Literal["bdf2", "implicit_euler"]
 
 Force = Callable[[float], ArrayLike]
-"""Time [s] -> force on each joint, shape (N+1, 3) [N]."""
+"""Function of time [s] that returns the force on each joint, shape (N+1, 3) [N]."""
 
 SHORTEST_STEP = 1e-6
-"""Shortest time step [s]: in shorter steps Newton does not reach rounding and needs a hundred times the iterations."""
+"""Shortest time step [s]. With shorter steps, rounding errors keep Newton's method above its tolerance, and it needs a
+hundred times as many iterations."""
 
 
 @with_fields
 @dataclass(frozen=True, eq=False)
 class Held(Spelled):
-    """Coordinates that keep the initial values."""
+    """Coordinates that keep their initial values."""
 
     joints: ArrayLike = False
-    """Whether x, y, z of each joint are held, of bool, shape (N+1, 3) or broadcastable to this shape."""
+    """Whether x, y, z of each joint are held, as bool, shape (N+1, 3) or broadcastable to this shape."""
     roll: ArrayLike = False
-    """Whether the director of each segment moves without turning about the segment, shape (N,) or one for all."""
+    """Whether each segment is kept from rolling about its axis, as bool, shape (N,) or a single value."""
     bend: ArrayLike = False
-    """Whether the chamber bend of each segment is held, shape (N,) or one for all."""
+    """Whether the chamber bend of each segment is held, as bool, shape (N,) or a single value."""
 
     def mask(self, segments: int) -> BoolArray:
-        """Return a mask of the held coordinates, shape (5 (N+1),); the last block has no roll and bend.
+        """Return a mask of the held coordinates, shape (5 (N+1),).
+
+        Each block of 5 has x, y, z of a joint, and roll and bend of the segment ahead. Roll and bend of the last block
+        do not exist, and are marked as held.
 
         Raises
         ------
         ValueError
-            An array is not of bool, or has the wrong shape.
+            An array does not have the type bool, or has the wrong shape.
         """
         mask = np.ones((segments + 1, 5), dtype=bool)
         parts = (("joints", mask[:, :3]), ("roll", mask[:-1, 3]), ("bend", mask[:-1, 4]))
@@ -80,7 +84,8 @@ def _as_given(name: str, value: ArrayLike) -> NDArray[Any]:
 def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamped: bool) -> BoolArray:
     """Return a mask of the 5 (N+1) coordinates that the user or the model holds.
 
-    A `flat` worm stays in a plane: y, roll and bend are held; `clamped` holds the joints' z (`worm3d.ClampedGround`).
+    If `flat` is True, y, roll and bend are held, so that the worm stays in a plane. If `clamped` is True, the joints' z
+    are held (`worm3d.ClampedGround`).
     """
     given = held if isinstance(held, Held) else Held() if held is None else Held(joints=held)
     mask = given.mask(segments).reshape(segments + 1, 5)
@@ -93,9 +98,9 @@ def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamp
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem(Spelled):
-    """A run to be simulated; frozen and validated.
+    """A run to be simulated. The object is frozen and validated.
 
-    The attributes, defaults and errors equal the parameters, defaults and errors of `worm3d.simulate`.
+    The attributes, their defaults and the errors are the same as for the parameters of `worm3d.simulate`.
     """
 
     worm: Worm
@@ -168,10 +173,10 @@ class Problem(Spelled):
 
     def _check_resolved(self) -> None:
         """Raise ValueError if the time steps are too long for the actuation."""
-        if isinstance(self.actuation, type):  # the driver refuses a class in place of an object
+        if isinstance(self.actuation, type):  # a class instead of an object, which `Driver` refuses later
             return
         require_steps = getattr(self.actuation, "require_steps", None)
-        if require_steps is not None:  # a gait has stricter rules than the period alone
+        if require_steps is not None:  # a gait has stricter rules than a number of steps in each period
             require_steps(self.dt)
         elif isinstance(self.period, int | float) and self.period > 0.0:
             time_steps.require_period(self.dt, "the period of the actuation", self.period)
@@ -183,12 +188,12 @@ class Problem(Spelled):
 
     @property
     def rows(self) -> int:
-        """Number of recorded instants, the start included."""
+        """Number of recorded instants, including the start."""
         return self.steps // self.record_every + 1
 
     @cached_property
     def friction(self) -> Friction:
-        """Coefficients of friction; `Friction()` if none are given."""
+        """Coefficients of friction. The default is `Friction()`."""
         return Friction() if self.ground is None else self.ground
 
     @cached_property
@@ -204,6 +209,6 @@ class Problem(Spelled):
 
     @property
     def period(self) -> float | None:
-        """Period of the gait [s], the averaging time of speeds; None without a period."""
+        """Period of the actuation [s], over which speeds are averaged. None if the actuation has no period."""
         period: float | None = getattr(self.actuation, "period", getattr(self.actuation, "T_wave", None))
         return period

@@ -41,14 +41,14 @@ def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float
         Run before the pushes. It must be long enough for the worm to reach the limit cycle. A controller is reset after
         this run.
     pushes : int
-        Number of pushes, each different.
+        Number of pushes, each with other random forces.
     periods : int
         Number of periods after each push, at least 2.
     size : float
         Root mean square of the components of the forces, divided by the weight of the worm. Without gravity, they are
         divided by the mean stiffness k of the springs [N].
     seed : int
-        Seed of the pushes.
+        Seed of the random forces.
 
     Raises
     ------

@@ -1,4 +1,8 @@
-"""A run in progress: commands and forces in chunks, halved steps, and the final result."""
+"""A run in progress.
+
+`Run` requests commands and forces, passes them in chunks to the compiled solver, divides steps that do not converge,
+and makes the result.
+"""
 
 from __future__ import annotations
 
@@ -32,19 +36,21 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
 
 MAX_HALVINGS = 6
-"""Largest number of times that a step that does not converge is halved."""
+"""If a step does not converge, it is halved repeatedly, at most this many times."""
 
 NEVER = 2**62
-"""Ticks between two rows if no row is written."""
+"""Number of steps between two rows of the result that stands for no row at all."""
 
 MAX_STEPS_UNOBSERVED = 1000
-"""Steps taken at once if commands are known ahead and no forces are requested; otherwise 50."""
+"""Largest number of steps in a call of the solver if a gait gives all commands in advance and there is no external
+force. Otherwise the number is 50."""
 
 BEAT = 0.1
-"""Time between the instants at which a run with adaptive steps can be observed or divided [s]."""
+"""Interval between the times at which a run with adaptive steps can be observed or interrupted [s]."""
 
 COMMANDED = 1e-3
-"""Time between two commands of a gait, or two forces, in a run with adaptive steps [s]; between them interpolated."""
+"""Interval between two commands of a gait, or between two values of the external force, in a run with adaptive steps
+[s]. Between these times, commands and forces are interpolated."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -53,7 +59,7 @@ class Observer(NamedTuple):
     """A function that observes a run at the start, after every `every` steps, and at the end."""
 
     look: Callable[[Run], bool | None]
-    """Called with the run; returning False ends the run."""
+    """Function of the run. The run ends if the function returns False."""
     every: int = 1
 
 
@@ -64,10 +70,11 @@ class Run:
     ----------
     problem : Problem
     placing : callable, optional
-        Returns the worm in the initial state, as `worm3d.running.start.place` does.
+        Function that returns the worm in the initial state, as `worm3d.running.start.place` does.
     allowed : float, optional
-        Largest estimated error of a step [m], which sets the length of the step; dt is then a tick: the time between
-        two rows, and between two samples of a controller. Without `allowed`, steps are dt long.
+        Largest estimated error of a step [m]. The solver adapts the length of the steps to this error. In this case,
+        `problem.dt` is the interval between two rows of the result, and between two calls of a controller. Without
+        `allowed`, all steps have the length `problem.dt`.
     """
 
     def __init__(
@@ -103,7 +110,7 @@ class Run:
         try:
             first = None if start.memory else self.driver.first(self.time(0))
             if first is not None:
-                ask(self.core, first)  # the actuators' ramp begins at this command
+                ask(self.core, first)  # the actuators move from this command to the next
             self._forces(self.time(0))  # detects wrong shapes before the first step
         except EXCEPTIONS as error:
             if _is_ours(error):
@@ -113,7 +120,7 @@ class Run:
 
     @cached_property
     def _now(self) -> Records:
-        """Records for an instant between two rows."""
+        """Memory for the series of an instant between two rows of the result."""
         return self.plant.records(1)
 
     def time(self, k: float) -> float:
@@ -121,7 +128,10 @@ class Run:
         return (self.first + k) * self.dt + self.offset
 
     def times(self, first: int, every: int, count: int, parts: int = 1) -> FloatArray:
-        """Return the times after `first` steps and after each further `every` steps (or parts of steps) [s]."""
+        """Return `count` times: after `first` steps, and after every further `every` steps [s].
+
+        If each step is divided into `parts`, `first` and `every` are numbers of parts.
+        """
         steps = np.array(parts * self.first + first + every * np.arange(count), dtype=float)
         return steps / parts * self.dt + self.offset
 
@@ -147,12 +157,12 @@ class Run:
         return self.result(status)
 
     def follow(self, commands: Commands) -> Status:
-        """Take a step for each of K external commands, which replace the run's own commands; return the status.
+        """Take a step with each of K commands instead of the commands of the run's own actuation; return the status.
 
         Raises
         ------
         ValueError
-            The run has fewer steps left, or the commands cannot be applied to this worm.
+            The run has fewer than K steps left, or the commands cannot be applied to this worm.
         """
         count = len(commands.contraction)
         if count > self.steps - self.done:
@@ -170,14 +180,14 @@ class Run:
         return status
 
     def _until_seen(self, observers: tuple[Observer, ...]) -> int:
-        """Return the number of steps to the next observer's turn, or the largest number of steps at once if less."""
+        """Return the number of steps until an observer has to be called, at most the largest number for one chunk."""
         known = self.driver.tabular and self.external_force is None
         turns = (observer.every - self.done % observer.every for observer in observers)
         most = min(MAX_STEPS_UNOBSERVED if known else 50, *turns, self.steps)
-        return most + -(self.first + self.done + most) % self.beat  # up to the end of a beat
+        return most + -(self.first + self.done + most) % self.beat  # up to the end of an interval `BEAT`
 
     def _seen(self, observers: tuple[Observer, ...]) -> Status:
-        """Call the observers whose turn has come; return the status."""
+        """Call the observers that are due; return the status."""
         for observer in observers:
             if self.done % observer.every >= self.beat and self.done < self.steps:
                 continue
@@ -194,7 +204,7 @@ class Run:
         return Status.DONE
 
     def _chunk(self, most: int) -> Status:
-        """Get commands and forces and take at most `most` steps."""
+        """Request commands and forces, and take at most `most` steps; return the status."""
         began = perf_counter()
         count = 1 if self.driver.controller is not None else min(most, self.steps - self.done)
         times = self.times(self.done * self.parts + 1, 1, count * self.parts, self.parts)
@@ -207,7 +217,10 @@ class Run:
         return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
 
     def _ask(self, times: list[float], table: FloatArray | None) -> tuple[FloatArray, list[FloatArray]]:
-        """Get forces, and commands that are in no table, one by one up to the first wrong value."""
+        """Return the commands and forces at some times, requested one by one up to the first wrong value.
+
+        `table` has the commands if the actuation gives all of them at once. If it is None, they are requested too.
+        """
         commands: list[FloatArray] = []
         forces: list[FloatArray] = []
         try:
@@ -223,7 +236,7 @@ class Run:
         return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation(), t)
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
-        if forces:  # steps of a tick use no force at the start
+        if forces:  # adaptive steps also need the force at the start. Steps of constant length ignore this row
             forces = [self._forces(self.time(self.done)) if self.adapts else forces[0], *forces]
         external, taken = np.array(forces).reshape(-1, 3, self.n + 1), 0
         while taken + self.parts <= len(commands):
@@ -246,7 +259,7 @@ class Run:
         return found
 
     def _halve(self, command: FloatArray) -> Status:
-        """Take one step in parts, by implicit Euler; the stored past is the past of the whole step."""
+        """Take a step in parts by implicit Euler. For the next step, the past is stored as if it were a whole step."""
         arrays = self.plant.arrays
         before, last = self.plant.memory(), self.pace[LAST]
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
@@ -255,12 +268,12 @@ class Run:
         except EXCEPTIONS as error:
             self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:
-            self.plant.remember(before)  # the parts do not complete the step
+            self.plant.remember(before)  # the step is not complete, and its parts are undone
             self.pace[LAST] = last
             return status
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows
-        arrays["last"] /= self.last_share  # at the rate of the last part
+        arrays["last"] /= self.last_share  # the motion of a whole step at the rate of the last part
         arrays["curve"][:] = 0.0
         self.done, self.halved, self.pace[LAST] = self.done + 1, self.halved + 1, self.dt
         if self.done % self.every == 0:
@@ -268,12 +281,16 @@ class Run:
         return Status.DONE
 
     def _halves(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
-        """Take two equal parts of a step; parameters as in `_part`."""
+        """Take two equal parts of a step. The parameters are explained in `_part`."""
         status = self._part(held, begin, share, halvings)
         return self._part(held, begin + share, share, halvings) if status is Status.DONE else status
 
     def _part(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
-        """Take a part of a step; `begin` and `share` count in steps, `held` is the command of a controller."""
+        """Take a part of a step, in smaller parts if necessary.
+
+        `begin` and `share` are the start and the length of the part, in steps. `held` is a controller's command for the
+        whole step. `halvings` is the number of halvings that are still allowed.
+        """
         t = self.time(begin + share)
         command = held if self.holds else self.driver.at(t)
         force = np.array(2 * [self._forces(t)] if self.external_force is not None else []).reshape(-1, 3, self.n + 1)
@@ -291,7 +308,7 @@ class Run:
         return Status.NO_CONVERGENCE
 
     def _ended(self, end: int) -> Status:
-        """Return the status at the end of a step, and store the place if the solver's guard has refused the step."""
+        """Return the status for the way a step ended. If the step was refused, store the segment and the reason."""
         status = GUARDED[end]
         if status is not Status.DONE:
             self.segment, self.complaint = self.plant.refused(status)
@@ -303,11 +320,11 @@ class Run:
 
     @property
     def solves(self) -> float:
-        """Number of solved steps in a run with adaptive steps."""
+        """Number of steps that the solver has computed in a run with adaptive steps."""
         return float(self.pace[SOLVES])
 
     def recorded_now(self) -> Recorded:
-        """Return all series of this instant, T = 1, in memory that later steps overwrite."""
+        """Return all series at the present instant, with T = 1. Later steps overwrite this memory."""
         row, between = divmod(self.done, self.every)
         if between:
             gather(self.core, self._now.block, 0)
@@ -321,7 +338,7 @@ class Run:
         return self.plant.state(time, float(self.pace[LAST]) or np.inf, remembers=self.pace[:kept].copy())
 
     def result(self, status: Status) -> Result:
-        """Return the result of all finished steps."""
+        """Return the result of all finished steps, with the given status."""
         rows, plant = self.done // self.every + 1, self.plant
         series = self.records.fields(slice(rows))
         energy = Energy.of(series.pop("energy"))
@@ -346,13 +363,13 @@ class Run:
 
 
 def _is_ours(error: BaseException) -> bool:
-    """Return whether this package raised the error, not the user's code."""
+    """Return whether the error is a ValueError raised by this package and not by the user's code."""
     raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
     return isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parents[1])
 
 
 def _complaint(error: BaseException) -> str:
-    """Return the message of an error; log an error of the user's code unless this package raised it."""
+    """Return the message of an error. Errors that were raised by the user's code are also logged."""
     if _is_ours(error):
         return str(error)
     _LOG.error("the actuation or the external force failed", exc_info=error)

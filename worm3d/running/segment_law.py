@@ -1,7 +1,8 @@
-"""The law of one segment: the force on the ends along a given motion, without masses, weight and contact.
+"""Force and energies of a single segment whose ends follow a given motion, without masses, weight and contact.
 
-The simulation's own kernels of a segment (springs, dampers, apex hinges, the friction of the joints) evaluate the law,
-step by step with implicit Euler: a load frame thus measures the same segment that crawls.
+The force is computed step by step with implicit Euler, from the same compiled kernels as in a simulation (springs,
+dampers, apex hinges, the friction in the joints). A test of a segment in a load frame can therefore be compared with
+the segments of a simulated worm.
 """
 
 from __future__ import annotations
@@ -24,14 +25,17 @@ from worm3d.values.read_only import ReadOnly
 
 @dataclass(frozen=True, eq=False)
 class Stretch(ReadOnly):
-    """Response of a segment along a motion, at T instants; each energy is of the step that ends there, 0 at first."""
+    """Response of a segment to a motion, at T instants.
+
+    Energies belong to the step that ends at the instant, and are 0 at the first instant.
+    """
 
     length: FloatArray
-    """Shape (T,) [m]."""
+    """Length of the segment, shape (T,) [m]."""
     force: FloatArray
     """Force on the ends, positive if it would lengthen the segment, shape (T,) [N]."""
     elastic: FloatArray
-    """Change of elastic energy, with the elastic energy of friction in the joints, shape (T,) [J]."""
+    """Change of the elastic energy, including the energy that friction in the joints stores, shape (T,) [J]."""
     viscous_loss: FloatArray
     """Loss to damping, shape (T,) [J]."""
     hysteresis_loss: FloatArray
@@ -39,23 +43,25 @@ class Stretch(ReadOnly):
 
 
 def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
-    """Move the ends of a worm's first segment along a line, both chambers alike, and return the force and energies.
+    """Move the ends of a worm's first segment along a line, and return the force and energies.
 
-    The segment has rested at the first length, without stress in its joints; nothing is commanded.
+    Both chambers have the same length, and there is no command. Before the motion, the segment has been at rest at the
+    first length, without stress from friction in its joints.
 
     Parameters
     ----------
     worm : Worm
         The actuator must be `FirstOrder`, which has no effect here.
     length : array_like, shape (T,)
-        Distance of the joints, above 0 and below twice the length of the links [m].
+        Distance of the joints at each instant, above 0 and below twice the length of the links [m].
     time : array_like, shape (T,)
-        Ascending [s].
+        Increasing times [s].
 
     Raises
     ------
     ValueError
-        Arrays of other shapes, with less than two instants or with numbers out of range, or another actuator.
+        An array has the wrong shape, fewer than two instants, or numbers out of range, or the actuator is not
+        `FirstOrder`.
     """
     lengths, times = arguments.floats("length", length), arguments.floats("time", time)
     if lengths.ndim != 1 or len(lengths) < 2 or lengths.shape != times.shape:

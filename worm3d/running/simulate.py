@@ -55,66 +55,69 @@ def simulate(
     ----------
     worm : Worm
     world : World or None
-        World that the worm crawls on or in; None means free flight.
+        World that the worm crawls on or in. None means free flight.
     ground : Friction, optional
-        Coefficients of friction; `Friction()` if left out.
+        Coefficients of friction. If it is left out, the default is `Friction()`.
     actuation : gait, controller, or function of time, optional
-        Gives the commands (`worm3d.running.actuation`); None means no commands. If the actuation has a number `period`
-        [s], the result has the mean speed over such periods.
+        Source of the commands (`worm3d.running.actuation`). None means no commands. If the actuation has a `period`
+        [s], the mean speeds in the result are averaged over whole periods.
     duration, dt : float
-        Simulated time, rounded to whole time steps, and time step [s]. With an `accuracy` dt is the time between two
-        rows, and between two decisions of a controller.
+        Simulated time, which is rounded to a whole number of time steps, and time step [s]. If `accuracy` is given, dt
+        is the interval between two rows of the result, and between two calls of a controller.
     integrator : str
         "bdf2" (second order) or "implicit_euler" (the integrator of the paper).
     gravity : array_like, shape (3,)
         Gravity [m/s^2].
     external_force : callable, optional
-        Time [s] -> forces on the joints, shape (N+1, 3) [N].
+        Function of time [s] that returns the forces on the joints, shape (N+1, 3) [N].
     state : State, optional
-        Initial state of the run; a straight worm along x on the world if left out. The final `Result.state` of a run
-        continues that run, bit for bit if all other arguments are the same (a controller restarts: its `reset` is
-        called).
+        Initial state of the run. If it is left out, a straight worm along x lies on the world. A run that starts from
+        the `Result.state` of another run continues that run. If all other arguments are the same, the results are equal
+        bit for bit to an uninterrupted run. Controllers are an exception, because their `reset` is called at the start.
     held : Held or array_like of bool, shape (N+1, 3), optional
-        Coordinates (of the joints) that stay fixed.
+        Coordinates that stay fixed. An array marks coordinates of the joints.
     sensor : callable, optional
-        Turns an `Observation` into the measurement for a controller; None passes the observation itself.
+        Function that turns an `Observation` into the measurement for a controller. With None, the controller gets the
+        observation itself.
     record_every : int
-        Steps between two rows of the result; a divisor of the number of steps.
+        Number of steps between two rows of the result. It must divide the number of steps.
     settle_first : bool, optional
-        Whether a worm that starts at rest is first settled: brought to equilibrium on the world, under the weight that
-        presses the worm to the world. On uneven worlds friction also acts, unless the worm would slide away. If left
-        out, a worm that touches the world is settled, and a worm in mid-air falls. A state with memory is never
-        settled. `Result.settling` is the largest displacement of a joint during settling [m], None without settling.
+        Whether a worm that starts at rest is first settled, i.e. brought to equilibrium on the world under the part of
+        its weight that presses it against the world. On uneven worlds friction also acts, unless the worm would slide
+        away. If the argument is left out, a worm that touches the world is settled, and a worm in mid-air falls. A
+        worm that starts from a state with memory is never settled. `Result.settling` is the largest displacement of a
+        joint during settling [m], or None without settling.
     tolerance : float
-        Newton's tolerance: motion as a fraction of the body length, from 2e-15 (rounding) to 1e-7; 1e-9 is a fifth
-        faster.
+        Tolerance of Newton's method, as a motion divided by the body length, from 2e-15 (rounding errors) to 1e-7. With
+        1e-9, a run takes a fifth less time.
     accuracy : float, optional
-        Largest error of the distance, relative to the larger of the distance and a tenth of the body length; from 1e-4
-        to 0.1. The error then limits the length of each step, and the run is repeated with finer steps until the last
-        runs agree; `Result.error_estimate` has the estimated errors. None: steps of dt, with an unknown error.
+        Largest error of the distance, relative to the larger of the distance and a tenth of the body length, from 1e-4
+        to 0.1. The length of each step is then adapted to an allowed error, and the run is repeated with finer steps
+        until the last runs agree. `Result.error_estimate` has the estimated errors. With None, all steps have the
+        length dt, and the error is unknown.
     observer : callable, optional
-        Called with the time [s] and a read-only `worm3d.View` of the run: at the start, after every `every`-th step and
-        after the last step. Returning False ends the run. An exception in the observer ends the run too; the result has
-        the finished steps and the error message. The numbers of the run do not depend on the observer.
+        Function of the time [s] and a read-only `worm3d.View` of the run. It is called at the start, after every
+        `every` steps, and after the last step. The run ends if the function returns False or raises an exception. After
+        an exception, the result has the finished steps and the error message. The observer does not change the numbers
+        of the run.
     every : int
-        Steps between two calls of the observer. With an `accuracy`, calls are at the next multiple of 0.1 s, and start
-        again if a run was not accurate enough.
+        Number of steps between two calls of the observer. If `accuracy` is given, each call is delayed to the next
+        multiple of 0.1 s. If a run is repeated because it was not accurate enough, the calls start again.
     live : Live, optional
-        Shows the run in a browser during the simulation (`worm3d.Live`); the simulation then runs no faster than the
-        display.
+        Shows the run in a browser during the simulation (`worm3d.Live`). The simulation then waits for the display.
 
     Returns
     -------
     Result
-        Result with all finished steps, however the run ended: see `Result.stop`.
+        Result with all finished steps. `Result.stop` says how the run ended.
 
     Raises
     ------
     worm3d.LimitPointError
         The weight would flatten the chambers.
     worm3d.StateError
-        The state does not fit the worm or lies inside the world, or the terrain is finer than the worm's contact
-        points.
+        The state does not fit the worm, the worm lies inside the world, or the terrain has bumps that would pass
+        between the contact points of the worm.
     ValueError
         Another argument is out of range or has the wrong shape.
     """

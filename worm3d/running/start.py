@@ -1,4 +1,4 @@
-"""Checks before a run, and settling: the worm comes to rest on the world."""
+"""Checks before a run, and settling, which brings the worm to rest on the world."""
 
 from __future__ import annotations
 
@@ -29,65 +29,69 @@ class Rested(NamedTuple):
 
     state: State
     status: Status
-    """Status DONE, or the reason why the worm does not come to rest."""
+    """DONE, or the reason why the worm did not come to rest."""
     reason: str = ""
-    """The part at fault, and the remedy."""
+    """The part of the worm that caused a failure, and the remedy."""
 
 
 Settling = Callable[[Problem, State], Rested]
-"""Function with the parameters and the return value of `settle`."""
+"""A function with the same parameters and return value as `settle`."""
 
 
 STICKING_RATE = 100.0 * float(np.sqrt(1.0 / 9.81))
-"""Number of time steps in a `Plant.natural_time` on uneven worlds: steps of 0.01 s for the default worm.
+"""Number of time steps in a `Plant.natural_time` while a worm settles on an uneven world. For the default worm, the
+steps are 0.01 s long.
 
-Contacts that stick hold the worm at the first possible position, which depends on the step: half and double the rate
-move the pose by up to 1.2e-2 and 1.7e-3 of the body length, on rubble and in bends. No value is more correct than
-another.
+Contacts that stick hold the worm in the first position where it can stay. This position depends on the length of the
+steps. On rubble and in bends, half this number changes the pose by up to 1.2e-2 of the body length, and double this
+number by up to 1.7e-3. None of these poses is more correct than the others.
 """
 
 STICKING_FRICTION = (3.0, 1.0, 10.0)
-"""Coefficients of friction on uneven worlds, tried in turn: with too little friction a worm slides down a steep place,
-with too much friction a worm may jam in a pose that no step reaches."""
+"""Coefficients of friction for settling on uneven worlds. They are tried one after the other until the worm comes to
+rest. With too little friction, a worm slides down a steep place. With too much friction, Newton's method may fail."""
 
 REST_TOLERANCE = 1e-13
-"""Motion of the joints per step, as a fraction of the body length, that counts as rest."""
+"""The worm is at rest if no joint moves by more than this fraction of the body length in a step."""
 
 REST_TOLERANCE_LOOSE = 1e-9
-"""Motion per step, as a fraction of the body length, accepted as rest when rounding prevents `REST_TOLERANCE`."""
+"""After the last allowed step, a motion below this fraction of the body length is also accepted as rest, because
+rounding errors may prevent `REST_TOLERANCE`."""
 
 HASTE = 1e6
-"""Speed-up of the actuators while the worm comes to rest: slow valves would prevent rest.
+"""Factor by which the actuators are faster while the worm comes to rest. Slow valves would otherwise prevent rest.
 
-Half and double give the same result: with factors from 1e3 to 1e12, pneumatic chambers with valves from 1e-10 to 1e-3
-kg/(s Pa) come to rest in the same pose within 4e-13 m. With a factor of 1, valves of 1e-8 kg/(s Pa) and below prevent
-rest.
+The value has almost no effect on the result. With factors from 1e3 to 1e12, pneumatic chambers with valves from 1e-10
+to 1e-3 kg/(s Pa) come to rest in poses that differ by at most 4e-13 m. With a factor of 1, a worm with valves of 1e-8
+kg/(s Pa) or less does not come to rest.
 """
 
 SLIDES = 0.03
-"""Largest motion of a held worm before rest, as a fraction of the body length; a longer slide belongs to the run."""
+"""Largest motion of a settled worm under the friction of the run, as a fraction of the body length. If the worm slides
+farther, this friction does not hold the worm, and the slide is simulated as a part of the run."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
-"""Largest depth of a contact point at the start, as a fraction of the segment length."""
+"""Largest allowed depth of a contact point in the world at the start, as a fraction of the segment length."""
 
 LIMIT_ANGLES = 65
-"""Number of angles in each of five rounds of the search for the limit point. Each round lies between the neighbours of
-the best angle. The angle is accurate to 1e-7 and the weight to 1e-14, since the weight has a maximum there."""
+"""Number of angles in each of the five rounds of the search for the limit point. Each round searches between the
+neighbours of the best angle of the round before. The angle is accurate to 1e-7. The weight is accurate to 1e-14 because
+it has a maximum there."""
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
-"""Status for each way that a step can end (`worm3d.solver.guard`)."""
+"""Statuses in the order of the numbers with which the solver ends a step (`worm3d.solver.guard`)."""
 
 
 class LimitPointError(ValueError):
-    """The worm's weight would flatten the chambers: there is no equilibrium to start from."""
+    """The weight of the worm would flatten its chambers, so that there is no equilibrium to start from."""
 
 
 def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
     """Return the weight that flattens each segment (limit point), shape (N,) [N].
 
-    A segment whose joints, at height h above the lower apexes, carry the vertical load w is in equilibrium if
-    dE/dl = w dh/dl. E is the energy of both chambers, each with this `contraction`. The greatest w with a solution is
-    the limit point: under a greater load the chamber collapses.
+    The joints of a segment are at a height h above its lower apexes, and carry a vertical load w. Such a segment of
+    length l is in equilibrium if dE/dl = w dh/dl, where E is the energy of both chambers with the given `contraction`.
+    The largest w for which this equation has a solution is the limit point. Under a larger load the segment collapses.
     """
     shapes = zip(np.asarray(worm.k_spring), np.asarray(worm.k_apex), worm.link_length, strict=True)
     return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])
@@ -107,9 +111,10 @@ def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: floa
 
 @cache
 def _carried() -> ca.Function:
-    """Return the weight as a function of hinge angles; unlike in the length, it is regular up to the flat chamber.
+    """Return a function that returns the weight in equilibrium at given apex angles.
 
-    The arguments of the function are the angles, k, k_apex, link, rest length and commanded length.
+    The arguments of the function are the angles, k, k_apex, link, rest length and commanded length. The angle is used
+    instead of the length because the weight is a regular function of the angle up to the flat chamber.
     """
     angle, k, k_apex, a, l0, commanded = given = [ca.SX.sym("x") for _ in range(6)]
     length, height = 2.0 * a * ca.sin(angle / 2.0), a * ca.cos(angle / 2.0)
@@ -120,10 +125,10 @@ def _carried() -> ca.Function:
 
 
 def carried_weight(worm: Worm, gravity: float) -> FloatArray:
-    """Return the weight that each segment carries if all segments stand on the lower apexes, shape (N,) [N].
+    """Return the weight that each segment carries if all segments stand on their lower apexes, shape (N,) [N].
 
-    The joints and the outward apexes are at the half-height and count once; the upper apexes are at twice the
-    half-height and count twice.
+    The weight of each mass is multiplied by its height divided by the half-height. The factor is 1 for the joints and
+    the outward apexes, and 2 for the upper apexes.
     """
     mass = worm.joint_mass + worm.load_mass
     joints = (mass[:-1] + mass[1:]) / 2.0
@@ -135,10 +140,11 @@ def carried_weight(worm: Worm, gravity: float) -> FloatArray:
 
 
 def require_equilibrium(worm: Worm, gravity: float) -> None:
-    """Raise LimitPointError if the chambers cannot carry the weight, however the chambers share the weight.
+    """Raise LimitPointError if the chambers together cannot carry the weight of the worm.
 
-    This check is for the uncommanded worm. Lengthening lowers the limit (`flattening_weight`), and a wave may put the
-    weight on few segments; a failure in these cases ends the run with a separate reason.
+    This check is for a worm without commands. Commands that lengthen the chambers reduce the weight that they can carry
+    (`flattening_weight`), and a wave may put the weight on few segments. If chambers are flattened then, the run ends
+    with the status FLATTENED.
     """
     load, limit = carried_weight(worm, gravity), flattening_weight(worm)
     if load.sum() >= limit.sum():
@@ -167,7 +173,7 @@ def require_shape(worm: Worm, state: State) -> None:
 
 
 def require_felt(worm: Worm, world: World | None) -> None:
-    """Raise StateError for terrain with bumps that would pass between contact points and through the worm's axis."""
+    """Raise StateError for terrain with bumps that would pass between contact points and reach the worm's axis."""
     bump, clearance = 0.0 if world is None else world.bumps(worm.l0), float(np.max(worm.half_height))
     if bump > clearance:
         raise StateError(
@@ -186,11 +192,11 @@ def require_clear(plant: Plant, overlap: float) -> None:
 
 
 def settle(problem: Problem, start: State) -> Rested:
-    """Return the worm at rest under the component of gravity that presses the worm to the world, and the status.
+    """Return the worm at rest under the component of gravity that presses it against the world (`World.pressing`).
 
-    The method takes long steps of implicit Euler without friction and stops the motion after each step. If the world is
-    `uneven`, the method takes short steps with contacts that stick, until the worm rests. The state has loads but no
-    anchors yet (the anchors are the points of contact). The status is DONE or the reason why the worm does not rest.
+    The function takes long steps of implicit Euler without friction, and stops the motion after each step. If the world
+    is `uneven`, it takes short steps instead, with contacts that stick, until the worm is at rest. In the returned
+    state, the memory has the normal loads, and static friction is unloaded.
     """
     for mu in STICKING_FRICTION if problem.world is not None and problem.world.uneven else (0.0,):
         rested = _settled(problem, start, mu)
@@ -225,8 +231,8 @@ def _settled(problem: Problem, start: State, mu: float) -> Rested:
 def hold(plant: Plant) -> bool:
     """Apply the friction of the run to a worm at rest, and return whether this friction holds the worm.
 
-    The function takes steps of implicit Euler until the worm rests again; the anchors then stay at the new points. A
-    worm that does not come to rest returns to the previous pose.
+    The function takes steps of implicit Euler until the worm is at rest again, and leaves it there with its friction
+    forces. A worm that does not come to rest is set back to the previous pose.
     """
     before, command, length = plant.memory(), plant.arrays["asked"][0].copy(), plant.worm.length
     plant.hasten(HASTE)
@@ -242,7 +248,11 @@ def hold(plant: Plant) -> bool:
 
 
 def settles(world: World | None, gravity: FloatArray, contracted: bool = False) -> bool:
-    """Return whether a worm can be settled: there is an unclamped world, and a force presses the worm to this world."""
+    """Return whether a worm can be settled.
+
+    There must be a world that is not clamped, and gravity must press the worm against it, or its chambers must be
+    contracted.
+    """
     if world is None or world.clamped:
         return False
     return contracted or bool(np.any(world.pressing(gravity)))
@@ -255,17 +265,18 @@ class Placed(NamedTuple):
     state: State
     """Initial state of the run."""
     status: Status
-    """Status DONE, or the reason why the worm cannot start."""
+    """DONE, or the reason why the run cannot start."""
     settling: float | None
-    """Largest motion of a joint during settling [m]; None without settling."""
+    """Largest displacement of a joint during settling [m]. None if the worm was not settled."""
     reason: str = ""
-    """The part at fault if the worm cannot start, and the remedy."""
+    """The part of the worm that caused a failure, and the remedy."""
 
 
 def touches(plant: Plant, start: State) -> bool:
-    """Return whether a contact point touches the world, or would touch with contracted chambers, which are higher.
+    """Return whether the worm touches the world at the start.
 
-    A straight worm `laid` on rough ground touches the world if the remaining gap is smaller than the half-height.
+    It is sufficient that a contact point would touch the world with contracted chambers, which are higher. A straight
+    worm that was `laid` on rough ground touches the world if the gap is at most the half-height.
     """
     worm, height = plant.worm, np.asarray(plant.worm.half_height)
     half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
@@ -276,7 +287,7 @@ def touches(plant: Plant, start: State) -> bool:
 
 
 def place(problem: Problem, settling: Settling = settle) -> Placed:
-    """Return the worm before the first step; raises the errors of `worm3d.simulate`."""
+    """Return the worm before the first step, settled if requested. Raises the errors of `worm3d.simulate`."""
     worm, world, gravity = problem.worm, problem.world, problem.weight
     start = State.straight(worm, world) if problem.state is None else problem.state
     require_shape(worm, start)
@@ -297,14 +308,14 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
 
 
 def _needs_settling(plant: Plant, start: State, settle_first: bool | None) -> bool:
-    """Return whether to settle a worm before the first step: by default if the worm touches the world."""
+    """Return whether to settle a worm before the first step. The default is whether the worm touches the world."""
     if start.moves or not settles(plant.world, plant.gravity, bool(start.contraction.any())):
         return False
     return touches(plant, start) if settle_first is None else settle_first
 
 
 def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> tuple[Status, str]:
-    """Bring the worm to rest from the initial state; return DONE, or the reason why the worm does not come to rest."""
+    """Bring the worm to rest from the initial state. Return `Placed.status` and `Placed.reason`."""
     rested, status, reason = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)

@@ -1,4 +1,4 @@
-"""View of a run in progress, for observers."""
+"""View of a run in progress, the argument of users' observers."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import read_only
 
 SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain", "com_with_load")
-"""Names of attributes of `Recorded` that a view has, for one instant."""
+"""Names of the attributes of `Recorded` that a view also has, for a single instant."""
 
 
 class View:
-    """A run at one instant, for an observer; read-only. Values are read from the run on access.
+    """Read-only view of a run at an instant, for an observer. Values are read from the run on access.
 
-    Each recorded series of `worm3d.Result` is an attribute, without its first dimension: `view.joints` has the shape
-    (N+1, 3), `view.com` (3,), `view.heading` (). Slip counts since the last row of the result before this instant.
-    `step` is the number of finished steps, `steps` the number of steps of the whole run; `worm` and `world` are the
-    simulated objects.
+    Each recorded series of `worm3d.Result` is an attribute without its first dimension. For example, `view.joints` has
+    the shape (N+1, 3), `view.com` has the shape (3,), and `view.heading` is a single number. `slip` is measured from
+    the last row of the result before this instant. `step` is the number of finished steps, and `steps` is the number
+    of steps of the whole run. `worm` and `world` are the simulated objects.
     """
 
     def __init__(self, run: Run) -> None:
@@ -62,19 +62,22 @@ class View:
 
     @property
     def actuator_states(self) -> Mapping[str, FloatArray]:
-        """States of actuators and loads by name: chambers (N, 2), hinges (N-1,), loads as in the result."""
+        """States of actuators and loads by name.
+
+        The shapes are (N, 2) for chambers and (N-1,) for hinges. Loads have the same shapes as in the result.
+        """
         return {name: array[0].copy() for name, array in self._recorded.actuator_states.items()}
 
     def state(self) -> State:
-        """Return the state, with memory: a run from this state continues bit for bit."""
+        """Return the state with memory. A run from this state continues the present run bit for bit."""
         return self._current.state()
 
     def result(self) -> Result:
-        """Return the run so far, up to the last recorded instant."""
+        """Return the result of the run up to the last recorded instant."""
         return self._current.result(Status.DONE)
 
     def observation(self) -> Observation:
-        """Return the observation for sensors."""
+        """Return the present observation, the input of sensors."""
         return self._current.observation()
 
 

@@ -1,1 +1,1 @@
-"""Values that users give and get: checked, read-only, and of a size that fits in memory."""
+"""Checks and types of the values that users pass and receive."""

@@ -1,7 +1,8 @@
-"""Checks of user input: an error message names the argument, the value received and the allowed values.
+"""Checks of user input. The error messages name the argument, the value received and the allowed values.
 
-Each check returns the value in the type that the rest of the program relies on. Nothing is converted silently: True,
-"1" and an array of one number are not numbers. Every check raises ValueError, whatever is wrong.
+Each check returns the value in the type that the rest of the program needs. There are no silent conversions. For
+example, True, "1" and an array with a single number are not accepted as numbers. Every check raises ValueError for any
+wrong value.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from worm3d.values.arrays import FloatArray
 T = TypeVar("T")
 
 MAX_MAGNITUDE = 1e12
-"""Largest size of a number in SI units; a number that must be above 0 is at least the inverse, so that cubes stay
-finite."""
+"""Largest absolute value of a number in SI units. A number that must be above 0 must be at least the inverse of this
+value, so that cubes of numbers stay finite."""
 
 MOST_MEMORY = 4e9
-"""Largest memory of a run, grid or table [byte]."""
+"""Largest memory that a run, a grid or a table may need [byte]."""
 
 
 class Bounds(TypedDict, total=False):
-    """Range of a number; bounds that are left out do not apply."""
+    """Range of a number: greater than (gt), at least (ge), less than (lt), at most (le). Each bound is optional."""
 
     gt: float
     ge: float
@@ -42,9 +43,11 @@ def number(
     allowed: str = "",
     **bounds: Unpack[Bounds],
 ) -> float:
-    """Return a real number within a range, finite unless `infinite`; `allowed` describes the range in other words.
+    """Return a real number within a range.
 
-    The absolute value lies below `largest`. If the number must be above 0, the number lies above 1 / `largest`.
+    The number must be finite. If `infinite` is True, it may also be positive infinity. Its absolute value must not be
+    above `largest`. If it has to be above 0, it must not be below 1 / `largest`. `allowed` describes the range in the
+    error message.
     """
     found = _real(value)
     got = f"{shown(value)}{f' {unit}' if unit else ''}"
@@ -56,7 +59,7 @@ def number(
 
 
 def whole(name: str, value: Any, ge: int = 1, le: int = 2**63 - 1) -> int:
-    """Return a whole number within a range, of 64 bits."""
+    """Return a whole number from `ge` to `le`."""
     right = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (right and ge <= value <= le):
         most = f" and at most {le}" if right and value > le else ""
@@ -72,7 +75,7 @@ def flag(name: str, value: Any) -> bool:
 
 
 def choice(name: str, value: Any, allowed: tuple[str, ...]) -> str:
-    """Return one of the words that are allowed."""
+    """Return the value if it is one of the allowed words."""
     if not (isinstance(value, str) and value in allowed):
         words = " or ".join(map(repr, allowed)) if len(allowed) == 2 else f"one of {', '.join(map(repr, allowed))}"
         raise ValueError(f"{name}: got {shown(value)}, must be {words}")
@@ -80,14 +83,14 @@ def choice(name: str, value: Any, allowed: tuple[str, ...]) -> str:
 
 
 def instance(name: str, value: T, kind: Any, what: str) -> T:
-    """Return an object of a class; `what` says how it is made."""
+    """Return the value if it is an instance of `kind`. `what` describes such an object in the error message."""
     if not isinstance(value, kind):
         raise ValueError(f"{name}: got {_type_of(value)}, must be {what}")
     return value
 
 
 def function(name: str, value: T, what: str = "a function of time") -> T:
-    """Return a function or another callable object."""
+    """Return the value if it is a function or another callable object, but not a class."""
     if not callable(value) or isinstance(value, type):
         raise ValueError(f"{name}: got {_type_of(value)}, must be {what}")
     return value
@@ -96,9 +99,10 @@ def function(name: str, value: T, what: str = "a function of time") -> T:
 def array(
     name: str, value: Any, shape: tuple[int | str, ...], *, least: int = 1, fill: bool = False, **bounds: Unpack[Bounds]
 ) -> FloatArray:
-    """Return a read-only copy of an array of finite numbers within a range; with `fill` a number fills the array.
+    """Return a read-only copy of an array of finite numbers within a range.
 
-    A letter among the sizes in `shape` means any size of at least `least`.
+    A letter among the sizes in `shape` means any size of at least `least`. If `fill` is True, the value may also be a
+    single number for all elements.
     """
     found = floats(name, value)
     if found.ndim == 0 and fill:
@@ -122,8 +126,9 @@ def array(
 def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpack[Bounds]) -> FloatArray:
     """Return a read-only copy of a number, or of an array of at most `depth` dimensions.
 
-    If an array has all `depth` dimensions (two or more), the second dimension is for left and right. `form` describes
-    the allowed arrays in words. A later check compares the number of values.
+    If `depth` is at least 2 and the array has `depth` dimensions, the second dimension must have the size 2, for left
+    and right. `form` describes the allowed arrays in the error message. The sizes of other dimensions are not checked
+    here.
     """
     found = floats(name, value)
     with np.errstate(invalid="ignore"):
@@ -136,13 +141,13 @@ def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpa
 
 
 def require_count(name: str, value: Any, count: int) -> None:
-    """Raise ValueError if an array given instead of a number does not have the shape (count,)."""
+    """Raise ValueError if the value is neither a single number nor an array of shape (count,)."""
     if np.ndim(value) > 0 and np.shape(value) != (count,):
         raise ValueError(f"{name}: got {np.size(value)} values, must be a number or {count} of them")
 
 
 def floats(name: str, value: Any) -> FloatArray:
-    """Return numbers as a new array of any shape and size, finite or not."""
+    """Return numbers as a new array. The shape is arbitrary, and the numbers may be infinite or NaN."""
     try:
         given = np.asarray(value)
     except Exception as error:  # lists of unequal length, and whatever an object's own conversion raises
@@ -153,7 +158,7 @@ def floats(name: str, value: Any) -> FloatArray:
 
 
 def shown(value: Any) -> str:
-    """Return a value as text for an error message: on one line of at most 80 characters."""
+    """Return a value as text for an error message, on a single line of at most 80 characters."""
     if isinstance(value, np.ndarray) and value.size > 6:
         return f"an array of shape {value.shape}"
     try:
@@ -164,9 +169,9 @@ def shown(value: Any) -> str:
 
 
 def bytes_of_run(segments: int, steps: float, every: int) -> float:
-    """Return the memory of a run until the result is on disc, 1.5 times the measured memory [byte].
+    """Return an estimate of the largest memory of a run, including writing the result to disc [byte].
 
-    Each step takes memory, and each row of the result.
+    Each step and each row of the result needs memory. The estimate is 1.5 times the measured memory.
     """
     return steps * (250.0 + (1000.0 + 2100.0 * segments) / every)
 
@@ -181,7 +186,7 @@ def require_room(name: str, needed: float, what: str, remedy: str) -> None:
 
 
 def _real(value: Any) -> float | None:
-    """Return a number as a float; None for anything else."""
+    """Return a number as a float, or None if the value is not a number."""
     if isinstance(value, np.ndarray) and value.shape == () and value.dtype.kind in "iuf":
         return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
@@ -209,7 +214,7 @@ def _likely(largest: float) -> str:
 
 
 def range_text(infinite: bool = False, **bounds: Unpack[Bounds]) -> str:
-    """Return a range in words: "finite and above 0", "finite and in [0, 1)"."""
+    """Return a range in words, for example "finite and above 0" or "finite and in [0, 1)"."""
     finite, gt, lt = "" if infinite else "finite", bounds.get("gt"), bounds.get("lt")
     low, high = bounds.get("ge", gt), bounds.get("le", lt)
     if low is not None and high is not None:

@@ -1,4 +1,4 @@
-"""Docstrings of classes, completed by the strings below the fields, so that `help` shows these strings."""
+"""Class docstrings with the descriptions of the fields, so that `help` also shows the strings below the fields."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ T = TypeVar("T")
 
 
 class _Doc:
-    """A docstring that is written on first access: few are read, and writing all takes as long as a short run."""
+    """A docstring that is completed on first access.
+
+    Few docstrings are read, and completing all of them at import would take as long as a short run.
+    """
 
     def __init__(self, described: Callable[[Any], str], text: str) -> None:
         self._described, self._text = described, text
@@ -30,7 +33,10 @@ class _Doc:
 
 
 def by(described: Callable[[Any], str]) -> Callable[[type[T]], type[T]]:
-    """Return a decorator that adds the description of a class's attributes to the docstring, before Raises."""
+    """Return a decorator that adds an Attributes section to the docstring of a class, before the Raises section.
+
+    `described` is a function of the class that returns the lines of the section.
+    """
 
     def decorate(holder: type[T]) -> type[T]:
         holder.__doc__ = _Doc(described, holder.__doc__ or "")  # type: ignore[assignment]
@@ -41,7 +47,7 @@ def by(described: Callable[[Any], str]) -> Callable[[type[T]], type[T]]:
 
 @by
 def with_fields(holder: Any) -> str:
-    """Return the strings below the fields of a class."""
+    """Return the lines of an Attributes section from the strings below the fields of a class."""
     return "".join(f"    {name} : {kind}\n{indent(text, ' ' * 8)}\n" for name, kind, text in _fields(holder))
 
 
@@ -58,7 +64,7 @@ def _fields(holder: type) -> list[tuple[str, str, str]]:
 
 @cache
 def _classes(module: str) -> dict[str, list[ast.stmt]]:
-    """Return the statements of each class of a module; empty if the source is not available."""
+    """Return the statements of each class of a module by name, or an empty dict if the source is not available."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, TypeError):

@@ -1,4 +1,4 @@
-"""Names, units and text of metrics; `worm3d.measures` has the table of metrics, NOTATION.md has the formulas."""
+"""Names, units and printed form of metrics. `worm3d.measures` has the list of metrics, and NOTATION.md the formulas."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ METRIC_UNITS = {
     "_bl_s": "BL/s",
     "_per_metre": "m/m",
 }
-"""Unit of a metric by the ending of the name (the longest matching ending counts); BL is a body length."""
+"""Unit of a metric by the longest matching ending of its name. BL is a body length."""
 
 
 METRIC_ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
-"""Magnitude, by unit: a smaller metric is rounding error and is written as 0."""
+"""Size, by unit, below which a metric is regarded as a rounding error and is written as 0."""
 
 
 def written(value: float, unit: str, digits: int = 6) -> str:
@@ -26,7 +26,7 @@ def written(value: float, unit: str, digits: int = 6) -> str:
 
 
 def rounded_up(error: float) -> float:
-    """Return an error rounded up to the written digits: two digits if the first digit is a 1 or a 2, else one digit."""
+    """Return an error rounded up to two digits if it begins with 1 or 2, otherwise to one digit."""
     if not 0.0 < error < inf:
         return error
     last = _last(error)
@@ -36,13 +36,13 @@ def rounded_up(error: float) -> float:
 def _last(error: float) -> int:
     """Return the power of ten of the last written digit of an error."""
     first = floor(log10(error))
-    return first - 1 if error < 2.95 * 10.0**first else first  # with two digits where one could double the error
+    return first - 1 if error < 2.95 * 10.0**first else first  # rounding up to one digit might double it
 
 
 def with_error(value: float, error: float, unit: str) -> str:
-    """Return a metric and the error as text without a unit, both with the digits that the error leaves.
+    """Return a metric and its error as text without a unit. The error sets the number of digits of both.
 
-    An error that is 0, or not known (NaN), is left out.
+    An error that is 0 or unknown (NaN) is left out.
     """
     if not error > 0.0 or abs(value) < METRIC_ROUNDING.get(unit, 0.0):
         return written(value, unit, 3)
@@ -54,20 +54,20 @@ def with_error(value: float, error: float, unit: str) -> str:
 
 
 def named(metric: str) -> tuple[str, str]:
-    """Return the name in words and the unit of a metric: `mean_speed_m_s` is ("mean speed", "m/s")."""
+    """Return the name of a metric in words, and its unit. For `mean_speed_m_s` they are "mean speed" and "m/s"."""
     ending = max((ending for ending in METRIC_UNITS if metric.endswith(ending)), key=len, default="")
     return metric.removesuffix(ending).replace("_", " "), METRIC_UNITS.get(ending, "")
 
 
 class Summary(dict[str, float | str | None]):
-    """Metrics by name; printed as a table with units."""
+    """Metrics by name. They are printed as a table with units."""
 
     def __repr__(self) -> str:
         rows = (self.row(name) for name in self)
         return "\n".join(f"{name:<34}{shown:>12} {unit}".rstrip() for name, shown, unit in rows)
 
     def row(self, name: str, digits: int = 6) -> tuple[str, str, str]:
-        """Return a metric as name, value and unit to print."""
+        """Return the name in words, the value as text, and the unit of a metric."""
         value, (words, unit) = self[name], named(name)
         shown = "-" if value is None else value if isinstance(value, str) else written(value, unit, digits)
         return words, shown, unit

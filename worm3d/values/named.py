@@ -1,9 +1,10 @@
-"""Parts by name: parts of a registry, or a user's own parts as `module:NAME`, such as `my_robot:MyController`.
+"""Parts by name: built-in parts, or a user's own parts as `module:NAME`, for example `my_robot:MyController`.
 
-The module is a module that Python finds, or a file in the current folder. NAME is the name of the part in the module: a
-class or, for kinds whose parts are objects, an object or a function that returns an object. A name in a scene must not
-run arbitrary installed code. Therefore a part has to be marked for the requested kind, by the base class or by
-`marked`; unmarked parts are never called. Importing the module runs the code of the module.
+A part is, for example, a controller or a world. The module is a module that Python finds, or a file in the current
+folder. NAME is the name of the part in the module. The part is a class or, for some kinds of parts, an object or a
+function that returns an object. A name in a scene must not run arbitrary installed code. Therefore a part has to be
+marked for the requested kind, by its base class or by `marked`, and an unmarked part is never called. However,
+importing the module runs the code of the module.
 """
 
 from __future__ import annotations
@@ -26,31 +27,32 @@ from worm3d.values.parameters import Parameter, parameters_of
 T = TypeVar("T", bound=Callable[..., Any])
 
 EXCEPTIONS = (Exception, SystemExit)
-"""Exceptions of a user's own code that become an error message; SystemExit would end this program silently."""
+"""Exceptions of a user's own code that become error messages. SystemExit would otherwise end the program silently."""
 FUNCTIONS = (FunctionType, BuiltinFunctionType)
 PARTS_ATTRIBUTE = "__worm3d_parts__"
-"""Attribute of a class or function that holds the marked kinds of parts."""
+"""Attribute of a class or function with the kinds of parts for which it is marked."""
 _bases, _names, _title = (type.__dict__[name].__get__ for name in ("__mro__", "__dict__", "__name__"))
-"""Functions for the bases (with the class itself), attributes and name of a class; they run no code of a metaclass."""
+"""Functions that return the bases (including the class itself), the attributes and the name of a class, without running
+code of a metaclass."""
 _code_is_refused: ContextVar[bool] = ContextVar("_code_is_refused", default=False)
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of parts that users write."""
+    """A kind of parts that users can write, for example controllers."""
 
     name: str
-    """Name, an argument of `marked`."""
+    """Name of the kind, the first argument of `marked`."""
     what: str
-    """Name with the article: "a controller"."""
+    """Name with the article, for example "a controller"."""
     module: str
-    """Module of the base class, imported when a part of this kind is requested."""
+    """Module of the base class. It is imported when a part of this kind is requested."""
     base: str
     """Name of the base class in the module."""
     form: str = ""
-    """Class method that a class of this kind has, with its arguments; empty for parts that are objects."""
+    """Class method that classes of this kind must have, with its arguments. Empty for kinds whose parts are objects."""
     table: str = ""
-    """Name, in the module, of the table of the built-in parts; empty if there is no table."""
+    """Name, in the module, of the table of built-in parts. Empty if there is no table."""
 
     @property
     def registry(self) -> Mapping[str, Any]:
@@ -65,16 +67,22 @@ class Kind:
         return found
 
     def marks(self, part: Any) -> bool:
-        """Return whether a part is marked as this kind, by the class or by `marked`; no code of the part runs."""
+        """Return whether a part is marked as this kind, by its class or by `marked`, without running its code."""
         return self.name in _marks(part) or self.base_class in _bases(_class_of(part))
 
     def accepts(self, part: Any) -> bool:
-        """Return whether a marked part has the form of this kind."""
+        """Return whether a marked part has the class method `form`, if the kind requires it."""
         return not self.form or (_is_class(part) and callable(getattr(part, self.form.partition("(")[0], None)))
 
 
 def marked(kind: str, part: T) -> T:
-    """Mark a class or function as a part of a kind; TypeError for anything else."""
+    """Mark a class or function as a part of a kind, and return it.
+
+    Raises
+    ------
+    TypeError
+        `part` is neither a class nor a function.
+    """
     if not (_is_class(part) or type(part) is FunctionType):
         raise TypeError(f"part: got {_described(part)}, must be a class or a function")
     setattr(part, PARTS_ATTRIBUTE, frozenset({*_marks(part), kind}))
@@ -131,13 +139,13 @@ def own(name: str, kind: Kind) -> Any:
 
 
 def ready(name: str, kind: Kind, make: Callable[[Any], Any] = lambda part: part()) -> Any:
-    """Return a user's own part as an object of a kind; `make` makes the object from a class or function.
+    """Return a user's own part as an object of a kind. `make` makes the object from a class or function.
 
     Raises
     ------
     ValueError
-        `own` raises a ValueError, or making the object raises an exception. A ValueError of a class with parameters
-        refuses the parameters and is raised unchanged.
+        `own` raises a ValueError, or making the object raises an exception. If a class with parameters raises a
+        ValueError, this error is not changed, because it explains which parameter is wrong.
     """
     found = own(name, kind)
     base = kind.base_class
@@ -157,7 +165,7 @@ def ready(name: str, kind: Kind, make: Callable[[Any], Any] = lambda part: part(
 
 
 def declared(part: Any) -> Mapping[str, Parameter]:
-    """Return the parameters of a part by name: the parameters of a dataclass; empty for any other part."""
+    """Return the parameters of a part by name if it is a dataclass, otherwise an empty mapping."""
     return parameters_of(part) if isinstance(part, type) and is_dataclass(part) else {}
 
 
@@ -168,7 +176,7 @@ def told(error: BaseException) -> str:
 
 
 def names_in(data: Any) -> list[str]:
-    """Return the names of a user's own parts, `module:NAME`, among the keys and values of a scene's data."""
+    """Return the names `module:NAME` of users' own parts among the keys and values of a scene's data."""
     if isinstance(data, str):
         return [data] if is_own(data) else []
     items = [*data, *data.values()] if isinstance(data, Mapping) else data if isinstance(data, list | tuple) else ()
@@ -176,7 +184,7 @@ def names_in(data: Any) -> list[str]:
 
 
 def raised(error: BaseException, names: Iterable[str]) -> str:
-    """Return the user's own parts that may have raised an exception, the message, and the line in the module."""
+    """Return an error message for an exception in user code, with the names of the parts and the line of the code."""
     files = {getattr(sys.modules.get(name.partition(":")[0]), "__file__", None) for name in names}
     at = [frame for frame in extract_tb(error.__traceback__) if frame.filename in files][-1:]
     where = "".join(f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in at)
@@ -200,21 +208,21 @@ def _class_of(part: Any) -> Any:
 
 
 def _marks(part: Any) -> frozenset[str]:
-    """Return the kinds marked by hand on a function, or on a class or a base class."""
+    """Return the kinds for which a function, or a class or one of its bases, is marked by `marked`."""
     is_function = type(part) is FunctionType
     spaces = [part.__dict__] if is_function else [_names(base) for base in _bases(_class_of(part))]
     return frozenset().union(*(space.get(PARTS_ATTRIBUTE, ()) for space in spaces))
 
 
 def _described(part: Any) -> str:
-    """Return a description of an object in words, without calling the object's own repr."""
+    """Return a description of an object in words, without calling its `__repr__`."""
     if _is_class(part):
         return f"the class {_title(part)}"
     return "a function" if type(part) in FUNCTIONS else f"an object of {_title(type(part))}"
 
 
 def _how(part: Any, kind: Kind) -> str:
-    """Return an instruction for marking a part."""
+    """Return an instruction in words for marking a part."""
     by_hand = f"write @part({kind.name!r}) above it (from control.parts import part)"
     if type(part) in FUNCTIONS and not kind.form:
         return by_hand
@@ -251,7 +259,7 @@ def _imported(module: str) -> Any:
 
 
 def _announce(module: str) -> None:
-    """Print which code will run next; workers print nothing, since the main process has announced their scenes."""
+    """Print which code will run next. Worker processes print nothing, because the main process has done so."""
     from multiprocessing import parent_process  # few scenes name a module
 
     first = module.partition(".")[0]

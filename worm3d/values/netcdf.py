@@ -1,18 +1,17 @@
-"""Files of named arrays: one NetCDF4 file per run, for planar and 3D worms alike, however the run was started.
+"""Files of named arrays. Every run of a planar or 3D worm is stored in a NetCDF4 file of this form.
 
-The root group holds the variables with named dimensions, `units` and `long_name`. Further groups hold wall-clock times
-and the checkpoint that resumes a run. Nothing is compressed, since writing would take six times as long. Nothing is
-chunked, so HDF5's own checksums (fletcher32) do not apply.
+The root group has the variables with named dimensions, `units` and `long_name`. Further groups have wall-clock times
+and the checkpoint from which a run can be resumed. Variables are not compressed, because writing would take six times
+as long. They are not divided into chunks, so that the checksums of HDF5 (fletcher32) cannot be used.
 
-Two digests detect damage. The first digest, of the file's bytes, follows the HDF5 data, where every program that reads
-HDF5 ignores these bytes. This digest is checked before anything else reads the file, since a few wrong bytes can make
-the HDF5 library loop for ever, request all memory or crash. The second digest, the attribute `digest`, covers the
-content of the file. If another program rewrites the file, this digest still matches unless that program changed the
-content.
+Two digests detect damage. The first digest covers the bytes of the file. It is stored after the HDF5 data, where
+programs that read HDF5 ignore it. It is checked before the HDF5 library reads the file, because a few wrong bytes can
+make this library loop forever, request all memory or crash. The second digest is the attribute `digest`, and covers the
+content of the file. If another program rewrites the file, this digest still matches unless the content has changed.
 
-A file without a digest of the bytes was not written by worm3d in this form. A separate process with limited time and
-memory, `python -m worm3d.values.netcdf FILE NAME`, reads such a file first and passes the content on in worm3d's own
-form.
+A file without a digest of its bytes was not written directly by worm3d. Such a file is first read by a separate process
+with limited time and memory (`python -m worm3d.values.netcdf FILE NAME`), which returns the content in the form that
+worm3d writes.
 """
 
 from __future__ import annotations
@@ -45,26 +44,26 @@ RESULT_FORMAT = "worm3d result 2"
 SAID = ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary", "run")
 """Attributes that the attribute `digest` covers, if a file has them."""
 IN_JSON = ("versions", "summary", "run")
-"""Attributes of `SAID` that are JSON."""
+"""Attributes of `SAID` whose values are JSON text."""
 ROOT, TIMING = "", "timing"
 """Groups that every file has."""
 GROUPS = (ROOT, TIMING, "checkpoint")
-"""Groups that the digest covers even if they are empty; in this order, before the others."""
+"""The first groups that the digest covers, in this order. They are covered even if they are empty."""
 
 SEAL = b"\nworm3d sha256 "
-"""Bytes before the digest at the end of a file."""
+"""Bytes that precede the digest at the end of a file."""
 SEAL_LENGTH = len(SEAL) + 65
 
 MAX_READ_SECONDS = 60
-"""Longest time to read a file that another program wrote [s]."""
+"""Longest time for reading a file that another program wrote [s]."""
 MAX_READ_MEMORY = 3 * int(MOST_MEMORY)
-"""Memory of the process that reads such a file: a run's arrays, a copy of the arrays, and programs [byte]."""
+"""Largest memory of the process that reads such a file [byte]. It is enough for the arrays, a copy, and programs."""
 REFUSED = 2
-"""Exit code of that process after it has written the reason."""
+"""Exit code of this process if it refuses the file and has written the reason."""
 
 
 class FileError(ValueError):
-    """A file is not a result, is damaged, or does not hold the content that worm3d wrote."""
+    """A file is not a result, is damaged, or does not have the content that worm3d wrote."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +163,14 @@ def _variables(group: Any) -> tuple[Variable, ...]:
 
 
 def _decoded(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values in their original type: HDF5 stores texts as bytes."""
+    """Return values in their original type. Texts have to be decoded because HDF5 stores them as bytes."""
     return np.char.decode(values.astype(bytes), "utf-8") if values.dtype.kind == "O" else values
 
 
 def load(path: Path) -> Content:
-    """Return the content of a file, read so that damage does no harm; the caller calls `Content.require_digest`.
+    """Return the content of a file, in a way that is safe for damaged files.
+
+    The caller has to call `Content.require_digest`.
 
     Raises
     ------
@@ -190,7 +191,7 @@ def load(path: Path) -> Content:
 
 
 def is_whole(path: Path) -> bool | None:
-    """Return whether a file is unchanged since it was written; None if the file has no digest at the end.
+    """Return whether a file is unchanged since it was written, or None if the file has no digest at its end.
 
     Raises
     ------
@@ -231,12 +232,12 @@ def handed_on(path: Path) -> bytes:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all: an earlier file stays until all is written.
+    """Write a file. An earlier file at this path is replaced only after all data are written.
 
     Raises
     ------
     OSError
-        The folder does not exist, or the disc refused the data.
+        The folder does not exist, or writing fails.
     """
     if not path.parent.is_dir():  # before an error would show the name of the temporary file
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
@@ -250,7 +251,10 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def main() -> None:
-    """Read the file at the first argument (the second is the displayed name) and write the file to standard output."""
+    """Read a file and write it to standard output in the form of worm3d.
+
+    The first argument of the command is the path of the file, and the second is its name in messages.
+    """
     with suppress(ImportError, ValueError, OSError):
         import resource
 

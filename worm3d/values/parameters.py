@@ -1,4 +1,4 @@
-"""Parameters of a dataclass: unit, range and meaning stand on the field itself.
+"""Parameters of a dataclass, declared with unit, range and meaning at the field itself.
 
     @documented
     @dataclass(frozen=True, kw_only=True)
@@ -8,8 +8,8 @@
         def __post_init__(self) -> None:
             check(self)
 
-`check` validates an instance, `documented` writes the Attributes of the docstring, and `scenes.language.parts` makes
-the keys of a scene's section from the same fields.
+`check` validates an instance, and `documented` adds the Attributes section to the docstring. `scenes.language.parts`
+makes the keys of a section of a scene from the same fields.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from worm3d.values.documented import by
 T = TypeVar("T")
 
 PARAMETER = "parameter"
-"""Name under which the metadata of a field hold its `Parameter`."""
+"""Key of the `Parameter` in the metadata of a field."""
 
 EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
     {
@@ -48,7 +48,10 @@ EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
         ),
     }
 )
-"""Keys: the objects that an array has numbers for. Values: largest number of dimensions, type, and form in words."""
+"""Properties of array parameters, by the objects for which an array has numbers.
+
+The properties are the largest number of dimensions, the type for docstrings, and the form in words.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,23 +59,23 @@ class Parameter:
     """Description of a parameter."""
 
     meaning: str
-    """Meaning of the parameter, a noun phrase."""
+    """Meaning of the parameter, as a noun phrase."""
     unit: str = ""
-    """Unit, SI and radians; empty for a pure number."""
+    """SI unit, with radians for angles. Empty for a dimensionless number."""
     bounds: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    """Range: the given bounds among gt, ge, lt and le."""
+    """Range, as the values of some of the bounds gt, ge, lt and le."""
     each: Literal["", "segment", "joint", "side", "sample"] = ""
-    """Objects that an array has numbers for, a key of `EACH`; empty for a single number."""
+    """Objects for which an array has numbers, a key of `EACH`. Empty for a single number."""
     infinite: bool = False
     """Whether the parameter may be infinite."""
     allowed: str = ""
-    """Range in words for error messages, if these replace the words made from `bounds`."""
+    """Range in words for error messages, instead of the words that are made from `bounds`."""
     key: str = ""
-    """Name in a scene, if this differs from the name of the field and the unit."""
+    """Name in a scene, if it is not the name of the field with the unit."""
     aka: tuple[str, ...] = ()
-    """Further names that people try in a scene."""
+    """Wrong names that users might write in a scene. The error message then suggests the correct name."""
     left_out: str = ""
-    """Text that replaces the default in the documentation, if there is no finite default."""
+    """Text in place of the default in the documentation, if there is no finite default."""
     name: str = ""
     default: Any = None
     hint: Any = None
@@ -80,28 +83,34 @@ class Parameter:
 
     @property
     def optional(self) -> bool:
-        """Whether None means a default that follows from other parameters."""
+        """Whether the parameter may be None, which means a default that depends on other parameters."""
         return type(None) in get_args(self.hint)
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The allowed words; empty if the parameter is not a choice between words."""
+        """The allowed words. Empty if the parameter is not a choice between words."""
         return get_args(self.hint) if get_origin(self.hint) is Literal else ()
 
     @property
     def is_pair(self) -> bool:
-        """Whether the parameter is a pair of numbers, which the class of the parameter checks."""
+        """Whether the parameter is a pair of numbers. The class with the parameter then has to check it."""
         return get_origin(self.hint) is tuple
 
     def checked(self, value: Any, size: int | None = None, largest: float = arguments.MAX_MAGNITUDE) -> Any:
-        """Return a value in the type that the rest of the program uses: a number of at most `largest`, or an array.
+        """Return a checked value in the type that the rest of the program uses.
 
-        The array has `size` numbers; None if the class does not know the number.
+        Parameters
+        ----------
+        value : object
+        size : int, optional
+            Number of values of an array, if it is known.
+        largest : float
+            Largest allowed size of a single number.
 
         Raises
         ------
         ValueError
-            The value has another type or is out of range.
+            The value has a wrong type or is out of range.
         """
         if (value is None and self.optional) or self.is_pair:
             return value
@@ -130,9 +139,10 @@ def parameter(
     made: type[Parameter] = Parameter,
     **others: Any,
 ) -> Any:
-    """Return a dataclass field; arguments are bounds (gt, ge, lt, le) and the attributes of `Parameter`.
+    """Return a dataclass field with a `Parameter` as metadata.
 
-    Without a default the field must be given. `made` is the class of the metadata.
+    The arguments are the bounds gt, ge, lt, le, and the attributes of `Parameter`. Without a default, the field is a
+    required argument of the dataclass. `made` is `Parameter` or a subclass.
     """
     bounds: dict[str, Any] = {name: others.pop(name) for name in ("gt", "ge", "lt", "le") if name in others}
     known = made(meaning=meaning, unit=unit, bounds=bounds, **others)
@@ -149,13 +159,14 @@ def _read(part: Any) -> Mapping[str, Parameter]:
 
 
 parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
-"""Parameters of a dataclass (the class) by name; fields not declared with `parameter` are left out."""
+"""Function that returns the parameters of a dataclass by name. Fields without `parameter` are left out."""
 
 
 def check(instance: Any, *, largest: float = arguments.MAX_MAGNITUDE, **sizes: int) -> None:
-    """Check the parameters of a (frozen) instance and store them in the types that the rest of the program uses.
+    """Check the parameters of a dataclass instance, and store them in the types that the rest of the program uses.
 
-    Numbers are at most `largest`; `segment=6, joint=5` are the sizes of arrays with one number per segment or joint.
+    The instance may be frozen. Single numbers must not be larger than `largest`. `sizes` are the numbers of values of
+    arrays, for example `segment=6, joint=5` for arrays with a value for each segment or joint.
     """
     for name, known in parameters_of(type(instance)).items():
         value = known.checked(getattr(instance, name), sizes.get(known.each), largest)
@@ -164,12 +175,15 @@ def check(instance: Any, *, largest: float = arguments.MAX_MAGNITUDE, **sizes: i
 
 @by
 def documented(part: Any) -> str:
-    """Return the parameters of a dataclass in words."""
+    """Return the Attributes section for the parameters of a dataclass."""
     return "".join(map(_described, parameters_of(part).values()))
 
 
 def _described(known: Parameter) -> str:
-    """Return a parameter as two or more lines of a docstring: name, type, unit and default, then meaning and range."""
+    """Return the lines of a docstring for a parameter.
+
+    The first line has name, type, unit and default. The following lines have the meaning and the range.
+    """
     default = f", default {known.left_out or known.default}" if known.left_out or known.default is not None else ""
     unit, span = f" [{known.unit}]" if known.unit else "", known.allowed
     if known.bounds and not span:
@@ -188,7 +202,7 @@ def _type_text(known: Parameter) -> str:
 
 
 def in_degrees(known: Parameter) -> Parameter:
-    """Return a parameter in radians (also per second) as a parameter in degrees; any other unchanged."""
+    """Return a parameter in radians (also per second) as a parameter in degrees. Others are returned unchanged."""
     if not known.unit.startswith("rad"):
         return known
     turned = {name: round(math.degrees(bound), 9) for name, bound in known.bounds.items()}

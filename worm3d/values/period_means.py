@@ -1,4 +1,4 @@
-"""Path of the centre of mass, averaged over a gait period; the average removes the oscillation of each wave."""
+"""Path of the centre of mass, averaged over a gait period to remove the oscillation with each wave."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ def averaged(com: FloatArray, window: int) -> FloatArray:
 def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
     """Return the length of the path of the centre of mass, averaged over a period about each instant [m].
 
-    A wave rocks the centre of mass; a mean over a period removes this oscillation. The path is straight from the first
-    position to the mean over the first period, and from the mean over the last period to the last position. Thus no
-    part of the path is lost; a shorter mean would oscillate. Between the instants the centre of mass moves on straight
-    lines. A run shorter than a period has one mean, over the whole run.
+    The mean over a period removes the oscillation of the centre of mass with each wave. For the parts of the run
+    without a complete period around the instant, the path is a straight line from the first position to the mean over
+    the first period, and from the mean over the last period to the last position. Between the given instants, the
+    centre of mass is assumed to move on straight lines. A run shorter than a period has a single mean, over the whole
+    run.
 
     Parameters
     ----------
     com : ndarray, shape (T, D)
         Centre of mass [m].
     time : ndarray, shape (T,)
-        Ascending [s].
+        Increasing times [s].
     period : float
-        Time to average over [s].
+        Period over which the centre of mass is averaged [s].
     """
     if len(time) < 2:
         return 0.0
@@ -43,7 +44,10 @@ def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
 
 
 def integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray:
-    """Return integrals, (K, D), from time[0] to t, (K,), of straight lines through values, (T, D), at times, (T,)."""
+    """Return the integrals from time[0] to the times t of values that are linear between given times, shape (K, D).
+
+    t has the shape (K,), `values` has the shape (T, D), and `time` has the shape (T,).
+    """
     step = np.diff(time)[:, None]
     up_to = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
     k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(step) - 1)

@@ -1,4 +1,7 @@
-"""Frozen classes whose arrays stay read-only, also in copies and after pickling, and are printed in short form."""
+"""Base of frozen classes with read-only arrays. The arrays are read-only in copies and after pickling, too.
+
+Objects of these classes are printed in a short form.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +20,17 @@ H = TypeVar("H")
 T = TypeVar("T")
 
 LISTED = 3
-"""Largest number of values of an array that is printed whole."""
+"""Largest number of values of an array that is printed completely."""
 
 PRINTED_COLUMNS, PRINTED_LINES = 110, 5
-"""Largest width and number of lines of a printed object."""
+"""Largest width and largest number of lines of a printed object."""
 
 
 class ReadOnly(Spelled):
-    """Base of frozen dataclasses that hold arrays, or mappings of arrays.
+    """Base of frozen dataclasses with arrays, or mappings of arrays, as fields.
 
-    A dataclass with its own `__post_init__` makes the arrays read-only there; other dataclasses inherit this one.
+    The inherited `__post_init__` makes the arrays read-only. A dataclass with its own `__post_init__` has to do so
+    there.
     """
 
     def __init_subclass__(cls) -> None:
@@ -50,7 +54,7 @@ class ReadOnly(Spelled):
 
 
 def read_only(value: Any) -> Any:
-    """Return a read-only view of an array, or of the arrays of a mapping; anything else unchanged."""
+    """Return a read-only view of an array, or of the arrays of a mapping. Any other value is returned unchanged."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.setflags(write=False)
@@ -61,7 +65,7 @@ def read_only(value: Any) -> Any:
 
 
 def kept(function: Callable[[H], T]) -> Callable[[H], T]:
-    """Store a function's result in the frozen instance given as argument, as `cached_property` does for a method."""
+    """Make a function store its result in its argument, a frozen object, so that it is computed only once."""
     name = f"_{function.__name__}"
 
     @wraps(function)
@@ -75,7 +79,7 @@ def kept(function: Callable[[H], T]) -> Callable[[H], T]:
 
 
 def brief(value: Any) -> str:
-    """Return a value as text within a printed object: for long arrays only the shape and range."""
+    """Return a value as text within a printed object. For long arrays, the text has only the shape and the range."""
     if isinstance(value, np.ndarray):
         return _brief_array(value)
     if isinstance(value, Mapping):
@@ -96,7 +100,7 @@ def _brief_array(array: np.ndarray[Any, Any]) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Return a text wrapped to a few lines; the rest of the text is left out."""
+    """Return a text wrapped to at most `PRINTED_LINES` lines. The rest of the text is left out."""
     return fill(
         text,
         PRINTED_COLUMNS,
@@ -108,5 +112,5 @@ def paragraph(text: str) -> str:
 
 
 def listed(lines: Iterable[str]) -> str:
-    """Return lines below one another; a line that is too wide is cut."""
+    """Return the lines as a text. Lines that are too wide are cut."""
     return "\n".join(line if len(line) <= PRINTED_COLUMNS else f"{line[: PRINTED_COLUMNS - 4]} ..." for line in lines)

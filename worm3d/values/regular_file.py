@@ -1,4 +1,4 @@
-"""Files read whole up to a largest size: reading does not wait for a pipe or read a device without end."""
+"""Reading of regular files up to a largest size. Pipes and devices, which might block or never end, are refused."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from pathlib import Path
 
 
 def content(path: str | os.PathLike[str], most: int, what: str, refusal: type[ValueError] = ValueError) -> bytes:
-    """Return the content of a file as `read` does; the refusal of a file says `what` it was to be.
+    """Return the content of a file of at most `most` bytes.
+
+    The error message names the file as a `what`, for example as a "mesh".
 
     Raises
     ------
     ValueError
-        The file cannot be read.
+        The file cannot be read. The class of the error is `refusal`.
     """
     file = Path(path)
     try:
@@ -32,11 +34,11 @@ def read(path: str | os.PathLike[str], most: int) -> bytes:
     Raises
     ------
     OSError
-        The file cannot be opened, is not a regular file (a folder, pipe, socket or device), or is larger. `strerror`
-        names the reason, also for a path that no file system accepts.
+        The file cannot be opened, is not a regular file (but a folder, pipe, socket or device), or is larger. The
+        attribute `strerror` names the reason, also for a path that no file system accepts.
     """
     try:
-        # Without O_NONBLOCK, opening a pipe would wait for somebody to write to it.
+        # Without O_NONBLOCK, opening a pipe would wait until another process writes to it.
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except ValueError as error:  # a null character
         raise OSError(errno.EINVAL, str(error), os.fspath(path)) from error

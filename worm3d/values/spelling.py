@@ -1,6 +1,6 @@
-"""Misspelt names of arguments, attributes and keys: the error suggests the intended name, in the same words everywhere.
+"""Error messages for misspelt names of arguments, attributes and keys. They suggest the name that was probably meant.
 
-A subclass of `Spelled`, or a function with `@spelled`, refuses an unknown argument with an error message:
+A subclass of `Spelled`, or a function with `@spelled`, refuses an unknown argument with an error message such as
 
     Worm: n_segments: unknown argument; did you mean 'segments'?
 """
@@ -30,18 +30,24 @@ ELSEWHERE = {
     "time": "duration",
     "time_step": "dt",
 }
-"""Words of scenes, pages and other programs, with the corresponding names of arguments in worm3d."""
+"""Words from scenes, pages and other programs, and the corresponding names of arguments in worm3d."""
 
 
 def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
-    """Return the probable intended name for `word`; `known` pairs the words that people write with the names."""
+    """Return the name that was probably meant by `word`, or None if no name is similar.
+
+    `known` has pairs of a word that users might write and the name that it stands for.
+    """
     meaning = {tried.lower(): name for tried, name in known}
     close = get_close_matches(word.lower(), meaning, n=1)
     return meaning[close[0]] if close else None
 
 
 def unknown(what: str, word: str, known: Iterable[tuple[str, str]]) -> str:
-    """Return the error message for an unknown name; `what` is a word for such names, the rest as in `did_you_mean`."""
+    """Return the error message for an unknown name.
+
+    `what` says what is named, for example "argument". `word` and `known` are explained in `did_you_mean`.
+    """
     pairs = list(known)
     meant = did_you_mean(word, pairs)
     listed = ", ".join(dict.fromkeys(name for _, name in pairs)) or "none"
@@ -53,7 +59,7 @@ class Spelled:
     """Base of classes that refuse unknown arguments and suggest the argument that may have been intended."""
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
-        """Return the object, which `__init__` fills.
+        """Return the object after checking the names of the arguments.
 
         Raises
         ------
@@ -66,7 +72,7 @@ class Spelled:
 
 
 class Checked(Spelled):
-    """Base of frozen dataclasses of parameters (`worm3d.values.parameters`), which are checked."""
+    """Base of frozen dataclasses that consist of parameters (`worm3d.values.parameters`). It checks the parameters."""
 
     def __post_init__(self) -> None:
         check(self)
@@ -93,9 +99,10 @@ def no_attribute(module: str, name: str, known: Iterable[str], elsewhere: Iterab
     known : iterable of str
         Names in the module.
     elsewhere : iterable of str
-        Other modules that are searched for the name; the last component of a module's name counts too.
+        Other modules to search for the name. The name may also be the last component of the name of such a module.
     """
-    # Programs request names with "_". `from package import submodule` requests the submodule, which is imported next.
+    # Programs request names with "_". `from package import submodule` first requests the attribute `submodule`, and
+    # imports the submodule if there is no such attribute.
     if name.startswith("_") or find_spec(f"{module}.{name}") is not None:
         return AttributeError(f"module {module!r} has no attribute {name!r}")
     for other in elsewhere:
@@ -121,7 +128,7 @@ def _require_known(owner: Any, function: Callable[..., Any], named: Mapping[str,
 
 
 def _tried(owner: Any) -> Iterable[tuple[str, str]]:
-    """Yield the words that people try for the parameters of a dataclass, with the names of the parameters."""
+    """Yield pairs of a word that users might write for a parameter of a dataclass, and the name of the parameter."""
     for field in dataclasses.fields(owner):
         if known := field.metadata.get(PARAMETER):
             yield from ((other, field.name) for other in (known.key, *known.aka) if other)
@@ -129,7 +136,7 @@ def _tried(owner: Any) -> Iterable[tuple[str, str]]:
 
 @cache
 def _arguments(function: Callable[..., Any]) -> dict[str, None] | None:
-    """Return the arguments that a function takes by name; None if the function takes any name."""
+    """Return the names of the keyword arguments of a function, or None if the function accepts any name."""
     if function is object.__init__:
         return {}
     found = signature(function).parameters.values()

@@ -16,15 +16,15 @@ AXES = "xyz"
 
 @dataclass(frozen=True, init=False, eq=False)
 class Variable:
-    """A named array, read-only."""
+    """A named, read-only array."""
 
     name: str
     dims: tuple[str, ...]
-    """Name of each dimension, () for a single number."""
+    """Names of the dimensions, () for a single number."""
     values: NDArray[Any]
-    """Numbers or texts, read-only."""
+    """Array of numbers or texts, read-only."""
     units: str
-    """Unit, "1" for a pure number."""
+    """Unit, or "1" for dimensionless numbers."""
     long_name: str
     """Meaning, in a few words."""
 
@@ -44,7 +44,7 @@ class Variable:
 
 
 def column_names(variable: Variable) -> Iterator[str]:
-    """Yield the name of each column of a variable whose first dimension is time: "com_x_m", "bend_0_rad"."""
+    """Yield the names of the columns of a variable whose first dimension is time, for example "com_x_m"."""
     unit = "" if variable.units == "1" else "_" + variable.units.replace("/", "_per_").replace("^", "")
     for index in np.ndindex(variable.values.shape[1:]):
         labels = (AXES[i] if dim == "axis" else str(i) for i, dim in zip(index, variable.dims[1:], strict=True))
@@ -52,9 +52,9 @@ def column_names(variable: Variable) -> Iterator[str]:
 
 
 def write_csv(variables: Iterable[Variable], path: str | PathLike[str]) -> None:
-    """Write variables whose first dimension is time: a row for each instant, a column for each number.
+    """Write variables whose first dimension is time, with a row for each instant and a column for each number.
 
-    Reading the file gives exactly the same floats.
+    The numbers have enough digits to be read back exactly.
 
     Raises
     ------

@@ -1,6 +1,7 @@
-"""Pictures from plain arrays: a page for the browser, figures, movies, meshes. Independent of the simulator.
+"""Pictures from plain arrays: pages for a browser, figures, movies and meshes. The package does not need the simulator.
 
-Heavy libraries are imported only where used: import `figure`, `movie`, `meshes` and `live` as modules.
+Import the modules `figure`, `movie`, `meshes` and `live` directly. They are not imported here because they load large
+libraries.
 """
 
 from worm3d.viewer.frames import Frames

@@ -1,4 +1,4 @@
-"""Several pages of runs side by side, played by one set of controls; one file, without a network."""
+"""A page with several pages of runs side by side, which are played together. It is a single file without a network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from html import escape
 from worm3d.viewer.html import filled, resource
 
 MAX_PAGES = 6
-"""Largest number of pages: browsers draw only about ten scenes at a time."""
+"""Largest number of pages. The number is limited because browsers draw only about ten scenes at a time."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Page:
 
 
 def side_by_side(pages: Sequence[Page], title: str = "worm3d") -> str:
-    """Return a page that shows other pages side by side, all at the same time of the runs and from the same side.
+    """Return a page that shows other pages side by side, all at the same time and with the same camera.
 
-    A run that begins later or ends earlier stands still before and after. The page's address may select the first view:
-    `compare.html#t=2.5&camera=top&play=1`, with the time of the runs [s] and the cameras of the pages.
+    Before its begin and after its end, a run is shown with its first and last frame. The address of the page may set
+    the first view, for example `compare.html#t=2.5&camera=top&play=1`, with the time [s] and the name of the camera.
 
     Raises
     ------

@@ -1,8 +1,11 @@
 """The worm's parts at every instant: chambers with lengths and heights, and the links around the chambers.
 
-    t = e/l,   u = t x d,   centre of chamber c = middle of below and above,   h_c = |above - below|/2
+The vector e between the joints of a segment has the length l, and d is the director. Then
 
-Both chambers of a segment have links of the same length a, a^2 = h_c^2 + l_c^2/4, and l_L + l_R = 2 l; so
+    t = e/l,   u = t x d,   centre of a chamber = middle of its lower and upper apex,   h_c = |above - below|/2
+
+Both chambers of a segment have links of the same length a, with a^2 = h_c^2 + l_c^2/4, and l_L + l_R = 2 l. From this
+follow the lengths of the left and the right chamber:
 
     l_L = l + (h_R^2 - h_L^2)/l,   l_R = l - (h_R^2 - h_L^2)/l.
 """
@@ -22,13 +25,13 @@ _OPPOSITE = np.array([1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """Rigid bars: B of them at T instants; arrays have the shape (T, B, 3)."""
+    """B rigid bars at T instants. The arrays have the shape (T, B, 3)."""
 
     names: tuple[str, ...]
     start: FloatArray
     end: FloatArray
     normal: FloatArray
-    """Vectors across the bars, carried along with their segments, so that no bar spins between two frames."""
+    """Vectors across the bars that turn with their segments, so that no bar spins about its axis between two frames."""
 
     @property
     def length(self) -> FloatArray:
@@ -38,21 +41,21 @@ class Bars:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Chambers and segment frames of N segments at T instants."""
+    """Chambers, and axes of the segments, for N segments at T instants."""
 
     t: FloatArray
     d: FloatArray
     u: FloatArray
-    """Shape (T, N, 3): unit vectors along, to the left and up."""
+    """t, d and u: unit vectors along the segments, to the left and up, each of shape (T, N, 3)."""
     centre: FloatArray
-    """Shape (T, N, 2, 3): centres of the chambers [m]."""
+    """Centres of the chambers, shape (T, N, 2, 3) [m]."""
     length: FloatArray
     height: FloatArray
-    """Shape (T, N, 2): l_c, and half the vertical diagonal h_c [m]."""
+    """length and height: l_c and h_c of the chambers, each of shape (T, N, 2) [m]."""
 
     @classmethod
     def of(cls, frames: Frames) -> Body:
-        """Return the body that belongs to the joints, directors and apexes."""
+        """Return the body for the joints, directors and apexes of `frames`."""
         edges = np.diff(frames.joints, axis=1)
         l = np.linalg.norm(edges, axis=2)[..., None]  # noqa: E741
         t = edges / l
@@ -71,7 +74,7 @@ class Body:
         return self.centre - half, self.centre + half
 
     def links(self, frames: Frames) -> Bars:
-        """Return the links of the linkages, 12 a segment, and one crossbar at each joint between left and right."""
+        """Return the links, 12 for each segment, and a crossbar at each joint between the left and right chambers."""
         count, segments = self.t.shape[:2]
         apexes = frames.apexes.reshape(count, segments, 2, 3, 1, 3)
         ends = np.stack(self.ends, axis=3)[:, :, :, None]  # (T, N, 2 sides, 1, 2 ends, 3)
@@ -87,7 +90,7 @@ class Body:
         return Bars((*names, *rod_names), *(np.concatenate(pair, axis=1) for pair in zip(parts, rods, strict=True)))
 
     def _crossbars(self, joints: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """Return starts, ends and normals of rods between the chambers at each joint; None if the chambers coincide."""
+        """Return starts, ends and normals of crossbars at the joints, or None if left and right chambers coincide."""
         apart = np.linalg.norm(self.centre[:, :, 0] - self.centre[:, :, 1], axis=2).mean()
         if apart < 0.02 * self.length.mean():
             return None

@@ -1,4 +1,4 @@
-"""Geometry for the cameras: the heading of the worm, the floor, and the place ahead of the worm inside a pipe."""
+"""Geometry for the cameras: the heading of the worm, the floor, and a position ahead of the worm inside a pipe."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from worm3d.viewer.frames import Frames
 from worm3d.viewer.world import WorldMesh
 
 FRONT = (0.9, 0.3)
-"""Distances of the camera ahead of and above the head where there is no pipe, in body lengths."""
+"""Distances of the inside camera ahead of and above the head if there is no pipe, in body lengths."""
 
 
 def azimuths(frames: Frames) -> FloatArray:
-    """Return the heading in every frame, a mean over the period, since a wave sways the worm, shape (T,) [rad].
+    """Return the heading in every frame, shape (T,) [rad].
 
-    The heading is the azimuth of the chord from tail to head; while the chord is upright, the last heading is kept.
+    The heading is the azimuth of the line from tail to head. It is averaged over a period, because the worm sways with
+    each wave. While this line is nearly vertical, the last heading is used.
     """
     chord = frames.joints[:, -1] - frames.joints[:, 0]
     level = np.linalg.norm(chord[:, :2], axis=1) > 0.05 * np.linalg.norm(chord, axis=1)
@@ -25,9 +26,10 @@ def azimuths(frames: Frames) -> FloatArray:
 
 
 def floor(world: tuple[WorldMesh, ...]) -> FloatArray | None:
-    """Return the plane z = a + b x + c y through the opaque meshes, as (a, b, c); None without opaque meshes.
+    """Return the plane z = a + b x + c y that fits the opaque meshes best, as (a, b, c).
 
-    The plane is level in directions where the meshes are too narrow to determine the tilt.
+    The result is None if there are no opaque meshes. The plane is level in directions in which the meshes are too
+    narrow to determine its tilt.
     """
     solid = [mesh.vertices for mesh in world if mesh.opacity == 1.0 and len(mesh.vertices)]
     if not solid:
@@ -38,10 +40,10 @@ def floor(world: tuple[WorldMesh, ...]) -> FloatArray | None:
 
 
 def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
-    """Return the camera's place and the point in view in every frame, each of shape (T, 3) [m].
+    """Return the position of the inside camera and the point that it looks at in every frame, each (T, 3) [m].
 
-    If the head is near the centre line of the pipe, the camera is just above this line. Otherwise the camera is where
-    the head points, further away and higher.
+    If the head is near the centre line of a pipe, the camera is just above this line, ahead of the head. Otherwise it
+    is ahead of the head in the direction in which the head points, further away and higher.
     """
     heads, size = frames.joints[:, -1], frames.body_length
     pointing = heads - frames.joints[:, max(frames.segments - 2, 0)]
@@ -57,7 +59,7 @@ def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
 
 
 def _ahead_on(line: FloatArray, head: FloatArray, direction: FloatArray, reach: float) -> FloatArray | None:
-    """Return the point a distance `reach` ahead of the head along the line; None if the head is far from the line."""
+    """Return the point on a line at a distance `reach` ahead of the head, or None if the head is far from the line."""
     edges = np.diff(line, axis=0)
     square = np.maximum(np.sum(edges**2, axis=1), 1e-300)
     share = np.clip(np.sum((head - line[:-1]) * edges, axis=1) / square, 0.0, 1.0)
@@ -69,7 +71,7 @@ def _ahead_on(line: FloatArray, head: FloatArray, direction: FloatArray, reach: 
     here = arc[k] + share[k] * np.sqrt(square[k])
     there = here + (reach if edges[k] @ direction >= 0.0 else -reach)
     place = np.array([np.interp(there, arc, x) for x in line.T])
-    # Beyond an end of the line: straight on.
+    # Beyond an end, the line continues straight.
     beyond = there - float(np.clip(there, 0.0, arc[-1]))
     last = edges[-1] / np.sqrt(square[-1]) if beyond > 0.0 else edges[0] / np.sqrt(square[0])
     return np.asarray(place + beyond * last)

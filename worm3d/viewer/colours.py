@@ -25,17 +25,17 @@ HORIZON: Colour = (0.85, 0.10, 0.62)
 
 
 def strain_limit(strain: FloatArray) -> float:
-    """Return the strain at full colour: the largest strain, at least 0.05."""
+    """Return the strain at which colours have their full intensity, i.e. the largest strain, but at least 0.05."""
     return max(float(np.abs(strain).max(initial=0.0)), 0.05)
 
 
 def strain_colour(strain: FloatArray, limit: float) -> FloatArray:
-    """Return red, green, blue, shape (..., 3): red is shorter, blue is longer, skin-coloured is at rest."""
+    """Return the colours of chambers, shape (..., 3). Shorter chambers are red, and longer chambers are blue."""
     share = np.clip(np.asarray(strain) / limit, -1.0, 1.0)[..., None]
     end = np.where(share < 0.0, np.array(SHORT_CHAMBER), np.array(LONG_CHAMBER))
     return np.asarray(np.array(RESTING_CHAMBER) + np.abs(share) * (end - np.array(RESTING_CHAMBER)))
 
 
 def as_hex(colour: Colour) -> str:
-    """Return "#rrggbb"."""
+    """Return a colour as a text "#rrggbb"."""
     return "#" + bytes(round(255 * part) for part in colour).hex()

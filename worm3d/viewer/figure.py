@@ -180,7 +180,7 @@ class Stage:
 
     @property
     def limits(self) -> list[tuple[float, float]]:
-        """Limits of the axes, which change if the views follow the worm."""
+        """Limits of the axes. They change if the views follow the worm."""
         return [limits for axes in self.axes for limits in (axes.get_xlim(), axes.get_ylim())]
 
     def _draw_world(self, axes: Axes, view: Projection, index: int) -> None:

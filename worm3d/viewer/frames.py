@@ -30,54 +30,57 @@ _SHAPES: dict[str, tuple[int | str, ...]] = {
     "path": ("P", 3),
     "centreline": ("C", 3),
 }
-"""Shapes of the arrays: a letter is a size that is the same everywhere, and "N+1" means N plus one."""
+"""Shapes of the arrays. A letter is a size that is the same in all arrays, and "N+1" means N plus one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frames:
-    """The worm at T instants; frozen, validated, with read-only arrays. N segments, joint 0 is the tail.
+    """A worm of N segments at T instants; frozen, validated, with read-only arrays. Joint 0 is the tail.
 
     Raises
     ------
     ValueError
-        An array of the wrong shape, or a value that is not finite.
+        An array has the wrong shape, or a value is not finite.
     """
 
     time: FloatArray
-    """Shape (T,): instants, increasing [s]."""
+    """Increasing times, shape (T,) [s]."""
     joints: FloatArray
-    """Shape (T, N+1, 3): joints, from the tail to the head [m]."""
+    """Joints from the tail to the head, shape (T, N+1, 3) [m]."""
     apexes: FloatArray
-    """Shape (T, N, 6, 3): apexes in the order L-below, L-above, L-outward, R-below, R-above, R-outward [m]."""
+    """Apexes in the order L-below, L-above, L-outward, R-below, R-above, R-outward, shape (T, N, 6, 3) [m]."""
     directors: FloatArray
-    """Shape (T, N, 3): unit directors d of the segments, normal to them, to the left."""
+    """Directors d of the segments, which are unit vectors normal to the segments, to the left, shape (T, N, 3)."""
     chamber_strain: FloatArray
-    """Shape (T, N, 2): length of the left and the right chamber over the rest length, less 1; sets the colour."""
+    """Strain (length over rest length, minus 1) of the left and the right chambers, shape (T, N, 2). It sets their
+    colours."""
     faces: FloatArray | None = None
-    """Shape (T, N, 2, 3): contact points of the tail and the head end of each segment [m]."""
+    """Contact points at the tail end and the head end of each segment, shape (T, N, 2, 3) [m]."""
     contact_force: FloatArray | None = None
-    """Shape (T, N, K, 3): forces of the world on the K contact points of a segment: 6 apexes, and then the faces, if
-    given [N]."""
+    """Forces of the world on the K contact points of a segment, shape (T, N, K, 3) [N]. The contact points are the 6
+    apexes, and then the 2 points of `faces` if they are given."""
     anchored: NDArray[np.bool_] | None = None
-    """Shape (T, N, K): whether a contact point sticks."""
+    """Whether each contact point sticks, shape (T, N, K)."""
     face_radius: FloatArray | None = None
-    """Shape (2,): radii of the discs across tail and head that the worm stands on; None without discs [m]."""
+    """Radii of the end faces of the worm, discs with contact points, at tail and head, shape (2,) [m]. None if the worm
+    has no end faces."""
     com: FloatArray | None = None
-    """Shape (T, 3): centre of mass [m]; gives the speed."""
+    """Centre of mass, shape (T, 3) [m]. The displayed speed is computed from it."""
     trail: FloatArray | None = None
-    """Shape (T, 3): drawn path of the centre of mass, e.g. on the ground; `com` if left out [m]."""
+    """Drawn path of the centre of mass, for example on the ground, shape (T, 3) [m]. The default is `com`."""
     reference_speed: FloatArray | None = None
-    """Shape (T,): speed that the controller had to keep, shown beside the speed [m/s]."""
+    """Speed that the controller had to keep, shown beside the speed, shape (T,) [m/s]."""
     period: float | None = None
-    """Commanded period [s]: the speed shown is an average over a period, since a wave rocks the centre of mass."""
+    """Commanded period [s]. The displayed speed is averaged over a period because the centre of mass oscillates with
+    each wave."""
     path: FloatArray | None = None
-    """Shape (P, 3): reference path to draw [m]."""
+    """Reference path to draw, shape (P, 3) [m]."""
     centreline: FloatArray | None = None
-    """Shape (P, 3): centre line of the pipe, for the camera inside the pipe [m]."""
+    """Centre line of the pipe, for the camera inside the pipe, shape (C, 3) [m]."""
     horizon: FloatArray | None = None
-    """Shape (T, H, 3): points the controller expects to pass [m]."""
+    """Points that the controller expects to pass, shape (T, H, 3) [m]."""
     world: tuple[WorldMesh, ...] = ()
-    """Surroundings."""
+    """Meshes of the surroundings."""
 
     def __post_init__(self) -> None:
         sizes: dict[int | str, int | str] = {"K": 6 if self.faces is None else 8}
@@ -102,17 +105,17 @@ class Frames:
 
     @property
     def segments(self) -> int:
-        """N."""
+        """Number of segments N."""
         return int(self.directors.shape[1])
 
     @property
     def contacts(self) -> FloatArray:
-        """Contact points of the segments: apexes, and then faces, if given, shape (T, N, K, 3) [m]."""
+        """Contact points of the segments, shape (T, N, K, 3) [m]. They are the apexes, and then `faces` if given."""
         return self.apexes if self.faces is None else np.concatenate([self.apexes, self.faces], axis=2)
 
     @property
     def body_length(self) -> float:
-        """Length along the joints in the first frame [m]."""
+        """Length of the line through the joints in the first frame [m]."""
         return float(np.linalg.norm(np.diff(self.joints[0], axis=0), axis=1).sum())
 
     @property
@@ -122,12 +125,12 @@ class Frames:
 
     @property
     def way(self) -> FloatArray | None:
-        """Drawn path of the centre of mass: `trail`, or else `com`, shape (T, 3) [m]."""
+        """Drawn path of the centre of mass, `trail` if given and otherwise `com`, shape (T, 3) [m]."""
         return self.com if self.trail is None else self.trail
 
     @property
     def heading(self) -> FloatArray:
-        """Horizontal unit direction of the first frame's chord from tail to head, shape (3,); +x if vertical."""
+        """Horizontal unit vector from tail to head in the first frame, or +x if the worm is vertical, shape (3,)."""
         chord = self.joints[0, -1] - self.joints[0, 0]
         flat = np.array([chord[0], chord[1], 0.0])
         size = float(np.linalg.norm(flat))
@@ -135,19 +138,19 @@ class Frames:
 
     @property
     def axes(self) -> FloatArray:
-        """Unit vectors along the heading, to the left, and up (z), as rows, shape (3, 3)."""
+        """Unit vectors along `heading`, to the left, and up (z), as rows, shape (3, 3)."""
         ahead = self.heading
         return np.array([ahead, [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
 
     @property
     def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Least and greatest coordinates of the worm in all frames along `axes`, each of shape (3,) [m]."""
+        """Smallest and largest coordinates of the worm in all frames along `axes`, each of shape (3,) [m]."""
         points = np.concatenate([self.joints.reshape(-1, 3), self.apexes.reshape(-1, 3)]) @ self.axes.T
         return points.min(axis=0), points.max(axis=0)
 
     @property
     def speed(self) -> FloatArray | None:
-        """Speed of the centre of mass, a mean over `speed_window`, shape (T,) [m/s]."""
+        """Mean speed of the centre of mass over `speed_window`, shape (T,) [m/s]."""
         if self.com is None or len(self) < 2:
             return None
         before, after = self.speed_window
@@ -156,12 +159,18 @@ class Frames:
 
     @property
     def speed_window(self) -> tuple[FloatArray, FloatArray]:
-        """Begin and end of the interval that `speed` averages over, half a `period` to either side, each (T,) [s]."""
+        """Begin and end of the interval for the mean of `speed`, each of shape (T,) [s].
+
+        The interval extends by half a `period` to both sides, and is cut at the start and the end of the run.
+        """
         half = 0.5 * max(self.period or 0.0, 2.0 * float(np.diff(self.time).max(initial=0.0)))
         return np.maximum(self.time - half, self.time[0]), np.minimum(self.time + half, self.time[-1])
 
     def mean_over_period(self, values: FloatArray) -> FloatArray:
-        """Return means of values, shape (T,), over half a `period` to both sides; equally less near the ends."""
+        """Return the means of values over half a `period` to both sides, shape (T,).
+
+        Near the start and the end of the run, the interval is shorter on both sides by the same amount.
+        """
         ends = np.minimum(self.time - self.time[0], self.time[-1] - self.time)
         half = np.minimum(ends, 0.5 * (self.period or 0.0))
         if not half.any():
@@ -170,14 +179,17 @@ class Frames:
         return np.where(half > 0.0, (after - before) / np.maximum(2.0 * half, 1e-300), values)
 
     def take(self, indices: Sequence[int]) -> Frames:
-        """Return some of the frames, in the order of `indices`, which must increase."""
+        """Return the frames with the given indices, which must increase."""
         rows = np.asarray(indices, dtype=int)
         names = ["anchored", *(name for name, shape in _SHAPES.items() if shape[0] == "T")]
         return replace(self, **{name: getattr(self, name)[rows] for name in names if getattr(self, name) is not None})
 
 
 def instants(time: FloatArray, fps: float) -> list[int]:
-    """Return the indices nearest to 0, 1/fps, 2/fps, … s after the first, each once; the last always."""
+    """Return the indices of the instants nearest to 0, 1/fps, 2/fps, … s after the first instant.
+
+    No index is repeated, and the last instant is always included.
+    """
     arguments.number("fps", fps, gt=0.0, allowed="a finite number above 0 of frames a second")
     wanted = np.arange(time[0], time[-1], 1.0 / fps)
     right = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))

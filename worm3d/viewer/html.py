@@ -1,4 +1,4 @@
-"""One page that plays the run in any browser, without a network: meshcat's scene and a page around it."""
+"""A page that plays a run in any browser without a network. It consists of meshcat's scene and controls around it."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ def write_html(
     skin: bool = True,
     title: str = "worm3d",
 ) -> None:
-    """Write the run as one self-contained HTML file; the same frames give the same bytes.
+    """Write the run as a self-contained HTML file. The same frames always give the same bytes.
 
-    The page's address may select the first view:
-    `viewer.html#t=2.5&camera=top&hide=skin,trail&show=links&world=0.3&play=1&bare=1`; cameras are side, top, follow and
-    inside, the layers are those in `LAYERS`, `world` is the world's opacity (0.5 as given), `bare` shows only the
-    scene.
+    The address of the page may set the first view, for example
+    `viewer.html#t=2.5&camera=top&hide=skin,trail&show=links&world=0.3&play=1&bare=1`. The cameras are side, top, follow
+    and inside. The names after `hide` and `show` are the layers in `LAYERS`. `world` is the opacity of the world, where
+    0.5 is the opacity of the meshes as given. `bare` shows only the scene, without controls.
 
     Parameters
     ----------
     frames : Frames
-        Frames to show, with straight motion in between; `Frames.take` selects fewer frames.
+        Frames to show. The motion between two frames is linear. `Frames.take` selects fewer frames.
     path : str or Path
-        File to write; an existing file is replaced.
+        File to write. An existing file is replaced.
     skin : bool
-        Whether a smooth skin covers the worm. The skin can be hidden to show chambers and links; without a skin these
-        are visible from the start.
+        Whether a smooth skin covers the worm. The skin can be hidden on the page to show chambers and links. Without a
+        skin, they are visible from the start.
     title : str
         Title on the page.
     """
@@ -79,7 +79,7 @@ def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
 
 @dataclass(frozen=True)
 class NotebookView:
-    """The value of a notebook cell that displays a page; the page is part of the notebook and needs no server."""
+    """The value of a notebook cell that displays a page. The page is stored in the notebook and needs no server."""
 
     page: str = field(repr=False)
     """HTML of the page."""
@@ -101,30 +101,30 @@ class NotebookView:
 
 
 def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
-    """Return meshcat's packed commands: the stage, every piece in the first pose, and then the motion of all pieces."""
+    """Return packed commands of meshcat that set the stage, place all pieces in the first frame, and define motions."""
     placed = (command for part in parts for command in recorder.place(part))
     motion = recorder.animate(parts, frames.time - frames.time[0])
     return [recorder.packed(command) for command in (*recorder.stage(), *placed, motion)]
 
 
 def filled(template: str, *inner: str, **parts: str) -> str:
-    """Return a template of the folder `page`, filled with parts and with the policy of the page.
+    """Return a template of the folder `page` whose placeholders are replaced by `parts` and by the policy of the page.
 
-    The template is filled in one pass, so that a part may contain text that looks like the name of another part.
-    `inner` are pages in frames of this page.
+    All parts are inserted in a single pass, so that a part may contain text that looks like a placeholder. `inner` are
+    pages that this page contains in frames.
     """
-    later = {"policy": "{{policy}}"}  # the first placeholder that the page contains
+    later = {"policy": "{{policy}}"}  # stays in place in this pass, because the policy depends on the filled page
     page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], resource(template))
     return page.replace("{{policy}}", policy.of_page(page, *inner), 1)
 
 
 def resource(name: str) -> str:
-    """Return a file of the folder `page`."""
+    """Return the text of a file of the folder `page`."""
     return files("worm3d.viewer").joinpath("page", name).read_text(encoding="utf-8")
 
 
 def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None) -> dict[str, Any]:
-    """Return the data of the page besides meshcat's commands."""
+    """Return the data of the page, except for meshcat's commands."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
     ahead = frames.heading
@@ -159,7 +159,7 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None
 
 
 def _skin(skin: Skin) -> dict[str, Any]:
-    """Return the page's data of the skin: the sections, and the weights of their points and colours."""
+    """Return the data of the skin for the page: the sections, and the weights of their points and colours."""
     return {
         "sections": _floats(skin.sections),
         "tint": _floats(skin.tint),
@@ -170,7 +170,10 @@ def _skin(skin: Skin) -> dict[str, Any]:
 
 
 def _layers(parts: list[Piece], where: str) -> list[dict[str, Any]]:
-    """Return the switches, off for layers that the skin covers. `where` is a note on the place of the trail."""
+    """Return the switches of the layers on the page. Layers that the skin covers are off at first.
+
+    `where` is a text that is added to the name of the trail.
+    """
     first = {part.layer: part.colour for part in reversed(parts)}
     covered = ("links", "chambers") if "skin" in first else ()
     return [

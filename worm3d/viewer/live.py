@@ -1,4 +1,4 @@
-"""The simulated worm live in the browser, through meshcat's server; a server started here stops with this process."""
+"""Live view of the simulated worm in a browser, through a meshcat server. The server stops with this process."""
 
 from __future__ import annotations
 
@@ -18,35 +18,37 @@ from worm3d.viewer.pieces import Scales
 from worm3d.viewer.world import WorldMesh
 
 STARTUP = 60.0
-"""Longest start of a server [s]: 1 s on an idle machine; a busy machine takes many times as long. Half would give up on
-busy machines; double would make the user wait for a server that has stopped."""
+"""Longest time to wait for a server to start [s]. An idle machine needs 1 s, and a busy machine many times as long.
+With half this value, the view might fail on a busy machine. With double, the user would wait longer for a server that
+has failed."""
 
 UNANSWERED = 200
-"""Largest number of unanswered commands at a time; the server drops answers beyond a thousand."""
+"""Largest number of commands that are sent before their answers are read. The server drops answers if there are more
+than a thousand."""
 
 _LOG = logging.getLogger(__name__)
 
 SERVER = Path(__file__).with_name("server.py")
-"""Program of the server, run as a file."""
+"""File with the program of the server."""
 
 
 class LiveView:
-    """A window in the browser that shows the current state of the worm; for use in a `with` statement.
+    """A window in the browser that shows the current state of the worm. Use it in a `with` statement.
 
-    The window shows chambers, links and end faces, which only have to be moved; a skin, as on the page of a result,
-    would have to be sent again for each picture.
+    The window shows chambers, links and end faces, because these only have to be moved. A skin, as on the page of a
+    result, would have to be sent again for each picture.
 
     Parameters
     ----------
     world : sequence of WorldMesh
-        Surroundings of the worm, sent once.
+        Surroundings of the worm, which are sent only once.
     address : str, optional
-        Address of the command socket of a running meshcat server, e.g. "tcp://127.0.0.1:6000"; if left out, a new
-        server is started, and `close` stops this server.
+        Address of the command socket of a running meshcat server, for example "tcp://127.0.0.1:6000". By default, a new
+        server is started, and `close` stops it.
     scales : Scales, optional
-        Meaning of colours and lengths of arrows.
+        Scales of colours and of force arrows.
     timeout : float
-        Longest wait for an answer of the server [s].
+        Longest time to wait for an answer of the server [s].
 
     Raises
     ------
@@ -94,7 +96,7 @@ class LiveView:
         if not self._placed:
             self._window.send(recorder.stand(frames.axes, frames.body_length))
         for part in parts:
-            # The server keeps every colour it receives until the piece is placed again.
+            # The server stores every colour that it receives until the piece is placed again.
             stale = part.tint is not None and self._shown % 500 == 0
             if stale or part.path not in self._placed:
                 self._window.send(*recorder.place(part))
@@ -109,7 +111,7 @@ class LiveView:
         self._window.settle()
 
     def close(self) -> None:
-        """Close the connection, and stop the server if started here; may be called twice."""
+        """Close the connection, and stop the server if this view has started it. It may be called several times."""
         self._closed = True
         self._opened.close()
 
@@ -121,9 +123,9 @@ class LiveView:
 
 
 class Connection:
-    """A connection to a meshcat server, with a timeout instead of an endless wait.
+    """A connection to a meshcat server, with a timeout for answers.
 
-    Commands do not wait for single answers, which would take most of the time.
+    Commands are sent without waiting for each answer, because waiting would take most of the time.
     """
 
     def __init__(self, address: str, timeout: float) -> None:
@@ -143,7 +145,7 @@ class Connection:
             ) from error
 
     def ask(self, question: str) -> str:
-        """Return the answer to a question of one word."""
+        """Return the answer to a request of a single word, for example "url"."""
         self.settle()
         self._put([question.encode()])
         return self._answer().decode()
@@ -191,7 +193,8 @@ class Server:
 
     def __init__(self, timeout: float = STARTUP) -> None:
         self._process = subprocess.Popen(
-            # As a file: the package would import the simulator. -P: the neighbouring files must not be imported.
+            # It runs as a file because importing the package would import the simulator. With -P, Python does not
+            # import the neighbouring files.
             [sys.executable, "-P", str(SERVER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -212,7 +215,7 @@ class Server:
         self.address = address[0]
 
     def _read(self) -> None:
-        """Read all output, since the server would wait otherwise; the address comes first."""
+        """Read all output of the server, which would block otherwise. The first lines have the addresses."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines = [*self._lines[-20:], line.strip()]

@@ -1,4 +1,4 @@
-"""The worm and its world at one instant as trimesh meshes, and as a GLB file for other programs."""
+"""The worm and its world at an instant as trimesh meshes, and as a GLB file for other programs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0
 
 
 def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
-    """Return the worm and the surroundings in frame `index`, each piece with a name, z up [m].
+    """Return the worm and its surroundings in frame `index`, with a name for each piece, and z up [m].
 
-    The skin, "skin/skin", covers chambers and links: hide the skin to see them.
+    The skin, with the name "skin/skin", covers chambers and links. Hide the skin to see them.
     """
     shown, scales = frames.take([index]), Scales.of(frames)
     skin = Skin.of(shown, scales.strain).piece()
@@ -38,7 +38,7 @@ def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
 
 
 def glb(frames: Frames, index: int) -> bytes:
-    """Return the scene of frame `index` as a binary glTF file, with y up, as the format requires."""
+    """Return the scene of frame `index` as a binary glTF file, with y up as the format requires."""
     shown = scene(frames, index)
     shown.apply_transform(_Y_UP)  # type: ignore[no-untyped-call]
     return cast(bytes, shown.export(file_type="glb"))  # type: ignore[no-untyped-call]

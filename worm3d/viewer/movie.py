@@ -1,4 +1,4 @@
-"""The worm from the side and from above as a movie: GIF, or MP4 where ffmpeg is found."""
+"""Movies of the worm from the side and from above, as GIF, or as MP4 if ffmpeg is installed."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ from worm3d.viewer.figure import DPI, Stage
 from worm3d.viewer.frames import Frames
 
 Picture = NDArray[np.uint8]
-"""Red, green, blue, shape (height, width, 3)."""
+"""A picture as red, green and blue values, shape (height, width, 3)."""
 
 
 def write_movie(frames: Frames, path: str | Path, *, fps: float = 20.0) -> tuple[Figure, tuple[Axes, Axes]]:
-    """Write the run in real time and return the last figure; `.gif` by Pillow, `.mp4` by ffmpeg.
+    """Write a movie of the run in real time, and return the figure with the last frame and its axes.
+
+    Pillow writes `.gif` files, and ffmpeg writes `.mp4` files.
 
     Raises
     ------
     ValueError
-        A file name that does not end in .gif or .mp4, or frames per second that are not above 0.
+        The file name does not end in .gif or .mp4, or `fps` is not above 0.
     FileNotFoundError
-        MP4 requested, but no ffmpeg on this machine.
+        ffmpeg is missing for an MP4 file.
     """
     arguments.number("fps", fps, gt=0.0, allowed="a finite number above 0 of frames a second")
     suffix = Path(path).suffix.lower()
@@ -46,14 +48,17 @@ def write_movie(frames: Frames, path: str | Path, *, fps: float = 20.0) -> tuple
     interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1.0 / fps
     stage = Stage(frames)
     instants = np.arange(frames.time[0], frames.time[-1] + 0.5 * interval, interval)
-    indices = [int(np.abs(frames.time - instant).argmin()) for instant in instants]  # a frame that lasts comes again
+    indices = [int(np.abs(frames.time - instant).argmin()) for instant in instants]  # a frame may be repeated
     write = _write_gif if suffix == ".gif" else _write_mp4
     write(stage, indices, Path(path), interval)
     return stage.figure, stage.axes
 
 
 def pictures(stage: Stage, indices: Iterable[int]) -> Iterator[Picture]:
-    """Draw some frames; the axes, on which matplotlib spends most of the time, are drawn only where they move."""
+    """Draw some frames, and yield their pictures.
+
+    Drawing the axes takes most of the time. They are drawn again only if their limits have changed.
+    """
     canvas: Any = stage.figure.canvas  # matplotlib has no types for it
     still, limits = None, None
     for index in indices:

@@ -11,7 +11,7 @@ from worm3d.viewer.shapes import Mesh
 from worm3d.viewer.world import Colour
 
 HIDDEN = 1e-6
-"""Scale of a hidden piece; 0 would have no inverse, which the lighting needs."""
+"""Scale of a hidden piece. It is not 0, because the lighting needs the inverse of the transform."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,21 +26,21 @@ class Piece:
     on_top: bool = False
     """Whether the piece is visible through everything else."""
     position: FloatArray | None = None
-    """Shape (T, 3): place [m]; a piece without places stays at the origin."""
+    """Position in every frame, shape (T, 3) [m]. None means the origin."""
     turn: FloatArray | None = None
-    """Shape (T, 3, 3): rotation matrices."""
+    """Rotation matrix in every frame, shape (T, 3, 3). None means no rotation."""
     scale: FloatArray | None = None
-    """Shape (T, 3): factors along the axes of the piece."""
+    """Scale factors along the axes of the piece in every frame, shape (T, 3). None means 1."""
     tint: FloatArray | None = None
-    """Shape (T, 3): colour in every frame."""
+    """Colour in every frame, shape (T, 3), instead of `colour`."""
     stepped: bool = False
-    """Whether the scale changes at the frames, not between them."""
+    """Whether the scale changes suddenly at a frame, instead of gradually between two frames."""
     paint: FloatArray | None = None
-    """Shape (V, 3): colours of the vertices, instead of `colour`."""
+    """Colours of the vertices, shape (V, 3), instead of `colour`."""
 
     @property
     def layer(self) -> str:
-        """First part of the path."""
+        """Name of the layer, the first part of the path."""
         return self.path.split("/", 1)[0]
 
     def matrix(self, frame: int) -> FloatArray:
@@ -63,9 +63,9 @@ class Piece:
 
 
 def y_onto(direction: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return the rotations that turn y onto `direction`, and x as near to `normal` as possible, shape (..., 3, 3).
+    """Return the rotations that turn y to `direction`, and x as near to `normal` as possible, shape (..., 3, 3).
 
-    Both have shape (..., 3) and are not parallel; neither needs unit length.
+    `direction` and `normal` have the shape (..., 3). They must not be parallel, and need not be unit vectors.
     """
     y = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     x = normal - np.sum(normal * y, axis=-1, keepdims=True) * y
@@ -74,6 +74,6 @@ def y_onto(direction: FloatArray, normal: FloatArray) -> FloatArray:
 
 
 def any_normal(direction: FloatArray) -> FloatArray:
-    """Return a vector that is not parallel to `direction`, shape (..., 3): x, or y if `direction` is near x."""
+    """Return a vector that is not parallel to `direction`, shape (..., 3). It is x, or y if `direction` is near x."""
     along_x = np.abs(direction[..., :1]) > 0.7 * np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.where(along_x, np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))

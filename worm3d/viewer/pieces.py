@@ -1,4 +1,4 @@
-"""The worm, the contact forces and the paths, as pieces of a scene; sizes are fractions of the body."""
+"""The worm, the contact forces and the paths as pieces of a scene. Sizes are proportional to the body length."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ LAYERS: dict[str, tuple[str, Colour]] = {
     "horizon": ("horizon", colours.HORIZON),
     "world": ("world", GROUND),
 }
-"""Layers by their names in paths: displayed name and colour."""
+"""Displayed name and colour of each layer, by the name of the layer in the paths of pieces."""
 
 ON_TOP = ("forces", "anchors", "horizon")
 """Layers whose pieces are visible through everything else."""
 
 ARROW = 0.2
-"""Approximate length of the arrow of `Scales.force` in body lengths; the length is 1, 2 or 5 times a power of ten
-[m]."""
+"""Approximate length of the arrow for the force `Scales.force`, in body lengths. The exact length is 1, 2 or 5 times a
+power of ten [m]."""
 TRAIL_SIDES = 6
-"""Corners of the trail's cross-section."""
+"""Number of corners of the cross-section of the trail."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Meaning of colours and lengths."""
+    """Scales of colours and force arrows."""
 
     strain: float = 0.45
-    """Strain at full colour."""
+    """Strain at which the colour of a chamber has its full intensity."""
     force: float = 0.2
-    """Force [N] drawn as an arrow of `arrow_length`."""
+    """Force that is drawn as an arrow of the length `arrow_length` [N]."""
 
     @classmethod
     def of(cls, frames: Frames) -> Scales:
-        """Return scales that suit all frames: a round force that exceeds most forces."""
+        """Return scales for all frames. The strain is the largest strain, and the force exceeds 98 % of the forces."""
         return cls(colours.strain_limit(frames.chamber_strain), _round_force(frames.contact_force))
 
 
@@ -65,25 +65,29 @@ def _round_force(force: FloatArray | None) -> float:
 
 
 def arrow_length(body_length: float) -> float:
-    """Return the length of the arrow of `Scales.force` [m]."""
+    """Return the length of the arrow for the force `Scales.force` [m]."""
     return rounded_up(0.9 * ARROW * body_length)
 
 
 def rounded_up(value: float) -> float:
-    """Return the next number that is 1, 2 or 5 times a power of ten."""
+    """Return the smallest number that is 1, 2 or 5 times a power of ten and not below a value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * value))
 
 
 def worm(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return the links, the chambers and the end faces."""
+    """Return the pieces of the worm: links, chambers and end faces."""
     body = Body.of(frames)
     thick = 0.055 * float(body.height[0].mean())
     return [*_links(body.links(frames), thick), *_chambers(body, frames.chamber_strain, scales), *_faces(frames, body)]
 
 
 def _pieces(layer: str, meshes: Mapping[str, Mesh], **poses: Any) -> list[Piece]:
-    """Return the P pieces of a layer from their meshes by name, and from `Piece`'s arrays of shape (T, P, ...)."""
+    """Return the P pieces of a layer.
+
+    `meshes` has their meshes by name. `poses` has fields of `Piece` (position, turn, scale, tint) for all pieces, with
+    shapes (T, P, ...).
+    """
     pieces = []
     for k, (name, mesh) in enumerate(meshes.items()):
         own = {pose: array[:, k] for pose, array in poses.items()}
@@ -104,10 +108,10 @@ def _links(bars: Bars, thick: float) -> list[Piece]:
 
 
 def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
-    """Return an ellipsoid for each chamber, with the long axis y along t, x to the left, z down."""
+    """Return an ellipsoid for each chamber, with its axis y along the segment, x to the left and z down."""
     count, segments = strain.shape[:2]
     meshes = dict.fromkeys((f"{i:02d}-{side}" for i in range(segments) for side in "LR"), shapes.ball())
-    # Of half the diagonals of the linkage; 0.71 touches the links.
+    # The semi-axes are 0.74 times half the diagonals of the linkage. With 0.71, the ellipsoid would touch the links.
     half = 0.74 * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
     return _pieces(
         "chambers",
@@ -120,7 +124,7 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
 
 
 def _faces(frames: Frames, body: Body) -> list[Piece]:
-    """Return the discs across the tail and the head that the worm stands on."""
+    """Return the end faces of the worm as discs, or no pieces if it has none."""
     if frames.face_radius is None:
         return []
     discs = (shapes.disc(radius, 0.05 * radius) for radius in frames.face_radius)
@@ -159,14 +163,18 @@ def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, bod
 
 
 def _marks(layer: str, mesh: Mesh, seen: NDArray[np.bool_], **poses: FloatArray) -> list[Piece]:
-    """Return the pieces of equal marks, without those never `seen`, shape (T, P); a single frame has them all."""
+    """Return the pieces of marks with the same mesh. Marks that are never visible are left out.
+
+    `seen` says whether each mark is visible in each frame, shape (T, P). If there is only one frame, all marks are
+    included.
+    """
     shown = np.flatnonzero(seen.any(axis=0) | (len(seen) == 1))
     meshes = dict.fromkeys((f"{k:03d}" for k in shown), mesh)
     return _pieces(layer, meshes, **{name: array[:, shown] for name, array in poses.items()})
 
 
 def way(frames: Frames) -> list[Piece]:
-    """Return the path of the centre of mass, the reference path and the controller's horizon."""
+    """Return the trail of the centre of mass, the reference path, and the points of the controller's horizon."""
     pieces = []
     size = frames.body_length
     if frames.way is not None:
@@ -185,9 +193,9 @@ def way(frames: Frames) -> list[Piece]:
 
 
 def trail_rings(com: FloatArray, body_length: float) -> tuple[list[int], list[int]]:
-    """Return the frames on the trail, and for every frame the number of trail frames already passed.
+    """Return the frames whose centres of mass are points of the trail, and the number of points passed in each frame.
 
-    Frames with little motion are left out, since a worm at rest would crowd one place with rings.
+    Frames with little motion are left out, because a worm at rest would put many rings at the same place.
     """
     kept, passed = [0], []
     for k, place in enumerate(com):
@@ -198,7 +206,7 @@ def trail_rings(com: FloatArray, body_length: float) -> tuple[list[int], list[in
 
 
 def world(meshes: tuple[WorldMesh, ...]) -> list[Piece]:
-    """Return the meshes of the world."""
+    """Return the meshes of the world as pieces."""
     return [
         Piece(
             path=f"world/{k:02d}-{mesh.name.replace('/', '-') or 'mesh'}",

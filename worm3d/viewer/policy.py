@@ -1,6 +1,6 @@
-"""Content security policies: a page runs only its own scripts, and sends no requests to other hosts.
+"""Content security policies, with which a page runs only its own scripts and sends no requests to other hosts.
 
-Markup that is smuggled in by a title or a scene could then only look odd.
+If a title or a scene contained malicious markup, this markup could then not run code.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ import re
 
 _NOTHING_ELSE = "default-src 'none'; base-uri 'none'; form-action 'none'"
 _STYLES = "style-src 'self' 'unsafe-inline'"
-"""Rule for styles: meshcat writes the styles of the controls into the page."""
+"""Rule for styles. Inline styles are allowed because meshcat writes the styles of its controls into the page."""
 
 
 def of_page(page: str, *inner: str) -> str:
-    """Return the policy of a self-contained page: the current scripts of the page, and data within the page.
+    """Return the policy of a self-contained page, which allows its present scripts and images from data in the page.
 
-    The pages `inner`, which are in frames of the page as text, obey this policy besides their own policies.
+    `inner` are pages that the page contains in frames. They have to obey this policy and their own policies.
     """
     return f"{_NOTHING_ELSE}; script-src {_hashes(''.join((page, *inner)))}; {_STYLES}; img-src data: blob:"
 
 
 def of_server(page: str, hosts: list[str]) -> str:
-    """Return the policy of a page of meshcat's server: the page's scripts, and connections to these hosts."""
+    """Return the policy of a page of meshcat's server, which allows its scripts, and connections to `hosts`."""
     # Policies do not support IPv6 addresses.
     sockets = " ".join(f"ws://{host}" for host in hosts if "[" not in host)
     return (

@@ -1,9 +1,9 @@
-"""Commands for meshcat's viewer, made from pieces as in `meshcat.commands`.
+"""Commands for meshcat's viewer from pieces, in the same form as from the Python module `meshcat.commands`.
 
-Only the browser viewer of meshcat 0.3.2 is used. The Python side of meshcat imports a web server and IPython, makes
-random identifiers, and repeats the key times of an animation in lists of objects. Here identifiers follow from the
-paths, so that the same frames give the same bytes. Tracks are sent as packed arrays, which three.js also accepts and
-which take a tenth of the size.
+Only the browser viewer of meshcat 0.3.2 is used. The Python package is not used because it imports a web server and
+IPython, makes random identifiers, and writes animations as long lists of objects. Here, identifiers are computed from
+the paths, so that the same frames give the same bytes. The tracks of an animation are sent as packed arrays, which
+three.js also accepts and which take a tenth of the size.
 """
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ from worm3d.viewer.colours import as_hex
 from worm3d.viewer.piece import Piece
 
 Content = dict[str, Any]
-"""A part of a command, in the form that is packed."""
+"""A command or a part of it, before it is packed."""
 
 _ROOT = "/meshcat"
 _STANDING = np.eye(4).ravel().tolist()
 _ARRAY_TYPES = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
-"""Types of packed arrays: name in three.js, and the type number in meshcat's viewer."""
+"""Name in three.js, and type number in meshcat's viewer, of each type of packed arrays."""
 
 CAPTION_AT = (0.0, 0.68, -1.0)
-"""Place of the square with a caption in the middle, before the camera, which sees from -0.77 to 0.77."""
+"""Position of the square with the caption, relative to the camera. At this distance the camera sees heights from -0.77
+to 0.77."""
 
 _CAMERA = "/Cameras/default/rotated/<object>"
 
 
 def packed(content: Content) -> bytes:
-    """Return the content of a command in the form for transmission."""
+    """Return a command as bytes for transmission."""
     message: bytes = umsgpack.packb(content)
     return message
 
@@ -43,7 +44,7 @@ def packed(content: Content) -> bytes:
 def _show(
     path: str, geometry: Content, material: Content, textures: tuple[Content, ...] = (), order: int = 0
 ) -> Content:
-    """Return the command that puts a mesh at a path; meshes with a higher `order` are drawn later."""
+    """Return the command that puts a mesh at a path. Meshes with a higher `order` are drawn later."""
     ids = {part: f"{path}:{part}" for part in ("geometry", "material")}
     command = _object(path, type="Mesh", **ids, matrix=_STANDING, renderOrder=order)
     command["object"]["geometries"] = [{"uuid": ids["geometry"], **geometry}]
@@ -53,7 +54,7 @@ def _show(
 
 
 def _object(path: str, **properties: Any) -> Content:
-    """Return the command that puts an object at a path, as a scene of three.js with nothing else."""
+    """Return the command that puts an object at a path. The object is sent as a scene of three.js."""
     about = {"version": 4.5, "type": "Object"}
     scene = {"metadata": about, "geometries": [], "materials": [], "object": {"uuid": path, **properties}}
     return {"type": "set_object", "object": scene, "path": path}
@@ -78,7 +79,7 @@ def _binary(values: NDArray[Any], form: str = "<f4") -> Any:
 
 
 def _track(name: str, form: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
-    """Return a track; a track with constant values keeps the first key only."""
+    """Return a track of an animation. If the values are constant, the track has only the first key."""
     if (values == values[0]).all():
         time, values = time[:1], values[:1]
     track = {"name": name, "type": form, "times": _binary(time), "values": _binary(values)}
@@ -97,7 +98,7 @@ def stage() -> list[Content]:
         _property("/Background", "bottom_color", [0.72, 0.76, 0.80]),
         _object("/Lights/Sky", **sky),
         _object("/Lights/Sun", **sun),
-        # The viewer makes every object cast shadows, which a sky light cannot do and nobody needs.
+        # The viewer makes every object cast shadows, but a sky light cannot do so.
         _property("/Lights/Sky/<object>", "castShadow", False),
         _property("/Lights/Sun/<object>", "castShadow", False),
     ]
@@ -108,7 +109,7 @@ def _at(piece: Piece) -> str:
 
 
 def place(piece: Piece) -> list[Content]:
-    """Return the commands for the mesh of a piece and the pose of the piece in the first frame."""
+    """Return the commands that place the mesh of a piece with its pose in the first frame."""
     shown = _show(_at(piece), _geometry(piece), _material(piece), order=int(piece.on_top))
     return [shown] if piece.position is None else [shown, _transform(_at(piece), piece.matrix(0))]
 
@@ -137,7 +138,7 @@ def _material(piece: Piece) -> Content:
 
 
 def move(piece: Piece) -> list[Content]:
-    """Return the commands for the pose and the colour of a piece in the piece's first frame."""
+    """Return the commands that set the pose and the colour of a placed piece to the first frame of the given piece."""
     moved = _transform(_at(piece), piece.matrix(0))
     if piece.tint is None:
         return [moved]
@@ -150,20 +151,21 @@ def remove(path: str) -> Content:
 
 
 def caption(text: str) -> list[Content]:
-    """Return the commands that write a line of text at the top of the picture, instead of the last line."""
+    """Return the commands that write a line of text at the top of the picture. It replaces the previous caption."""
     path, picture = f"{_CAMERA}/caption", f"{_CAMERA}/caption:text"
     square = {"type": "PlaneGeometry", "width": 0.6, "height": 0.6}
     material = {"type": "MeshBasicMaterial", "map": picture, "transparent": True, "depthTest": False}
-    # In pixels of a picture 256 wide; longer captions get smaller letters.
+    # The font size is in pixels of a picture 256 pixels wide. Longer captions get smaller letters.
     font = {"font_size": 22, "font_face": "sans-serif"}
     texture = {"uuid": picture, "type": "_text", "text": text, **font}
     return [_show(path, square, material, (texture,)), _moved(path, CAPTION_AT)]
 
 
 def look_at(place: FloatArray) -> Content:
-    """Return the command that makes a place, shape (3,) [m], the origin, which the camera orbits and faces.
+    """Return the command that moves all pieces so that a place, shape (3,) [m], is at the origin.
 
-    The page's camera always turns about the origin: a camera that moved along with the worm would look back.
+    The camera of the page always looks at the origin and turns about it. Therefore the pieces are moved, and not the
+    camera.
     """
     return _moved(_ROOT, -place)
 
@@ -175,16 +177,19 @@ def _moved(path: str, place: ArrayLike) -> Content:
 
 
 def stand(axes: FloatArray, body_length: float) -> Content:
-    """Return the command that puts the camera behind, to the right and above its origin; `axes` as in `Frames`."""
+    """Return the command that puts the camera behind, to the right of and above the origin. `axes` as in `Frames`."""
     x, y, z = (body_length * np.array([-0.45, -0.8, 0.5]) @ axes).tolist()
     return _property(_CAMERA, "position", [x, z, -y])
 
 
 def animate(pieces: list[Piece], time: FloatArray) -> Content:
-    """Return the motion of all pieces, at times (T,) from 0 [s]; the pieces have to be placed before."""
+    """Return the command with the motion of all pieces, which must have been placed before.
+
+    The times have the shape (T,) and start at 0 [s].
+    """
     tracks = {_at(piece): _moves(piece, time) for piece in pieces}
     tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}
-    # One key per second, so that times are in seconds.
+    # With one key per second, times are in seconds.
     clips = [{"path": path, "clip": {"fps": 1, "name": "default", "tracks": of}} for path, of in tracks.items() if of]
     options = {"play": False, "repetitions": 1}
     return {"type": "set_animation", "animations": clips, "options": options, "path": ""}
@@ -202,11 +207,14 @@ def _moves(piece: Piece, time: FloatArray) -> list[Content]:
 
 
 def quaternions(axes: FloatArray) -> FloatArray:
-    """Return the quaternions, shape (..., 4), of rotation matrices, shape (..., 3, 3), stable for all angles."""
+    """Return the quaternions of rotation matrices, shape (..., 4), without loss of accuracy at any angle.
+
+    The matrices have the shape (..., 3, 3).
+    """
     m = axes
     diagonal = np.stack([m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
     trace = diagonal.sum(axis=-1)
-    # Squares of 2 x, 2 y, 2 z, 2 w; the largest is the divisor.
+    # The squares of 2 x, 2 y, 2 z and 2 w. The row of the largest square is used below.
     squares = np.concatenate([1.0 + 2.0 * diagonal - trace[..., None], 1.0 + trace[..., None]], axis=-1)
     symmetric, skew = _pairs(m, 1.0), _pairs(m, -1.0)
     yz, zx, xy = (symmetric[..., k] for k in range(3))
@@ -238,7 +246,7 @@ def _looks(piece: Piece, time: FloatArray) -> list[Content]:
 
 
 def script() -> str:
-    """Return meshcat's viewer, three.js included, from meshcat's wheel."""
+    """Return the script of meshcat's viewer, which includes three.js, from the installed package."""
     spec = find_spec("meshcat")
     assert spec is not None  # a requirement of worm3d
     assert spec.origin is not None

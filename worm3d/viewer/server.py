@@ -1,9 +1,9 @@
-"""meshcat's server as a process of its own: for this machine only, and not longer than the parent process.
+"""Program of a meshcat server that serves only this machine, and stops with the process that started it.
 
-The unmodified server listens on every network interface and survives the parent process. It answers requests for any
-host name (so that a page from elsewhere whose name leads to 127.0.0.1 could look on). It stops answering for good when
-a browser disconnects during a transmission, and keeps unread data for ever. A server that is started by running this
-file does none of that.
+The unmodified server of meshcat has several faults. It listens on every network interface, and goes on when its parent
+process has ended. It answers requests for any host name, so that a page of another host could see the view if its name
+is resolved to 127.0.0.1. It stops answering when a browser disconnects during a transmission, and it stores unread data
+without limit. The server in this file has none of these faults.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ with warnings.catch_warnings():
     from meshcat.servers import zmqserver
 
 MOST_BROWSERS = 8
-"""Largest number of browsers at a time; further browsers are refused.
+"""Largest number of simultaneous browsers. Further browsers are refused.
 
-The server sends each command to each browser: half as many would be enough for one user, twice as many would slow the
-pictures down.
+The server sends each command to each browser. Half as many browsers would be enough for a single user, and twice as
+many would make the view slow.
 """
 
 PING_TIMEOUT = 10.0
-"""Time in which a browser must answer a ping [s]; a browser that reads nothing never answers.
+"""Time in which a browser must answer a ping [s]. A browser that does not read its data never answers.
 
-Half would drop slow browsers that still load a large world; double would let silent browsers keep their places longer.
+With half this value, slow browsers that are loading a large world would be dropped. With double, browsers that do not
+answer would be counted among `MOST_BROWSERS` for longer.
 """
 
 MOST_UNREAD = 32_000_000
-"""Unread bytes, besides the first scene, above which a browser is dropped: a thousand pictures.
-
-Half would be enough; double would waste memory.
+"""Number of unread bytes, in addition to the first scene, above which a browser is dropped. They correspond to about a
+thousand pictures. Half would be enough, and double would waste memory.
 """
 
 LOCAL_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")
@@ -49,7 +49,7 @@ LOCAL_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")
 
 
 class Local:
-    """Mixin of handlers that refuses requests whose host is not a name of this machine."""
+    """Mixin for handlers. It refuses requests whose host is not a name of this machine."""
 
     request: Any
     application: Any
@@ -61,24 +61,24 @@ class Local:
 
 
 class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  # meshcat has no types
-    """meshcat's page and scripts."""
+    """Handler of requests for meshcat's page and scripts."""
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
-        """Return the path of a file, or refuse the path as missing if no file can have such a name."""
+        """Return the path of a file. A path with a null character, which no file can have, is refused as missing."""
         if "\0" in absolute_path:
             raise HTTPError(404)
         found: str | None = super().validate_absolute_path(root, absolute_path)
         return found
 
     def set_extra_headers(self, path: str) -> None:
-        """Add the headers that a browser enforces."""
+        """Add the headers with rules that a browser enforces."""
         super().set_extra_headers(path)
         self.set_header("Content-Security-Policy", _policy(self.application.bridge.fileserver_port))
         self.set_header("X-Content-Type-Options", "nosniff")
 
 
 class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
-    """A browser's connection, which may end at any time; tornado refuses connections from pages of other hosts."""
+    """Connection to a browser, which may end at any time. tornado refuses connections from pages of other hosts."""
 
     _unread, _most, _reads = 0, float("inf"), True
 
@@ -89,7 +89,7 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
             raise HTTPError(503, reason=f"{MOST_BROWSERS} browsers look on already: close one of them")
 
     def open(self) -> None:
-        """Send the scene, however large."""
+        """Send the scene. Its size does not count towards `MOST_UNREAD`."""
         super().open()
         self._most = self._unread + MOST_UNREAD
         self._ask()
@@ -110,7 +110,7 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
         self._reads = True
 
     def on_message(self, message: object) -> None:
-        """Do nothing: an unrequested picture would take the place of an answer."""
+        """Ignore a message of the browser. meshcat would take a picture in it for the answer to a request."""
 
     def on_close(self) -> None:
         """Remove the browser from the pool."""
@@ -129,13 +129,13 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
             self.on_close()
 
     def _sent(self, size: int, sent: Any) -> None:
-        """Record the end of a transmission; an error is ignored, as the end of the connection follows."""
+        """Record the end of a transmission. An error is ignored because the connection is then closed anyway."""
         self._unread, self._reads = self._unread - size, True
         with suppress(Exception):
             sent.exception()
 
     def _drop(self, why: str) -> None:
-        """End the connection, and print the reason; a closing frame would wait behind unread data."""
+        """End the connection and print the reason, without a closing message, which would wait behind unread data."""
         self.on_close()
         _say(f"dropped=a browser was dropped: {why}")
         self.ws_connection.stream.close()
@@ -152,13 +152,13 @@ class LocalBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
         return app
 
     def forward_to_websockets(self, frames: list[bytes]) -> None:
-        """Send a command to all browsers; some browsers may leave meanwhile."""
+        """Send a command to all browsers. Browsers may leave during the loop."""
         for browser in tuple(self.websocket_pool):
             browser.write_message(frames[2], binary=True)
 
 
 def main() -> None:
-    """Serve; print the addresses for commands and for the browser, one line each."""
+    """Run the server. The first lines of output are the addresses for commands and for browsers."""
     bridge = LocalBridge()
     threading.Thread(target=_stop_with_parent, args=(bridge.ioloop,), daemon=True).start()
     _say(f"zmq_url={bridge.zmq_url}\nweb_url={bridge.web_url}")

@@ -1,4 +1,4 @@
-"""Meshes for all parts of the pictures: bars, discs, balls, arrows with y as long axis, and tubes along lines."""
+"""Meshes for the parts of the pictures: bars, discs, balls and arrows about the y axis, and tubes along lines."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from worm3d.values.arrays import FloatArray
 
 
 class Mesh(NamedTuple):
-    """Triangles: vertices (V, 3) [m], and faces (F, 3) of rows of vertices, anticlockwise seen from outside."""
+    """A triangle mesh with vertices, shape (V, 3) [m], and faces, shape (F, 3).
+
+    Faces are rows of `vertices`, anticlockwise seen from outside.
+    """
 
     vertices: FloatArray
     faces: NDArray[np.int64]
 
 
 def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
-    """Return a bar along y, centred, with rounded ends within a radius beyond the length [m]."""
+    """Return a bar along y, centred at the origin, with rounded ends that extend beyond `length` by less than a radius.
+
+    Length and radius are in metres.
+    """
     half = 0.5 * length
     return _turned(
         [(-half - 0.7 * radius, 0.6 * radius), (-half, radius), (half, radius), (half + 0.7 * radius, 0.6 * radius)],
@@ -27,7 +33,7 @@ def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
 
 
 def disc(radius: float, thick: float, *, sides: int = 32) -> Mesh:
-    """Return a disc across y, from the origin to y = `thick`, with a rounded edge there [m]."""
+    """Return a disc normal to y, from y = 0 to y = `thick`, with a rounded edge at y = `thick` [m]."""
     return _turned([(0.0, radius), (0.5 * thick, radius), (thick, radius - 0.5 * thick)], sides)
 
 
@@ -38,12 +44,15 @@ def ball(*, rings: int = 17, sides: int = 28) -> Mesh:
 
 
 def arrow(*, sides: int = 10) -> Mesh:
-    """Return an arrow from the origin to y = 1, 0.1 in radius."""
+    """Return an arrow from the origin to y = 1, whose head has the radius 0.1."""
     return _turned([(0.0, 0.04), (0.7, 0.04), (0.7, 0.1)], sides, tips=(0.0, 1.0))
 
 
 def _turned(profile: list[tuple[float, float]], sides: int, tips: tuple[float, float] | None = None) -> Mesh:
-    """Return the solid of (y, radius) turned about y, with flat ends, or with their middles at y of `tips`."""
+    """Return the solid of revolution about y with a profile of points (y, radius).
+
+    The ends are flat. If `tips` is given, the middles of the ends are moved to these y.
+    """
     angle = 2.0 * np.pi * np.arange(sides) / sides
     circle = np.stack([np.sin(angle), np.zeros(sides), np.cos(angle)], axis=1)
     heights = np.array(profile)
@@ -55,10 +64,10 @@ def _turned(profile: list[tuple[float, float]], sides: int, tips: tuple[float, f
 
 
 def tube(points: FloatArray, radius: float | FloatArray, *, sides: int = 6, capped: bool = True) -> Mesh:
-    """Return a tube around a polyline of at least two points (P, 3); neighbours may coincide [m].
+    """Return a tube around a polyline of at least two points, shape (P, 3) [m]. Neighbouring points may coincide.
 
-    The tube has one radius, or a radius at each point, shape (P,) [m]; `sides` corners around; and, if `capped`, closed
-    ends.
+    `radius` is a single radius, or has a radius for each point, shape (P,) [m]. `sides` is the number of corners of a
+    section. If `capped` is True, the ends are closed.
     """
     tangents = _tangents(points)
     normals = _transported(tangents)
@@ -70,9 +79,10 @@ def tube(points: FloatArray, radius: float | FloatArray, *, sides: int = 6, capp
 
 
 def rings_mesh(rings: FloatArray, *, capped: bool = True) -> Mesh:
-    """Join rings of vertices, shape (P, sides, 3), anticlockwise about the direction from ring to ring.
+    """Return the mesh between successive rings of vertices, shape (P, sides, 3).
 
-    Faces come in order along the rings, 2 * sides between two rings, the caps at the end.
+    The vertices of a ring are anticlockwise about the direction to the next ring. The faces are in the order of the
+    rings, with 2 * sides faces between two rings. The caps are the last faces.
     """
     count, sides = rings.shape[:2]
     faces = wall_faces(count, sides)
@@ -93,7 +103,7 @@ def wall_faces(count: int, sides: int) -> NDArray[np.int64]:
 
 
 def cap_faces(count: int, sides: int) -> NDArray[np.int64]:
-    """Return the triangles that close both ends; the two vertices after the rings are the middles of the ends."""
+    """Return the triangles that close both ends. The two vertices after the rings are the middles of the ends."""
     corner = np.arange(sides)
     after = (corner + 1) % sides
     middle, last = count * sides, (count - 1) * sides
@@ -103,7 +113,7 @@ def cap_faces(count: int, sides: int) -> NDArray[np.int64]:
 
 
 def _tangents(points: FloatArray) -> FloatArray:
-    """Return unit tangents at the points, shape (P, 3); a repeated point has the tangent of the point before."""
+    """Return unit tangents at the points, shape (P, 3). A repeated point has the tangent of the point before."""
     edges = np.gradient(points, axis=0)
     length = np.linalg.norm(edges, axis=1)
     moving = length > 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)
@@ -115,13 +125,13 @@ def _tangents(points: FloatArray) -> FloatArray:
 
 
 def _transported(tangents: FloatArray) -> FloatArray:
-    """Return unit normals carried along without twist, shape (P, 3)."""
+    """Return unit normals along a line, by parallel transport of the first normal, shape (P, 3)."""
     normals = np.empty_like(tangents)
     normal = np.eye(3)[np.argmin(np.abs(tangents[0]))]
     for k, tangent in enumerate(tangents):
         normal = normal - (normal @ tangent) * tangent
         size = np.linalg.norm(normal)
-        if size < 1e-6:  # the line turned by 90 degrees at once
+        if size < 1e-6:  # the line has a corner of 90 degrees
             normal = np.cross(tangent, np.eye(3)[np.argmin(np.abs(tangent))])
             size = np.linalg.norm(normal)
         normal = normal / size

@@ -1,8 +1,9 @@
-"""Meshes of the world for pictures, in plain NumPy: planes, pipes, heightfields, and surfaces where a function is zero.
+"""Meshes of the world for pictures: planes, pipes, heightfields, and surfaces where a function is zero.
 
-Such a surface has one corner in each grid cell that contains a part of the surface. If the sign changes along an edge
-of the grid, a quadrilateral between the corners of the four cells around the edge crosses the edge ("naive surface
-nets", Gibson 1998). A corner is the mean of the places where the surface crosses the edges of the cell.
+The function of such a surface is given on a grid ("naive surface nets", Gibson 1998). The mesh has a vertex in each
+grid cell through which the surface passes. The vertex is the mean of the points where the surface crosses the edges of
+the cell. If the sign of the function changes along an edge of the grid, the vertices of the four cells around this edge
+form a quadrilateral of the mesh.
 """
 
 from __future__ import annotations
@@ -31,23 +32,23 @@ _EDGES = [(a, b) for a in range(8) for b in range(a, 8) if np.abs(_CORNERS[b] - 
 
 @dataclass(frozen=True, eq=False)
 class WorldMesh:
-    """A triangle mesh of something the worm crawls on or in; frozen, with read-only arrays.
+    """A triangle mesh of a part of the world; frozen, with read-only arrays.
 
     Raises
     ------
     ValueError
-        Vertices of the wrong shape, or a coordinate that is not finite.
+        The vertices have the wrong shape, or a coordinate is not finite.
     """
 
     name: str
     vertices: FloatArray
-    """Shape (V, 3): corners [m]."""
+    """Vertices, shape (V, 3) [m]."""
     faces: NDArray[np.int64]
-    """Shape (F, 3): rows of `vertices`."""
+    """Triangles as rows of `vertices`, shape (F, 3)."""
     colour: Colour = GROUND
     """Red, green, blue, each in [0, 1]."""
     opacity: float = 1.0
-    """Opacity, 0 to 1; 1 hides everything behind."""
+    """Opacity from 0 to 1. A mesh with 1 hides everything behind it."""
 
     def __post_init__(self) -> None:
         vertices = arguments.array(f"world mesh {self.name!r}: vertices", self.vertices, ("V", 3), least=0)
@@ -68,18 +69,20 @@ def plane(
     along: FloatArray | None = None,
     opacity: float = 1.0,
 ) -> tuple[WorldMesh, WorldMesh]:
-    """Return a rectangle of a plane as a chequerboard, light and dark tiles, which makes the worm's motion visible.
+    """Return a rectangle of a plane as a chequerboard, which makes the worm's motion visible.
+
+    The light and the dark tiles are separate meshes.
 
     Parameters
     ----------
     centre, normal : ndarray, shape (3,)
-        A point of the plane [m] and the normal.
+        Centre of the rectangle [m], and its normal.
     length, width : float
-        Along the first side of the rectangle, and across [m]; rounded up to whole tiles.
+        Lengths of the first and the second side of the rectangle [m], rounded up to whole tiles.
     tile : float
         Side of a tile [m].
     along : ndarray, shape (3,), optional
-        Direction of the first side; +x if left out (+y where the normal is x).
+        Direction of the first side. The default is +x, or +y if the normal is x.
     """
     rows, columns = (max(int(np.ceil(side / tile - 1e-9)), 1) for side in (length, width))
     x, y = (np.arange(count + 1, dtype=float) - count / 2 for count in (rows, columns))
@@ -102,7 +105,10 @@ def _sides(normal: FloatArray, along: FloatArray | None) -> FloatArray:
 
 
 def pipe(centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32, opacity: float = 0.25) -> WorldMesh:
-    """Return the wall of a pipe along a centre line (P, 3), with one radius or one at each point, (P,) [m]."""
+    """Return the wall of a pipe along a centre line of shape (P, 3) [m].
+
+    `radius` is a single radius, or has a radius for each point, shape (P,) [m].
+    """
     mesh = tube(np.asarray(centreline, dtype=float), radius, sides=sides, capped=False)
     return WorldMesh("pipe", mesh.vertices, mesh.faces, PIPE, opacity)
 
@@ -110,8 +116,9 @@ def pipe(centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32,
 def banded_pipe(
     centreline: FloatArray, radius: float | FloatArray, *, band: float, sides: int = 32, opacity: float = 0.3
 ) -> tuple[WorldMesh, WorldMesh]:
-    """Return the wall of a `pipe` in light and dark bands [m], which show the worm's motion and the pipe's bends.
+    """Return the wall of a `pipe` in light and dark bands, which show the worm's motion and the pipe's bends.
 
+    `band` is the width of a band [m].
     The points of the centre line should be closer together than the bands are wide.
     """
     line = np.asarray(centreline, dtype=float)
@@ -123,9 +130,10 @@ def banded_pipe(
 
 
 def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[WorldMesh, WorldMesh]:
-    """Return a mesh in light and dark squares with sides `tile` [m], seen from above, as far as the faces allow.
+    """Divide a mesh into light and dark squares, seen from above, with sides of about `tile` [m].
 
-    `together` is the number of successive faces that get one colour: 2 for the halves of quadrilaterals.
+    Faces are not cut. `together` is the number of successive faces that get the same colour, for example 2 for the
+    halves of quadrilaterals.
     """
     x, y, _ = mesh.vertices[mesh.faces].mean(axis=1).reshape(-1, together, 3).mean(axis=1).T
     dark = (np.floor(x / tile) + np.floor(y / tile)) % 2 == 1
@@ -133,14 +141,14 @@ def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[World
 
 
 def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[WorldMesh, WorldMesh]:
-    """Return the light and the dark faces of a mesh, each shaded as if the mesh were whole."""
+    """Return the light and the dark faces of a mesh as two meshes with the same vertices."""
     return replace(mesh, faces=mesh.faces[~dark]), replace(
         mesh, name=f"{mesh.name}, dark", faces=mesh.faces[dark], colour=colour
     )
 
 
 def heightfield(x: FloatArray, y: FloatArray, z: FloatArray, *, opacity: float = 1.0) -> WorldMesh:
-    """Return the surface z(x, y), shape (A, B), over a grid of x (A,) and y (B,) [m]."""
+    """Return the surface with heights z of shape (A, B) over a grid with x of shape (A,) and y of shape (B,) [m]."""
     grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
     if np.shape(z) != grid_x.shape:
         raise ValueError(f"heightfield: z: got shape {np.shape(z)}, must be {grid_x.shape}, as x and y are long")
@@ -148,14 +156,15 @@ def heightfield(x: FloatArray, y: FloatArray, z: FloatArray, *, opacity: float =
     index = np.arange(len(vertices)).reshape(grid_x.shape)
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
     halves = [np.stack(corners, axis=-1) for corners in ((a, b, c), (a, c, d))]
-    faces = np.stack(halves, axis=-2).reshape(-1, 3)  # halves of a square follow each other
+    faces = np.stack(halves, axis=-2).reshape(-1, 3)  # the two halves of a square are successive faces
     return WorldMesh("heightfield", vertices, faces, GROUND, opacity)
 
 
 def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
-    """Return the zero surface of a function, seen from the positive side; empty if there is no such surface.
+    """Return the surface where a function is zero, oriented towards positive values. The mesh may be empty.
 
-    The function is given on a grid, shape (A, B, C), each size at least 2; `origin` is the place of the first node.
+    `values` are the values of the function on a grid, shape (A, B, C), with at least 2 nodes along each axis. `origin`
+    is the position of the first node [m].
     """
     cells, places = _crossed_cells(values)
     number = np.full(np.array(values.shape) - 1, -1)
@@ -165,7 +174,10 @@ def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
 
 
 def _crossed_cells(values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the cells that the surface passes through, shape (V, 3), and the place of the corner in each."""
+    """Return the indices of the cells with a part of the surface, and the position of the vertex in each, in cells.
+
+    Both results have the shape (V, 3).
+    """
     inside = np.array(values.shape) - 1
     corners = np.stack([values[tuple(slice(o, o + n) for o, n in zip(c, inside, strict=True))] for c in _CORNERS])
     solid = (corners < 0.0).sum(axis=0)
@@ -181,15 +193,15 @@ def _crossed_cells(values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
 
 
 def _across(values: FloatArray, number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
-    """Return the triangles that cross the edges of the grid along one axis, shape (F, 3)."""
+    """Return the triangles around the edges of the grid along an axis at which the sign changes, shape (F, 3)."""
     value, cell = np.moveaxis(values, axis, 0), np.moveaxis(number, axis, 0)
     solid = value < 0.0
     changes = solid[1:] != solid[:-1]
-    changes[:, [0, -1], :] = False  # an edge on the border has no four cells
+    changes[:, [0, -1], :] = False  # an edge on the border of the grid has fewer than four cells
     changes[:, :, [0, -1]] = False
     k, i, j = np.nonzero(changes)
     quads = np.stack([cell[k, i + a, j + b] for a, b in ((-1, -1), (0, -1), (0, 0), (-1, 0))], axis=1)
-    # The other two axes follow in cyclic order for x and z, in the opposite order for y.
+    # The other two axes are in cyclic order for x and z, and in the opposite order for y.
     turned = ~solid[k, i, j] if axis != 1 else solid[k, i, j]
     quads[turned] = quads[turned][:, ::-1]
     return quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

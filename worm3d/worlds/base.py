@@ -1,4 +1,4 @@
-"""The base class of all worlds: the interface to the simulator, the metrics and the pictures."""
+"""The base class of all worlds, with the methods that the simulator, the metrics and the pictures call."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from worm3d.values.spelling import Spelled
 from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
 
 WORLDS: dict[str, type[World]] = {}
-"""Class of each world with a name; `world.kind` in a scene is such a name."""
+"""World classes by name. `world.kind` in a scene is such a name."""
 
 
 class World(Spelled):
-    """Base of everything to crawl on or in: a signed distance, negative inside the solid, and derived quantities.
+    """Base of everything to crawl on or in.
 
-    A user-defined world overrides `symbolic` (a formula) or both `kernel` and `distance`, and also `height` or
-    `placed`. `from_distance` needs only a Python function. A subclass with a name, `class Hill(World, name="hill")`, is
-    a dataclass whose fields are declared by `worm3d.values.parameters.parameter`; scenes refer to the world by that
-    name.
+    A world is described by a signed distance from its surface, negative inside the solid. A user-defined world
+    overrides `symbolic` (a formula), or both `kernel` and `distance`. It also overrides `height` or `placed`. The
+    constructor `from_distance` needs only a Python function. A subclass with a name, for example
+    `class Hill(World, name="hill")`, is a dataclass whose fields are declared by
+    `worm3d.values.parameters.parameter`. Scenes refer to the world by that name.
     """
 
     def __init_subclass__(cls, name: str = "") -> None:
@@ -37,50 +38,53 @@ class World(Spelled):
     def from_distance(
         f: Callable[[FloatArray], ArrayLike], bounds: ArrayLike, spacing: float | None = None, grip: float = 1.0
     ) -> World:
-        """Return the world of a signed distance given as a Python function, which is sampled once on a grid.
+        """Return a world from a Python function for the signed distance; the function is sampled once on a grid.
 
-        The world counts as uneven, whatever the shape: a worm comes to rest there with friction. On a plane made in
-        this way, a worm starts up to some millimetres away from the start on `Plane`.
+        Every such world counts as `uneven`, so that a worm comes to rest with friction. On a plane made in this way, a
+        worm starts up to some millimetres away from where it starts on `Plane`.
 
         Parameters
         ----------
         f : callable
-            Signed distance [m] of points of shape (n, 3) [m], shape (n,): positive in free space, where the worm is,
-            negative inside the solid. The function is called only for points within the bounds, widened to whole
-            spacings.
+            Function of points of shape (n, 3) [m] that returns their signed distances, shape (n,) [m]. The distance is
+            positive in free space, where the worm is, and negative inside the solid. The function is called only for
+            points within the bounds, which are widened to a whole number of spacings.
         bounds : array_like, shape (2, 3)
-            Lowest and highest corner of the box that is sampled [m]. Beyond the box the world continues straight, along
-            the tangent plane at the nearest place of the box.
+            Lowest and highest corner of the sampled box [m]. Beyond the box the world continues straight, along the
+            tangent plane at the nearest point of the box.
         spacing : float, optional
-            Spacing of the grid [m]; if left out, the grid has up to a million nodes. The distance is a cubic spline
-            through the nodes: errors on smooth surfaces scale with the fourth power of the spacing, and edges are
-            rounded by about a spacing.
+            Spacing of the grid [m]. If it is left out, the grid has up to a million nodes. The distance is a cubic
+            spline through the nodes. Its errors on smooth surfaces scale with the fourth power of the spacing, and
+            edges are rounded by about one spacing.
         grip : float
             Multiplier of the friction coefficients.
 
         Raises
         ------
         ValueError
-            `f` returns another shape or values that are not finite, has no surface in the bounds, or is not a distance
-            there (the gradient is far from a unit vector); bounds or a spacing out of range, or a grid that is too
-            large.
+            `f` returns a wrong shape or values that are not finite, has no surface within the bounds, or is not a
+            distance there (its gradient is far from a unit vector). The bounds or the spacing are out of range, or the
+            grid is too large.
         """
         return World.sampled(f, bounds, spacing, grip)
 
     sampled: ClassVar[Callable[[Callable[[FloatArray], ArrayLike], ArrayLike, float | None, float], World]]
-    """Constructor behind `from_distance`; `worm3d.worlds.sampled` sets this attribute."""
+    """Constructor that `from_distance` calls. The module `worm3d.worlds.sampled` sets this attribute."""
 
     clamped: ClassVar[bool] = False
-    """Whether the world holds the joints' heights instead of touching the worm."""
+    """Whether the world prescribes the heights of the joints instead of acting through contacts."""
 
     flat: ClassVar[bool] = False
-    """Whether the surface is one plane, so that a worm that rises on its feet makes no progress."""
+    """Whether the surface is a single plane. On a plane, a worm that rises on its feet has not moved forward."""
 
     velocity_threshold: float = 0.0
-    """eps of (P10) for a `clamped` world [m/s]."""
+    """For a `clamped` world: speed below which there is no friction, eps of (P10) [m/s]."""
 
     def symbolic(self) -> Formula | None:
-        """Return the world's rows as a function of a point and parameters, and the parameters; None without formula."""
+        """Return the formula of the world's rows (`worm3d.worlds.kernels`), or None if there is no formula.
+
+        The formula is a function of a point and of parameters, together with the values of the parameters.
+        """
         return None
 
     def kernel(self) -> WorldKernel:
@@ -96,7 +100,7 @@ class World(Spelled):
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction could slide away under `pressing`.
+        """Whether a worm without friction could slide away under the load of `pressing`.
 
         On such a world the worm is first brought to rest with contacts that stick, and then with the friction of the
         run.
@@ -104,26 +108,30 @@ class World(Spelled):
         return True
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return the part of gravity that presses a resting worm to the world, 0 if none does, shape (3,) [m/s^2]."""
+        """Return the part of gravity that presses a resting worm against the world, shape (3,) [m/s^2].
+
+        The result is zero if gravity does not press the worm against the world.
+        """
         return np.array(gravity, dtype=float)
 
     def bumps(self, within: float) -> float:
-        """Return the height of bumps narrower than a distance [m], which could pass between contact points."""
+        """Return the height [m] of bumps that are narrower than `within` [m] and could pass between contact points."""
         return 0.0
 
     def normal(self, at: FloatArray, length: float) -> FloatArray:
-        """Return the gradient of the distance at points (..., 3) by central differences over a small part of a length.
+        """Return the gradient of the distance at points, by central differences with a step of 1e-6 times `length` [m].
 
-        The gradient has the same shape as the points; the length is in metres.
+        The points and the gradient have the shape (..., 3).
         """
         h = 1e-6 * length
         d = self.distance(np.asarray(at)[..., None, None, :] + h * np.stack([np.eye(3), -np.eye(3)], axis=1))
         return np.asarray((d[..., 0] - d[..., 1]) / (2.0 * h))
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
-        """Return the heading of a worm with joints (N+1, 3), a unit vector: `level`, tilted into the tangent plane.
+        """Return the heading of a worm with joints of shape (N+1, 3), as a unit vector.
 
-        Worlds whose normal changes from place to place return the chord from tail to head.
+        The heading is the horizontal direction `level`, tilted into the tangent plane. Worlds whose normal changes from
+        place to place return the direction from tail to head instead.
         """
         normal = self.normal(joints.mean(axis=0), float(np.linalg.norm(joints[-1] - joints[0])))
         along = np.array(level, dtype=float)
@@ -131,14 +139,18 @@ class World(Spelled):
         return along / float(np.linalg.norm(along))
 
     def course(self, points: FloatArray, joints: FloatArray) -> FloatArray | None:
-        """Return distances of points (K, 3) along the world's own course, towards the head of joints (N+1, 3).
+        """Return distances of points along the course of the world, for example along a pipe, shape (K,) [m].
 
-        The result has the shape (K,) [m]. Without a course the result is None, and distances count along `forward`.
+        The points have the shape (K, 3). Distances increase from the tail to the head of a worm with `joints` of shape
+        (N+1, 3). The result is None if the world has no course. Distances are then measured along `forward`.
         """
         return None
 
     def height(self, places: FloatArray) -> FloatArray:
-        """Return the height of the ground at x, y of shape (M, 2), NaN where there is none, shape (M,) [m]."""
+        """Return the height of the ground at places x, y, NaN where there is no ground, shape (M,) [m].
+
+        The places have the shape (M, 2).
+        """
         raise NotImplementedError(f"{type(self).__name__}: has neither `height` nor a `placed` of its own")
 
     def placed(
@@ -151,19 +163,20 @@ class World(Spelled):
         Parameters
         ----------
         along : ndarray, shape (N+1,)
-            Distance of the joints from the tail [m].
+            Distances of the joints from the tail, along the worm [m].
         clearance : float
             Distance of the joints from the surface [m].
         position : ndarray, shape (2,)
-            Position of the tail, seen from above [m].
+            Horizontal position of the tail [m].
         azimuth : float
             Heading [rad].
 
         Returns
         -------
         ndarray, shape (N+1, 3)
+            Joints [m].
         ndarray, shape (3,) or (N, 3)
-            One for all segments, or one each.
+            Director to the left: the same for all segments, or one per segment.
 
         Raises
         ------
@@ -189,14 +202,14 @@ def chord(joints: FloatArray) -> FloatArray:
 
 
 BODY_REACH = 1.6
-"""Sideways reach of the body from the axis, in clearances: the reach of the default worm's outward apexes."""
+"""Half the width of the body, in clearances. It is the distance of the default worm's outward apexes from the axis."""
 
 SOLE = 0.8
-"""Sideways offset within which the body is as deep as the clearance, in clearances; from there the bottom rises to the
-axis at `BODY_REACH`."""
+"""Half the width of the flat bottom of the body, in clearances. The bottom lies one clearance below the axis there, and
+rises from there to the height of the axis at `BODY_REACH`."""
 
 EVEN = 1e-9
-"""Distance that counts as rounding, as a fraction of the samples' extent."""
+"""Largest distance that counts as a rounding error, as a fraction of the length of the sampled line."""
 
 
 def laid(
@@ -206,10 +219,11 @@ def laid(
     position: FloatArray,
     azimuth: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return joints and director of a straight worm on ground with a known height; see `World.placed`.
+    """Return joints and director of a straight worm on ground of the given height; see `World.placed`.
 
-    The axis is the line that is nowhere lower than the body needs, and that is lowest in the middle of the worm: the
-    edge, over this middle, of the upper convex hull of the needed heights.
+    At each place, the body needs a minimum height of the axis above the ground. Of all straight lines that are nowhere
+    lower than this, the axis is the lowest at the middle of the worm. This line is the edge of the upper convex hull of
+    the needed heights above the middle.
     """
     forward = np.array([np.cos(azimuth), np.sin(azimuth)])
     left = np.array([-forward[1], forward[0]])
@@ -226,15 +240,16 @@ def laid(
 
 
 def _widened(values: FloatArray, s: FloatArray, reach: float) -> FloatArray:
-    """Return the greatest value within reach of each place."""
+    """Return the largest of the values within a distance `reach` of each place `s`."""
     near = np.abs(s[:, None] - s) <= reach + EVEN * (s[-1] - s[0])
     return np.asarray(np.where(near, values, -np.inf).max(axis=1))
 
 
 def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tuple[float, float]:
-    """Return height at 0 and slope of the line above all values that is lowest in the middle; the flattest of several.
+    """Return the height at 0 and the slope of the line above all values that is lowest at `middle`.
 
-    Several lines are lowest where the middle lies below a corner of the hull, as on the top of a bump.
+    If the middle lies below a corner of the hull, for example on the top of a bump, there are several such lines. The
+    result is then the flattest line.
     """
     floor, slack = values.min() - (s[-1] - s[0]), EVEN * (s[-1] - s[0])
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])

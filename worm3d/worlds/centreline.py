@@ -1,13 +1,16 @@
-"""Centre lines of pipes: chains of straight pieces and circular arcs without kinks, straight beyond both ends.
+"""Centre lines of pipes.
 
-A smooth curve through points is a cubic spline, replaced by pairs of arcs. Such a biarc joins two points with given
-tangents by two arcs that meet without a kink (Bolton, "Biarc curves", 1975; in space Sharrock, "Biarcs in three
-dimensions", 1987). With v = p_2 - p_1 and equal arms d from the ends along the tangents to the arcs' corners, the
-corners p_1 + d t_1 and p_2 - d t_2 are 2 d apart:
+A centre line is a chain of straight pieces and circular arcs without kinks, and continues straight beyond both ends.
+
+A smooth curve through points is computed as a cubic spline, which is then replaced by pairs of arcs. Such a biarc
+joins two points p_1 and p_2 with the tangents t_1 and t_2 by two arcs that meet without a kink (Bolton, "Biarc curves",
+1975; in space Sharrock, "Biarcs in three dimensions", 1987). The tangents at the two ends of an arc intersect at its
+corner. The corners are p_1 + d t_1 and p_2 - d t_2, with the same distance d from the ends. With v = p_2 - p_1, the
+condition that the corners are 2 d apart is
 
     2 (1 - t_1.t_2) d^2 + 2 v.(t_1 + t_2) d - v.v = 0,
 
-and the arcs meet half-way between them.
+and the arcs meet half-way between the corners.
 """
 
 from __future__ import annotations
@@ -30,25 +33,27 @@ from worm3d.values.spelling import Spelled, spelled
 Side = Literal["left", "right", "up", "down"]
 
 LONGEST_ARC = np.pi / 2.0
-"""Longest arc that is not divided [rad]: the nearest point is searched between the normal planes at the arc's ends."""
+"""Largest angle of an arc that is not divided [rad]. The nearest point of an arc is searched between the normal planes
+at its ends, which works only for short arcs."""
 
 SAMPLED = 0.05
-"""Distance between the places that test a reach, as a fraction of the reach."""
+"""Distance between the samples of the line that test a value of `Centreline.reach`, as a fraction of the reach."""
 
 LARGEST_TURN = 200.0 * np.pi
-"""Largest angle of a bend: a hundred turns, as in a helix seen along the axis [rad]."""
+"""Largest angle of a bend, a hundred full turns [rad]."""
 
 MOST_PIECES = 100_000
-"""Largest number of pieces of a centre line, some 12,000 points of a spline, and of samples that test a reach; a line
-that would need more samples has no known reach."""
+"""Largest number of pieces of a centre line, enough for a spline through 12,000 points. It is also the largest number
+of samples that test a value of `Centreline.reach`. The reach of a line that needs more samples is unknown, and is set
+to 0."""
 
 ROUNDING = 1e-9
-"""Lengths [m], angles [rad] and differences of unit vectors up to this size count as rounding errors."""
+"""Lengths [m], angles [rad] and differences of unit vectors up to this size are treated as rounding errors."""
 
 
 @dataclass(frozen=True)
 class Straight(Spelled):
-    """A straight piece of a pipe; `length` in m."""
+    """A straight piece of a pipe, with its length [m]."""
 
     length: float
 
@@ -82,24 +87,26 @@ class Bend(Spelled):
 
 @dataclass(frozen=True, eq=False)
 class Centreline(ReadOnly):
-    """The pieces of a centre line, each of constant curvature; frozen, with read-only arrays.
+    """A centre line as a chain of pieces of constant curvature; frozen, with read-only arrays.
 
-    Made by `of` (straight pieces and bends) or `through` (points). Distances along the line count from the start.
+    The constructors are `of` (straight pieces and bends) and `through` (points). Distances along the line are measured
+    from its start.
 
     Attributes
     ----------
     start, tangent, normal : ndarray, shape (M, 3)
-        Start of each piece [m], direction there, and unit vector towards the centre of the arc (any normal vector of a
-        straight piece).
+        Start of each piece [m], unit tangent there, and unit vector towards the centre of the arc. For a straight
+        piece, `normal` is any unit vector normal to the tangent.
     curvature : ndarray, shape (M,)
-        0 for a straight piece [1/m].
+        Curvature of each piece [1/m], 0 for a straight piece.
     length : ndarray, shape (M,)
-        [m]
+        Length of each piece [m].
 
     Raises
     ------
     ValueError
-        Arrays of the wrong shape, pieces without length, or pieces that do not meet without a kink.
+        An array has the wrong shape, a piece has no length, or two neighbouring pieces have a gap or a kink between
+        them.
     """
 
     start: FloatArray
@@ -135,7 +142,7 @@ class Centreline(ReadOnly):
         heading: float = 0.0,
         tilt: float = 0.0,
     ) -> Centreline:
-        """Return the centre line made of straight pieces and bends.
+        """Return the centre line that consists of the given straight pieces and bends.
 
         Parameters
         ----------
@@ -145,7 +152,7 @@ class Centreline(ReadOnly):
         heading : float
             Azimuth of the first piece [rad].
         tilt : float
-            Angle of the first piece with the horizontal; pi/2 goes straight up [rad].
+            Angle of the first piece with the horizontal [rad]. With pi/2 the piece goes straight up.
         """
         at = arguments.array("start", start, (3,))
         heading, tilt = (arguments.number(*given, "rad") for given in (("heading", heading), ("tilt", tilt)))
@@ -163,22 +170,23 @@ class Centreline(ReadOnly):
     @classmethod
     @spelled
     def through(cls, points: ArrayLike, spans: int = 4) -> Centreline:
-        """Return a smooth centre line through points: a cubic spline, replaced by pairs of arcs (biarcs).
+        """Return a smooth centre line through points, as a cubic spline replaced by pairs of arcs (biarcs).
 
-        The line passes through the points. Between two points the line shares positions and tangents with the spline at
-        `spans` - 1 further places; distances are measured to the arcs. Two points give a straight line.
+        The line passes through the points. Between two points, the positions and tangents of line and spline also agree
+        at `spans` - 1 further places. Distances from the line are exact distances from the arcs. Two points give a
+        straight line.
 
         Parameters
         ----------
         points : array_like, shape (P, 3)
-            At least two, each apart from the next [m].
+            At least two points [m]. A point must not coincide with the next point.
         spans : int
             Number of pairs of arcs between two points.
 
         Raises
         ------
         ValueError
-            Fewer points, or points that coincide.
+            There are fewer than two points or too many, neighbouring points coincide, or the line bends too sharply.
         """
         given = arguments.array("points", points, ("P", 3), least=2)
         arguments.whole("spans", spans, le=100)
@@ -191,7 +199,7 @@ class Centreline(ReadOnly):
 
     @cached_property
     def ends(self) -> FloatArray:
-        """Distance of the end of each piece from the start, along the line, shape (M,) [m]."""
+        """Distances of the ends of the pieces from the start, along the line, shape (M,) [m]."""
         return np.asarray(read_only(np.cumsum(self.length)))
 
     @property
@@ -201,16 +209,16 @@ class Centreline(ReadOnly):
 
     @property
     def straight(self) -> bool:
-        """Whether there is no bend."""
+        """Whether the line has no bend."""
         return not bool(self.curvature.any())
 
     @cached_property
     def reach(self) -> float:
-        """Distance from the line below which a point lies in the normal plane of the nearest place only [m].
+        """Distance from the line within which each point has a unique nearest place on the line [m].
 
-        A reach r is valid (Federer 1959, Curvature measures) if no bend is sharper, and if places pi r or more apart
-        along the line are 2 r or more apart in space: the chord between closer places is not normal to the line at
-        both. The reach is 0 for a line that crosses itself, and for a line that would need too many samples.
+        A reach r is valid (Federer 1959, Curvature measures) under two conditions. No bend has a radius smaller than r,
+        and places that are pi r or more apart along the line are 2 r or more apart in space. The reach is 0 for a line
+        that crosses itself, and for a line that would need too many samples (`MOST_PIECES`).
         """
         least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_PIECES))
         longest = min(self.total, 1.0 / float(self.curvature.max())) if self.curvature.any() else self.total
@@ -220,7 +228,7 @@ class Centreline(ReadOnly):
         return reach if reach > least else 0.0
 
     def _is_apart(self, reach: float) -> bool:
-        """Return whether places pi reaches or more apart along the line are two reaches or more apart in space."""
+        """Return whether places at least pi `reach` apart along the line are at least 2 `reach` apart in space."""
         import scipy  # slow to import, and rarely needed
 
         beyond = float(np.linalg.norm(np.ptp(self.start, axis=0))) + self.total / len(self.length) + 4.0 * reach
@@ -228,12 +236,16 @@ class Centreline(ReadOnly):
         along, step = np.linspace(-beyond, self.total + beyond, count, retstep=True)
         places, near = self.at(along)[0], 2.0 * reach + 1.001 * float(step)
         tree, beside = scipy.spatial.KDTree(places), range(1, math.ceil(np.pi * reach / float(step) - 1.0))
-        # Pairs are counted, not listed: a line that often returns to itself has more pairs than memory can hold.
+        # Pairs are counted instead of listed, because the pairs of a line that often returns to itself may fill the
+        # memory.
         of_neighbours = sum(int((np.linalg.norm(places[k:] - places[:-k], axis=1) <= near).sum()) for k in beside)
         return int(tree.count_neighbors(tree, near)) == count + 2 * of_neighbours
 
     def at(self, along: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return points and unit tangents at distances of shape (...) from the start [m], each of shape (..., 3)."""
+        """Return points [m] and unit tangents at distances `along` [m] from the start.
+
+        If `along` has the shape (...), both results have the shape (..., 3).
+        """
         s = np.asarray(along, dtype=float)
         begins = self.ends - self.length
         k = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(begins) - 1)
@@ -242,7 +254,7 @@ class Centreline(ReadOnly):
         return points + (s - inside)[..., None] * tangents, tangents
 
     def _run(self, k: NDArray[np.int64], way: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return points and tangents at a distance from the start of piece k."""
+        """Return the points and tangents at distances `way` from the starts of the pieces k."""
         kappa = self.curvature[k]
         turn = kappa * way
         bent = kappa > 0.0
@@ -260,7 +272,10 @@ def _append(
     at: FloatArray,
     frame: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Add a piece, or one of the equal parts of a bend; return the end and the frame (ahead, left, up) there."""
+    """Append a straight piece, or one of the `count` equal parts of a bend, to the rows of a `Centreline`.
+
+    `at` and `frame` are the point and the axes (ahead, left, up) at the start. Return point and axes at the end.
+    """
     t, left, up = frame
     if isinstance(piece, Straight):
         rows.append((at, t, left, 0.0, piece.length))
@@ -286,7 +301,10 @@ def _require_pieces(pieces: Any) -> None:
 
 
 def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
-    """Return places and unit tangents of the spline through points (P, 3), `spans` to each stretch, each (S, 3)."""
+    """Return places and unit tangents of the spline through points of shape (P, 3).
+
+    Each stretch between two points is divided into `spans` parts. Both results have the shape (S, 3).
+    """
     import scipy  # slow to import, and rarely needed
 
     chord = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
@@ -298,7 +316,10 @@ def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _biarcs(places: FloatArray, tangents: FloatArray) -> tuple[FloatArray, ...]:
-    """Return start, tangent, normal, curvature and length of the arcs through places (S, 3) with unit tangents."""
+    """Return start, tangent, normal, curvature and length of the arcs through places with the given unit tangents.
+
+    Places and tangents have the shape (S, 3).
+    """
     rows = []
     for (p, q), (t, u) in zip(pairwise(places), pairwise(tangents), strict=True):
         meet, across = _joint(p, q, t, u)
@@ -312,7 +333,10 @@ def _biarcs(places: FloatArray, tangents: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def _joint(p: FloatArray, q: FloatArray, t: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where two arcs meet, and their common tangent there."""
+    """Return the point where the two arcs of a biarc from p to q meet, and their common tangent there.
+
+    t and u are the unit tangents at p and q.
+    """
     v = q - p
     a, b, c = 2.0 * (1.0 - float(t @ u)), 2.0 * float(v @ (t + u)), -float(v @ v)
     d = -2.0 * c / (b + np.sqrt(b * b - 4.0 * a * c))  # the positive root, also for a -> 0
@@ -322,7 +346,7 @@ def _joint(p: FloatArray, q: FloatArray, t: FloatArray, u: FloatArray) -> tuple[
 
 
 def _arc(p: FloatArray, t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
-    """Return start, tangent, normal, curvature and length of the arc from p with the tangent t to q."""
+    """Return start, tangent, normal, curvature and length of the arc from p, with the tangent t there, to q."""
     v = q - p
     ahead = float(v @ t)
     aside = v - ahead * t

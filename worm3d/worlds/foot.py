@@ -1,16 +1,18 @@
 """The foot of a hill: a slope that ends at a steeper face.
 
-The slope goes through the origin; n_1 is the slope's outward normal. The face, with the outward normal n_2, meets the
-slope in a level line through the point p. With a = n_1.x, b = n_2.(x - p) and c = n_1.n_2, the signed distance is
+The slope goes through the origin and has the outward normal n_1. The face has the outward normal n_2, and meets the
+slope in a horizontal line through the point p. With a = n_1.x, b = n_2.(x - p) and c = n_1.n_2, the signed distance of
+a point x is
 
-    g = min(a, b),   and -d where a < c b and b < c a,   d^2 = (a^2 + b^2 - 2 a b c)/(1 - c^2)                    (WF1)
+    g = min(a, b),   but -d where a < c b and b < c a,   d^2 = (a^2 + b^2 - 2 a b c)/(1 - c^2)                    (WF1)
 
-The distance is exact everywhere, as slope and face meet at less than 180 degrees in free space. Behind the common line,
-d is the distance from the line. With m normal to the line and to the gradient, gradient and Hessian there are
+The distance is exact everywhere, because the angle between slope and face in free space is less than 180 degrees. The
+second case applies in the solid, to points whose nearest place is the common line. There d is the distance from this
+line. With a unit vector m normal to the line and to the gradient, gradient and Hessian are then
 
     n = ((c b - a) n_1 + (c a - b) n_2)/((1 - c^2) d),   H = -m m^T/d                                             (WF2)
 
-The normal thus turns from n_1 to n_2, and a point in the corner rests on slope and face.
+The normal therefore turns continuously from n_1 to n_2, and a point in the corner is supported by slope and face.
 """
 
 from __future__ import annotations
@@ -31,12 +33,12 @@ from worm3d.worlds.plane import Plane
 @documented
 @dataclass(frozen=True)
 class Foot(World):
-    """A slope through the origin up to a steeper face across the ascent.
+    """A slope through the origin that leads up to a steeper face.
 
     Raises
     ------
     ValueError
-        A value out of range, or a face that is not steeper than the slope.
+        A value is out of range, or the face is not steeper than the slope.
     """
 
     slope: float = parameter(0.0, meaning="slope up to the face", unit="rad", gt=-np.pi / 2, lt=np.pi / 2)
@@ -56,7 +58,7 @@ class Foot(World):
 
     @property
     def sides(self) -> tuple[Plane, Plane]:
-        """Slope and face, each as a plane through the origin."""
+        """The slope, and a plane through the origin parallel to the face."""
         return Plane(self.slope, self.heading), Plane(self.face, self.heading)
 
     @property
@@ -65,7 +67,7 @@ class Foot(World):
         return np.asarray(self.place * self.sides[0].axes[0])
 
     def symbolic(self) -> Formula:
-        """Return the world's rows as a function of a point and parameters, and the parameters."""
+        """Return the formula of the world's rows."""
         return _function(), np.concatenate([*(side.axes[2] for side in self.sides), self.corner])
 
     def distance(self, points: FloatArray) -> FloatArray:

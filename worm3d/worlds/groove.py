@@ -1,13 +1,15 @@
 """A groove with walls that rise to both sides of a round bottom.
 
-The bottom is a circular cylinder of radius r. In a section across the groove, with y to the left and z above the lowest
-line, q = (|y|, z - r) is the position of a point relative to the cylinder's axis. The wall has the outward normal N =
-(-sin a, cos a) and the direction of ascent T = (cos a, sin a). Signed distance and gradient are
+The bottom is a circular cylinder of radius r. In a section across the groove, y is the coordinate to the left, z is the
+height above the lowest line, and q = (|y|, z - r) is the position of a point relative to the axis of the cylinder. The
+wall rises at the angle a. It has the outward normal N = (-sin a, cos a) and the direction of ascent T = (cos a, sin a).
+Signed distance and gradient are
 
-    g = r - |q|,      -q/|q|     where q.T < 0: the nearest place lies on the bottom,                        (WG1)
-    g = r + q.N,      N          else, on the wall,
+    g = r - |q|,      -q/|q|     where q.T < 0, if the nearest place lies on the bottom,                     (WG1)
+    g = r + q.N,      N          elsewhere, if the nearest place lies on the wall.
 
-and both agree where q.T = 0. The Hessian is -(1/|q|) t t' across the groove on the bottom, with t normal to q, else 0.
+The two formulas agree where q.T = 0. The Hessian is -(1/|q|) t t' if the nearest place lies on the bottom, where t is
+the unit vector normal to q in the section. It is 0 elsewhere.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ class Groove(World, name="groove"):
     Raises
     ------
     ValueError
-        A value out of range.
+        A value is out of range.
     """
 
     uneven = False
@@ -50,11 +52,11 @@ class Groove(World, name="groove"):
 
     @property
     def left(self) -> FloatArray:
-        """Unit vector across the groove, seen from above, shape (2,)."""
+        """Horizontal unit vector across the groove to the left, x and y, shape (2,)."""
         return np.array([-np.sin(self.heading), np.cos(self.heading)])
 
     def symbolic(self) -> Formula:
-        """Return the world's rows as a function of a point and parameters, and the parameters."""
+        """Return the formula of the world's rows."""
         return _function(), np.array([*self.left, np.sin(self.wall), np.cos(self.wall), self.bottom, self.grip])
 
     def height(self, places: FloatArray) -> FloatArray:

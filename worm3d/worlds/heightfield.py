@@ -21,26 +21,27 @@ from worm3d.worlds.kernels import WorldKernel, looked_up
 
 @dataclass(frozen=True, eq=False)
 class Heightfield(World, ReadOnly):
-    """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below.
+    """A surface z = h(x, y), the bicubic spline through heights on a regular grid. The solid lies below the surface.
 
     Beyond the grid the terrain continues at the height of the edge. The spline has continuous curvature, so that
-    normals are smooth; distances are measured to the foot point on the spline (`worm3d.worlds.heightfield_kernel`).
+    normals change smoothly. Distances are measured from the nearest point of the spline
+    (`worm3d.worlds.heightfield_kernel`).
 
     Attributes
     ----------
     heights : ndarray, shape (A, B)
-        Heights at x = origin[0] + i spacing, y = origin[1] + j spacing; A, B at least 4 [m].
+        Heights at x = origin[0] + i spacing, y = origin[1] + j spacing [m]. A and B are at least 4.
     spacing : float
         Spacing of the grid [m].
     origin : tuple of float
         x and y of the first height [m].
     grip : float or ndarray, shape (A, B)
-        Multiplier of the friction coefficients, everywhere or at each node of the grid; linear between nodes.
+        Multiplier of the friction coefficients, everywhere or at each node of the grid. It is linear between nodes.
 
     Raises
     ------
     ValueError
-        A value that is not finite or out of range, or an array of the wrong shape.
+        A value is not finite or is out of range, or an array has the wrong shape.
     """
 
     heights: FloatArray
@@ -74,15 +75,16 @@ class Heightfield(World, ReadOnly):
 
     @classmethod
     def from_image(cls, path: str | PathLike[str], spacing: float, low: float, high: float, **more: Any) -> Heightfield:
-        """Return the terrain of a greyscale image, one node per pixel, black at `low` and white at `high` [m].
+        """Return the terrain of a greyscale image with a node for each pixel.
 
-        The left edge is x = origin[0], the lower edge y = origin[1]. Pictures of more than 8 bits are stretched from
-        the darkest to the lightest value.
+        Black has the height `low` [m], and white has the height `high` [m]. In an image of more than 8 bits, the
+        darkest and the lightest value take the place of black and white. The left edge of the image is
+        x = origin[0], and the lower edge is y = origin[1]. `more` are further arguments of `Heightfield`.
 
         Raises
         ------
         ValueError
-            A file that is missing or no picture, or a picture of one colour.
+            The file is missing or is not an image, or the image has only one colour.
         """
         return cls(terrain.image(path, low, high), spacing, **more)
 
@@ -90,14 +92,21 @@ class Heightfield(World, ReadOnly):
     def rubble(
         cls, length: float, width: float, spacing: float, *, height: float, size: float, seed: int = 0, **more: Any
     ) -> Heightfield:
-        """Return smooth stones thrown at random, up to `height` high and `size` in radius, x from 0, y about 0 [m]."""
+        """Return smooth stones at random places, with heights up to `height` and radii up to `size` [m].
+
+        The terrain extends from x = 0 to `length` and has the given width, centred at y = 0.
+        """
         return cls._made(terrain.rubble, length, width, spacing, more, height=height, size=size, seed=seed)
 
     @classmethod
     def steps(
         cls, length: float, width: float, spacing: float, *, height: float, tread: float, ramp: float, **more: Any
     ) -> Heightfield:
-        """Return stairs up along x; each step rises by `height` over `ramp` at the end of the tread [m]."""
+        """Return stairs that go up along x.
+
+        Each tread of length `tread` is level except for its last part of length `ramp`, where it rises smoothly by
+        `height` to the next tread [m].
+        """
         return cls._made(terrain.steps, length, width, spacing, more, height=height, tread=tread, ramp=ramp)
 
     @classmethod
@@ -112,7 +121,7 @@ class Heightfield(World, ReadOnly):
         azimuth: float = 0.0,
         **more: Any,
     ) -> Heightfield:
-        """Return waves with crests across an azimuth and a crest at the origin [m, rad]."""
+        """Return waves along an azimuth [rad], with a crest at the origin. Amplitude and wavelength are in metres."""
         waves = {"amplitude": amplitude, "wavelength": wavelength, "azimuth": azimuth}
         return cls._made(terrain.sinusoid, length, width, spacing, more, **waves)
 
@@ -132,19 +141,20 @@ class Heightfield(World, ReadOnly):
 
     @property
     def x(self) -> FloatArray:
-        """Places of the heights along x, shape (A,) [m]."""
+        """Coordinates x of the nodes, shape (A,) [m]."""
         return self.origin[0] + self.spacing * np.arange(float(self.heights.shape[0]))
 
     @property
     def y(self) -> FloatArray:
-        """Places of the heights along y, shape (B,) [m]."""
+        """Coordinates y of the nodes, shape (B,) [m]."""
         return self.origin[1] + self.spacing * np.arange(float(self.heights.shape[1]))
 
     @cached_property
     def _tables(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients of the spline, upper bound of the surface in each cell, both in spacings, and grips.
+        """Coefficients of the spline and upper bounds of the surface in each cell, both in spacings, and grips.
 
-        There are more nodes all around, at the height of the edge. A bound is the largest coefficient about a cell.
+        The tables have additional nodes around the grid, with the values of the edge. The upper bound in a cell is the
+        largest coefficient around the cell.
         """
         import scipy  # slow to import, and rarely needed
 
@@ -155,7 +165,11 @@ class Heightfield(World, ReadOnly):
         return coefficients, tops, np.pad(grips, kernels.SPLINE_PADDING, mode="edge")
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, with foot points for points less than `band` cells above a cell's upper bound."""
+        """Return the compiled world.
+
+        The nearest point of the surface is computed for points up to `band` cells above the upper bound of the surface
+        in their cell. The distance of higher points is an estimate.
+        """
         first = np.asarray(self.origin) - kernels.SPLINE_PADDING * self.spacing
         coefficients, tops, grips = self._tables
         places = kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data)
@@ -163,7 +177,10 @@ class Heightfield(World, ReadOnly):
         return kernels.kernel_by_hand(heightfield_kernel.heightfield, parameters, (coefficients, tops, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance of points of shape (..., 3), from foot points up to 4 cells above, (...,) [m]."""
+        """Return the signed distance of points of shape (..., 3), shape (...,) [m].
+
+        The distance is exact up to 4 cells above the upper bound of the surface, and an estimate farther above.
+        """
         return np.asarray(looked_up(self.kernel(4.0), points)[0])
 
     def height(self, places: FloatArray) -> FloatArray:
@@ -176,15 +193,15 @@ class Heightfield(World, ReadOnly):
 
     @property
     def uneven(self) -> bool:
-        """Whether there are slopes."""
+        """Whether the heights differ, so that a worm without friction could slide away."""
         return bool(np.ptp(self.heights) > 0.0)
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
-        """Return the unit vector from tail to head of joints (N+1, 3): the worm lies along the terrain."""
+        """Return the unit vector from the tail to the head of joints with the shape (N+1, 3)."""
         return chord(joints)
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return gravity where it points downwards, else 0, shape (3,) [m/s^2]."""
+        """Return gravity if it points downwards, otherwise zero, shape (3,) [m/s^2]."""
         return super().pressing(gravity) if gravity[2] < 0.0 else np.zeros(3)
 
     def placed(
@@ -208,10 +225,10 @@ class Heightfield(World, ReadOnly):
 
     @lru_cache(maxsize=8)  # noqa: B019 - a few worlds are kept
     def bumps(self, within: float) -> float:
-        """Return the height of bumps narrower than a distance [m] along x and y, 0 if the grid has none [m].
+        """Return the largest height [m] of bumps that are narrower than `within` [m] along x and y, 0 without bumps.
 
-        An opening by a square of that side removes these bumps (Serra, Image Analysis and Mathematical Morphology,
-        1982).
+        The bumps are removed by a morphological opening with a square of this side (Serra, Image Analysis and
+        Mathematical Morphology, 1982). The result is the largest difference between the terrain before and after.
         """
         import scipy  # slow to import, and rarely needed
 

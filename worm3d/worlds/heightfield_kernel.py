@@ -1,18 +1,20 @@
-"""The compiled heightfield: distance to a bicubic surface z = h(x, y) from the foot point.
+"""The compiled heightfield: distance from a bicubic surface z = h(x, y), measured from the foot point.
 
-With the surface S(u, v) = (u, v, h), N = (-h_u, -h_v, 1) and J = (S_u, S_v), the foot of a point P is where
+The foot of a point P is the nearest point of the surface. The surface is S(u, v) = (u, v, h), with N = (-h_u, -h_v, 1)
+and J = (S_u, S_v). Newton's method finds the foot from the conditions
 
     (P - S) . S_u = (P - S) . S_v = 0                                                                (WH1)
 
-found by Newton's method from the point below P. There, with the unit normal n = N/|N|, the first and second
-fundamental forms I = J'J and II = Hess(h)/|N|,
+and starts at the point of the surface below P. At the foot, n = N/|N| is the unit normal, and I = J'J and
+II = Hess(h)/|N| are the first and the second fundamental form. Then
 
     g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (WH2)
 
 (do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (WH1)).
-Newton's matrix is I - g II too; where this matrix is not positive definite, P lies beyond a focus. There g is the
-distance to the tangent plane below P. The same holds if P is higher than a parameter, in cells, above all coefficients
-of the spline about P, and so above the surface: g then only tells that P is far away.
+Newton's matrix is also I - g II. Where this matrix is not positive definite, P lies beyond a centre of curvature of the
+surface, and g is then the distance from the tangent plane at the point below P. If P lies higher above all spline
+coefficients around it than a limit (a parameter of the kernel, in cells), P is far from the surface. In this case g is
+the distance from a plane through the nearest coefficients, which is accurate enough there.
 """
 
 from __future__ import annotations
@@ -26,21 +28,21 @@ from worm3d.worlds import kernels
 from worm3d.worlds.kernels import Jet
 
 Height = tuple[float, float, float, float, float, float]
-"""h, h_u, h_v, h_uu, h_uv, h_vv."""
+"""Height h of the surface and its derivatives h_u, h_v, h_uu, h_uv, h_vv."""
 
 CONTACT = 0.05
-"""Height above all coefficients about a cell, and so above the cell's surface, up to which a worm's contacts get the
-foot point, in cells; the value of the parameter in a simulation."""
+"""The limit of the module's docstring in a simulation, in cells. The foot point is computed for points up to this
+height above all coefficients around the point. The surface lies below the largest of these coefficients."""
 
 CLOSE = 1e-5
-"""Step of the foot below which an iteration is the last, in cells; the last iteration takes the surface from a Taylor
-series. The errors of foot and normal are about the square of this step, and the error of the distance is about the
-third power."""
+"""Newton's iteration ends after a step of the foot that is smaller than this, in cells. For this last step, the surface
+is taken from a Taylor series. The errors of foot and normal are about the square of this number, and the error of the
+distance is about its third power."""
 
 
 @inner
 def height(coefficients: FloatArray, u: float, v: float) -> Height:
-    """Return height and derivatives, in cells, at a place counted in nodes."""
+    """Return the height [cells] and its derivatives at a place with the coordinates u, v [cells from node 0]."""
     i, s = kernels.cell(u, coefficients.shape[0])
     j, t = kernels.cell(v, coefficients.shape[1])
     (across, across_1, across_2), (along, along_1, along_2) = kernels.cubic(t), kernels.cubic(s)
@@ -63,7 +65,10 @@ def height(coefficients: FloatArray, u: float, v: float) -> Height:
 
 @inner
 def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) -> tuple[bool, float, float, Height]:
-    """Return whether Newton's method found a foot (WH1), the foot's place and the surface there, all in cells."""
+    """Return whether Newton's method found a foot (WH1), the u and v of the foot, and the surface there, in cells.
+
+    `begin` is the surface below the point x, y, z.
+    """
     u, v, at = x, y, begin
     gap = (z - at[0]) ** 2
     for _ in range(20):
@@ -89,7 +94,7 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) 
 
 @inner
 def _moved(at: Height, d_u: float, d_v: float) -> Height:
-    """Return the surface a small step away from a place, by a Taylor series."""
+    """Return the surface at a small step d_u, d_v from the place of `at`, by a Taylor series."""
     h, h_u, h_v, h_uu, h_uv, h_vv = at
     rise_u, rise_v = h_uu * d_u + h_uv * d_v, h_uv * d_u + h_vv * d_v
     h += (h_u + 0.5 * rise_u) * d_u + (h_v + 0.5 * rise_v) * d_v
@@ -98,7 +103,7 @@ def _moved(at: Height, d_u: float, d_v: float) -> Height:
 
 @inner
 def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
-    """Return height and slopes from the nearest coefficients alone."""
+    """Return an estimate of height and slopes from the four nearest coefficients, without curvature."""
     i, s = kernels.cell(u, coefficients.shape[0])
     j, t = kernels.cell(v, coefficients.shape[1])
     here, ahead = coefficients[i, j], coefficients[i + 1, j]
@@ -109,7 +114,10 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
 
 @inner
 def look(coefficients: FloatArray, tops: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
-    """Return distance, normal and curvature at a point, with the spacing as unit."""
+    """Return distance, normal and Hessian at a point, in units of the spacing of the grid.
+
+    `tops` has the largest coefficient around each cell, and `contact` is the limit of the module's docstring.
+    """
     if z > tops[kernels.cell(x, tops.shape[0])[0], kernels.cell(y, tops.shape[1])[0]] + contact:
         below = _rough(coefficients, x, y)
     else:
@@ -125,13 +133,13 @@ def look(coefficients: FloatArray, tops: FloatArray, x: float, y: float, z: floa
 
 @inner
 def _level(at: Height, g: float, size: float) -> Jet:
-    """Return a distance with the normal of the surface at a place, and no curvature."""
+    """Return the distance g with the normal of the surface at a place, and a Hessian of zero."""
     return g, -at[1] / size, -at[2] / size, 1.0 / size, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @inner
 def _curved(at: Height, g: float, size: float) -> Jet:
-    """Return distance, normal and curvature (WH2) at a foot point."""
+    """Return distance, normal and Hessian (WH2) for the foot point `at`."""
     _, p, q, h_uu, h_uv, h_vv = at
     up = 1.0 / size
     e, f, c = 1.0 + p * p, p * q, 1.0 + q * q
@@ -140,7 +148,7 @@ def _curved(at: Height, g: float, size: float) -> Jet:
     det = a_uu * a_vv - a_uv * a_uv
     if a_uu <= 0.0 or det <= 0.0:
         return _level(at, g, size)
-    # Minus I^-1 II (I - g II)^-1, both inverses by cofactors; det I is size^2.
+    # -I^-1 II (I - g II)^-1. Both inverses are computed by cofactors, and det I is size^2.
     scale = -up * up / det
     uu, uv = c * b_uu - f * b_uv, c * b_uv - f * b_vv
     vu, vv = e * b_uv - f * b_uu, e * b_vv - f * b_uv
@@ -151,7 +159,7 @@ def _curved(at: Height, g: float, size: float) -> Jet:
 
 @inner
 def grip_at(grips: FloatArray, u: float, v: float) -> float:
-    """Return the grip at a place counted in nodes, linear between nodes."""
+    """Return the grip, linear between nodes, at a place with the coordinates u, v [cells from node 0]."""
     i, s = kernels.cell(u, grips.shape[0])
     j, t = kernels.cell(v, grips.shape[1])
     low = (1.0 - t) * grips[i, j] + t * grips[i, j + 1]
@@ -162,10 +170,11 @@ def grip_at(grips: FloatArray, u: float, v: float) -> float:
 def heightfield(
     inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int
 ) -> int:
-    """Evaluate `count` points; the kernel of `Heightfield`.
+    """Evaluate `count` points. This function is the kernel of `Heightfield`.
 
-    Rows of the inputs after the point: addresses of coefficients, of the largest coefficient about each cell, and of
-    grips (2 each), nodes along x and y, first x and y, spacing, `CONTACT`.
+    The rows of the inputs after the point are the addresses of the coefficients, of the largest coefficient around each
+    cell, and of the grips (2 rows each); the numbers of nodes along x and y; x and y of the first node; the spacing;
+    and the limit of the module's docstring.
     """
     if rows_in != 15 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE

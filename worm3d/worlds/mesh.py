@@ -20,32 +20,34 @@ from worm3d.worlds.mesh_file import MeshError, Units
 from worm3d.worlds.sampled import MOST_NODES, NODES, Grid, GridWorld, coarsened
 
 VERSION = b"worm3d grid 3"
-"""Version of the grids that `mesh_distance.filled` computes; stored grids of another version are not read."""
+"""Version of the grids that `mesh_distance.filled` computes. Grids stored on disk by another version are not read."""
 
 _HEAD = struct.Struct("<3q4d")
-"""Layout of the numbers before a grid on disk: nodes along each axis, first node, cell."""
+"""Layout of the header of a grid on disk: number of nodes along each axis, position of the first node, cell size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh(GridWorld):
-    """A closed triangle mesh from a file, as a grid of signed distances; frozen, validated.
+    """A closed triangle mesh from a file, as a grid of signed distances. The object is frozen and validated.
 
     The grid is computed once and stored on disk under a digest of the file and the options. Edges and corners are
-    rounded by about a cell (`worm3d.worlds.sampled_kernel`).
+    rounded by about one cell (`worm3d.worlds.sampled_kernel`).
 
     Attributes
     ----------
     path : str or path
         An STL, OBJ, PLY or GLB file.
     units : {"m", "cm", "mm", "in", "ft"}
-        Unit of the file's coordinates. STL, OBJ and PLY files do not state a unit; for GLB the default is metres.
+        Unit of the file's coordinates. It must be given for STL, OBJ and PLY files, which do not state a unit. For GLB
+        files the default is metres.
     solid : {"inside", "outside"}
-        "inside": the enclosed space is solid; the worm crawls on the mesh (or through a hole in the mesh). "outside":
-        the enclosed space is free, like the air in a tunnel, and everything around is solid.
+        With "inside", the enclosed space is solid, and the worm crawls on the mesh (or through a hole in it). With
+        "outside", the enclosed space is free, like the air in a tunnel, and everything around it is solid.
     cell : float, optional
-        Cell of the grid [m]; if left out, the grid has up to a million nodes.
+        Size of the cells of the grid [m]. If it is left out, the grid has up to a million nodes.
     up : {"z", "y"}
-        The file's axis that points up; y becomes z by a quarter turn about x. glTF's convention is y.
+        The axis of the file that points up. With "y", the mesh is rotated by a quarter turn about x. glTF files
+        usually have y up.
     position : tuple of float
         Position of the file's origin in the world [m].
     grip : float
@@ -56,7 +58,7 @@ class Mesh(GridWorld):
     MeshError
         The file cannot be a world (`worm3d.worlds.mesh_file`), or the grid would be too large.
     ValueError
-        A value out of range.
+        A value is out of range.
     """
 
     straight: ClassVar[bool] = False
@@ -101,7 +103,13 @@ class Mesh(GridWorld):
         return vertices, faces
 
     def _cell(self, name: str, vertices: FloatArray) -> float:
-        """Return the size of a cell for which the grid fits into memory."""
+        """Return the cell size [m], chosen by the number of nodes if the user gives none.
+
+        Raises
+        ------
+        MeshError
+            The grid with the user's cell size has too many nodes.
+        """
         sides = np.ptp(vertices, axis=0)
         if self.cell is None:
             return coarsened(sides, float(sides.max()) / NODES, NODES, GRID_MARGIN_CELLS)
@@ -115,7 +123,7 @@ class Mesh(GridWorld):
         return self.cell
 
     def triangles(self) -> tuple[FloatArray, IntArray]:
-        """Return vertices (V, 3) [m] and faces (F, 3) of the file, in the world; for pictures."""
+        """Return the vertices [m] and faces of the file in world coordinates, for drawing, shapes (V, 3) and (F, 3)."""
         path = Path(self.path)
         vertices, faces = self._triangles(path, mesh_file.content(path), mesh_file.scale_of(path, self.units))
         return vertices + self.position, faces
@@ -127,7 +135,7 @@ class Mesh(GridWorld):
 
     @property
     def side(self) -> float:
-        """1 where the inside is solid, -1 where the outside is."""
+        """1 if the inside is solid, -1 if the outside is solid."""
         return 1.0 if self.solid == "inside" else -1.0
 
 

@@ -1,10 +1,11 @@
 """Signed distances of a triangle mesh on a regular grid, computed once.
 
-A node near the surface has the exact distance to the triangles around the node. Any other node has the distance to the
-triangle of the nearest such node, which is the nearest triangle or almost. The sign is the sign of the winding number
-along rows of the grid, counted by crossings (Bridson's scan conversion). Edges and corners that a row hits exactly
-count once, because one rule for all triangles decides ties of orientation. The spline through the nodes is then fitted
-to exact distances between the nodes (`worm3d.worlds.sampled.fit`).
+The distance of a node near the surface is its exact distance from the nearest triangle. The distance of any other node
+is measured to the triangle of the nearest such node. This triangle is the nearest, or almost the nearest, triangle.
+A node lies inside the mesh if its winding number is positive. The winding number is found by counting the triangles
+that a row of the grid crosses before the node (Bridson's scan conversion). If a row hits an edge or a corner exactly,
+the crossing counts once, because the same rule decides ties for all triangles. The spline through the nodes is then
+fitted to exact distances between the nodes (`worm3d.worlds.sampled.fit`).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ GRID_MARGIN_CELLS = 6
 
 
 def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
-    """Return the grid of a closed mesh whose faces look outwards."""
+    """Return the grid of a closed mesh whose faces are oriented outwards. `cell` is the spacing of the grid [m]."""
     import scipy  # slow to import, and rarely needed
 
     size = node_counts(np.ptp(vertices, axis=0), cell, GRID_MARGIN_CELLS)
@@ -60,7 +61,10 @@ def _close(corners: FloatArray, size: tuple[int, int, int]) -> tuple[IntArray, F
 def _within(
     corners: FloatArray, reach: float, size: tuple[int, int, int]
 ) -> tuple[FloatArray, NDArray[np.int32], FloatArray]:
-    """Return squared distance and number of the nearest triangle within reach (infinity, -1: none), and sign."""
+    """Return, for each node, squared distance and number of the nearest triangle, and the sign of the distance.
+
+    If no triangle is within `reach`, the squared distance is infinite and the number is -1.
+    """
     distance, nearest, winding = np.full(size, np.inf), np.full(size, -1, np.int32), np.zeros(size, np.int32)
     _near(corners, reach, distance, nearest)
     _crossings(corners, winding)
@@ -69,9 +73,10 @@ def _within(
 
 @njit
 def _near(corners: FloatArray, reach: float, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
-    """Write squared distances and triangles of the nodes within reach of each triangle.
+    """Write the squared distance and the number of the nearest triangle for all nodes within `reach` of a triangle.
 
-    Triangles with an edge longer than 8 cells are divided: the box around a larger one might be the whole grid.
+    Triangles with an edge longer than 8 cells are divided, because the box around a larger triangle might contain most
+    of the grid.
     """
     pieces = np.empty((256, 3, 3))
     for k in range(len(corners)):
@@ -103,7 +108,7 @@ def _longest_edge(pieces: FloatArray, i: int) -> tuple[int, float]:
 
 @inner
 def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tuple[int, int]:
-    """Return the first node along an axis within reach of a triangle, and the node after the last such node."""
+    """Return the first node along axis d within `reach` of triangle k, and the node after the last such node."""
     low = min(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) - reach
     high = max(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) + reach
     return max(0, int(np.ceil(low))), min(nodes - 1, int(np.floor(high))) + 1
@@ -113,7 +118,7 @@ def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tupl
 def _near_one(
     pieces: FloatArray, i: int, k: int, reach: float, distance: FloatArray, nearest: NDArray[np.int32]
 ) -> None:
-    """Write squared distances to piece i of triangle k where these are the smallest so far."""
+    """Write the squared distances to piece i of triangle k at the nodes where they are the smallest so far."""
     nodes = distance.shape
     a, b, c = _corner(pieces, i, 0), _corner(pieces, i, 1), _corner(pieces, i, 2)
     (x_0, x_1), (y_0, y_1) = _span(pieces, i, 0, reach, nodes[0]), _span(pieces, i, 1, reach, nodes[1])
@@ -129,7 +134,7 @@ def _near_one(
 
 @njit
 def _far(corners: FloatArray, places: IntArray, nearest: NDArray[np.int32], distance: FloatArray) -> None:
-    """Write the squared distances of other nodes to the given triangles."""
+    """Write the squared distances of the nodes `places` to the triangles `nearest`."""
     rows, columns = distance.shape[1], distance.shape[2]
     for n in range(len(places)):
         x, rest = divmod(places[n], rows * columns)
@@ -170,7 +175,11 @@ def _to_segment(p: Vector, a: Vector, edge: Vector) -> float:
 
 @inner
 def _to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
-    """Return the squared distance of a point to a triangle: to the plane above it, else to the nearest edge."""
+    """Return the squared distance of a point to a triangle.
+
+    It is the distance to the plane of the triangle if the point projects into the triangle, and otherwise the distance
+    to the nearest edge.
+    """
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     n = _cross(ab, bc)
     area = _dot(n, n)
@@ -187,7 +196,10 @@ def _left(p: Vector, a: Vector, edge: Vector, n: Vector) -> bool:
 
 @inner
 def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, float]:
-    """Return the sense of the turn from the first point to the second about 0, ties broken, and twice the area."""
+    """Return the sense of rotation from the first to the second point about the origin, and twice the triangle's area.
+
+    If the points and the origin lie on a line, the order of the coordinates decides the sense.
+    """
     area = y_1 * x_2 - x_1 * y_2
     tie = y_2 - y_1 if y_2 != y_1 else x_1 - x_2
     return int(np.sign(area if area != 0.0 else tie)), area
@@ -195,7 +207,10 @@ def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, f
 
 @njit
 def _crossings(corners: FloatArray, winding: NDArray[np.int32]) -> None:
-    """Add +1 where a row of nodes along x enters the solid, and -1 where the row leaves, at the next node."""
+    """Add the crossings of the rows of nodes along x with the triangles, each at the next node.
+
+    A crossing counts +1 where the row enters the solid, and -1 where the row leaves the solid.
+    """
     for k in range(len(corners)):
         y_0, y_1 = _span(corners, k, 1, 0.0, winding.shape[1])
         z_0, z_1 = _span(corners, k, 2, 0.0, winding.shape[2])
@@ -209,7 +224,7 @@ def _crossings(corners: FloatArray, winding: NDArray[np.int32]) -> None:
 
 @inner
 def _crossing(corners: FloatArray, k: int, y: float, z: float) -> tuple[int, float]:
-    """Return how a row along x crosses a triangle (0: not at all), and where."""
+    """Return +1 or -1 and x if the row along x at (y, z) enters or leaves through triangle k, otherwise 0 and 0."""
     y_0, y_1, y_2 = corners[k, 0, 1] - y, corners[k, 1, 1] - y, corners[k, 2, 1] - y
     z_0, z_1, z_2 = corners[k, 0, 2] - z, corners[k, 1, 2] - z, corners[k, 2, 2] - z
     side_0, a = _orientation(y_1, z_1, y_2, z_2)

@@ -1,7 +1,7 @@
-"""Triangles of a mesh file, in metres, closed and facing outwards, or an error that names the fault.
+"""Read the triangles of a mesh file, in metres. A mesh that is not closed or does not face outwards is refused.
 
-trimesh reads the file. The library takes garbage for an empty mesh, keeps NaN, and raises various errors for truncated
-files.
+The package trimesh reads the file. The checks here are needed because trimesh reads garbage as an empty mesh, keeps
+NaN, and raises many kinds of errors for truncated files.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MAX_MESH_SIDE, MIN_MESH_SIDE = 1000.0, 0.01
 """Range of the longest side of a mesh [m]."""
 
 LARGEST_FILE = 500_000_000
-"""Largest mesh file [byte]: ten million triangles."""
+"""Size of the largest mesh file [byte]. A binary STL file of this size has ten million triangles."""
 
 
 class MeshError(ValueError):
@@ -41,7 +41,7 @@ def content(path: Path) -> bytes:
     Raises
     ------
     MeshError
-        No such file, an unknown extension, or nothing in it.
+        The file does not exist, has an unknown extension, or is empty.
     """
     what, suffix = f"mesh {path.name!r}", path.suffix
     if suffix.lower() not in SUFFIXES:
@@ -53,12 +53,12 @@ def content(path: Path) -> bytes:
 
 
 def scale_of(path: Path, units: str | None) -> float:
-    """Return the metres in a unit of the file.
+    """Return the length of the file's unit of length [m].
 
     Raises
     ------
     MeshError
-        Units that are unknown, or left out for a format that does not state units.
+        The units are unknown, or are left out for a format whose files do not state a unit.
     """
     if units is None and path.suffix.lower() == ".glb":
         return 1.0  # metres, the unit of glTF
@@ -72,12 +72,26 @@ def scale_of(path: Path, units: str | None) -> float:
 
 
 def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArray]:
-    """Return vertices (V, 3) [m] and faces (F, 3) of the bytes of a mesh file, checked.
+    """Return the checked vertices [m] and faces of a mesh file.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file, for its format and for error messages.
+    data : bytes
+        Content of the file.
+    scale : float
+        Length of the file's unit [m].
+
+    Returns
+    -------
+    ndarray, shape (V, 3)
+    ndarray, shape (F, 3)
 
     Raises
     ------
     MeshError
-        A mesh that is truncated, garbage, not finite, of an unlikely size, not closed, or inside-out.
+        The mesh is truncated, garbage, not finite, of an unlikely size, not closed, or inside-out.
     """
     try:
         return _checked(path.suffix.lower()[1:], data, scale)
@@ -130,7 +144,7 @@ def _require_indices(faces: IntArray, count: int) -> None:
 
 
 def _require_finite(mesh: Any) -> None:
-    """Raise MeshError for NaN and infinity, which trimesh would silently drop or keep."""
+    """Raise MeshError for vertices with NaN or infinity. trimesh drops or keeps these without an error."""
     count = np.count_nonzero(~np.isfinite(np.asarray(mesh.vertices, dtype=float)).all(axis=1))
     if count:
         raise MeshError(f"got {count} vertices that are not finite (NaN); repair it where it was made")
@@ -146,7 +160,7 @@ def _require_size(vertices: FloatArray, faces: IntArray) -> None:
 
 
 def _require_solid(mesh: Any) -> None:
-    """Raise MeshError for a surface without a definite inside."""
+    """Raise MeshError for a surface that is not closed, not oriented outwards, or encloses no volume."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         closed, consistent, volume = bool(mesh.is_watertight), bool(mesh.is_winding_consistent), float(mesh.volume)

@@ -1,6 +1,7 @@
-"""Checks of the bytes of an STL, OBJ or GLB file before the file is read, so that a refusal names the cause.
+"""Checks of the bytes of an STL, OBJ or GLB file before the file is read, so that error messages name the cause.
 
-GLB: Khronos Group, glTF 2.0 Specification, section 4: a header (magic, version, length), a chunk of JSON, one of data.
+A GLB file has a header (magic, version, length), a chunk of JSON text, and a chunk of binary data (Khronos Group,
+glTF 2.0 Specification, section 4).
 """
 
 from __future__ import annotations
@@ -9,20 +10,26 @@ import json
 from typing import Any
 
 MAGIC = {b"glTF": "a GLB file", b"ply\n": "a PLY file", b"ply\r": "a PLY file", b"PK\x03\x04": "a zip file"}
-"""Kind of a file by its first four bytes."""
+"""Kinds of files that are recognised by their first four bytes."""
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
-"""Prefixes of names of glTF extensions that change no shape."""
+"""Prefixes of the names of glTF extensions that do not change the shape of a mesh."""
 
 
 def wrong(kind: str, data: bytes) -> str:
-    """Return the fault in the bytes of a file of a kind, and the remedy, as text; empty if no fault is found."""
+    """Return a text with the fault in the bytes of a file and the remedy, or an empty text if no fault is found.
+
+    `kind` is the extension of the file without the dot.
+    """
     checks = {"stl": _wrong_stl, "obj": _wrong_obj, "glb": _wrong_glb}
     return checks[kind](data) if kind in checks else ""
 
 
 def as_utf8(data: bytes) -> bytes:
-    """Return a text in UTF-8; other bytes count as Latin-1, which some programs use for names and comments."""
+    """Return a text encoded in UTF-8.
+
+    Text that is not valid UTF-8 is decoded as Latin-1, which some programs use for names and comments.
+    """
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
@@ -51,7 +58,7 @@ def _wrong_obj(data: bytes) -> str:
 def _wrong_glb(data: bytes) -> str:
     if data.lstrip()[:1] == b"{":
         return "glTF as text, must be a binary GLB file; export it as .glb"
-    begin = 20  # after the header of the file (12 bytes) and that of the first part (8), which tells its size
+    begin = 20  # after the headers of the file (12 bytes) and of the first chunk (8 bytes)
     if data[:4] != b"glTF" or len(data) < begin:
         return "no GLB file: it does not begin with 'glTF'; give it the extension of its format, or export it as GLB"
     version, length, size = (int.from_bytes(data[k : k + 4], "little") for k in (4, 8, 12))

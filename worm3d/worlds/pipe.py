@@ -1,4 +1,4 @@
-"""The inside of a pipe: straight or bent, at any tilt, wide or narrow; and the placement of a worm at rest."""
+"""The inside of a straight or bent pipe, and the placement of a worm in it."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from worm3d.worlds.plane import Patch, patches_of
 from worm3d.worlds.profile import Profile
 
 Form = tuple[Bends, int, bool, bool]
-"""Pieces of the wall that are arcs, number of patches, and whether there are walls at the start and the end."""
+"""Form of the wall: whether each of its pieces is an arc, number of patches, and whether walls close start and end."""
 
 MOST_GIVEN = 8
-"""Largest number of pieces of a centre line that one formula compares; the nearest of more pieces is looked up in a
-table."""
+"""Largest number of pieces of a centre line for which one formula compares all pieces. If there are more pieces, the
+nearest piece is looked up in a table."""
 
 STEEP = np.deg2rad(60.0)
-"""Slope beyond which a worm on a stretch is put on the centre line, not on the bottom [rad]."""
+"""If the pipe is steeper than this under a worm, the worm is placed on the centre line instead of the bottom [rad]."""
 
 UP = np.array([0.0, 0.0, 1.0])
-"""Unit vector against gravity."""
+"""Unit vector along +z."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pipe(World, ReadOnly):
-    """The inside of a pipe; gravity stays -z.
+    """The inside of a pipe. Gravity acts along -z.
 
-    The distance to the wall is exact, both in bends and where the radius changes; the radius may change on straight
-    pieces only. (For a point in a bend that is nearer to a change of radius than to the wall beside the point, the
-    distance is measured in the pipe's own coordinates. Such a point touches nothing.) A pipe that returns to itself is
-    open there: the nearest place of the centre line counts.
+    The radius may change only on straight pieces. The distance from the wall is exact in bends and where the radius
+    changes. There is one exception: for a point in a bend that is nearer to a change of radius than to the wall beside
+    it, the distance is measured along the pipe instead of in space. Such a point does not touch the wall. Where parts
+    of a pipe intersect, there is no wall between them, because the distance is measured from the nearest place of the
+    centre line.
 
     Attributes
     ----------
@@ -51,16 +52,17 @@ class Pipe(World, ReadOnly):
     radius : float or Profile
         Inner radius [m], less than the radius of any bend of the centre line.
     patches : tuple of Patch
-        Stretches with another friction, `along` the centre line; where stretches overlap, the last one counts.
+        Stretches of the pipe with another friction. `Patch.along` gives the limits along the centre line. Where
+        stretches overlap, the last patch applies.
     start_wall, end_wall : bool
-        Whether a flat wall closes the pipe at the start and at the end of the centre line; the piece there has to be
-        straight and as long as the pipe is wide.
+        Whether a flat wall closes the pipe at the start and at the end of the centre line. The piece with a wall must
+        be straight and at least as long as the diameter of the pipe.
 
     Raises
     ------
     ValueError
-        A radius that is not above 0 or too large for a bend, a change of radius in a bend, patches with an `across`,
-        or a wall across a bend.
+        The radius is not above 0, is too large for a bend, or changes in a bend. A patch has limits `across`, or a wall
+        is not on a straight piece of sufficient length.
     """
 
     centreline: Centreline
@@ -122,7 +124,7 @@ class Pipe(World, ReadOnly):
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction would slide away under `pressing` alone."""
+        """Whether a worm without friction could slide away under the load of `pressing`."""
         return not (self.centreline.straight and self.profile.constant)
 
     def radius_at(self, along: ArrayLike) -> FloatArray:
@@ -130,7 +132,7 @@ class Pipe(World, ReadOnly):
         return self.profile.at(along)
 
     def symbolic(self) -> Formula | None:
-        """Return the world's rows as a function of a point and parameters, and the parameters; None if looked up."""
+        """Return the formula of the world's rows, or None if the pipe has so many pieces that a table is used."""
         line = self._pieces()
         if len(line) > MOST_GIVEN:
             return None
@@ -138,14 +140,14 @@ class Pipe(World, ReadOnly):
         return pipe(_bent(line[:, 10]), *form), np.concatenate([line.ravel(), parameters])
 
     def _wall(self) -> tuple[Form, FloatArray]:
-        """Return the form of the wall, as `pipe` has it, and the parameters of `pipe` after the centre line's."""
+        """Return the form of the wall, and the parameters of `pipe_formula.pipe` after the centre line's pieces."""
         wall = self.profile.pieces()[:1] if self.profile.constant else self.profile.pieces()
         grips = [np.nan_to_num([*patch.along, patch.grip]) for patch in self.patches]  # the largest number for infinity
         form = _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall)
         return form, np.concatenate([wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
 
     def _pieces(self) -> FloatArray:
-        """Return the chain of the centre line with its straight ends, shape (K, 11)."""
+        """Return the pieces of the centre line, including straight pieces for its continuation, shape (K, 11)."""
         line = self.centreline
         begins = line.ends - line.length
         table = np.column_stack([line.start, line.tangent, line.normal, begins, line.curvature])
@@ -157,12 +159,15 @@ class Pipe(World, ReadOnly):
         return table
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world: the formula of the whole pipe, or of one piece at a time where that is faster."""
+        """Return the compiled world.
+
+        It evaluates the formula of the whole pipe, or the formula of a single piece if that is faster.
+        """
         whole = None if self._of_known_pieces() else self.symbolic()
         return self._looked_up() if whole is None else kernels.compiled(*whole)
 
     def _of_known_pieces(self) -> bool:
-        """Return whether the pipe has several pieces, and each point inside has only one candidate piece."""
+        """Return whether the pipe has several pieces, and each point inside lies between the end planes of only one."""
         return len(self._pieces()) > 1 and self.centreline.reach > float(self.profile.radius.max())
 
     def _looked_up(self) -> WorldKernel:
@@ -177,19 +182,25 @@ class Pipe(World, ReadOnly):
         return kernels.kernel_by_hand(pipe_table.pipe, numbers, (one, pieces, planes))
 
     def along(self, points: FloatArray) -> FloatArray:
-        """Return distances along the centre line for the places nearest to points (..., 3), shape (...,) [m]."""
+        """Return the distances along the centre line of the places nearest to the points [m].
+
+        Points of shape (..., 3) give distances of shape (...,).
+        """
         flat, pieces = arguments.array("points", np.reshape(points, (-1, 3)), ("P", 3), least=0), self._pieces()
-        at_once = max(1, 2_000_000 // len(pieces))  # pairs of place and piece: they have to fit into memory
+        at_once = max(1, 2_000_000 // len(pieces))  # limits the pairs of point and piece in memory
         found = [_along(flat[k : k + at_once], pieces) for k in range(0, len(flat), at_once)]
         return np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
 
     def course(self, points: FloatArray, joints: FloatArray) -> FloatArray:
-        """Return distances of points (K, 3) along the centre line, towards the head of joints (N+1, 3), shape (K,)."""
+        """Return distances of points along the centre line, increasing towards the worm's head, shape (K,) [m].
+
+        The points have the shape (K, 3), and the joints of the worm have the shape (N+1, 3).
+        """
         tail, head = self.along(joints[[0, -1]])
         return np.asarray(np.sign(head - tail) * self.along(points))
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return gravity, in a straight pipe without the component along the pipe, shape (3,) [m/s^2]."""
+        """Return gravity, for a straight pipe without the component along the pipe, shape (3,) [m/s^2]."""
         if self.uneven:
             return super().pressing(gravity)
         t = self.centreline.tangent[0]
@@ -202,14 +213,14 @@ class Pipe(World, ReadOnly):
     ) -> tuple[FloatArray, FloatArray]:
         """Return joints of a worm that follows the pipe, and the directors to the left.
 
-        The worm lies on the bottom, or on the centre line if the stretch is steeper than `STEEP`. `position` is the
-        distance of the tail along the centre line, and 0 [m]; `azimuth` is 0 if the head points along the pipe, and pi
-        if the head points back.
+        The worm lies on the bottom, or on the centre line if a part of the pipe under the worm is steeper than `STEEP`.
+        `position` is (s, 0), where s is the distance of the tail along the centre line [m]. `azimuth` is 0 if the head
+        points along the pipe, and pi if the head points back.
 
         Raises
         ------
         ValueError
-            Another position or azimuth, or a clearance greater than the radius.
+            The position or the azimuth has another form, or the clearance is larger than the radius.
         """
         if position[1] != 0.0:
             raise ValueError(
@@ -226,7 +237,10 @@ def _bent(curvature: FloatArray) -> tuple[bool, ...]:
 
 
 def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
-    """Return distances along a chain of pieces (K, 11) of the places nearest to points (P, 3), shape (P,) [m]."""
+    """Return the distances along a chain of the places nearest to points, shape (P,) [m].
+
+    The points have the shape (P, 3), and the pieces of the chain have the shape (K, 11).
+    """
     import scipy  # slow to import, and rarely needed
 
     length = np.concatenate([[np.inf], np.diff(pieces[1:, 9]), [np.inf]])[: len(pieces)]
@@ -241,7 +255,10 @@ def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
 
 
 def _between(planes: FloatArray, margin: float) -> FloatArray:
-    """Return the limits of pieces that begin at planes of shape (K, 4), less a margin [m], shape (K, 5)."""
+    """Return the rows `pipe_formula.BETWEEN` of the pieces that begin at `planes`, narrowed by a margin [m].
+
+    The planes have the shape (K, 4), and the result has the shape (K, 5).
+    """
     largest = np.finfo(float).max  # in place of infinity
     begins = np.full(len(planes), margin)
     begins[0] = -largest
@@ -250,7 +267,11 @@ def _between(planes: FloatArray, margin: float) -> FloatArray:
 
 
 def _placed_in(pipe: Pipe, along: FloatArray, tail: float, clearance: float) -> tuple[FloatArray, FloatArray]:
-    """Return joints (N+1, 3) and directors (N, 3); `along` is negative if the head points back."""
+    """Return joints, shape (N+1, 3), and directors, shape (N, 3), of a worm in a pipe.
+
+    `tail` is the distance of the tail along the centre line. `along` has the distances of the joints from the tail,
+    negative if the head points back.
+    """
     narrow, line = float(np.min(pipe.radius_at(tail + along))), pipe.centreline
     if clearance > narrow:
         raise ValueError(
@@ -273,14 +294,14 @@ def _placed_in(pipe: Pipe, along: FloatArray, tail: float, clearance: float) -> 
 
 
 def _normal_to(tangent: FloatArray) -> FloatArray:
-    """Return a level unit vector normal to a tangent, along y for a vertical tangent, shape (3,)."""
+    """Return a horizontal unit vector normal to a tangent, or the y axis if the tangent is vertical, shape (3,)."""
     level = np.cross(UP, tangent)
     size = float(np.linalg.norm(level))
     return level / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
 
 
 def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: float) -> FloatArray:
-    """Return points on a path with the same distances between neighbours as the joints."""
+    """Return the joints as points on a path. Neighbouring joints have the straight-line distances given by `along`."""
     import scipy  # slow to import, and rarely needed
 
     s, joints = tail, [on_path(tail)]
@@ -298,7 +319,7 @@ def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: flo
 
 
 def _carried(tangents: FloatArray) -> FloatArray:
-    """Return directors of a worm without twist, by parallel transport of the first director."""
+    """Return the directors of a worm without twist, by parallel transport of the first director along the worm."""
     directors = [_normal_to(tangents[0])]
     for a, b in pairwise(tangents):
         d = directors[-1]

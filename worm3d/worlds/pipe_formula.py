@@ -1,41 +1,45 @@
-"""Signed distance of a pipe's wall, with gradient and Hessian, as symbolic expressions.
+"""Signed distance from a pipe's wall, with gradient and Hessian, as symbolic expressions.
 
-Centre line and wall are chains of straight pieces and circular arcs. Piece k has the frame p, t, n at its beginning (a
-point, the tangent and the normal towards the centre of a bend) and the curvature kappa; X, Y, Z are the coordinates of
-a point x in this frame (Z along t x n, 0 in a plane). With
+Centre line and wall are chains of straight pieces and circular arcs. A piece has the curvature kappa, and a frame
+p, t, n at its beginning: a point, the tangent, and the normal towards the centre of a bend. X, Y, Z are the coordinates
+of a point x in this frame. Z is the coordinate along t x n, and 0 for the wall, which is a chain in a plane. With
 
     w = sqrt((kappa X)^2 + (1 - kappa Y)^2)                                                                  (WP1)
 
-the nearest point of the piece, continued as a line or a full circle, lies at
+the nearest point of the piece, continued as a line or a full circle, lies at the distance s along the piece, and x lies
+at the distance d from it:
 
-    s = atan2(kappa X, 1 - kappa Y)/kappa   along it (X where kappa = 0),                                     (WP2)
+    s = atan2(kappa X, 1 - kappa Y)/kappa   (s = X if kappa = 0),                                             (WP2)
     delta = (kappa (X^2 + Y^2) - 2 Y)/(1 + w),   d^2 = delta^2 + Z^2                                          (WP3)
 
-where delta is the distance of x from the arc's centre less the arc's radius, and -Y where kappa = 0: nothing cancels
-and there is no case distinction. Tangent and outward normal there, in the frame:
+In the plane of the piece, delta is the distance of x from the arc's centre minus the arc's radius. For kappa = 0 it is
+-Y. In this form, no digits cancel for small kappa, and no case distinction is needed. The tangent T and the outward
+normal O at the nearest point are
 
     T = ((1 - kappa Y) t + kappa X n)/w,   O = (kappa X t - (1 - kappa Y) n)/w                               (WP4)
 
-On a chain without kinks and without ends, x lies in the normal plane of the nearest point. The candidates are therefore
-the pieces between whose end planes x lies: X_k >= 0 and X_{k+1} < 0. The candidate with the smallest d counts.
+On a chain without kinks and without ends, x lies in the normal plane of its nearest point. The candidates for the
+nearest piece are therefore the pieces between whose end planes x lies, with X_k >= 0 and X_{k+1} < 0. The candidate
+with the smallest d is the nearest piece.
 
-Let s be the place along the centre line, d the distance from the centre line, T the tangent there and e the unit vector
-from the centre line to the point. In the half-plane (s, rho) the wall is the chain rho = R(s). With the distance y from
-the wall, positive inside the wall, the wall's outward normal (N_s, N_rho) and kappa_w, w_w of the wall's piece,
+Let s be the place of the nearest point along the centre line, d the distance of x from the centre line, T the tangent
+there, and e the unit vector from the centre line to x. In the half-plane (s, rho), the wall is the chain rho = R(s).
+Let y be the distance of x from the wall, positive in the solid, (N_s, N_rho) the normal of the wall that points out of
+the pipe, and kappa_w and w_w the values of kappa and w of the nearest piece of the wall. Then
 
     g = -y,   n = -(N_s T + N_rho e)                                                                         (WP5)
 
-which is R - d and -e where the radius is constant. The Hessian, in the directions c = T x e around the pipe,
+If the radius is constant, g = R - d and n = -e. The Hessian is written in the directions c = T x e around the pipe,
 m = N_rho T - N_s e along the wall, and T along the bend:
 
     H = -(N_rho/d) c c^T + min(0, kappa_w/w_w) m m^T + min(0, n.O kappa/w) T T^T                             (WP6)
 
-The positive curvatures, from walls that bulge towards the worm, would make Newton's matrix indefinite; they are left
-out.
+Positive curvatures, of walls that bulge towards the worm, are left out, because they would make Newton's matrix
+indefinite.
 
-A wall across the end of the pipe is at the distance f = s_end - s. Where g and f are negative, in the corner, the
-distance to both walls is -sqrt(g^2 + f^2); elsewhere the distance is the smaller of g and f. Both are exact where the
-pipe's end is straight.
+A wall across the end of the pipe is at the distance f = s_end - s. Where both g and f are negative, in the corner, the
+combined distance is -sqrt(g^2 + f^2). Elsewhere it is the smaller of g and f. This is exact because the pipe is
+straight at a wall.
 """
 
 from __future__ import annotations
@@ -51,20 +55,22 @@ from worm3d.worlds.kernels import ON_AXIS, rows
 Bends = tuple[bool, ...]
 
 PIECE = 11
-"""Numbers of a piece of the centre line: p (3), t (3), n (3), s, kappa."""
+"""Number of values that describe a piece of the centre line: p (3), t (3), n (3), s at its start, kappa."""
 
 BETWEEN = 5
-"""Numbers of the range that certainly lies between a piece's end planes: margin beyond the first plane [m], normal (3)
-of the last plane, and distance of the last plane from the origin [m]."""
+"""Number of values that describe the region that certainly lies between the end planes of a piece. The values are the
+minimum distance beyond the first plane [m], the normal (3) of the last plane, and the largest coordinate along this
+normal [m]."""
 
 WALL = 5
-"""Numbers of a piece of the wall: s, rho, cosine and sine of its direction, kappa."""
+"""Number of values that describe a piece of the wall: s and rho at its start, cosine and sine of its direction,
+kappa."""
 
 GRIP = 3
-"""Numbers of a stretch with another friction: from, to, multiplier."""
+"""Number of values that describe a stretch with another friction: begin and end along the pipe, multiplier."""
 
 OUT_OF_QUESTION = 1e30
-"""Squared distance assigned to a piece if the point does not lie between the piece's end planes [m^2]."""
+"""Squared distance assigned to a piece that is not a candidate for a point [m^2]."""
 
 
 class Local(NamedTuple):
@@ -77,7 +83,7 @@ class Local(NamedTuple):
 
 
 def _stretch(c: Local) -> ca.SX:
-    """Return w of (WP1): the distance from the bend's axis as a multiple of the bend's radius."""
+    """Return w of (WP1), the distance from the axis of the bend as a multiple of the radius of the bend."""
     return ca.sqrt((c.kappa * c.X) ** 2 + (1.0 - c.kappa * c.Y) ** 2)
 
 
@@ -101,7 +107,7 @@ def _tangent_and_outward(c: Local, t: ca.SX, n: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def _nearest_piece(locals_: Sequence[Local], pieces: Sequence[ca.SX]) -> ca.SX:
-    """Return the nearest of `pieces`, which are columns of numbers."""
+    """Return the column of `pieces` with the values of the nearest piece. `locals_` has a `Local` for each piece."""
     best, chosen = ca.SX(OUT_OF_QUESTION), pieces[0]
     for k, c in enumerate(locals_):
         square = _excess(c) ** 2 + c.Z**2
@@ -127,13 +133,13 @@ class Surface(NamedTuple):
 
 
 class _Chain(NamedTuple):
-    """Numbers of the pieces, a column each with the curvature last, and whether each piece is an arc."""
+    """A chain: the values of its pieces, a column for each piece with the curvature last, and which pieces are arcs."""
 
     rows: ca.SX
     bent: Bends
 
     def nearest(self, local: Callable[[ca.SX, ca.SX], Local], at: ca.SX) -> ca.SX:
-        """Return the numbers of the piece nearest to a place."""
+        """Return the values of the piece nearest to a place. `local` returns coordinates in the frame of a piece."""
         columns = ca.horzsplit(self.rows)
         each = (local(at, column) for column in columns)
         known = [c if bent else c._replace(kappa=ca.SX(0.0)) for c, bent in zip(each, self.bent, strict=True)]
@@ -143,11 +149,11 @@ class _Chain(NamedTuple):
 
 @cache
 def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
-    """Return the rows of a world for a point and the parameters of a pipe.
+    """Return a function of a point and the parameters of a pipe that returns the rows of a world.
 
-    `bent` and `bent_walls` say which pieces of the centre line, and of the wall, are arcs; a single straight wall means
-    a constant radius. The first and the last piece are infinite. `stretches` is the number of stretches with another
-    friction. There may be walls across the ends.
+    `bent` and `bent_walls` say which pieces of the centre line and of the wall are arcs. If the wall has only one
+    straight piece, the radius is constant. The first and the last piece are infinitely long. `stretches` is the number
+    of stretches with another friction. `at_start` and `at_end` say whether walls close the ends.
     """
     x, given, found, _ = _world(bent, bent_walls, stretches, at_start, at_end)
     return ca.Function("pipe", [x, given], [found])
@@ -155,11 +161,11 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
 
 @cache
 def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
-    """Return the rows of `pipe` for one piece; the multiplier has a minus sign where another piece may be nearer.
+    """Return a function that returns the rows of `pipe` for a given piece of the centre line.
 
-    No other piece is nearer if the point lies between the piece's end planes and closer to the centre line than the
-    reach. After the point, the inputs begin with the numbers of the piece and the numbers of `BETWEEN`; the reach is
-    last.
+    The friction multiplier has a minus sign if another piece may be nearer to the point. No other piece is nearer if
+    the point lies between the end planes of the given piece and is closer to the centre line than the reach. After the
+    point, the inputs begin with the values of the piece and the values of `BETWEEN`. The reach is the last input.
     """
     inside, reach = ca.SX.sym("between", BETWEEN), ca.SX.sym("reach")
     x, given, found, d = _world((True,), bent_walls, stretches, at_start, at_end)
@@ -174,7 +180,7 @@ def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca
 def _world(
     bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Return point and parameters, the rows of the world, and the point's distance from the centre line."""
+    """Return the symbols of point and parameters, the rows of the world, and the distance from the centre line."""
     x, line = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
     wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
     ends = ca.SX.sym("ends", 2)
@@ -193,14 +199,17 @@ def _world(
 
 @cache
 def place() -> ca.Function:
-    """Return a function of a point and a piece: place along the centre line, squared distance from the piece."""
+    """Return a function of a point and a piece that returns the nearest place and the squared distance.
+
+    The place is measured along the centre line. The distance is measured from the piece, continued as a line or circle.
+    """
     x, row = ca.SX.sym("x", 3), ca.SX.sym("piece", PIECE)
     c = _local(x, row)
     return ca.Function("place", [x, row], [row[9] + _way(c), _excess(c) ** 2 + c.Z**2])
 
 
 def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> tuple[Surface, ca.SX, ca.SX, ca.SX]:
-    """Return the wall, the place along the centre line, the distance from that line, and the tangent there."""
+    """Return the surface of the wall, the place along the centre line, the distance from it, and the tangent there."""
     piece = line.nearest(_local, x)
     c, t, n = _local(x, piece), piece[3:6], piece[6:9]
     T, outward = _tangent_and_outward(c, t, n)
@@ -222,7 +231,7 @@ def _local(x: ca.SX, piece: ca.SX) -> Local:
 
 
 def _wall(at: ca.SX, wall: _Chain) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return the depth of (s, rho) in the wall [m], and the wall's outward normal (s, rho) and curvature there."""
+    """Return y of (WP5) for a point (s, rho) [m], and the wall's normal (N_s, N_rho) and kappa_w/w_w of (WP6)."""
     if len(wall.bent) == 1:
         return at[1] - wall.rows[1, 0], ca.SX([0.0, 1.0]), ca.SX(0.0)
     piece = wall.nearest(_local_of_wall, at)
@@ -237,7 +246,7 @@ def _local_of_wall(at: ca.SX, piece: ca.SX) -> Local:
 
 
 def _closed(side: Surface, end: Surface) -> Surface:
-    """Return a surface whose end is closed by a wall."""
+    """Return the combined surface of the wall of a pipe and a wall across its end."""
     a, b = ca.fmin(0.0, side.g), ca.fmin(0.0, end.g)
     deep = ca.sqrt(a**2 + b**2)
     corner = ca.logic_and(a < 0.0, b < 0.0)

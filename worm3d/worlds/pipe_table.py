@@ -1,10 +1,13 @@
-"""The compiled pipe of many pieces: the formula is evaluated for all points at once, with each point's last piece.
+"""The compiled kernel of a pipe whose centre line has many pieces.
 
-The formulas are in `worm3d.worlds.pipe_formula`. Candidates for a point are the pieces between whose end planes the
-point lies; mostly there is one. The candidate with the smallest distance from the centre line counts. A point closer to
-the line than the reach (`Centreline.reach`) has only one candidate. The formula itself tells whether the last piece is
-certainly the right piece. If not, a search walks along the chain from the last piece. The stored pieces never change a
-result, only the time: each point's rows always come from the formula with the point's own piece.
+The formulas are in `worm3d.worlds.pipe_formula`. They are evaluated for all points at once, each with the piece in
+which the point was found in the previous call (its last piece). The formula also returns whether this is certainly the
+nearest piece. If it is not certain, a search walks along the chain from the last piece, and the formula is evaluated
+again if the piece has changed. The results therefore do not depend on the stored pieces, which only save time.
+
+Candidates for the nearest piece are the pieces between whose end planes the point lies. The candidate with the smallest
+distance from the centre line is chosen. A point that is closer to the line than the reach (`Centreline.reach`) has only
+one candidate.
 """
 
 from __future__ import annotations
@@ -21,22 +24,25 @@ from worm3d.worlds import kernels
 from worm3d.worlds.pipe_formula import BETWEEN, PIECE
 
 PIECE_ROWS = PIECE + BETWEEN
-"""Number of input rows after the point that describe a piece; this kernel writes these rows."""
+"""Number of the input rows after the point that describe a piece. This kernel changes these rows."""
 
 NO_PIECE = -1.0
-"""Piece number of a point without a last piece."""
+"""Number in place of the last piece for a point that has no last piece."""
 
 TABLE_ROWS = 9
-"""Input rows after the rows of the formula: number of the point's last piece; addresses of the pieces, of the planes
-where the pieces begin (normal and distance from the origin, a row each) and of the formula's kernel (2 each); number of
-pieces; reach [m]."""
+"""Number of the input rows after the rows of the formula. They are the number of the point's last piece; the addresses
+of the table of pieces, of the table of planes where the pieces begin (normal and distance from the origin), and of the
+formula's kernel (2 rows each); the number of pieces; and the reach [m]."""
 
 _GRIP = kernels.WORLD_ROWS - 1
 
 
 @inner
 def _signs(outputs: int, lanes: int) -> IntArray:
-    """Return the row of the multipliers as integers, negative where the sign bit is set (-0.0 too); not a copy."""
+    """Return the output row of the friction multipliers as integers, without copying it.
+
+    An integer is negative if the sign bit of the multiplier is set, also for -0.0.
+    """
     found: IntArray = carray(integers_at(outputs + 8 * _GRIP * lanes), (lanes,))
     return found
 
@@ -58,7 +64,7 @@ def _ahead(planes: FloatArray, k: int, p: FloatArray, lane: int) -> float:
 
 @inner
 def _walk(planes: FloatArray, k: int, p: FloatArray, lane: int) -> int:
-    """Return the first piece, on a walk from piece k, between whose end planes a point lies."""
+    """Walk along the chain from piece k, and return the first piece between whose end planes the point lies."""
     while k > 0 and _ahead(planes, k, p, lane) < 0.0:
         k -= 1
     while k < len(planes) - 1 and _ahead(planes, k + 1, p, lane) >= 0.0:
@@ -68,7 +74,7 @@ def _walk(planes: FloatArray, k: int, p: FloatArray, lane: int) -> int:
 
 @inner
 def _square(pieces: FloatArray, k: int, p: FloatArray, lane: int) -> float:
-    """Return the square of a point's distance from a piece's line, straight or an arc, by (WP1) and (WP3) [m^2]."""
+    """Return the square of a point's distance from piece k of the centre line, by (WP1) and (WP3) [m^2]."""
     ahead = aside = square = 0.0
     for d in range(3):
         ahead += (p[d, lane] - pieces[k, d]) * pieces[k, 3 + d]
@@ -84,7 +90,7 @@ def _square(pieces: FloatArray, k: int, p: FloatArray, lane: int) -> float:
 
 @inner
 def _nearest(pieces: FloatArray, planes: FloatArray, p: FloatArray, lane: int) -> int:
-    """Return the nearest of the pieces between whose end planes a point lies."""
+    """Return the nearest of all pieces between whose end planes the point lies, or -1 if there is no such piece."""
     last, found, nearest, begun = len(pieces) - 1, -1, 0.0, True
     for k in range(last + 1):
         ended = k < last and _ahead(planes, k + 1, p, lane) >= 0.0
@@ -98,7 +104,7 @@ def _nearest(pieces: FloatArray, planes: FloatArray, p: FloatArray, lane: int) -
 
 @inner
 def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: FloatArray, lane: int) -> int:
-    """Return the piece of a point, searched from piece k; the first piece if the point is NaN."""
+    """Return the piece nearest to the point of a lane, searched from piece k."""
     if reach > 0.0:
         here = _walk(planes, k, p, lane)
         if _square(pieces, here, p, lane) < reach * reach:
@@ -108,7 +114,7 @@ def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: Flo
 
 @inner
 def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> None:
-    """Write the piece of a point, and the number of the piece into the row `last`."""
+    """Write piece k to the input rows of a lane, and its number to the row `last`."""
     for r in range(PIECE_ROWS):
         p[3 + r, lane] = pieces[k, r]
     p[last, lane] = k
@@ -116,7 +122,10 @@ def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> No
 
 @inner
 def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> bool:
-    """Search the pieces of the uncertain points among some lanes; return whether a piece differs from the last one."""
+    """Search the pieces of the points whose piece is uncertain, in the lanes from `first` to before `end`.
+
+    Return whether the piece of a point has changed. `own` is the first of the `TABLE_ROWS`.
+    """
     count = int(p[own + 7, 0])
     pieces, planes = kernels.table(p, own + 1, count, PIECE_ROWS), kernels.table(p, own + 3, count, 4)
     reach, last, changed = p[own + 8, 0], own, False
@@ -136,7 +145,7 @@ def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> b
 
 
 def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Evaluate `count` points; the kernel of a `Pipe` of many pieces."""
+    """Evaluate `count` points. This function is the kernel of a `Pipe` of many pieces."""
     own = rows_in - TABLE_ROWS
     if own < 3 + PIECE_ROWS or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE

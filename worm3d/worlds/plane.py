@@ -1,4 +1,4 @@
-"""Planes: an inclined one through the origin, and the paper's level ground, which holds the joints' heights."""
+"""An inclined plane through the origin, and the paper's level ground, which prescribes the heights of the joints."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from worm3d.worlds.base import World
 from worm3d.worlds.kernels import Formula, WorldKernel, rows
 
 MOST_PATCHES = 1000
-"""Largest number of patches: the formula takes three seconds to compile, and the time grows with the square of the
-number."""
+"""Largest number of patches. With this number the formula takes three seconds to compile. The time grows with the
+square of the number."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Patch(Spelled):
     grip : float
         Multiplier of the friction coefficients, at least 0.
     along, across : tuple of float
-        Limits (from, to) along the steepest ascent, and to the left of the ascent, from the origin [m].
+        Limits (from, to) of the rectangle along the steepest ascent, and across it to the left [m]. Both are measured
+        from the origin.
     """
 
     grip: float
@@ -49,7 +50,7 @@ class Patch(Spelled):
 
 @dataclass(frozen=True)
 class Plane(World):
-    """An inclined plane through the origin; gravity stays -z.
+    """An inclined plane through the origin. Gravity acts along -z.
 
     Attributes
     ----------
@@ -58,12 +59,12 @@ class Plane(World):
     heading : float
         Azimuth of the steepest ascent [rad].
     patches : tuple of Patch
-        Places with another friction; where patches overlap, the last one counts.
+        Rectangles with another friction. Where patches overlap, the last patch applies.
     """
 
     flat: ClassVar[bool] = True
     uneven = False
-    """Gravity across the plane presses the worm, and gravity along the plane does not."""
+    """`pressing` returns only the component of gravity normal to the plane, so that the worm does not slide."""
 
     slope: float = 0.0
     heading: float = 0.0
@@ -76,11 +77,11 @@ class Plane(World):
 
     @property
     def axes(self) -> FloatArray:
-        """Rows: steepest ascent, left of the ascent, and outward normal, shape (3, 3)."""
+        """Unit vectors of the plane as rows, shape (3, 3): steepest ascent, left of the ascent, and outward normal."""
         return _axes(self.slope, self.heading)
 
     def symbolic(self) -> Formula:
-        """Return the world's rows as a function of a point and parameters, and the parameters."""
+        """Return the formula of the world's rows."""
         # The largest number takes the place of infinity.
         patches = [np.nan_to_num([*p.along, *p.across, p.grip]) for p in self.patches]
         return _function(len(patches)), np.concatenate([self.axes.ravel(), *patches])
@@ -90,7 +91,10 @@ class Plane(World):
         return np.asarray(np.asarray(points) @ self.axes[2])
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return the part of gravity normal to the plane, 0 if pointing away from the plane, shape (3,) [m/s^2]."""
+        """Return the part of gravity normal to the plane, or zero if it points away from the plane.
+
+        The shape is (3,) [m/s^2].
+        """
         normal = self.axes[2]
         return np.asarray(min(0.0, float(gravity @ normal)) * normal)
 
@@ -120,12 +124,12 @@ def _axes(slope: float, heading: float) -> FloatArray:
 @documented
 @dataclass(frozen=True)
 class ClampedGround(World, name="clamped"):
-    """The paper's level ground in 3D, which holds the joints' heights and touches nothing.
+    """The paper's level ground in 3D, which prescribes the heights of the joints and has no contacts.
 
-    The joints' z does not change. A predictor without friction gives the velocity of each joint, and the normal load,
-    which is the force (P9) that holds the joint's z. (P10) turns load and velocity into friction against the motion,
-    with the coefficients towards the head, towards the tail and sideways, and without friction below the threshold. The
-    corrector is solved with these forces.
+    The joints' z does not change. In each step, a predictor without friction gives the velocity of each joint, and the
+    normal load, which is the force (P9) that holds the joint's z. (P10) gives the friction against the motion from load
+    and velocity, with separate coefficients towards the head, towards the tail and sideways. Below
+    `velocity_threshold` there is no friction. A corrector then repeats the step with these forces.
     """
 
     clamped: ClassVar[bool] = True
@@ -141,11 +145,11 @@ class ClampedGround(World, name="clamped"):
         check(self)
 
     def kernel(self) -> WorldKernel:
-        """Return the level plane, for distances in records; no contact acts."""
+        """Return the kernel of the level plane. It only gives distances for records, and no contacts."""
         return Plane().kernel()
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return zero: the clamped worm does not rest on contacts."""
+        """Return zero because the worm does not rest on contacts."""
         return np.zeros(3)
 
     def placed(
@@ -156,12 +160,12 @@ class ClampedGround(World, name="clamped"):
 
 
 def patches_of(given: Any) -> tuple[Patch, ...]:
-    """Return the patches of a list or tuple.
+    """Return a list or tuple of patches as a checked tuple.
 
     Raises
     ------
     ValueError
-        Another type, an item that is no patch, or too many patches.
+        `given` is of another type, contains an item that is not a `Patch`, or has too many patches.
     """
     arguments.instance("patches", given, list | tuple, "a tuple of worm3d.Patch")
     if len(given) > MOST_PATCHES:

@@ -1,7 +1,8 @@
-"""Radius of a pipe along its centre line: cylinders and cones with rounded edges between them.
+"""Radius of a pipe along its centre line. The wall consists of cylinders and cones with rounded edges between them.
 
-In the half-plane of the distance s along the pipe and the distance rho from its centre line the wall is a chain of
-straight pieces and circular arcs without kinks. The distance to such a chain is exact, and its gradient continuous.
+Let s be the distance along the pipe, and rho the distance from its centre line. In the half-plane (s, rho), the wall is
+a chain of straight pieces and circular arcs without kinks. The distance from such a chain is computed exactly, and its
+gradient is continuous.
 """
 
 from __future__ import annotations
@@ -17,29 +18,29 @@ from worm3d.values.read_only import ReadOnly
 from worm3d.worlds.centreline import ROUNDING
 
 MOST_PLACES = 200
-"""Largest number of places: the formula takes two seconds to compile, and the time grows with the square of the
-number."""
+"""Largest number of places. With this number the formula takes two seconds to compile. The time grows with the square
+of the number."""
 
 MAX_RAMP_SLOPE = np.deg2rad(80.0)
-"""Slope of the steepest ramp [rad]: a step of the radius is a short ramp."""
+"""Largest slope of the wall [rad]. A step of the radius must therefore be given as a short ramp."""
 
 
 @dataclass(frozen=True, eq=False)
 class Profile(ReadOnly):
-    """The wall of a pipe: straight between places, with rounded corners, level before the first and after the last.
+    """Radius of a pipe, linear between given places, with rounded corners, and constant before and after all places.
 
     Attributes
     ----------
     along, radius : array_like, shape (K,)
-        Places along the centre line, increasing, and the radius there before corners are rounded [m].
+        Increasing distances along the centre line, and the radius there before corners are rounded [m].
     rounding : float or None
-        Radius of the rounded corners [m], smaller where there is no room. None: as large as half of the way to the next
-        corner allows, but no more than ten times the pipe's radius.
+        Radius of the arcs that round the corners [m]. It is reduced where an arc would reach farther than half-way to
+        the next corner. None means ten times the largest radius of the pipe, reduced in the same way.
 
     Raises
     ------
     ValueError
-        Places that do not increase, a radius or rounding that is not above 0, or a ramp steeper than 80 degrees.
+        The places do not increase, a radius or `rounding` is not above 0, or the wall is steeper than 80 degrees.
     """
 
     along: FloatArray
@@ -75,7 +76,7 @@ class Profile(ReadOnly):
 
     @property
     def changes(self) -> list[tuple[float, float]]:
-        """Stretches where the radius changes, (from, to) each [m]."""
+        """Limits (from, to) of the stretches in which the radius changes [m]."""
         stretches, begin = [], None
         for (start, _), (end, _), _, after, _ in self._corners():
             begin = start if begin is None else begin
@@ -85,10 +86,10 @@ class Profile(ReadOnly):
         return stretches
 
     def pieces(self) -> FloatArray:
-        """Return the chain of the wall, shape (E, 5).
+        """Return the pieces of the wall, shape (E, 5).
 
         Each row has s and rho at the start of the piece [m], cosine and sine of the direction there, and the curvature,
-        positive if the centre of the arc lies in the wall [1/m]. The first piece comes from infinity: the first row
+        which is positive if the centre of the arc lies outside the pipe [1/m]. The first piece has no start. Its row
         gives a point on the piece.
         """
         rows = [[float(self.along[0]), float(self.radius[0]), 1.0, 0.0, 0.0]]
@@ -109,7 +110,11 @@ class Profile(ReadOnly):
         return np.asarray(np.where(kappa == 0.0, r0 + (s - s0) * sine / cosine, r0 + (cosine - level) / safe))
 
     def _corners(self) -> list[tuple[tuple[float, float], tuple[float, float], float, float, float]]:
-        """Return where each rounded corner begins and ends (s, rho), the direction before and after, and the radius."""
+        """Return the rounded corners.
+
+        Each item has (s, rho) at the begin and at the end of the arc [m], the direction of the wall before and after
+        the arc [rad], and the radius of the arc [m].
+        """
         s, r = self.along, self.radius
         direction = np.concatenate([[0.0], np.arctan2(np.diff(r), np.diff(s)), [0.0]])
         sides = np.concatenate([[np.inf], np.hypot(np.diff(r), np.diff(s)), [np.inf]])

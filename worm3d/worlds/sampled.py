@@ -1,14 +1,15 @@
-"""Worlds kept as a grid of signed distances: the fit of a spline to the distances, and the world of a Python function.
+"""Worlds as a grid of signed distances: the fit of a spline to the distances, and the world of a Python function.
 
-A spline through the nodes rounds edges and corners, with errors of up to 0.28 of a cell there. Each cell has eight
-samples, shifted from a node by 0 or by half a cell along each axis. A sample has a distance d and weights w (WS1) of
-the coefficients c. Where the spline misses a sample by more than a tolerance e, the least change of the coefficients
-reduces the error to the tolerance:
+A spline that only passes through the distances at the nodes rounds edges and corners, with errors of up to 0.28 of a
+cell there. The spline is therefore also fitted to samples between the nodes. Each cell has eight samples, shifted from
+a node by 0 or by half a cell along each axis. A sample has the exact distance d, and w are the weights (WS1) of the
+spline coefficients c at its position. If the error r of the spline at a sample exceeds a tolerance e, the smallest
+change of the coefficients that reduces the error to the tolerance is applied:
 
     c <- c - w (r - e sign(r))/|w|^2,    r = w.c - d,                                                        (WM3)
 
 The samples are corrected one after the other, in a few sweeps (Agmon, "The relaxation method for linear inequalities",
-1954). Where the surface is smooth, the spline misses no sample and nothing changes.
+1954). Where the surface is smooth, no error exceeds the tolerance, and nothing changes.
 """
 
 from __future__ import annotations
@@ -30,27 +31,29 @@ from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
 FIT_TOLERANCE = 0.1
-"""e of (WM3), in cells; the errors between the samples and the error of (WM1) add up to as much."""
+"""e of (WM3), in cells. The errors between the samples, together with the error of (WM1), are about as large."""
 
 FITTED = 1.25
 """Distance from the surface within which the spline is fitted between the nodes, in cells."""
 
 NODES = 1_000_000
-"""Number of nodes of a grid whose cell is not given: 4 MB, about a second to fill."""
+"""Number of nodes of a grid if the user does not set the cell size. Such a grid needs 4 MB and takes about a second to
+compute."""
 
 NODES_KEPT = 60_000
-"""Largest number of nodes of the grid that a result stores for a user-defined world, for pictures: 0.2 MB, and cells of
-about 40 mm along the path of a default worm. Half as many nodes give cells of 50 mm; twice as many give cells of 32 mm
-and a file twice as large."""
+"""Largest number of nodes of the grid that a result stores for a user-defined world, for pictures. It needs 0.2 MB, and
+its cells are about 40 mm wide along the path of a default worm. With half as many nodes the cells are 50 mm wide. With
+twice as many, they are 32 mm wide and the file is twice as large."""
 
 MOST_NODES = 8_000_000
-"""Largest number of nodes of a grid: 32 MB to store, and ten times as much while the grid is filled."""
+"""Largest number of nodes of a grid. Such a grid needs 32 MB, and ten times as much while it is computed."""
 
 AT_ONCE = 200_000
 """Largest number of points in one call of a distance function."""
 
 STEEPNESS = (0.8, 1.25)
-"""Range of the gradient's length next to the surface; a tenth of the places may lie below, and a tenth above."""
+"""Allowed range of the length of the gradient next to the surface. The gradient may be smaller at a tenth of the
+places, and larger at another tenth."""
 
 Shift = tuple[float, ...]
 """Fractions of a cell along x, y and z, each from 0 to 1."""
@@ -61,21 +64,21 @@ class Grid(ReadOnly):
     """A cubic spline of signed distances on a regular grid, negative inside."""
 
     coefficients: SingleArray
-    """Shape (A, B, C): coefficients of the spline, in cells."""
+    """Coefficients of the spline, shape (A, B, C) [cells]."""
     first: FloatArray
-    """Shape (3,): place of the first node [m]."""
+    """Position of the first node, shape (3,) [m]."""
     cell: float
     """Distance between neighbouring nodes [m]."""
 
 
 class GridWorld(World, ReadOnly):
-    """A world kept as a grid of signed distances; edges and corners are rounded by about a cell (`sampled_kernel`)."""
+    """A world as a grid of signed distances. Edges and corners are rounded by about one cell (`sampled_kernel`)."""
 
     grid: Grid
     grip: float
 
     straight: ClassVar[bool] = True
-    """Whether the world continues straight beyond the grid; otherwise there is nothing beyond the grid."""
+    """Whether the world continues straight beyond the grid. If not, there is no solid beyond the grid."""
 
     @property
     def first(self) -> FloatArray:
@@ -84,13 +87,16 @@ class GridWorld(World, ReadOnly):
 
     @property
     def side(self) -> float:
-        """1 where negative distances are solid, -1 where positive ones are."""
+        """1 if the solid has negative distances in the grid, -1 if it has positive distances."""
         return 1.0
 
     def kernel(self, band: float = sampled_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, which reads the spline where a coefficient is less than `band` cells."""
+        """Return the compiled world.
+
+        `band` is the limit of `sampled_kernel` up to which the spline is evaluated [cells].
+        """
         grid, spline = self.grid, sampled_kernel.spline_kernel()
-        # Working memory of this kernel only: other kernels may run at the same time.
+        # The kernel has its own working memory, because other kernels may run at the same time.
         work = np.zeros((sampled_kernel.WORK_ROWS, sampled_kernel.TOGETHER))
         places = kernels.halves(grid.coefficients.ctypes.data, work.ctypes.data, spline.address)
         box = (*grid.coefficients.shape, *self.first, grid.cell)
@@ -102,13 +108,14 @@ class GridWorld(World, ReadOnly):
         return np.asarray(looked_up(self.kernel(np.inf), points)[0])
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
-        """Return the unit vector from tail to head of joints (N+1, 3): the worm lies along the surface."""
+        """Return the unit vector from the tail to the head of joints with the shape (N+1, 3)."""
         return chord(joints)
 
     def height(self, places: FloatArray) -> FloatArray:
-        """Return the height of the ground at x, y of shape (M, 2), NaN where there is none, shape (M,) [m].
+        """Return the height of the ground at places x, y, NaN where there is no ground, shape (M,) [m].
 
-        The result is the highest ground, or the lowest ground where positive distances are solid.
+        The places have the shape (M, 2). If there are several surfaces above each other, the result is the highest
+        ground if `side` is 1, and the lowest if `side` is -1, as in a tunnel.
         """
         z = self.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
         columns = np.empty((len(places), len(z), 3))
@@ -118,7 +125,7 @@ class GridWorld(World, ReadOnly):
         highest, lowest = enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1), np.argmax(enters, axis=1)
         k = highest if self.side > 0.0 else lowest
         low, high = z[k], z[k + 1]
-        for _ in range(40):  # halvings: to rounding
+        for _ in range(40):  # halvings of the interval, down to rounding errors
             middle = (low + high) / 2.0
             below = self.distance(np.column_stack([places, middle])) < 0.0
             low, high = np.where(below, middle, low), np.where(below, high, middle)
@@ -153,7 +160,8 @@ class SampledWorld(GridWorld):
         points = _nodes(low, high, cell)
         distance = _asked(f, points.reshape(-1, 3)).reshape(points.shape[:3]) / cell
         _require_a_distance(distance, cell)
-        # Reflection continues the distances without a kink; one node beyond the bounds is kept, so that they count.
+        # Reflection continues the distances without a kink. One node beyond the bounds is kept, so that the spline is
+        # complete up to the bounds.
         padded = np.pad(distance, kernels.SPLINE_PADDING, mode="reflect", reflect_type="odd")
         spline, beyond = scipy.ndimage.spline_filter(padded, order=3), kernels.SPLINE_PADDING - 1
         coefficients = np.ascontiguousarray(spline[beyond:-beyond, beyond:-beyond, beyond:-beyond])
@@ -162,7 +170,10 @@ class SampledWorld(GridWorld):
 
     @classmethod
     def around(cls, world: World, places: FloatArray, margin: float) -> SampledWorld:
-        """Return a sampled copy of a world within a margin [m] around places, shape (..., 3) [m]; for pictures only."""
+        """Return a sampled copy, for pictures only, of the part of a world around places.
+
+        The copy covers the box around the places, shape (..., 3) [m], widened by a margin [m].
+        """
         import scipy  # slow to import, and rarely needed
 
         flat = places.reshape(-1, 3)
@@ -182,16 +193,17 @@ def _nodes(low: FloatArray, high: FloatArray, cell: float) -> FloatArray:
 
 
 def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, int, int]:
-    """Return the number of nodes along each axis for a box with these sides, shape (3,) [m], and a margin [cells].
+    """Return the number of nodes along each axis of a grid over a box, widened by a margin [cells] on each side.
 
-    Rounding errors do not add a cell to a side that is a whole number of cells.
+    The sides of the box have the shape (3,) [m]. If a side is a whole number of cells, rounding errors do not add
+    another cell.
     """
     a, b, c = (int(np.ceil(side / cell * (1.0 - 1e-12))) + 2 * margin + 1 for side in sides)
     return a, b, c
 
 
 def coarsened(sides: FloatArray, cell: float, most: int, margin: int = 0) -> float:
-    """Return a cell size, at least `cell` [m], for which a grid has at most `most` nodes."""
+    """Return a cell size of at least `cell` [m] for which the grid over a box has at most `most` nodes."""
     while np.prod([float(n) for n in node_counts(sides, cell, margin)]) > most:
         cell *= 1.05
     return cell
@@ -216,7 +228,10 @@ def _spacing(sides: FloatArray, spacing: float | None) -> float:
 
 
 def _asked(f: Callable[[FloatArray], ArrayLike], points: FloatArray) -> FloatArray:
-    """Return the checked distances of points, shape (P, 3) [m], as an array of shape (P,) [m]."""
+    """Call the user's function and return the checked distances of points, shape (P,) [m].
+
+    The points have the shape (P, 3) [m].
+    """
     result = np.empty(len(points))
     for first in range(0, len(points), AT_ONCE):
         some = points[first : first + AT_ONCE]
@@ -252,7 +267,7 @@ def _require_a_distance(distance: FloatArray, cell: float) -> None:
     near = scipy.ndimage.binary_dilation(solid, cross) & scipy.ndimage.binary_dilation(~solid, cross)
     steepness = np.sqrt(np.sum(np.square(np.gradient(distance)), axis=0))[near]
     low, high = np.quantile(steepness, (0.1, 0.9))
-    # Differences of a true distance stay below 3^(1/2).
+    # The central differences of a true distance have at most the length 3^(1/2).
     if low < STEEPNESS[0] or high > STEEPNESS[1] or steepness.max() > 1.75:
         raise ValueError(
             f"f: is no distance: next to its surface it changes by {steepness.min():.3g} to {steepness.max():.3g} m "
@@ -264,7 +279,7 @@ def _require_a_distance(distance: FloatArray, cell: float) -> None:
 def _samples(
     f: Callable[[FloatArray], ArrayLike], distance: FloatArray, low: FloatArray, cell: float, shift: Shift
 ) -> tuple[Shift, IntArray, FloatArray]:
-    """Return distances at a shift from the nodes near the surface, in the form that `fit` takes."""
+    """Return the samples near the surface that are shifted from the nodes by `shift`, in the form that `fit` takes."""
     behind = np.argwhere(np.abs(distance[:-1, :-1, :-1]) < FITTED + 1.0)
     found = _asked(f, low + cell * (behind + shift)) / cell
     near = np.abs(found) < FITTED
@@ -272,11 +287,16 @@ def _samples(
 
 
 def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, FloatArray]]) -> None:
-    """Change the coefficients (A, B, C) of a spline in place, so that few samples are missed by more than (WM3) allows.
+    """Change the coefficients of a spline in place, so that its errors at few samples exceed the tolerance of (WM3).
 
-    Each group of samples has the shift from the nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
+    Parameters
+    ----------
+    coefficients : ndarray, shape (A, B, C)
+    samples : sequence of tuple
+        Groups of samples. Each group has the shift of its samples from the nodes [cells], the indices of the nodes,
+        shape (M, 3), and the exact distances, shape (M,) [cells].
     """
-    for _ in range(10):  # sweeps: a few corners cannot meet the tolerance, and exceed it only slightly
+    for _ in range(10):  # sweeps. At a few corners the error stays slightly larger than the tolerance
         missed = 0
         for shift, nodes, distance in samples:
             missed += _sweep(coefficients, _weights(shift), np.ascontiguousarray(nodes), distance)
@@ -306,6 +326,6 @@ def _sweep(c: FloatArray, w: FloatArray, nodes: IntArray, distance: FloatArray) 
 
 
 def _weights(shift: Shift) -> FloatArray:
-    """Return the weights of the coefficients about a place between nodes, shape (4, 4, 4)."""
+    """Return the weights of the coefficients around a sample shifted from its node, shape (4, 4, 4)."""
     along, across, up = (np.array(kernels.cubic(t)[0]) for t in shift)
     return np.asarray(along[:, None, None] * across[:, None] * up)

@@ -1,20 +1,21 @@
 """The compiled spline of a grid of signed distances: value, normal and Hessian at a point.
 
-The coefficients around each point are collected, and the spline is evaluated for many points at once. Where the nearest
-coefficient puts a point farther outside than `CONTACT`, a parameter, the distance is interpolated linearly from this
-coefficient, and only tells how far away the surface is.
+The coefficients around each point are collected, and the spline is evaluated for many points at once. If the
+coefficient of the node before a point exceeds a limit (a parameter of the kernel, `CONTACT` in a simulation), the point
+is far outside. Its distance is then interpolated linearly from this node, which is accurate enough there.
 
-With the tricubic spline d of signed distances (WS1), the gradient v and the Hessian D of d, m = |v| (1 except for
-errors of the grid) and a cell as unit,
+d is the tricubic spline of the signed distances (WS1), with the gradient v, its length m = |v|, and the Hessian D. m
+is 1 except for the errors of the grid. The unit of length is a cell. The distance is
 
     g = psi d,    psi = 1 + (1/max(m, 1/2) - 1) phi,    phi = (1 + (d/w)^2)^-2                       (WM1)
 
-The gradient of g is a unit vector on the surface d = 0, which (WM1) does not move. A cell away from the surface g
-equals d, also beside edges, where the spline is rounded and m is small. As g is a function of d and v,
+with w = 0.1. (WM1) does not move the surface d = 0, and the gradient of g is a unit vector there. A cell away from the
+surface, g is almost equal to d. This holds also beside edges, where the spline is rounded and m is small. As g is a
+function of d and v,
 
     grad g = g_d v + D g_v,    Hess g = g_d D + v (D g_dv)' + (D g_dv) v'                             (WM2)
 
-where terms that vanish with d are left out of the Hessian.
+where g_d, g_v and g_dv are derivatives of g. Terms of the Hessian that vanish with d are left out.
 """
 
 from __future__ import annotations
@@ -33,19 +34,21 @@ from worm3d.worlds import kernels
 from worm3d.worlds.kernels import Jet
 
 CONTACT = 2.8
-"""Distance in cells up to which the spline is read. A point beyond is at least a cell from the surface, as the node
-before the point is at most sqrt(3) away."""
+"""Largest coefficient of the node before a point for which the spline is evaluated, in cells. If the coefficient is
+larger, the point is at least a cell from the surface, because the node is at most sqrt(3) cells away."""
 
 TOGETHER = 16
-"""Number of points evaluated together: a multiple of every vector length, and few enough for the nearest cache."""
+"""Number of points evaluated together. It is a multiple of every vector length, and small enough for the data to fit
+into the first-level cache."""
 
 WORK_ROWS = 78
-"""Rows of the working memory, `TOGETHER` columns: coefficients about a point (64, contiguous along z), place between
-the middle ones along each axis (3), the `Jet` (10), and the lane of the point."""
+"""Number of rows of the working memory, which has `TOGETHER` columns, a column for each point. The rows are the
+coefficients around the point (64, contiguous along z), the distance from the node before the point along each axis (3),
+the `Jet` (10), and the lane of the point."""
 
 Nodes = tuple[int, int, int]
 Cell = tuple[int, float, float, float]
-"""Number of the node before a place, and the distance from that node along each axis."""
+"""Number of the node before a place, and the distance from that node along each axis [cells]."""
 
 
 @inner
@@ -58,8 +61,8 @@ def _cell(nodes: Nodes, x: float, y: float, z: float) -> Cell:
 
 @inner
 def _collect(work: FloatArray, n: int, c: SingleArray, nodes: Nodes, at: Cell, lane: int) -> None:
-    """Write the spline's inputs for a point into column n."""
-    row, one = np.uint64(0), np.uint64(1)  # unsigned: no check for negative indices, which count from the end
+    """Write the inputs of the spline for the point of a lane into column n of the working memory."""
+    row, one = np.uint64(0), np.uint64(1)  # unsigned, so that Numba does not check for negative indices
     column = np.uint64(n)
     for a in range(4):
         for b in range(4):
@@ -74,7 +77,7 @@ def _collect(work: FloatArray, n: int, c: SingleArray, nodes: Nodes, at: Cell, l
 
 @inner
 def _linear(c: SingleArray, nodes: Nodes, at: Cell) -> Jet:
-    """Return the linear interpolation from the node before a point, and the direction of steepest ascent."""
+    """Return the distance interpolated linearly from the node before a point, and the direction of its gradient."""
     node, r, s, t = at
     here = np.float64(c[node])
     x, y, z = c[node + nodes[1] * nodes[2]] - here, c[node + nodes[2]] - here, c[node + 1] - here
@@ -85,16 +88,17 @@ def _linear(c: SingleArray, nodes: Nodes, at: Cell) -> Jet:
 
 @inner
 def _outside(place: float, nodes: int) -> float:
-    """Return how far a place lies beyond the grid, signed, in nodes."""
+    """Return the signed distance of a place from the grid along one axis, 0 inside the grid [cells]."""
     return min(place - 1.0, 0.0) + max(place - (nodes - 2.0), 0.0)
 
 
 @inner
 def _beyond(jet: Jet, nodes: Nodes, x: float, y: float, z: float, straight: float) -> Jet:
-    """Return the distance for a place beyond the grid, else the given distance.
+    """Return the `jet` of the nearest point of the grid, extended to a place beyond the grid.
 
-    Beyond the grid the world continues straight, along the tangent plane at the nearest place of the grid. If the world
-    ends with the grid instead, the distance from the grid is added.
+    For a place inside the grid, the result is `jet`. If `straight` is 1, the world continues beyond the grid along the
+    tangent plane at the nearest point of the grid. If `straight` is 0, the world ends with the grid, and the distance
+    from the grid is added.
     """
     x, y, z = _outside(x, nodes[0]), _outside(y, nodes[1]), _outside(z, nodes[2])
     size = np.sqrt(x * x + y * y + z * z)
@@ -107,7 +111,7 @@ def _beyond(jet: Jet, nodes: Nodes, x: float, y: float, z: float, straight: floa
 
 @inner
 def _place(p: FloatArray, k: int) -> tuple[float, float, float]:
-    """Return the place of a point in nodes."""
+    """Return the coordinates of point k [cells from node 0]."""
     share = 1.0 / p[15, 0]
     return (p[0, k] - p[12, 0]) * share, (p[1, k] - p[13, 0]) * share, (p[2, k] - p[14, 0]) * share
 
@@ -121,7 +125,7 @@ def _write(p: FloatArray, out: FloatArray, k: int, jet: Jet, nodes: Nodes) -> No
 
 @inner
 def _read(p: FloatArray, out: FloatArray, work: FloatArray, n: int, nodes: Nodes) -> None:
-    """Read the spline for the points collected, and write their rows."""
+    """Evaluate the spline for the n collected points, and write their rows."""
     found = work[67:77]
     evaluate(kernels.address(p[7, 0], p[8, 0]), work[:67], found, n)
     for m in range(n):
@@ -131,11 +135,12 @@ def _read(p: FloatArray, out: FloatArray, work: FloatArray, n: int, nodes: Nodes
 
 
 def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Evaluate `count` points; the kernel of a `GridWorld`.
+    """Evaluate `count` points. This function is the kernel of a `GridWorld`.
 
-    Rows of the inputs after the point: addresses of coefficients, of working memory and of the spline's kernel (2
-    each), nodes along each axis, first node, cell, side of the solid, grip, `CONTACT`, and whether the world continues
-    straight beyond the grid.
+    The rows of the inputs after the point are the addresses of the coefficients, of the working memory and of the
+    spline's kernel (2 rows each); the number of nodes along each axis; the coordinates of the first node; the size of a
+    cell; the side of the solid (1 or -1); the grip; the limit of the module's docstring; and whether the world
+    continues straight beyond the grid.
     """
     if rows_in != 20 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
@@ -165,8 +170,8 @@ def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: in
 
 
 def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return value, gradient and Hessian of the spline, contracted along z, y and x."""
-    cubic: Any = kernels.cubic  # arithmetic only, for symbols as for numbers
+    """Return value, gradient and Hessian of the spline. The sums over the coefficients run along z, then y, then x."""
+    cubic: Any = kernels.cubic  # has only arithmetic, and works with symbols and with numbers
     x, y, z = ([ca.vertcat(*weights) for weights in cubic(place[k])] for k in range(3))
     rows = ca.reshape(coefficients, 4, 16).T  # (x, y) by z
     along_z = [ca.reshape(rows @ w, 4, 4).T for w in z]  # x by y

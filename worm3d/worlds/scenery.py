@@ -1,7 +1,7 @@
-"""Meshes of worlds for pictures: the part of a world that surrounds the worm.
+"""Meshes of the part of a world around the worm, for pictures.
 
-A world without a function under `@scenery.register` is drawn from the signed distance. Plane, terrain, mesh and pipe
-are drawn up to a body length beyond the worm.
+Each function under `@scenery.register` draws a kind of world. A world without such a function is drawn from its signed
+distance. Plane, terrain, mesh and pipe are drawn up to a body length beyond the worm.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from worm3d.worlds.plane import ClampedGround, Plane
 from worm3d.worlds.union import Union
 
 TILE = 0.1
-"""Approximate side of a tile of the ground in body lengths; the side is 1, 2 or 5 times a power of ten [m]."""
+"""Approximate side of the square tiles of the ground, in body lengths. The side is rounded up to 1, 2 or 5 times a
+power of ten [m]."""
 
 FINEST = 0.02
-"""Smallest spacing of the grid for drawing a distance, in body lengths."""
+"""Smallest spacing of the grid from which a signed distance is drawn, in body lengths."""
 
 MOST_FACES = 40_000
-"""Largest number of faces of a mesh that is drawn directly; a larger mesh is drawn from the signed distance."""
+"""Largest number of faces of a mesh that is drawn directly. A larger mesh is drawn from its signed distance."""
 
 SLIPPERY_PATCH: Colour = (0.62, 0.78, 0.92)
 """Colour of patches with less friction than the rest."""
@@ -38,12 +39,12 @@ ROUGH_PATCH: Colour = (0.72, 0.60, 0.45)
 """Colour of patches with more friction than the rest."""
 
 PIPE_SIDES = 40
-"""Number of corners of a ring of a pipe."""
+"""Number of corners of the polygons that approximate the circular sections of a pipe."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Places where a worm has been."""
+    """The places that a worm visits, which set the part of the world to draw."""
 
     points: FloatArray
     """Apexes and joints at all instants, shape (K, 3) [m]."""
@@ -54,7 +55,7 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """Surroundings of a worm."""
+    """The drawn surroundings of a worm."""
 
     meshes: tuple[WorldMesh, ...] = ()
     centreline: FloatArray | None = None
@@ -69,7 +70,7 @@ def scenery(world: World | None, window: Window) -> Scenery:
     low, high = _limits(window.points, 0.3 * window.body_length)
     tile = tile_size(window.body_length, (high - low)[:2])
     finest = max(FINEST * window.body_length, float(np.prod(high - low) / 200_000) ** (1.0 / 3.0))  # most cells
-    # The corners of a level surface lie in the middle of cells; on this grid they meet at the edges of tiles.
+    # The corners of a level surface lie in the middle of cells. With this grid they lie on the edges of tiles.
     spacing = tile / max(np.floor(tile / finest), 1.0)
     low = tile * np.floor(low / tile) - 0.5 * spacing
     sides = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
@@ -89,13 +90,16 @@ def _limits(places: FloatArray, margin: float) -> tuple[FloatArray, FloatArray]:
 
 
 def tile_size(body_length: float, sides: FloatArray) -> float:
-    """Return the side of a tile for a ground of these sides, shape (2,), with at most 3000 tiles [m]."""
+    """Return the side of the tiles of a rectangular ground, for which there are at most 3000 tiles [m].
+
+    `sides` are the length and width of the ground, shape (2,) [m].
+    """
     return rounded_up(max(TILE * body_length, float(np.sqrt(sides.prod() / 3000))))
 
 
 @scenery.register
 def _clamped(world: ClampedGround, window: Window) -> Scenery:
-    """Return the level plane that holds the joints; the worm reaches below this plane."""
+    """Return the transparent level plane through the joints. The lower half of the worm lies below this plane."""
     return Scenery(_floor(Plane(), window, 0.35))
 
 
@@ -105,7 +109,7 @@ def _plane(world: Plane, window: Window) -> Scenery:
 
 
 def _floor(world: Plane, window: Window, opacity: float) -> tuple[WorldMesh, ...]:
-    """Return tiles whose positions do not depend on the worm: four tiles meet at the origin."""
+    """Return the tiles of a plane. Four tiles meet at the origin, so that their positions do not depend on the worm."""
     low, high = _extent(world, window)
     tile = tile_size(window.body_length, high - low)
     low, high = 2.0 * tile * np.floor(low / (2.0 * tile)), 2.0 * tile * np.ceil(high / (2.0 * tile))
@@ -121,7 +125,7 @@ def _extent(world: Plane, window: Window) -> tuple[FloatArray, FloatArray]:
 
 
 def _patches(world: Plane, window: Window) -> list[WorldMesh]:
-    """Return patches as sheets on the ground, later patches above earlier patches."""
+    """Return patches as coloured sheets just above the ground, later patches above earlier patches."""
     (x, y), (x_end, y_end) = _extent(world, window)
     sheets = []
     for number, patch in enumerate(world.patches):
@@ -202,9 +206,10 @@ def _union(world: Union, window: Window) -> Scenery:
 
 
 def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
-    """Return a mesh without the parts in the free space of other worlds, which may lie below it and show through.
+    """Return a mesh of a world of a union without the parts that lie in the free space of the other worlds.
 
-    Triangles next to an edge where worlds meet have sides of at most `fine`, so that the edge looks clean [m].
+    Triangles next to an edge where worlds meet are divided until their sides are at most `fine` [m], so that the edge
+    looks clean. The mesh becomes transparent, so that a pipe below the ground can be seen.
     """
     vertices, faces = mesh.vertices, mesh.faces
     while len(faces) < 100_000:
@@ -222,7 +227,7 @@ def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
 def _quartered(
     vertices: FloatArray, faces: NDArray[np.int64], which: NDArray[np.bool_]
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return triangles, with the selected triangles cut into four at the midpoints of the sides."""
+    """Divide the selected triangles into four at the midpoints of their sides; return all vertices and faces."""
     a, b, c = faces[which].T
     corners = vertices[faces[which]]
     middles = 0.5 * (corners + np.roll(corners, -1, axis=1))  # of ab, bc, ca
@@ -232,13 +237,14 @@ def _quartered(
 
 
 def on_ground(world: World | None, places: FloatArray, body_length: float, above: float = 0.0) -> FloatArray:
-    """Return places, shape (..., 3), moved along z on to the world; places without ground nearby stay [m].
+    """Return places moved vertically to a height `above` [m] over the ground, so that lines on the ground are visible.
 
-    Each step moves a place down by the distance from the world, which never leads beyond the nearest surface ("sphere
-    tracing", Hart 1996, The Visual Computer 12, 527); a place below the ground moves up. On a plane of 60 degrees a
-    step covers half of the remaining distance, at 80 degrees a sixth. The ground is nearby within a body length.
+    A place without ground within a body length above or below it is not moved. Places and results have the shape
+    (..., 3) [m].
 
-    The results lie `above` the ground [m], so that lines are visible.
+    Each step moves a place down by its distance from the world, and therefore never beyond the nearest surface ("sphere
+    tracing", Hart 1996, The Visual Computer 12, 527). A place below the ground moves up. On a plane of 60 degrees a
+    step covers half of the remaining height, and on a plane of 80 degrees a sixth.
     """
     result = np.array(places, dtype=float).reshape(-1, 3)
     moving, searched = result.copy(), np.arange(len(result))

@@ -1,4 +1,4 @@
-"""Heights of terrain on a regular grid: made by formula or by chance, or read from an image."""
+"""Heights of terrain on a regular grid, from a formula, from random numbers, or from an image."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from worm3d.values import arguments, regular_file
 from worm3d.values.arrays import FloatArray
 
 MOST_STONES = 100_000
-"""Largest number of stones in rubble: a few seconds."""
+"""Largest number of stones in rubble. They take a few seconds to compute."""
 
 MOST_HEIGHTS = 4_000_000
-"""Largest number of nodes of terrain: 32 MB for each table."""
+"""Largest number of nodes of terrain. Each of its tables then needs 32 MB."""
 
 LARGEST_FILE = 200_000_000
-"""Largest image file [byte]."""
+"""Size of the largest image file [byte]."""
 
 FORMATS = ("PNG", "TIFF", "JPEG", "BMP", "PPM", "GIF")
-"""Formats of images that are read; the library's readers of other formats run programs, or have no limits."""
+"""Image formats that are read. For other formats, Pillow may start other programs or has no limit on the size."""
 
 
 def require_few(along: float, across: float) -> None:
-    """Raise ValueError for more heights than are allowed, from the numbers along each side of a grid."""
+    """Raise ValueError if a grid with these numbers of nodes along its sides has more nodes than are allowed."""
     if not along * across <= MOST_HEIGHTS:
         raise ValueError(
             f"spacing: got {along:.3g} x {across:.3g} heights, at most {MOST_HEIGHTS:.0g} are allowed; take a wider "
@@ -36,12 +36,14 @@ def require_few(along: float, across: float) -> None:
 
 
 def nodes(length: float, width: float, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Return x from 0 and y about 0 of a grid that covers a rectangle, shapes (A,), (B,) [m].
+    """Return the coordinates x, shape (A,), and y, shape (B,), of a grid that covers a rectangle [m].
+
+    x starts at 0, and y is centred at 0.
 
     Raises
     ------
     ValueError
-        A size that is not finite and above 0, or too many nodes.
+        A size is not finite or not above 0, or there are too many nodes.
     """
     sizes = {"length": length, "width": width, "spacing": spacing}
     length, width, spacing = (arguments.number(name, value, "m", gt=0.0) for name, value in sizes.items())
@@ -51,13 +53,16 @@ def nodes(length: float, width: float, spacing: float) -> tuple[FloatArray, Floa
 
 
 def sinusoid(x: FloatArray, y: FloatArray, amplitude: float, wavelength: float, azimuth: float = 0.0) -> FloatArray:
-    """Return waves with crests across an azimuth, and a crest at the origin, shape (A, B) [m]."""
+    """Return the heights of waves along an azimuth [rad], with a crest at the origin, shape (A, B) [m]."""
     along = x[:, None] * np.cos(azimuth) + y * np.sin(azimuth)
     return np.asarray(amplitude * np.cos(2.0 * np.pi * along / wavelength))
 
 
 def steps(x: FloatArray, y: FloatArray, height: float, tread: float, ramp: float) -> FloatArray:
-    """Return stairs up along x, each step a smooth rise over `ramp` at the end of the tread, shape (A, B) [m]."""
+    """Return the heights of stairs that go up along x, shape (A, B) [m].
+
+    Each tread is level except for its last part of length `ramp`, where it rises smoothly by `height` to the next.
+    """
     stair, within = np.divmod(x, tread)
     t = np.clip((within - (tread - ramp)) / ramp, 0.0, 1.0)
     profile = height * (stair + t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
@@ -65,13 +70,14 @@ def steps(x: FloatArray, y: FloatArray, height: float, tread: float, ramp: float
 
 
 def rubble(x: FloatArray, y: FloatArray, height: float, size: float, seed: int) -> FloatArray:
-    """Return smooth stones thrown at random; the highest stone counts at each place, shape (A, B) [m].
+    """Return the heights of smooth stones at random places, shape (A, B) [m].
 
-    A stone of radius R rises by height (1 - r^2/R^2)^2 times the share R/size; R is 0.5 to 1 of `size`.
+    At a distance r from its centre, a stone of radius R has the height `height` (R/`size`) (1 - r^2/R^2)^2. R is random
+    between 0.5 and 1 times `size`. Where stones overlap, the highest stone gives the height.
     """
     rng = np.random.default_rng(seed)
     area = (x[-1] - x[0] + 2.0 * size) * (y[-1] - y[0] + 2.0 * size)
-    stones = area / size**2  # four in the square around a stone: they overlap, and little ground is left between
+    stones = area / size**2  # four in the square around a stone, so that stones overlap and leave little ground free
     if not stones <= MOST_STONES:
         raise ValueError(
             f"size: got {size!r} m, which makes {stones:.3g} stones, at most {MOST_STONES:.0g} are allowed; take "
@@ -90,20 +96,22 @@ def rubble(x: FloatArray, y: FloatArray, height: float, size: float, seed: int) 
 
 
 def _near(side: FloatArray, at: float, reach: float) -> NDArray[np.intp]:
-    """Return the indices of growing places that lie within a reach."""
+    """Return the indices of the increasing coordinates `side` that lie within a distance `reach` of `at`."""
     first, last = np.searchsorted(side, (at - reach, at + reach))
     return np.asarray(first + np.flatnonzero(np.abs(side[first:last] - at) < reach))
 
 
 def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
-    """Return the heights of a greyscale image, black `low` and white `high`, shape (A, B) [m].
+    """Return the heights of a greyscale image, shape (A, B) [m].
 
-    The left edge of the picture is x = 0, and the upper edge is the largest y, as on a map.
+    Black has the height `low`, and white has the height `high`. In an image of more than 8 bits, the darkest and the
+    lightest value take the place of black and white. As on a map, x increases to the right and y increases upwards.
 
     Raises
     ------
     ValueError
-        A file that is missing or no picture, a picture of one colour, or a range that is not finite and rising.
+        The file is missing or is not an image, the image has only one colour, a height is not finite, or `low` is not
+        below `high`.
     """
     from PIL import Image, UnidentifiedImageError
 

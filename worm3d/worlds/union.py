@@ -1,6 +1,6 @@
-"""Several worlds as one: space that is free in any of the worlds is free.
+"""Union of worlds: space is free if it is free in at least one of the worlds.
 
-The kernel of a union evaluates the kernels of the worlds one after the other, and takes the greatest distance at each
+The kernel of a union evaluates the kernels of the worlds one after the other, and takes the largest distance at each
 point.
 """
 
@@ -28,33 +28,33 @@ from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
 
 MOST_WORLDS = 100
-"""Largest number of worlds in a union: every world is evaluated at each point."""
+"""Largest number of worlds in a union. The number is limited because every world is evaluated at each point."""
 
 TOGETHER = 528
-"""Number of points evaluated at once: a multiple of every vector length, and no power of 2, which would put rows on the
-same lines of the cache. With more points, several points of a worm share the data that a world keeps for a point, which
-takes time."""
+"""Number of points evaluated at once. It is a multiple of every vector length, but not a power of 2, because the rows
+of the arrays would then use the same lines of the cache. If a worm has more points, several points share the memory of
+a lane. A pipe, for example, keeps the last piece of the point of each lane, and then has to search more often."""
 
 
 @dataclass(frozen=True, eq=False)
 class Union(World, ReadOnly):
-    """The union of the free spaces of worlds: a pipe bored into the ground below a plane, pipes that cross.
+    """The union of the free spaces of worlds, for example a pipe bored into the ground below a plane.
 
-    The solid is the intersection of the solids of all worlds. The signed distance is the greatest of the worlds'
-    distances. Inside the solid, where forces arise, this distance is exact. In free space, near the edges where the
-    worlds meet, it may be less than the true distance; the sign is right everywhere. The normal jumps at such an edge.
-    Where a point touches several worlds, the world with the greatest distance sets the friction.
+    The solid is the intersection of the solids of all worlds. The signed distance is the largest of the worlds'
+    distances. This distance is exact inside the solid, where contact forces act. In free space, near the edges where
+    the worlds meet, it may be less than the true distance. The sign is correct everywhere. The normal jumps at such an
+    edge. Where a point touches several worlds, the world with the largest distance sets the friction.
 
     Attributes
     ----------
     worlds : tuple of World
-        At least one world; not the `ClampedGround`, which does not act through a distance. A worm is placed on the
-        first world.
+        At least one world. The `ClampedGround` is not allowed because it does not act through a distance. A worm is
+        placed on the first world.
 
     Raises
     ------
     ValueError
-        No world, or a world without a distance.
+        There is no world, there are too many, or a world has no distance.
     """
 
     worlds: tuple[World, ...]
@@ -74,11 +74,11 @@ class Union(World, ReadOnly):
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction would slide away under `pressing` alone."""
+        """Whether a worm without friction could slide away under the load of `pressing`."""
         return len(self.worlds) > 1 or self.worlds[0].uneven
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world, with memory for itself only: other kernels may run at the same time."""
+        """Return the compiled world. It has its own memory, so that other kernels may run at the same time."""
         several = [_kernel(world) for world in self.worlds]
         memory = [kernels.inputs_of(kernel, TOGETHER) for kernel in several]
         outputs = np.zeros((kernels.WORLD_ROWS, TOGETHER))
@@ -93,11 +93,11 @@ class Union(World, ReadOnly):
         return np.asarray(np.max([world.distance(points) for world in self.worlds], axis=0))
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return gravity, or the part of gravity that presses a worm to a single world, shape (3,) [m/s^2]."""
+        """Return gravity, or the result of a single world's `pressing`, shape (3,) [m/s^2]."""
         return super().pressing(gravity) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
 
     def bumps(self, within: float) -> float:
-        """Return the greatest height of bumps narrower than a distance in any of the worlds [m]."""
+        """Return the largest height of bumps narrower than `within` in any of the worlds [m]."""
         return max(world.bumps(within) for world in self.worlds)
 
     def placed(
@@ -108,16 +108,20 @@ class Union(World, ReadOnly):
 
 
 def _kernel(world: World) -> WorldKernel:
-    """Return a world's kernel: the whole formula if there is one, as most points may be far from the world."""
+    """Return the kernel of a world in a union, the whole formula if there is one.
+
+    Looking up pieces in a table is slow for points far from the world, and in a union most points may be far away.
+    """
     formula = world.symbolic()
     return world.kernel() if formula is None else kernels.compiled(*formula)
 
 
 @inner
 def _ask(member: FloatArray, p: FloatArray, first: int, count: int) -> FloatArray:
-    """Return the rows of a world at some points, shape (11, `TOGETHER`).
+    """Return the rows of a world at `count` points of `p` from `first` on, shape (11, `TOGETHER`).
 
-    The numbers of a world are addresses of the kernel, its inputs and its outputs (2 each), and its number of inputs.
+    `member` has the addresses of the world's kernel, of its inputs and of its outputs (2 numbers each), and the number
+    of its input rows.
     """
     inputs = kernels.doubles(kernels.address(member[2], member[3]), int(member[6]), TOGETHER)
     outputs = kernels.doubles(kernels.address(member[4], member[5]), kernels.WORLD_ROWS, TOGETHER)
@@ -129,9 +133,10 @@ def _ask(member: FloatArray, p: FloatArray, first: int, count: int) -> FloatArra
 
 
 def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
-    """Evaluate `count` points; the kernel of `Union`.
+    """Evaluate `count` points. This function is the kernel of `Union`.
 
-    Rows of the inputs after the point: address of the numbers of the worlds (2), and number of worlds.
+    The rows of the inputs after the point are the address of the table with a `member` row for each world (2 rows), and
+    the number of worlds.
     """
     if rows_in != 6 or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
@@ -160,10 +165,10 @@ def slope_into_pipe(
     heading: float = 0.0,
     face: float | None = None,
 ) -> Union:
-    """Return a slope that leads into a pipe: a hillside with a tunnel.
+    """Return a slope that leads into a pipe, like a hillside with a tunnel.
 
-    The pipe's bottom starts on the slope. The slope continues above the mouth and on both sides, or ends there at a
-    steeper face.
+    The bottom of the pipe starts on the slope. The slope continues above and beside the mouth of the pipe, or it ends
+    at a steeper face.
 
     Parameters
     ----------
@@ -176,17 +181,18 @@ def slope_into_pipe(
     radius : float or Profile
         Inner radius of the pipe [m].
     tilt : float
-        Tilt of the pipe's first piece, less than the slope or the face, so that the pipe leads into the hill [rad].
+        Angle of the pipe's first piece with the horizontal [rad]. It is less than the slope, or than `face` if given,
+        so that the pipe leads into the hill.
     heading : float
         Azimuth of the slope's steepest ascent and of the pipe [rad].
     face : float, optional
-        Slope of the hill above the mouth [rad]; None: the slope continues. The face begins one radius of the pipe
-        farther up than the pipe's bottom, so that there is no rim in front of the worm.
+        Slope of the hill above the mouth [rad]. If it is None, `slope` continues. The face begins one radius of the
+        pipe farther up the slope than the bottom of the pipe, so that there is no rim in front of the worm.
 
     Raises
     ------
     ValueError
-        A pipe that would leave the hill, or arguments that `Plane`, `Foot`, `Centreline` or `Pipe` refuse.
+        The pipe would not lead into the hill, or `Plane`, `Foot`, `Centreline` or `Pipe` refuse an argument.
     """
     plane = Plane(slope, heading)
     mouth, tilt = arguments.number("mouth", mouth, "m"), arguments.number("tilt", tilt, "rad")
