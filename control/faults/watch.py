@@ -1,4 +1,6 @@
-"""The watch over a worm: a summary of measurements, commands and the reference in each wave, for the rules to judge."""
+"""The watch, which summarises measurements, commands and reference of each wave, and applies the rules to the
+summaries.
+"""
 
 from __future__ import annotations
 
@@ -26,22 +28,23 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
 
 AT_LIMIT = 0.97
-"""Share of the greatest amplitude and frequency from which a wave is as fast as possible."""
+"""A wave counts as the largest and fastest one if amplitude and frequency exceed this share of their upper limits."""
 HARMONICS = 3
-"""Number of harmonics of the wave that are fitted to strains and commands; the residual is noise."""
+"""Number of harmonics of the wave that are fitted to strains and commands. The residual counts as noise."""
 MIN_GAIN_SAMPLES = 16
-"""Least number of strains for an estimate of the gains; with fewer strains, several waves are combined."""
+"""Minimum number of samples of the strains for an estimate of the gains. If a wave has fewer samples, several waves are
+combined."""
 MOVES = 0.02
-"""Amplitude of a command below which the chamber is not judged."""
+"""Amplitude of a command below which the chamber is not judged in this wave."""
 MAX_DIRECTION_DEVIATION = 0.3
-"""Standard deviation of a heading below which forward and backward can be distinguished [rad]."""
+"""Standard deviation of the heading below which the heading counts as known [rad]."""
 YIELDS = Uncertainty().slope_yield
-"""Ratio of the crab angle to the slope across the heading, (KF2) [rad]."""
+"""Crab angle of a worm per gradient of the ground across its heading, (KF2) [rad]."""
 _LOG = logging.getLogger(__name__)
 
 
 class Watch:
-    """The watch over one worm; `faults` holds the faults found so far."""
+    """Fault detection for one worm. `faults` contains the faults detected so far."""
 
     def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
         self._segments, self._body, self._length = worm.segments, Body.of(worm), worm.length
@@ -59,7 +62,10 @@ class Watch:
         self._pushes, self._jumps, self._felt = 0, 0, False
 
     def look(self, t: float, seen: Measurement, estimated: Callable[[float], Estimate | None]) -> None:
-        """Add the measurement at time t [s], caused by the commands up to t; `estimated` gives the estimate of t."""
+        """Process the measurement of time t [s], which follows the commands up to t.
+
+        `estimated` is a function of time that returns the estimate at t.
+        """
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -82,7 +88,7 @@ class Watch:
     def tell(
         self, phase: float, command: Command, parameters: GaitParameters | None, gains: ChamberGains | None = None
     ) -> None:
-        """Set the command from now on; without parameters the command is no wave of the map."""
+        """Set the command that holds from now on. `parameters` is None if the command is not a wave of the map."""
         self._told, self._parameters, self._known_gains = (phase, command.contraction), parameters, gains
 
     def _end_wave(self, wave: Wave) -> None:
@@ -92,7 +98,7 @@ class Watch:
         self.report(faults(self._waves))
 
     def report(self, found: Iterable[Fault]) -> None:
-        """Add faults; each kind is kept once."""
+        """Add faults to the list. Each kind is added only once."""
         for fault in found:
             if all(fault.kind != known.kind for known in self.faults):
                 _LOG.info("at %.2f s: %s", fault.time, fault.what)
@@ -147,7 +153,7 @@ class Watch:
     def _ability(self) -> dict[str, Any]:
         """Return the fields of `Wave` about the wave on the map: `at_limit`, `made` and `expected`.
 
-        The speed is infinite if the wave is unknown.
+        `made` is infinite if the wave is unknown.
         """
         if self._parameters is None:
             return {"at_limit": False, "made": inf}
@@ -161,7 +167,7 @@ class Watch:
         return {"at_limit": at_limit, "made": self._length * made, "expected": expected}
 
     def _gains(self) -> dict[str, Any]:
-        """Return the fields of `Wave` about the chambers, by least squares: `gain`, `gain_error` and `bend`."""
+        """Return the fields of `Wave` about the chambers: `gain`, `gain_error` and `bend`, by least squares."""
         nothing = np.full((self._segments, 2), nan)
         unknown = {"gain": nothing, "gain_error": nothing, "bend": nan}
         if len(self._strains) < MIN_GAIN_SAMPLES:
@@ -191,7 +197,10 @@ class Watch:
         return {"gain": gain.reshape(-1, 2), "gain_error": error.reshape(-1, 2), "bend": bend}
 
     def _place(self) -> dict[str, Any]:
-        """Return `place`, `place_time` and `place_error` of `Wave`, the error by the samples' scatter."""
+        """Return `place`, `place_time` and `place_error` of `Wave`.
+
+        The error follows from the scatter of the samples.
+        """
         if not self._places:
             return {"place": None, "place_time": nan, "place_error": nan}
         rows = np.array(sorted(self._places, key=lambda row: row[2]))
@@ -204,7 +213,7 @@ class Watch:
         }
 
     def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> dict[str, Any]:
-        """Return the fields of `Wave` about the path at the worm; empty without a path."""
+        """Return the fields of `Wave` about the path at the worm. The result is empty without a path."""
         path = self.reference.path
         if path is None or place is None:
             return {}
@@ -225,7 +234,7 @@ class Watch:
 
 
 def _crab(estimate: Estimate) -> float:
-    """Return the significant excess of the crab angle over the angle that the ground's slope explains [rad]."""
+    """Return the significant part of the crab angle that the slope of the ground does not explain [rad]."""
     heading, state = np.array([-np.sin(estimate.heading), np.cos(estimate.heading)]), estimate.state
     across = float(heading @ estimate.slope)
     doubt = YIELDS * float(np.sqrt(heading @ estimate.slope_covariance @ heading)) + estimate.deviations[INDEX["crab"]]
