@@ -1,5 +1,6 @@
-"""The watch, which summarises measurements, commands and reference of each wave, and applies the rules to the
-summaries.
+"""The watch, which summarises each wave and applies the rules for faults to the summaries.
+
+A summary (`control.faults.rules.Wave`) contains measurements, commands and the reference of the wave.
 """
 
 from __future__ import annotations
