@@ -279,7 +279,7 @@ class GaitMPC:
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         bounds = np.tile(self._scale.bounds, self._prediction.steps)
-        # Slower waves than the requested speed needs are excluded. Otherwise a worm far from the path would not turn round.
+        # Waves slower than the requested speed needs are excluded. Otherwise a worm far from the path would not turn.
         bounds[0, 1::INPUTS] = np.maximum(bounds[0, 1::INPUTS], np.minimum(problem.frequency, -1.0))
         ways = problem.preview.ways
         least, most = self.feed_forward.ranges.amplitude
