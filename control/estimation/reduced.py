@@ -1,39 +1,44 @@
 """Reduced model: a worm's motion averaged over a wave, in symbolic form for both MPC and estimator.
 
-Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification.identified`), the
-lags n_v in waves and T_w in seconds, f the frequency, L the body length:
+Let v and w be the speed and turn rate caused by the gait, u the sideways speed, h the heading, f the frequency, A the
+amplitude, s the steering in force, and L the body length. The identified map (`control.identification.identified`)
+gives the distance d, the sideways drift c and the turn omega per wave. The lag n_v is in waves and T_w in seconds. Then
 
     x'  = (1 - slip) v cos(h) - u sin(h)        v' = (L f d(A, f, s) - v) f / n_v
     y'  = (1 - slip) v sin(h) + u cos(h)        w' = (gain f omega(A, f, s) - w) / T_w                        (R1)
     h'  = w + yaw_bias                          u  = L (f c(A, f, s) + D(f) w') + crab (1 - slip) v + drift
                                                 s' = (s_asked - s) f / blend
 
-A and f are commanded, and the wave takes n_b waves (`BLEND`) to follow. With the values in force, which an estimator
-knows,
+x, y is the centre of mass. x, y and h exclude the rocking of a wave.
+
+*Amplitude and frequency in force.* In (R1) A and f are the commanded values. The wave takes n_b waves (`BLEND`) to
+follow them. An estimator knows the values in force, and uses
 
     v' = (L f d(A, f, s) - v) / T_v,   T_v = (n_v - n_b) / f_p                                                (R3)
 
-since a worm on dry friction goes as far in a slow wave as in a quick wave. When the wave stops, the worm stops after
-the lag of the chambers. (T_v is 0.155 s for the default worm. The best fit to stops and starts, in the mean over
-phases, is 0.15 s from 0.5 Hz, 0.17 from 0.8 and 0.2 from 1.2 Hz.)
+The lag T_v is a time instead of a number of waves, since a worm on dry friction goes as far in a slow wave as in a
+quick wave. When the wave stops, the worm stops after the lag of the chambers. T_v is 0.155 s for the default worm. The
+best fits to stops and starts, averaged over phases, are 0.15 s from 0.5 Hz, 0.17 s from 0.8 Hz and 0.2 s from 1.2 Hz.
 
-D(f) w' is the sideways speed of a body that begins to turn and so bends more and more; a steady wave does not have this
-speed. D falls with the frequency (steep waves of the default worm: 0.14 s at 0.5 Hz, 0.06 at 0.8, -0.03 at 1.2), and
-fades for waves slower than the identified range. Without D the estimated heading of that worm, at 0.14 m/s, is up to 1
-degree wrong where an S-curve changes curvature, and the worm is 0.0038 body lengths beside the curve instead of 0.0030
-(seeds 10 to 14). The supplied map of the sine has no D: with 0.09, 0.04 and -0.03 s the distance from the curve at 0.08
-m/s is 0.0021 instead of 0.0019.
+*Sideways speed.* D(f) w' is the sideways speed of a body that begins to turn and therefore bends more and more. A
+steady wave does not have this speed. D decreases with the frequency (steep waves of the default worm: 0.14 s at 0.5 Hz,
+0.06 at 0.8, -0.03 at 1.2), and vanishes for waves slower than the identified range. Without D, at 0.14 m/s, the error
+of the estimated heading is up to 1 degree where an S-curve changes its curvature, and the offset of the worm from the
+curve is 0.0038 body lengths instead of 0.0030 (seeds 10 to 14). The supplied map of the sine has no D. With 0.09, 0.04
+and -0.03 s the offset at 0.08 m/s is 0.0021 instead of 0.0019.
 
-s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the commanded steering. This lag comes
-before the map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the
-default worm (R1) misses the turn rate by 0.005 rad/s; a model with one lag of 0.95 s after a map in odd powers of the
-steering misses the turn rate by 0.008. Below the least identified amplitude d, c and omega fade in proportion to the
-amplitude: without contraction a worm rests. A wave of negative amplitude goes backwards (`control.gaits.steering`,
-(S3)): d(-A) = -d(A), c(-A) = -c(A), omega(-A) = omega(A). The states slip, yaw_bias, drift, crab and the gain of
-turning cover effects that the map does not contain (a slope, another ground, a somewhat different worm). They are
-constant in the model, and estimated.
+*Steering.* `control.gaits.steering.WaveGenerator` leads the steering in force s to the commanded steering s_asked. This
+lag is applied before the map, since the turn is not proportional to weak steering (`control.identification.surrogate`).
+On paths of the default worm, the error of the turn rate of (R1) is 0.005 rad/s. With a single lag of 0.95 s after a map
+in odd powers of the steering, it is 0.008 rad/s.
 
-x, y is the centre of mass and h the heading, both without the rocking of a wave.
+*Amplitudes outside the map.* Below the smallest identified amplitude, d, c and omega decrease in proportion to the
+amplitude, since a worm without contraction rests. A wave of negative amplitude goes backwards
+(`control.gaits.steering`, (S3)): d(-A) = -d(A), c(-A) = -c(A), omega(-A) = omega(A).
+
+*Disturbances.* The states slip, yaw_bias, drift, crab and the gain of turning represent effects that the map does not
+contain, such as a slope, another ground or a somewhat different worm. The model predicts them as constant, and the
+estimator estimates them.
 """
 
 from __future__ import annotations
@@ -51,16 +56,22 @@ from worm3d import Worm
 IDENTIFIED = 0.8
 """Approximate frequency f_p at which the lag n_v was identified [Hz]."""
 LONGEST_SUBSTEP = 0.5
-"""Longest substep of Runge and Kutta, as a fraction of the shortest time constant."""
+"""Longest step of the Runge-Kutta method, as a fraction of the shortest time constant."""
 
 
 class ReducedState(NamedTuple):
-    """State of the reduced model; each field is an SX of one entry, or a number.
+    """State of the reduced model. Each field is an SX with one entry, or a number.
 
-    Centre of mass x, y [m] and azimuth [rad]; speed v along the azimuth [m/s] and turn rate w [rad/s] that the gait
-    makes; the share of v that is lost; turn rate [rad/s] and speed to the left [m/s] that the gait does not make; the
-    steering s in force, a hinge [rad] or a bias; the ratio of the worm's turn rate to the map's turn rate; the lasting
-    angle of the motion to the left of the heading [rad].
+    x, y : centre of mass [m].
+    heading : azimuth of the worm [rad].
+    speed : speed v along the heading caused by the gait [m/s].
+    turn_rate : turn rate w caused by the gait [rad/s].
+    slip : share of v that is lost.
+    yaw_bias : turn rate that the gait does not cause [rad/s].
+    drift : speed to the left that the gait does not cause [m/s].
+    steering : steering s in force, a hinge [rad], a bias, or a share of both.
+    turn_gain : ratio of the worm's turn rate to the map's turn rate.
+    crab : lasting angle of the motion to the left of the heading [rad].
     """
 
     x: float | ca.SX
@@ -82,7 +93,7 @@ INDEX = {name: k for k, name in enumerate(ReducedState._fields)}
 
 
 class ReducedInput(NamedTuple):
-    """Input of the reduced model: amplitude, below 0 backwards, frequency [Hz], and the commanded steering.
+    """Input of the reduced model: amplitude (negative backwards), frequency [Hz], and commanded steering.
 
     The steering is a hinge [rad], a bias, or a share of both.
     """
@@ -97,24 +108,24 @@ INPUTS = len(ReducedInput._fields)
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """Functions of a worm's reduced model, each with named inputs and outputs."""
+    """The reduced model of a worm as CasADi functions with named inputs and outputs."""
 
     mechanism: Mechanism
-    """Mechanism that steers, "hinge" or "bias"."""
+    """Mechanism that steers, a key of the identified maps."""
     dynamics: ca.Function
-    """(state (S,), input (3,)) -> rate (S,), S = `STATES`: (R1)."""
+    """(state (S,), input (3,)) -> rate (S,) by (R1), with S = `STATES`."""
     output: ca.Function
     """(state, input) -> velocity of the centre of mass [m/s] and turn rate [rad/s], (3,)."""
     in_force: ca.Function
-    """`dynamics` of a wave that already has the commanded amplitude and frequency."""
+    """Like `dynamics`, but for a wave whose amplitude and frequency in force equal the commanded values, (R3)."""
     lag: float
-    """Time constant T_v of the speed behind the amplitude and frequency in force [s]."""
+    """Time constant T_v with which the speed follows the amplitude and frequency in force [s]."""
     longest_step: float
-    """Longest time that one step of Runge and Kutta may span [s]."""
+    """Longest time step of the Runge-Kutta method [s]."""
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
-        """Return the model of a worm; ValueError if the worm cannot bend, or was not identified so."""
+        """Return the model of a worm. ValueError if the worm cannot bend, or if the mechanism was not identified."""
         if worm.chamber_offset == 0.0:
             raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
         if mechanism not in identified.maps:
@@ -134,7 +145,10 @@ class ReducedModel:
         return cls(mechanism, **named, lag=lag, longest_step=LONGEST_SUBSTEP / fastest)
 
     def step(self, dt: float) -> ca.Function:
-        """Return (state, input) -> next state after `dt` > 0 [s] of constant input, by Runge-Kutta's fourth order."""
+        """Return the function (state, input) -> state after `dt` > 0 [s] of constant input.
+
+        The Runge-Kutta method of fourth order is used.
+        """
         if not dt > 0.0:
             raise ValueError(f"dt: got {dt!r} s, must be above 0")
         parts = int(np.ceil(dt / self.longest_step))
@@ -145,9 +159,9 @@ class ReducedModel:
         return ca.Function("step", [begin, given], [state], ["state", "input"], ["next"])
 
     def advance(self, state: ca.SX, given: ca.SX, dt: float | ca.SX, rate: ca.Function | None = None) -> ca.SX:
-        """Return the state after one step of Runge and Kutta's fourth order; dt [s] up to `longest_step`.
+        """Return the state after one step of the fourth-order Runge-Kutta method. dt [s] is at most `longest_step`.
 
-        `rate` is `dynamics` if left out.
+        `rate` is by default `dynamics`.
         """
         of = rate or self.dynamics
         k1 = of(state, given)
@@ -165,7 +179,7 @@ class ReducedModel:
 def _rate(
     s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, mechanism: Mechanism, follows: ca.SX
 ) -> ca.SX:
-    """Return (R1); the speed approaches the speed of the wave at the rate `follows` [1/s]."""
+    """Return the rates (R1). The speed approaches the speed of the wave with the rate `follows` [1/s]."""
     found, lags = identified.maps[mechanism], identified.lags[mechanism]
     least = found.ranges.amplitude[0]
     size, way = ca.fabs(u.amplitude), ca.if_else(u.amplitude < 0.0, -1.0, 1.0)

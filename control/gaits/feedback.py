@@ -1,8 +1,8 @@
-"""Gaits with memory, which may sense: oscillators and other networks whose state is carried from step to step.
+"""Gaits with memory, such as oscillators and networks of neurons, which may also use sensors.
 
-A gait of this kind names the channels of `control.sensing.QUANTITIES` that the gait `senses`, and defines how the
-memory `start`s. The memory advances from one step to the next under the felt samples, and gives the activation of the
-segments. `control.gaits.gait` turns the activation into commands, as for any gait:
+Such a gait has an attribute `senses`, the names of the channels of `control.sensing.QUANTITIES` that it uses, and a
+method `start` that returns its memory. The memory advances from one step to the next, depending on the felt samples,
+and returns the activation of the segments. `control.gaits.gait` converts the activation into commands, as for any gait:
 
     @documented
     @dataclass(frozen=True, kw_only=True)
@@ -13,12 +13,12 @@ segments. `control.gaits.gait` turns the activation into commands, as for any ga
         def start(self, body: Body) -> Memory:
             return MyNetwork(body.segments)
 
-A gait that senses is bound as a controller (`Feedback`): the `sensor` of `worm3d.simulate(..., sensor=...)` sets the
-accuracy of the samples, which are exact without a sensor. A gait that senses nothing remains a function of time, and
-runs in every place that takes a gait; the function advances the memory from time 0.
+If a gait uses sensors, `bind` returns a controller (`Feedback`). The argument `sensor` of `worm3d.simulate` determines
+the accuracy of the samples. Without it they are exact. A gait without sensors is a function of time that advances the
+memory from time 0, and can be used like any other gait.
 
-The memory is no part of a `worm3d.State`. In a run that continues from a state, the memory of a gait that senses starts
-fresh; the memory of a gait that does not sense is advanced from time 0 again.
+The memory is not part of a `worm3d.State`. In a run that continues from a state, the memory of a gait with sensors
+starts anew from its initial state. The memory of a gait without sensors is advanced from time 0 again.
 """
 
 from __future__ import annotations
@@ -36,47 +36,48 @@ from worm3d import Command, Observation, Worm
 from worm3d.values.arrays import FloatArray
 
 Felt = Mapping[str, FloatArray]
-"""Latest sample of each sensed channel, with the shape of the quantity: strain (N, 2), contact_load (N, 6).
+"""Latest sample of each channel that the gait uses, for example strain (N, 2) or contact_load (N, 6).
 
-A sample is kept until the next sample arrives. A value is 0 before the first sample, and until the first finite number.
+A sample is kept until the next sample arrives. Each value is 0 until its first finite sample.
 """
 Commanding = Callable[[float, Felt], Command]
-"""Gait during one run: time [s], which ascends, and felt samples -> command."""
+"""Gait during one run, as a function of the time [s] and the felt samples that returns a command. Times must
+increase."""
 
 
 class Memory(Protocol):
-    """State of a gait during one run."""
+    """State of a gait during a run."""
 
     def step(self, t: float, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the activation of the segments, shape (N,), or of their sides, (N, 2).
 
-        The first call sets the start time of the memory; times ascend from there. `felt` has been constant since the
-        previous call. If nothing is felt, the activation at a time does not depend on the times of earlier calls,
-        except for integration errors: the memory advances in internal steps on an internal grid.
+        The first call sets the start time of the memory, and later times must increase. `felt` has been constant since
+        the previous call. Without sensors, the activation at a time does not depend on the times of earlier calls,
+        except for integration errors, because the memory advances on an internal grid.
         """
 
 
 class FeedbackGait(Gait):
-    """A gait with memory, which may sense; a subclass is a dataclass that registers like any gait."""
+    """A gait with memory, which may use sensors. Subclasses are dataclasses, and register like those of `Gait`."""
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Names of the sensed channels of `control.sensing.QUANTITIES`."""
+        """Names of the channels of `control.sensing.QUANTITIES` that the gait uses."""
         return ()
 
     @abstractmethod
     def start(self, body: Body) -> Memory:
-        """Return a fresh memory for one run of a body."""
+        """Return the initial memory for one run of a body."""
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments) or (K, segments, 2), in [-1, 1].
 
-        The memory is advanced from time 0; as long as the times ascend, the memory continues where it stopped.
+        The memory is advanced from time 0. If the times increase, it continues from the last time instead.
 
         Raises
         ------
         ValueError
-            The gait senses, and so is no function of time.
+            The gait uses sensors, and therefore is not a function of time.
         """
         if self.senses:
             raise ValueError(
@@ -97,7 +98,7 @@ class FeedbackGait(Gait):
         return {name: value for name, value in self.__dict__.items() if name != "_played"}
 
     def bind(self, worm: Body) -> Any:
-        """Return the actuation of `worm`: a `Feedback` if the gait senses, else a `BoundGait`."""
+        """Return the actuation of `worm`: a `Feedback` if the gait uses sensors, otherwise a `BoundGait`."""
         self.require_stroke(worm.stroke)
         if self.senses:
             return Feedback(worm, self.senses, partial(commanding, self, worm))
@@ -107,19 +108,19 @@ class FeedbackGait(Gait):
 
 
 class Played:
-    """Activations of a memory that feels nothing, as a function of time.
+    """Activations of a memory without sensors, as a function of time.
 
     Parameters
     ----------
     begin : callable
-        Returns a fresh memory, which begins at time 0.
+        Returns an initial memory, which begins at time 0.
     """
 
     def __init__(self, begin: Callable[[], Memory]) -> None:
         self._begin, self._time = begin, np.inf
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """Return the activations at K times [s], stacked; before time 0 they equal the activations at 0."""
+        """Return the activations at K times [s], stacked. Before time 0 they equal those at time 0."""
         return np.array([self._at(max(float(t), 0.0)) for t in times])
 
     def _at(self, t: float) -> FloatArray:
@@ -132,15 +133,15 @@ class Played:
 
 
 class Feedback:
-    """Gait that senses, as the controller of one worm.
+    """Controller of one worm that runs a gait with sensors.
 
     Parameters
     ----------
     worm : Worm
     senses : tuple of str
-        Sensed channels.
+        Names of the channels that the gait uses.
     begin : callable
-        Returns a fresh `Commanding` of a run.
+        Returns the `Commanding` of a new run.
 
     Raises
     ------
@@ -157,17 +158,17 @@ class Feedback:
         self.reset()
 
     def reset(self) -> None:
-        """Restart with a fresh memory that has felt nothing."""
+        """Return to the initial state."""
         self._command = self._begin()
         self.felt = {name: np.zeros(QUANTITIES[name].shape(self._worm)) for name in self._senses}
 
     def step(self, t: float, measurement: Measurement | Observation | None) -> Command:
-        """Return the command at time t [s], given a measurement; None if nothing was measured.
+        """Return the command at time t [s]. `measurement` is None if nothing was measured.
 
         Raises
         ------
         ValueError
-            The measurement lacks a sensed channel.
+            The measurement lacks a channel that the gait uses.
         """
         if measurement is not None:
             self.felt = {name: latest(name, measurement, before) for name, before in self.felt.items()}
@@ -179,7 +180,7 @@ class Feedback:
 
 
 def latest(name: str, measurement: Measurement | Observation, before: FloatArray) -> FloatArray:
-    """Return the latest sample of a channel; missing and non-finite numbers keep their previous values."""
+    """Return the latest sample of a channel. Numbers that are missing or not finite keep their previous values."""
     if isinstance(measurement, Observation):
         return true_value(name, measurement)
     if name not in measurement:
@@ -192,7 +193,7 @@ def latest(name: str, measurement: Measurement | Observation, before: FloatArray
 
 
 def commanding(gait: Gait, worm: Any) -> Commanding:
-    """Return any gait, sensing or not, for one run of a worm."""
+    """Return a gait, with or without sensors, as the `Commanding` of one run of a worm."""
     if not isinstance(gait, FeedbackGait):
         bound = gait.bind(worm)
         return lambda t, felt: bound(t)
@@ -206,7 +207,7 @@ def commanding(gait: Gait, worm: Any) -> Commanding:
 
 
 class _Segments(NamedTuple):
-    """Body with a known number of segments and no other properties."""
+    """A body that only has a number of segments."""
 
     segments: int
     stroke: tuple[float, float] = (-np.inf, 1.0)

@@ -10,8 +10,9 @@ A channel takes samples of the true value at multiples of 1 / rate after its fir
     sample = value + bias + noise N(0, 1),   bias = bias deviation N(0, 1), once a run                         (M1)
 
 with separate random numbers for every number of the value. The sample arrives `delay` later, at the next call, or is
-lost with the probability `dropout`. The random numbers do not depend on the measured values, so that two runs with the
-same seed have the same errors.
+lost with the probability `dropout`. The random numbers come from a generator seeded by the seed and the channel's name.
+They do not depend on the measured values. Two runs whose samples are due at the same instants therefore have the same
+errors.
 
 With `Sensors(..., mirrored=True)` the same random numbers are drawn, and the errors are mirrored: y and azimuths change
 sign, left and right change places. A mirrored observation then gives the mirrored measurement.

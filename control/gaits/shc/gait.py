@@ -1,4 +1,4 @@
-"""Gait of a stable heteroclinic cycle: segments are active in turn, paced by noise and by feedback.
+"""Gait of a stable heteroclinic cycle, in which segments are active in turn. Noise and feedback set the pace.
 
 The cycle is defined in `control.gaits.shc.cycle`, (SH1) and (SH2). The i-th segment in the direction of the wave is at
 node i mod nodes. The segment is active while this node or one of the next `breadth` - 1 nodes is active; the activation
@@ -68,7 +68,7 @@ class SHC(FeedbackGait, name="shc"):
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Channels whose feedback has a gain."""
+        """Channels whose feedback has a gain above 0."""
         gains = {"strain": self.strain_gain, "contact_load": self.load_gain}
         return tuple(name for name, gain in gains.items() if gain)
 
@@ -115,7 +115,7 @@ class Turns:
         self._taken, self._before = 0, self._walk.states.copy()
 
     def step(self, t: float, felt: Felt) -> FloatArray:
-        """Advance to time t [s] and return the activation of the segments, shape (N,); times ascend."""
+        """Advance to time t [s] and return the activation of the segments, shape (N,). Times must increase."""
         self._begun = t if self._begun is None else self._begun
         walk = self._walk
         walk.push[:] = self._push(felt)
