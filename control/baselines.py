@@ -1,15 +1,16 @@
 """Baselines for a comparison with the MPC, with the same interface and the same identified map.
 
-`OpenLoop` is feed-forward only: the wave has the reference's mean speed and turn rate according to the map.
-`PiLineOfSight` adds feedback from the same estimator as in the MPC. With the estimated speed V and heading h, the
+`OpenLoop` is feed-forward only: it uses the wave that has the reference's speed and turn rate according to the map.
+`PiLineOfSight` adds feedback from the same estimator that the MPC uses. With the estimated speed V and heading h, the
 heading psi and curvature kappa of the path, and the offset e to the left of the path (L2),
 
     V_cmd = V_ref + K_p (V_ref - V) + K_i int (V_ref - V) dt                                                   (B1)
     h_ref = psi - arctan(e / reach),  + backwards              line of sight                                   (B2)
     w_cmd = kappa V_ref + K_h (h_ref - h)                      (h_ref' instead of kappa V_ref without a path)  (B3)
 
-and the map again gives amplitude, frequency and steering. The integral is frozen while V_cmd cannot be reached, and is
-bounded. (B2) is Fossen's guidance law (Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd edition, 12.4).
+The map then gives the amplitude, frequency and steering for V_cmd and w_cmd. The integral is bounded, and it is frozen
+while V_cmd cannot be reached. (B2) is Fossen's guidance law (Handbook of Marine Craft Hydrodynamics and Motion Control,
+2nd edition, 12.4).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from worm3d.values.spelling import Checked
 
 
 class _Baseline(WaveController):
-    """A controller that uses only the identified map; parameters as for `control.loop.WaveController`."""
+    """A controller that needs only the identified map. Parameters as for `control.loop.WaveController`."""
 
     source: Source
 
@@ -41,7 +42,10 @@ class _Baseline(WaveController):
         super().__init__(task, estimator=estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
-        """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest speed the worm stands."""
+        """Return the wave for a speed [m/s] and a turn rate [rad/s].
+
+        Below the slowest speed of the map the worm stands.
+        """
         amplitude, frequency, steering = map(float, self.feed_forward(speed, turn_rate))
         if not self.feed_forward.goes(speed):
             amplitude, steering = 0.0, 0.0
@@ -55,7 +59,7 @@ class _Baseline(WaveController):
 
 
 class OpenLoop(_Baseline):
-    """Feed-forward without feedback, so that effects outside the map are not corrected."""
+    """Feed-forward without feedback. Effects that the map does not contain are not corrected."""
 
     source: Source = "open_loop"
 
@@ -76,10 +80,11 @@ class OpenLoop(_Baseline):
 class Gains(Checked):
     """Gains of (B1) to (B3).
 
-    The gains were tuned on the default worm at 0.08 m/s with the sensors' default noise, in runs of a minute. First,
-    seven pairs of reach (0.1 to 0.2) and K_h (0.8 to 1.8) on line, circle and S-curve with the seeds 10 and 11 gave
-    mean rms offsets of 0.0023 (chosen) to 0.0029 body lengths. Then, four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3)
-    were compared for the least error of the speed in steps, in a sine and in a pipe.
+    The gains were tuned on the default worm at 0.08 m/s with the default sensor noise, in runs of one minute. First,
+    seven pairs of reach (0.1 to 0.2) and K_h (0.8 to 1.8) were compared on a line, a circle and an S-curve with the
+    seeds 10 and 11. Their mean rms offsets were 0.0023 body lengths (the chosen pair) to 0.0029. Then four pairs of K_p
+    (0.3, 0.6) and K_i (0.15, 0.3) were compared, and the pair with the smallest error of the speed was chosen. The
+    reference speeds were steps and a sine, and one run was in a pipe.
     """
 
     speed: float = parameter(0.6, "K_p, gain of the speed", ge=0)
@@ -89,7 +94,7 @@ class Gains(Checked):
 
 
 class PiLineOfSight(_Baseline):
-    """PI on amplitude and frequency, line-of-sight steering: (B1) to (B3), by default with `Estimator` and `Gains`."""
+    """PI control of the speed and line-of-sight steering, (B1) to (B3)."""
 
     source: Source = "pi_los"
 
@@ -106,7 +111,7 @@ class PiLineOfSight(_Baseline):
         estimator: type[Estimator] = Estimator,
         gains: Gains | None = None,
     ) -> Self:
-        """Return the controller for a task, by default with the supplied model, estimator and gains."""
+        """Return the controller for a task. Model, estimator and gains are the supplied ones by default."""
         return cls(task, observed(task, model, estimator)[1], gains)
 
     def reset(self) -> None:
@@ -136,7 +141,10 @@ class PiLineOfSight(_Baseline):
         return abs(made - abs(speed)) <= 0.01 * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
-        """Return w_cmd, (B2) and (B3); as in the MPC, the turn rate of the path until the heading is known."""
+        """Return w_cmd, (B2) and (B3).
+
+        As in the MPC, this is the turn rate of the path as long as the heading is unknown.
+        """
         reference = self.reference
         if not self._heading_is_known(estimate):
             return turn_of_path(reference, t, estimate.position)

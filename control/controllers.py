@@ -1,10 +1,13 @@
-"""Controllers and their parts by name, as used in scenes: supplied classes, and a user's classes as `module:Class`.
+"""Controllers and their parts by the names that scenes use.
 
-A user's controller is a class that is marked as a controller (`control.parts`), with the class method `of(task)`. The
-method takes a `control.task.ControlTask` and returns an object with the methods of `worm3d.Controller`: `reset()` and
-`step(t, measurement)`, which returns a `worm3d.Command`. An `of` without an argument `task` gets the fields of the
-task. Runs also record the decisions and estimates of a `control.loop.WaveController`. Each supplied class has a row in
+A name is the key of a supplied class, or `module:Class` for a class of the user. Each supplied class has a row in
 `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
+
+A user's controller is a class that is marked as a controller (`control.parts`) and has the class method `of(task)`. The
+method takes a `control.task.ControlTask` and returns an object with the methods of `worm3d.Controller`: `reset()` and
+`step(t, measurement)`, which returns a `worm3d.Command`. If `of` has no argument `task`, it gets the fields of the task
+as separate arguments. If the controller is a `control.loop.WaveController`, a run also records its decisions and
+estimates.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Listed(NamedTuple):
-    """A part that can be named."""
+    """A supplied part that scenes can name."""
 
     title: str
     """Description for help texts."""
@@ -52,33 +55,35 @@ MODELS = {"reduced": Listed("the worm averaged over a wave, (R1)", "control.esti
 
 
 def controller(name: str) -> Any:
-    """Return the class of a controller; the import happens in this call, since the solvers take a while.
+    """Return the class of a controller. The module is imported only here, since importing the solvers takes a while.
 
     Raises
     ------
     ValueError
-        There is no such controller, or the object of this name is no controller.
+        There is no such controller, or the object of this name is not a controller.
     """
     return _found(CONTROLLERS, name, CONTROLLER)
 
 
 def estimator(name: str) -> Any:
-    """Return the class of an estimator; ValueError as of `controller`."""
+    """Return the class of an estimator. Errors as for `controller`."""
     return _found(ESTIMATORS, name, ESTIMATOR)
 
 
 def model(name: str) -> Any:
-    """Return the class of a reduced model; ValueError as of `controller`."""
+    """Return the class of a reduced model. Errors as for `controller`."""
     return _found(MODELS, name, MODEL_KIND)
 
 
 def refused(name: str, parts: Mapping[str, Any]) -> str | None:
-    """Return the first part that is no argument of the controller's `of`; None if all are arguments.
+    """Return the first of the `parts` that is not an argument of the controller's `of`.
+
+    The result is None if all parts are arguments.
 
     Raises
     ------
     ValueError
-        As of `controller`.
+        As for `controller`.
     """
     taken = signature(controller(name).of).parameters.values()
     if any(each.kind is Parameter.VAR_KEYWORD for each in taken):
@@ -87,7 +92,7 @@ def refused(name: str, parts: Mapping[str, Any]) -> str | None:
 
 
 def made(name: str, task: ControlTask, **parts: Any) -> Driver:
-    """Return a controller by its name.
+    """Return a new controller of the given name.
 
     Parameters
     ----------
@@ -101,7 +106,8 @@ def made(name: str, task: ControlTask, **parts: Any) -> Driver:
     Raises
     ------
     ValueError
-        There is no such controller, the controller has no such part, or `of` returns no controller.
+        There is no such controller, its `of` has no argument for one of the parts, or `of` does not return a
+        controller.
     """
     from control.guest import Guest  # imports the solvers
     from control.loop import WaveController

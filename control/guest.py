@@ -1,10 +1,12 @@
-"""Controllers that are not built on `control.loop.WaveController`, in the same loop: their decisions are timed.
+"""Controllers that are not built on `control.loop.WaveController`, called guests here.
 
-A guest has the methods `reset()` and `step(t, measurement)`, which returns a `worm3d.Command`; the guest gets the
-measurements of the sensors. Metrics average over a commanded wave. The wave follows from the attribute `waves` of the
-guest, the commanded phase, if there is one, and otherwise from the frequency that suits the identified map. If a step
-raises an exception, the worm rests until a step succeeds again. The first exception is logged, and all exceptions
-together are reported as a fault.
+A `Guest` runs such a controller in the same loop as the supplied controllers, and times its decisions. The controller
+has the methods `reset()` and `step(t, measurement)`, which returns a `worm3d.Command`, and gets the measurements of the
+sensors. The metrics of a run are averaged over a commanded wave. If the controller has an attribute `waves` (the
+commanded phase in waves), the wave follows from it. Otherwise a wave has the preferred frequency of the identified map.
+
+If a step raises an exception, the worm rests until a step succeeds again. The first exception is logged, and all
+exceptions together are reported as one fault.
 """
 
 from __future__ import annotations
@@ -26,12 +28,12 @@ from worm3d.running.actuation import Controller
 from worm3d.values.named import EXCEPTIONS
 
 RAISED = "exception"
-"""Kind of the fault of a guest that raised exceptions."""
+"""Kind of the fault that is reported when a guest has raised exceptions."""
 _LOG = logging.getLogger(__name__)
 
 
 class Guest(Driver):
-    """A controller of another kind as a `Driver`; a decision is recorded once per control period."""
+    """Driver of a controller that is not a `WaveController`. One decision is recorded per control period."""
 
     def __init__(self, guest: Controller, task: ControlTask) -> None:
         self.guest = guest
@@ -55,7 +57,7 @@ class Guest(Driver):
 
     @property
     def faults(self) -> list[Fault]:
-        """Faults as for every controller, and exceptions that the guest raised."""
+        """Faults that the watch has detected, and the exceptions that the guest has raised."""
         if not self._raised:
             return super().faults
         times, complaints = zip(*self._raised, strict=True)
@@ -64,7 +66,10 @@ class Guest(Driver):
         return [*super().faults, Fault(times[0], RAISED, what, "see the first one's traceback, above or in the log")]
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the guest's command from time t [s] on, or rest if the guest raised an exception."""
+        """Return the guest's command from time t [s] on, or rest.
+
+        The worm rests if the guest raises an exception.
+        """
         elapsed = self._elapsed(t)
         self.watch.look(t, self.gate(t, measurement, moving=self._moves), self._estimate)
         complaint, began = "", perf_counter()

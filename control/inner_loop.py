@@ -1,17 +1,21 @@
-"""The inner loop: each command is increased and advanced to compensate the measured weakness and delay of the chamber.
+"""The inner loop, which adapts the command of each chamber to the measured response of the chamber.
 
-With the gain g and phase d of a chamber, (CG1) of `control.estimation.chamber_gains`, and the standard deviation of
-both, the command of the chamber is the wave times 1/g and ahead by -d. The correction is limited to the significant
-differences of g and d from 1 and 0:
+The command of a weak chamber is enlarged, and the command of a slow chamber is advanced. Let g and d be the estimated
+gain and phase of a chamber, (CG1) of `control.estimation.chamber_gains`, and `doubt` the standard deviation of each.
+Ideally, the command of the chamber would be the wave times 1/g, ahead by -d. Only significant differences of g from 1
+and of d from 0 are corrected:
 
     told = exp(-c r(log g)) wave(psi - c r(d)),   r(e) = e e^4/(e^4 + e_0^4),                                 (IL1)
     e_0^2 = dead_band^2 + (surely doubt)^2,       c = fits^8/(fits^8 + misfit^8)
 
-If gain and phase do not explain the strains, as with stiff actuators, whose two chambers fight, the correction is
-small. The gains are identified from the given commands instead of a remaining error, so that neither delay nor noise of
-the strains makes the loop unstable. Commands are limited to the stroke of the worm. A planner that was limited to the
-amplitude of the weakest chamber was slower by 10 %: such a planner uses faster waves, in which slow chambers contract
-even less.
+Here psi is the phase of the wave, and `told` is the resulting command. The correction is small if gain and phase do not
+explain the strains. An example is a worm with stiff actuators, where the two chambers of a segment work against each
+other.
+
+The gains are estimated by comparing the strains with the commands actually sent, not from a remaining control error.
+Therefore neither delay nor noise of the strains can make the loop unstable. Commands are limited to the stroke of the
+worm. An alternative, a planner limited to the amplitude of the weakest chamber, made the worm 10 % slower. Such a
+planner uses faster waves, in which slow chambers contract even less.
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ from worm3d.values.spelling import Checked
 @documented
 @dataclass(frozen=True, kw_only=True)
 class InnerLoop(Checked):
-    """Law that increases and advances the commands of the chambers, (IL1)."""
+    """Law that enlarges and advances the commands of the chambers, (IL1)."""
 
     dead_band: float = parameter(0.03, "relative error of a gain, and phase in rad, that is half corrected", gt=0)
     surely: float = parameter(1.5, "standard deviations of gain or phase that count like the dead band", ge=0)
@@ -49,5 +53,5 @@ class InnerLoop(Checked):
 
 
 def _real(error: FloatArray, band: FloatArray) -> FloatArray:
-    """Return errors, attenuated inside and near a band."""
+    """Return r(e) of (IL1): errors well inside the band become small, and errors well outside it are unchanged."""
     return np.asarray(error * error**4 / (error**4 + band**4))

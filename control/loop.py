@@ -1,10 +1,10 @@
 """The loop that all controllers of this package share, from measurements to the commands of a wave.
 
-At every step the measurement passes the gate, the estimator (if there is one) takes the samples that pass, and the wave
-generator gives the command, which the inner loop corrects chamber by chamber. Once per control period the parameters of
-the wave are chosen and the decision is recorded. If the choice raises an exception, the parameters in force are kept,
-and after several exceptions the worm rests. The watch looks for faults, and a segment with a chamber that does not obey
-is held still.
+At every step, the gate removes impossible samples from the measurement, and the estimator (if there is one) processes
+the remaining samples. The wave generator then gives a command, and the inner loop corrects the command of each chamber.
+Once per control period, new parameters of the wave are chosen and the decision is recorded. If the choice raises an
+exception, the present parameters stay in force; after several exceptions in a row, the worm rests. The watch looks for
+faults. A segment with a chamber that does not follow its commands is held still.
 """
 
 from __future__ import annotations
@@ -45,14 +45,15 @@ Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 MOST_KEPT = 5
-"""Largest number of times in a row that a plan, or parameters, are kept for lack of a better choice."""
+"""Maximum number of consecutive decisions that reuse the last plan, or the last parameters, for lack of a better
+choice."""
 MAX_HEADING_DEVIATION = 0.08
-"""Standard deviation below which the heading counts as known [rad]; with a larger deviation the worm leaves the
-path."""
+"""Standard deviation of the heading below which the heading counts as known [rad]. When the limit was doubled, the worm
+started before it knew its heading, and left the path."""
 LONGEST_START = 3.0
-"""Number of waves after which the worm is steered even if the heading is unknown."""
+"""Number of waves after which the worm is steered even if its heading is still unknown."""
 STILL = 1e-6
-"""Frequency of a wave that stands still [Hz]."""
+"""Frequency that is commanded to stop the motion of a wave [Hz]."""
 BLOCKED = "no way is left past an obstacle that has come into sight: the worm stops before it"
 NO_DECISION = "nothing is known to go by"
 _LOG = logging.getLogger(__name__)
@@ -64,41 +65,43 @@ class Choice(NamedTuple):
     source: Source
     parameters: GaitParameters
     status: str
-    """Sentence of the plan, or the reason why there is no plan."""
+    """Status of the plan as a sentence, or the reason why there is no plan."""
     plan: Plan | None = None
-    """Plan of this instant, accepted or not."""
+    """Plan that was computed for this decision, whether it was accepted or not."""
     failed: bool = False
-    """Whether something better should have been available, such as an accepted plan."""
+    """Whether this is a substitute for a better choice that failed, such as a plan that was not accepted."""
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Record of a choice of the gait parameters and of the controller's knowledge."""
+    """Record of one choice of the gait parameters, and of what the controller knew at that time."""
 
     time: float
-    """Start time of the parameters [s]."""
+    """Time from which on the parameters hold [s]."""
     source: Source
-    """Source of the parameters: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the
-    last parameters ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), a user's controller ("own"), or another
-    gait in a pipe ("climb")."""
+    """Source of the parameters: an accepted plan ("mpc"), the continuation of an earlier plan ("shifted plan"), the
+    feed-forward or the parameters already in force ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), a
+    user's controller ("own"), or the climbing gait in a pipe ("climb")."""
     parameters: GaitParameters
     estimate: Estimate | None
     """Estimate at this time; None for a controller without estimator."""
     status: str = ""
-    """Sentence of the solver, or the reason why the solver was not called or not followed; empty without a solver."""
+    """Status of the solver as a sentence, or the reason why there is no plan or why the plan was not used. Empty for
+    controllers without a solver."""
     failed: bool = False
-    """Whether something better should have been available."""
+    """Whether this was a substitute for a better choice that failed."""
     iterations: int = 0
     cost: float = nan
-    """Cost of the plan; NaN without a minimisation."""
+    """Cost of the plan. NaN if no plan was computed."""
     seconds: float = 0.0
-    """Wall time of the decision, estimator included [s]."""
+    """Wall time of the decision, including the estimator [s]."""
     horizon: FloatArray | None = None
     """Predicted path of the centre of mass [m], shape (H + 1, 2)."""
     chamber_gain: FloatArray | None = None
-    """Present gain of each chamber relative to a healthy chamber, shape (N, 2); None without an estimator."""
+    """Estimated gain of each chamber relative to a healthy chamber, shape (N, 2) for N segments. None without an
+    estimator."""
     chamber_phase: FloatArray | None = None
-    """Phase lead of each chamber over a healthy chamber [rad], shape (N, 2)."""
+    """Phase lead of each chamber relative to a healthy chamber [rad], shape (N, 2). None without an estimator."""
 
 
 class Estimates(Protocol):
@@ -108,34 +111,37 @@ class Estimates(Protocol):
         """Return to the initial state."""
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement at time t [s]; the parameters have been commanded since the call before."""
+        """Process the measurement of time t [s]. The parameters were in force since the previous call."""
 
     def estimate(self, t: float) -> Estimate | None:
-        """Return the estimate at time t [s], the time of the last measurement; None if there is none. Called seldom."""
+        """Return the estimate at the time t [s] of the last measurement, or None if there is no estimate.
+
+        This method is called once per decision, not at every step.
+        """
 
 
 class Driver(ABC):
-    """Driver of a worm in a scene: decisions are recorded, measurements pass a gate, and a watch looks for faults.
+    """Base class of all controllers in scenes: it records decisions, checks measurements and looks for faults.
 
     Parameters
     ----------
     task : ControlTask
     feed_forward : FeedForward
-        Abilities of the worm, and the preferred frequency.
+        Reachable speeds and turn rates of the worm, and its preferred frequency.
     estimator : Estimates, optional
 
     Attributes
     ----------
     decisions : list of Decision
-        Decisions so far; `seconds` is the time of all steps since the decision before, with estimates and commands.
+        Decisions so far. The `seconds` of a decision include all steps since the previous decision.
     failures : int
-        Number of decisions without an accepted plan, or after an exception.
+        Number of decisions for which no plan was accepted or an exception was raised.
     """
 
     plans: ClassVar[bool] = False
-    """Whether the driver plans, so that plans can fail."""
+    """Whether the driver computes plans, which can fail."""
     senses: ClassVar[tuple[str, ...]] = ()
-    """Names of the needed channels that not every robot has."""
+    """Names of required sensor channels that a robot does not have by default."""
 
     def __init__(self, task: ControlTask, feed_forward: FeedForward, estimator: Estimates | None = None) -> None:
         self.task, self.worm, self.reference, self.control_period = task, task.worm, task.reference, task.period
@@ -158,7 +164,7 @@ class Driver(ABC):
 
     @property
     def period(self) -> float:
-        """Period of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
+        """Period of the wave at the preferred frequency [s]. `worm3d.simulate` averages over this period."""
         return self.feed_forward.wave
 
     @property
@@ -168,20 +174,20 @@ class Driver(ABC):
 
     @property
     def faults(self) -> list[Fault]:
-        """Detected faults that keep the worm from following the reference."""
+        """Detected faults that prevent the worm from following the reference."""
         return self.watch.faults
 
     @property
     def overruns(self) -> int:
-        """Number of control periods with a computation longer than the period."""
+        """Number of control periods whose computation took longer than the period."""
         return sum(decision.seconds > self.control_period for decision in self.decisions)
 
     @abstractmethod
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
+        """Return the command from time t [s] on. TypeError if `measurement` is not a `Measurement`."""
 
     def _elapsed(self, t: float) -> float:
-        """Return the time since the step before [s]; 0 at the first step."""
+        """Return the time since the previous step [s], or 0 at the first step."""
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
         return elapsed
 
@@ -196,18 +202,19 @@ class WaveController(Driver):
     ----------
     task : ControlTask
     feed_forward : FeedForward, optional
-        By default the inverse of the task's map.
+        By default computed from the task's map.
     estimator : Estimates, optional
         None for a controller without feedback.
 
     Attributes
     ----------
     held_steering : tuple of HeldSteering or None
-        Steering of the worm while a segment is held still, for each segment; empty if unknown.
+        Entry i is the steering to use while segment i is held still, or None. The tuple is empty if these are unknown.
     chamber_gains : ChamberGains
-        Amplitude and delay of the chambers' response to their commands.
+        Estimated amplitude and delay of each chamber's response to its commands.
     inner_loop : InnerLoop or None
-        Law that corrects the commands by these gains; None where the map has no strains of so many segments.
+        Law that corrects the commands with these gains. None without an estimator, or if the map has no model of the
+        strains for this number of segments.
     """
 
     held_steering: tuple[HeldSteering | None, ...] = ()
@@ -229,7 +236,7 @@ class WaveController(Driver):
 
     @classmethod
     def of(cls, task: ControlTask) -> Self:
-        """Return the controller for a task, with the defaults of all parts."""
+        """Return the controller for a task, with default parts."""
         return cls(task)
 
     def reset(self) -> None:
@@ -251,7 +258,7 @@ class WaveController(Driver):
         return self.generator.waves
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
+        """Return the command from time t [s] on. TypeError if `measurement` is not a `Measurement`."""
         began = perf_counter()
         elapsed = self._elapsed(t)
         seen = self.gate(t, measurement, moving=self._target.amplitude != 0.0)
@@ -278,7 +285,10 @@ class WaveController(Driver):
         return command
 
     def _steer_as_held(self) -> None:
-        """Use the steering known for a segment that is held still; otherwise the steering of the whole worm."""
+        """Use the steering for the segment that is held still, if there is one segment and its steering is known.
+
+        Otherwise the whole worm steers.
+        """
         self.generator.schedule, steered = self.task.map.schedule, self.feed_forward.found
         if len(self.chambers.held) > 1 or steered.mechanism == "bias":
             return
@@ -315,7 +325,11 @@ class WaveController(Driver):
         self._spent = 0.0
 
     def _chosen(self, t: float, estimate: Estimate | None) -> Choice:
-        """Return the choice, or a stop if the way is blocked; after an exception the parameters in force, then rest."""
+        """Return the next choice.
+
+        If the way is blocked or too steep, this is a stop. After an exception, the parameters in force are reused
+        several times, and then the worm rests.
+        """
         try:
             if self._is_blocked(t, estimate):
                 return Choice("stop", still(self._target), BLOCKED)
@@ -337,12 +351,15 @@ class WaveController(Driver):
         return choice
 
     def _heading_is_known(self, estimate: Estimate) -> bool:
-        """Return whether the heading can be used from now on: it is known, or was sought for long enough."""
+        """Return whether the heading can be used from now on.
+
+        It can be used when it is known, or when the first `LONGEST_START` waves have passed.
+        """
         self._heading_known |= _sure(estimate) or self.generator.waves - self._began >= LONGEST_START
         return self._heading_known
 
     def _is_blocked(self, t: float, estimate: Estimate | None) -> bool:
-        """Look for obstacles that come into sight, and return whether the obstacles leave no way."""
+        """Look for obstacles that have come into sight, and return whether they leave no way to the worm."""
         if self._blocked or estimate is None or not estimate.is_placed(self.worm.length):
             return self._blocked
         try:
@@ -356,7 +373,7 @@ class WaveController(Driver):
 
     @abstractmethod
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
-        """Return the parameters from time t [s] on, and their source."""
+        """Return the parameters from time t [s] on, with their source."""
 
 
 def _sure(estimate: Estimate) -> bool:
@@ -366,21 +383,24 @@ def _sure(estimate: Estimate) -> bool:
 def observed(
     task: ControlTask, model: type[ReducedModel] = ReducedModel, estimator: type[Estimator] = Estimator
 ) -> tuple[ReducedModel, Estimator]:
-    """Return the reduced model of a task's worm, and the estimator for this model and the task's sensors."""
+    """Return the reduced model of the task's worm, and an estimator that uses this model and the task's sensors."""
     reduced = model.of(task.worm, task.map, task.mechanism)
     return reduced, estimator.for_sensors(task.worm, reduced, task.map.schedule, task.sensors)
 
 
 def complaint_of(error: BaseException) -> str:
-    """Return an exception as a line."""
+    """Return the type and message of an exception as one line of at most 200 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]  # characters
 
 
 def rest(in_force: GaitParameters) -> GaitParameters:
-    """Return the parameters of a worm at rest."""
+    """Return the parameters of a worm at rest, with amplitude 0."""
     return GaitParameters(0.0, in_force.frequency)
 
 
 def still(in_force: GaitParameters) -> GaitParameters:
-    """Return the wave in force, standing still: a worm that relaxes shifts by a hundredth of the body length."""
+    """Return the wave in force, but standing still.
+
+    The worm keeps its shape. If it relaxed instead, its centre of mass would shift by a hundredth of the body length.
+    """
     return replace(in_force, frequency=STILL) if in_force.amplitude != 0.0 else in_force

@@ -1,16 +1,16 @@
-"""Kinds of parts that scenes take as `module:NAME`, and the decorator that marks a user's part as a kind.
+"""Kinds of parts that scenes accept as `module:NAME`, and the decorator that marks a user's part.
 
-A class that is derived from the base class of a kind is marked by the derivation. Other classes are marked by hand,
-such as a controller that shares nothing with the supplied controllers:
+Subclasses of the base class of a kind count as marked. Other classes must be marked with the decorator, for example a
+controller that shares nothing with the supplied controllers:
 
     @part("controller")
     class Mine:
         @classmethod
         def of(cls, task): ...
 
-A scene calls only parts that are marked for the key of the part. A section of a scene that `holds` a kind
-(`scenes.language.parts.PartSection`) takes parts of this kind by a key, by a list, or as sub-sections. The row in this
-file is enough: schema, `worm3d init` and `list`, errors, saving and loading use the row.
+A scene calls only parts that are marked with the kind that the key expects. A section of a scene that `holds` a kind
+(`scenes.language.parts.PartSection`) takes parts of this kind by a key, by a list, or as sub-sections. To add a kind,
+add a row to this file. The schema, `worm3d init`, `worm3d list`, error messages, saving and loading all use this row.
 """
 
 from __future__ import annotations
@@ -52,22 +52,11 @@ OBSTACLE = Kind("obstacle", "an obstacle", "control.tracking.obstacles", "Obstac
 OF_THE_PLANT = (GAIT, REFLEX, WORLD, ACTUATOR, HYSTERESIS, MEDIUM_KIND, LOAD_KIND, LAW_KIND, MEASURE)
 OF_CONTROL = (FAULT, CHANNEL, CONTROLLER, ESTIMATOR, MODEL_KIND, TERM, CONSTRAINT, PATH_KIND, OBSTACLE)
 PART_KINDS = MappingProxyType({kind.name: kind for kind in (*OF_THE_PLANT, *OF_CONTROL)})
-"""Kinds by name."""
+"""All kinds of parts by name."""
 
 
 def part(kind: str) -> Callable[[T], T]:
-    """Return the decorator that marks a class, or a function that returns such an object, as a part of a kind.
-
-    Parameters
-    ----------
-    kind : str
-        A name of `PART_KINDS`.
-
-    Raises
-    ------
-    ValueError
-        There is no such kind.
-    """
+    """Return a decorator that marks a class as a part of a kind, or a function that returns an object of this kind."""
     if not isinstance(kind, str) or kind not in PART_KINDS:
         known = ", ".join(map(repr, PART_KINDS))
         raise ValueError(f"part: got {getattr(kind, '__name__', kind)!r}, must be one of {known}: @part('controller')")

@@ -1,17 +1,18 @@
-"""The supervisor: model predictive control with fallbacks, so that there is a command even if plans fail.
+"""The supervisor: model predictive control with fallbacks, so that there is a command even if planning fails.
 
 The supervisor commands the first available wave of this list:
 
-1. an accepted plan ("mpc"): finite, within the identified ranges, no worse than the plan before and the plain wave,
-   and in time;
+1. an accepted plan ("mpc"). A plan is accepted if it is finite, within the identified ranges, no worse than the
+   previous plan and the plain wave (see 3), and ready in time;
 2. the continuation of the last accepted plan ("shifted plan"), at most five times in a row;
-3. the plain wave, the feed-forward of the identified map ("gait"); until the heading is known this is the only choice,
-   and the wave turns as the path does, or goes straight;
+3. the plain wave, which is the feed-forward of the identified map ("gait"). As long as the heading is unknown, only
+   this choice is used, and the wave turns like the path, or goes straight;
 4. the parameters in force ("gait"), at most five times in a row;
-5. rest ("stop"), also if the reference wants (almost) no speed, and at the end of a path that ends.
+5. rest ("stop").
 
-After five failures in a row the search forgets the last plan. The reference's clock never stops. An exception of any
-type and from any source counts as a failure of this choice, and the next choice follows.
+The worm also rests if the requested speed is (almost) zero, and at the end of a path with an end. After five failures
+in a row the planner discards its last plan. The reference's clock never stops. An exception of any type and from any
+source counts as a failure of the choice that raised it, and the next choice follows.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ Deadline = Literal["iterations", "wall"]
 
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
-"""Distances to the end of a path below which the worm rests, and from which the worm goes on again [body lengths]."""
+"""Distances to the end of a path [body lengths]: the worm stops below `THERE`, and starts again above `STAYS`."""
 BACKWARDS = "the reference asks for a way backwards, and no wave of this worm goes backwards: it rests"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 ARRIVED = "the worm is at the end of its path"
@@ -64,7 +65,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Supervisor(WaveController):
-    """A controller for `worm3d.simulate` that plans; `failures` counts the decisions without an accepted plan.
+    """A controller for `worm3d.simulate` that plans ahead. `failures` counts the decisions without an accepted plan.
 
     Parameters
     ----------
@@ -73,13 +74,13 @@ class Supervisor(WaveController):
     estimator : Estimates
     mpc : GaitMPC
     deadline : str
-        "iterations": a plan may use all given iterations, and runs repeat bit for bit; "wall": a plan that took longer
-        than the control period is not accepted.
+        With "iterations", planning may take any time up to the maximum number of iterations, and runs are repeatable
+        bit for bit. With "wall", a plan that took longer than the control period is not accepted.
 
     Raises
     ------
     ValueError
-        Another deadline.
+        `deadline` is neither of these.
     """
 
     plans = True
@@ -110,7 +111,7 @@ class Supervisor(WaveController):
     ) -> Self:
         """Return the supervisor for a task.
 
-        The supplied model, estimator, terms of the cost and constraints are the defaults.
+        By default, the supplied model, estimator, terms of the cost and constraints are used.
         """
         reduced, estimates = observed(task, model, estimator)
         return cls(task, reduced, estimates, GaitMPC(task.worm, task.map, reduced, terms, constraints), deadline)
@@ -145,9 +146,10 @@ class Supervisor(WaveController):
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
     def _arrived(self, estimate: Estimate, back: bool = False) -> bool:
-        """Return whether the worm is at the end of the path; a small push back from the end does not count.
+        """Return whether the worm is at the end of the path.
 
-        The end of the way back is the beginning of the path.
+        A worm that has arrived stays at the end even if it is pushed back a little (`STAYS`). When the worm crawls
+        backwards, the beginning of the path is its end.
         """
         path = self.reference.path
         if path is None or not self.reference.ends:
@@ -161,17 +163,20 @@ class Supervisor(WaveController):
         return self._is_there
 
     def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
-        """Return the wave that turns as the path does, if there is one."""
+        """Return the wave that turns like the path, or None if there is no such wave."""
         speed, turn = self._speed(t), _tried(lambda: turn_of_path(self.reference, t, estimate.position))[0]
         return self._parameters(_tried(self.feed_forward, speed, 0.0 if turn is None else turn)[0])
 
     def _speed(self, t: float) -> float:
-        """Return the wanted speed [m/s]; NaN if there is none."""
+        """Return the requested speed [m/s], or NaN if the reference raises an exception."""
         speed, _ = _tried(lambda: float(self.reference.speed(t)))
         return nan if speed is None else speed
 
     def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
-        """Return a plan, if one is made, and the reason if the plan is not accepted."""
+        """Return a plan (None if planning failed) and the reason why it is not accepted.
+
+        The reason is empty if the plan is accepted.
+        """
         plan, complaint = _tried(self.planner.plan, t, estimate, self.reference)
         if not complaint:
             complaint = " ".join(filter(None, _tried(_fault, plan, self.feed_forward.ranges, self._model.mechanism)))
@@ -183,7 +188,7 @@ class Supervisor(WaveController):
         return plan, LATE if plan.seconds > self._longest else ""
 
     def _without(self, t: float, estimate: Estimate, complaint: str, plan: Plan | None) -> Choice:
-        """Return the next best choice after a plan was not accepted."""
+        """Return the next best choice when no plan was accepted."""
         self._failures += 1
         if self._failures % MOST_KEPT == 0:
             _tried(self.planner.forget)
@@ -200,13 +205,16 @@ class Supervisor(WaveController):
         return Choice("stop", rest(self._target), NO_DECISION, plan, failed=True)
 
     def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
-        """Return the parameters of a wave; None without a wave, or if the wave is not finite."""
+        """Return the parameters of a wave, or None if `wave` is None or not finite."""
         known = wave is not None and all(isfinite(part) for part in wave)
         return _tried(self._model.parameters, wave)[0] if known else None
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
-    """Return the result of a function and an empty text, or None and the text of the exception."""
+    """Return the result of a function and an empty text.
+
+    If the function raises an exception, return None and the text of the exception.
+    """
     try:
         return act(*given), ""
     except EXCEPTIONS as error:
@@ -214,7 +222,10 @@ def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
 
 
 def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
-    """Return the defect of a plan; an empty text without a defect, or if the plan's own status is not ok."""
+    """Return the defect of a plan as a text.
+
+    The text is empty if there is no defect, or if the status of the plan is not ok.
+    """
     if not isinstance(plan, Plan) or not isinstance(plan.status, PlanStatus):
         return NO_PLAN
     if np.array([plan.cost, plan.seconds, plan.iterations]).dtype.kind not in "fi":

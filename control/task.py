@@ -1,4 +1,4 @@
-"""Task of a controller: worm, reference, identified map, mechanism, control period and sensors."""
+"""Task of a controller, a collection of everything that a controller is built from."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from worm3d.values.spelling import Spelled
 
 @dataclass(frozen=True, eq=False)
 class ControlTask(Spelled):
-    """Everything that a controller is built from.
+    """Worm, reference, identified map, steering mechanism, control period and sensors of a controller.
 
     Raises
     ------
     ValueError
-        A field of another type, a mechanism that was not identified, a period that is not above 0, or obstacles that
-        leave no way.
+        A field has the wrong type, the mechanism was not identified, the period is not above 0, or the obstacles leave
+        no way for the worm.
     """
 
     worm: Worm
     reference: Reference
-    """Reference of the worm; the path leads around the obstacles that are known from the start."""
+    """Reference of the worm. Its path is replaced by a path around the obstacles that are known from the start."""
     map: Identified
-    """Identified map of the waves of the worm."""
+    """Identified map of the worm: speed and turn rate of its waves."""
     mechanism: Mechanism = "hinge"
-    """Mechanism that steers, one of those in the map."""
+    """Mechanism that steers, a key of `map.maps`."""
     period: float = 0.2
     """Time between two decisions [s]."""
     sensors: Mapping[str, Channel] = field(default_factory=dict)
-    """Quality of the sensors by name, as in `control.sensing.sensors.Sensors.channels`; default quality if left out."""
+    """Quality of the sensors by name, as in `control.sensing.sensors.Sensors.channels`. Missing sensors have the
+    default quality."""
 
     def __post_init__(self) -> None:
         arguments.instance("worm", self.worm, Worm, "a worm: worm3d.Worm()")
@@ -53,7 +54,7 @@ class ControlTask(Spelled):
 
     @property
     def found(self) -> SteeringMap:
-        """The map of the mechanism that steers."""
+        """Identified map of the mechanism that steers."""
         return self.map.maps[self.mechanism]
 
     def fields(self) -> tuple[Any, ...]:

@@ -1,1 +1,1 @@
-"""Commands of chambers and hinges beside the wave of a gait: bodies that bend along their path."""
+"""Commands to chambers and hinges in addition to the wave of a gait, with which the body bends along its path."""

@@ -1,10 +1,10 @@
-"""A controller that also bends the worm along its path, beside the wave of the supervisor.
+"""A controller that bends the worm along its path, in addition to the wave of the supervisor.
 
-A stiff body has its centre of mass on a curved path, and both ends outside. `Bending` bends both ends of the body like
-the path below (bending the middle as well rolls the worm over the inner feet), and needs no more time than the
-supervisor.
+If a straight body has its centre of mass on a curved path, both of its ends are outside the curve. `Bending` therefore
+bends both ends of the body like the path beneath them. The middle is bent less, since bending it makes the worm roll
+over the inner feet. `Bending` needs no more time than the supervisor.
 
-The supervisor decides the wave itself; `control/README.md` describes the possible gain from planning chambers and
+The wave itself is chosen by the supervisor. `control/README.md` describes what could be gained by planning chambers and
 hinges within the wave.
 """
 
@@ -25,13 +25,14 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 STEEPNESS = 1.5
-"""Share of the path's bend in a joint at either end of the body, before clipping to 1; 0 in the middle."""
+"""Bend of a joint as a share of the path's bend. This is the share at the ends of the body, before it is limited to 1.
+It decreases linearly to 0 in the middle."""
 
 
 def along_path(worm: Worm, path: Path, progress: float) -> FloatArray:
-    """Return the hinges that bend a worm like the path below, less in the middle [rad], shape (N - 1,).
+    """Return the hinge angles that bend a worm like the path beneath it, less in the middle, shape (N - 1,) [rad].
 
-    The centre of mass is at the arc length `progress` [m] of the path.
+    The centre of mass is at the arc length `progress` of the path [m].
     """
     n = worm.segments
     middles = progress + (np.arange(n) + 0.5 - n / 2.0) * worm.l0
@@ -40,7 +41,7 @@ def along_path(worm: Worm, path: Path, progress: float) -> FloatArray:
 
 
 class Bending(Supervisor):
-    """A supervisor that also bends the worm along its path; without a path, the plain supervisor.
+    """A supervisor that also bends the worm along its path. Without a path, it is the plain supervisor.
 
     The parameters are the same as for `control.supervisor.Supervisor`.
     """
@@ -67,7 +68,7 @@ class Bending(Supervisor):
         return choice
 
     def _beyond(self, t: float, path: Path, estimate: Estimate, choice: Choice) -> FloatArray:
-        """Return the commands of chambers and hinges beside the wave from time t [s] on, shape (3 N - 1,)."""
+        """Return the additional commands to chambers and hinges from time t [s] on, shape (3 N - 1,)."""
         if np.isfinite(estimate.position).all():
             self._near = float(path.project(estimate.position, self._near))
         posture = along_path(self.worm, path, self._near or 0.0)

@@ -1,20 +1,20 @@
-"""Wave with additional commands to chambers and hinges, and the share of the body's bend in a turn.
+"""A wave with additional commands to chambers and hinges, and the effect of a bent body on turning.
 
-A body that is bent by the angle B from tail to head, and crawls by d body lengths a wave, turns by
+A body that is bent by the angle B from tail to head, and crawls by d body lengths per wave, turns in each wave by
 
     omega_bend = GUIDED B d                                                                                   (CP1)
 
-a wave, since the standing feet hold the body on its arc. Steering the wave produces the rest of the wanted turn, by the
-identified map omega(A, f, s):
+since the standing feet hold the body on its arc. The rest of the requested turn is produced by steering the wave. With
+the identified map omega(A, f, s), the steering s_wave follows from
 
-    omega(A, f, s_wave) = omega(A, f, s) - omega_bend,                                                        (CP2)
+    omega(A, f, s_wave) = omega(A, f, s) - omega_bend                                                         (CP2)
 
-so that a controller which commands the steering s, and estimates with s, need not know of the bend. A bent body also
-moves aside, to the left of the chord by the angle
+A controller that commands the steering s, and estimates with s, therefore does not have to know about the bend. A bent
+body also moves sideways. Its motion points to the left of the chord by the angle
 
     crab = ASIDE B + c(A, f, s_wave)/d - c(A, f, s)/d                                                         (CP3)
 
-in addition to the drift of the map for the commanded steering s.
+in addition to the drift c(A, f, s) of the map for the commanded steering s.
 """
 
 from __future__ import annotations
@@ -27,25 +27,26 @@ from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 GUIDED = 0.7
-"""Turn of a bent body over bend times distance, (CP1): 0.65 to 0.73 on the default worm at amplitude 0.3 and 0.8 Hz,
-bent by 0.56 to 1.1 rad in an arc, at both ends, or at the head."""
+"""Turn of a bent body, divided by its bend and the distance, (CP1). On the default worm it is 0.65 to 0.73, at
+amplitude 0.3 and 0.8 Hz, for bends of 0.56 to 1.1 rad in an arc, at both ends, or at the head."""
 ASIDE = 0.05
-"""Angle of a bent body's motion to the left of the chord, over the bend, (CP3): 0.046 to 0.049 on circles of 0.6 and
-1.5 body lengths with the bend of `control.chambers.controller` (seed 10), up to 0.07 for bends of 1.2 rad."""
+"""Angle of a bent body's motion to the left of the chord, divided by the bend, (CP3). It is 0.046 to 0.049 on circles
+of 0.6 and 1.5 body lengths with the bend of `control.chambers.controller` (seed 10), and up to 0.07 for bends of 1.2
+rad."""
 
 
 class BodyWave(WaveGenerator):
-    """Wave at run time, with the commands of `beyond` added to chambers and hinges.
+    """A wave generator that adds the commands `beyond` to chambers and hinges.
 
-    `beyond` holds contractions, left before right, and hinges [rad], shape (3 N - 1,); after half a wave the commands
-    have covered 63 % of a change of `beyond`.
+    `beyond` consists of the contractions of all left chambers, then of all right chambers, and the hinges [rad], shape
+    (3 N - 1,). After a change of `beyond`, the commands follow exponentially, by 63 % within half a wave.
 
     Parameters
     ----------
     wave : WaveGenerator
-        Wave with the schedule and blend to use.
+        Generator whose schedule and blend are used.
     found : SteeringMap
-        Effect of the wave on the worm.
+        Identified map of the wave.
     worm : Worm
     """
 
@@ -55,14 +56,14 @@ class BodyWave(WaveGenerator):
         super().__init__(wave.schedule, worm, wave.blend)
 
     def reset(self) -> None:
-        """Restart with no commands beside the wave."""
+        """Return to the initial state, without additional commands."""
         super().reset()
         self.beyond: FloatArray = np.zeros(3 * self._worm.segments - 1)
         self.given: FloatArray = self.beyond
         self.bend = self.crab = 0.0
 
     def step(self, dt: float, target: GaitParameters) -> Command:
-        """Return the command after another `dt` [s] of approaching `target` and `beyond`."""
+        """Return the command `dt` [s] after the previous one, on the way to `target` and `beyond`."""
         n, left_over = self._worm.segments, np.exp(-dt * target.frequency / 0.5)
         self.given = self.beyond + (self.given - self.beyond) * left_over
         hinge, contraction = self.given[2 * n :], self.given[: 2 * n].reshape(2, n).T
@@ -72,7 +73,7 @@ class BodyWave(WaveGenerator):
         return Command(np.clip(wave.contraction + contraction, *self._worm.stroke), wave.hinge + hinge)
 
     def allotted(self, target: GaitParameters) -> GaitParameters:
-        """Return the wave that produces the part of a target's turn that the bend leaves, (CP2)."""
+        """Return the wave for the part of the target's turn that the bend does not produce, (CP2)."""
         self.crab = 0.0
         if self.bend == 0.0:
             return target

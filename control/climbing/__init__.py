@@ -1,1 +1,1 @@
-"""Climbing between walls that enclose the worm: detection of the walls, gait, pace, and controller."""
+"""Climbing between walls that enclose the worm: detection of the walls, gait, pace and controller."""

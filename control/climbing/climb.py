@@ -1,16 +1,17 @@
-"""Climbing at run time: two anchors whose pace a controller may change, with reflexes that limit the load on the wall.
+"""Climbing with two anchors, at a pace that a controller sets, and with reflexes that limit the load on the walls.
 
-The outward apexes of a segment stand out to the left and to the right. On open ground at most one of the two apexes
-bears a load, on the side on which the worm leans; in a pipe as narrow as a contracted segment is wide, both apexes bear
-a load. A segment is enclosed if both apexes bear more than a share of the segment's weight
+Each segment has one apex that points outward to the left and one to the right. On open ground at most one of the two
+bears a load, on the side to which the worm leans. In a pipe that is as narrow as a contracted segment is wide, both
+bear a load. A segment counts as enclosed if the load on each of these apexes exceeds a share of the segment's weight
 (`control.gaits.reflexes.TOUCH`).
 
-All segments contract first, so that both anchors hold; then the gait begins. The phase accumulates, psi' = pace /
-period; at pace 0 the command stays constant, and an anchor that holds goes on holding. Reflexes
-(`control.gaits.reflexes`) change the commands of the gait: by default one reflex lets segments that press the wall hard
-give way, and one lets segments that should be wide but touch nothing contract further, so that the worm climbs pipes of
-other radii, too. At pace 0 segments give way and do not recover: two anchors that give way and recover in turn would
-walk on.
+First, all segments contract, so that both anchors hold. Then the gait begins, and its phase follows psi' = pace /
+period. At pace 0 the command is constant, so that an anchor keeps its hold.
+
+Reflexes (`control.gaits.reflexes`) change the commands of the gait. By default there are two: segments that press hard
+against the wall give way, and segments that should be wide but do not touch the wall contract further. With them the
+worm climbs pipes of other radii, too. At pace 0 segments give way but do not recover. If two anchors gave way and
+recovered in turn, the worm would continue to walk.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 CLIMB = TwoAnchor(period=2.0, amplitude=0.2, extension=-0.5)
-"""Gait of a worm that climbs: the gait of the scene `pipe_vertical` in two thirds of the time."""
+"""Gait of a climbing worm. It is the gait of the scene `pipe_vertical`, with two thirds of its period."""
 REFLEXES: tuple[Reflex, ...] = (WallLoad(), Reach())
-"""Reflexes by default, which share the channel "contact_load"."""
+"""Default reflexes. Both use the channel "contact_load"."""
 OUTWARD = [2, 5]
-"""Columns of the outward apexes, left and right, in the loads of a segment."""
+"""Columns of the outward apexes, left and right, in the contact loads of a segment."""
 WEDGING = 0.6
-"""Time for the contraction of all segments before the gait begins, and for the transition from one gait to the other
-[s]; six time constants of the default actuators."""
+"""Duration of the contraction of all segments before the gait begins, and of the transition between two gaits [s]. It
+is six time constants of the default actuators."""
 
 
 class Climb:
-    """Two anchors in one run of a worm.
+    """Climbing of one worm with two anchors.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class Climb:
     Attributes
     ----------
     phase : float
-        Number of periods of the gait so far; 0 until the worm is wedged.
+        Number of periods of the gait so far. It is 0 until all segments have contracted.
     """
 
     def __init__(self, worm: Worm, gait: TwoAnchor = CLIMB, reflexes: tuple[Reflex, ...] = REFLEXES) -> None:
@@ -58,10 +59,10 @@ class Climb:
         self._given: Command | None = None
 
     def step(self, t: float, dt: float, pace: float, felt: Felt) -> Command:
-        """Return the command at time t [s], `dt` after the last, at a pace of 1 for the gait's own period."""
+        """Return the command at time t [s], `dt` [s] after the previous call. A pace of 1 is the gait's own speed."""
         if pace == 0.0 and self._given is not None:
             return self._held(t, self._given, felt)
-        if self._giving_way is not None:  # the time of standing is no step of the reflexes
+        if self._giving_way is not None:  # the reflexes must not take the time of standing for one step
             self._reflexes, self._giving_way = [reflex.start(self._worm) for reflex in self._asked], None
         wedging = min(dt, WEDGING - self._waited)
         self._waited += wedging
@@ -81,6 +82,6 @@ class Climb:
 
 
 def enclosed(worm: Worm, load: FloatArray) -> int:
-    """Return the number of enclosed segments, from the loads of the apexes, shape (N, 6) [N]."""
+    """Return the number of enclosed segments. `load` contains the loads of the apexes, shape (N, 6) [N]."""
     touch = TOUCH * worm.mass * GRAVITY / worm.segments
     return int((load[:, OUTWARD] > touch).all(axis=1).sum())

@@ -1,10 +1,11 @@
-"""A controller that crawls in open space, and climbs between walls that enclose the worm.
+"""A controller that crawls in open space, and climbs where walls enclose the worm.
 
-From the first enclosed segment on (`control.climbing.climb`) the worm climbs by two anchors, which need no steering,
-since the wall leads the worm; the pace follows the reference speed (`control.climbing.way`). When no segment has been
-enclosed for two periods of the gait, the walls have opened: the worm crawls again under `control.supervisor`, after a
-reset of estimator, search and watch, whose data belong to the other gait. At the end of a path the climbing worm stops
-in place, with an anchor that holds. While the worm crawls, the reflex `WallLoad` also limits the load on the walls.
+When the first segment is enclosed (`control.climbing.climb`), the worm begins to climb with two anchors. It needs no
+steering, since the walls lead it. The pace follows the reference speed (`control.climbing.way`). If no segment has been
+enclosed for two periods of the gait, the walls have ended, and the worm crawls again under `control.supervisor`. The
+estimator, the planner and the watch are reset at this change, because their data belong to the other gait. At the end
+of a path the climbing worm stops, with an anchor that holds. While the worm crawls, the reflex `WallLoad` limits the
+load on the walls.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ from worm3d.values.arrays import FloatArray
 
 LOAD_CHANNEL = "contact_load"
 OPENED = 2.0
-"""Number of periods of the gait without an enclosed segment after which the walls have opened."""
+"""Number of periods of the gait without an enclosed segment after which the worm crawls again."""
 CLIMBS = "walls close round the worm: it climbs"
 
 
 class Climber(Supervisor):
-    """A supervisor that climbs between walls that enclose the worm, for sensors that include "contact_load"."""
+    """A supervisor that climbs between walls that enclose the worm. It needs the sensor channel "contact_load"."""
 
     senses = (LOAD_CHANNEL,)
 
@@ -54,11 +55,11 @@ class Climber(Supervisor):
 
     @property
     def climbs(self) -> bool:
-        """Whether the worm climbs at present."""
+        """Whether the worm is climbing."""
         return self._climb is not None
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on; TypeError if the measurement is no `Measurement`."""
+        """Return the command from time t [s] on. TypeError if `measurement` is not a `Measurement`."""
         self._load = latest(LOAD_CHANNEL, measurement, self._load)
         self._change(t, enclosed(self.worm, self._load) > 0)
         wanted = self._crawled(t, measurement) if self._climb is None else self._climbed(t, self._climb, measurement)
@@ -67,7 +68,7 @@ class Climber(Supervisor):
         return self._given
 
     def _change(self, t: float, closed: bool) -> None:
-        """Change the gait when walls enclose the worm, or have opened."""
+        """Change the gait if walls begin or cease to enclose the worm. `closed` is whether a segment is enclosed."""
         climb = self._climb
         if climb is None and closed:
             self._climb, self._enclosed_at = Climb(self.worm), 0.0
@@ -94,13 +95,13 @@ class Climber(Supervisor):
         self._heading_known, self._began = False, self.generator.waves
 
     def _crawled(self, t: float, measurement: Measurement) -> Command:
-        """Return the command of the supervisor, reduced where segments press the walls too hard."""
+        """Return the command of the supervisor, reduced in segments that press hard against the walls."""
         given = super().step(t, measurement)
         limited = self._limit.step(t, given.contraction, {LOAD_CHANNEL: self._load})
         return Command(np.clip(limited, *self.worm.stroke), given.hinge, given.force)
 
     def _climbed(self, t: float, climb: Climb, measurement: Measurement) -> Command:
-        """Return the command of the anchors."""
+        """Return the command of the climbing gait."""
         began, dt = perf_counter(), 0.0 if self._time is None else t - self._time
         self._time = t
         com = self.gate(t, measurement).com
@@ -130,7 +131,7 @@ class Climber(Supervisor):
         return Choice("climb", GaitParameters(CLIMB.amplitude, frequency), ARRIVED if arrived else CLIMBS)
 
     def _slow(self, t: float, speed: float) -> Iterator[Fault]:
-        """Yield the faults that keep a climbing worm from the reference speed [m/s]."""
+        """Yield the faults that prevent a climbing worm from reaching the reference speed [m/s]."""
         advice = "look at the pipe's width, rise and friction, and at what lies in it"
         fastest = self._way.fastest
         if self._way.idle >= STUCK:
@@ -141,7 +142,7 @@ class Climber(Supervisor):
             yield Fault(t, "too slow", what, f"ask for less speed; {advice}")
 
     def _estimate(self, t: float) -> Estimate | None:
-        """Return the estimate; for a climbing worm only place and speed are up to date."""
+        """Return the estimate. While the worm climbs, only position and speed are updated."""
         last = super()._estimate(t)
         if self._climb is None or last is None or self._com is None:
             return last
@@ -151,7 +152,7 @@ class Climber(Supervisor):
         return replace(last, time=t, state=last.state._replace(x=x, y=y, speed=speed, slip=0.0, turn_rate=0.0))
 
     def _blended(self, t: float, wanted: Command) -> Command:
-        """Return the command during the transition from one gait to the other."""
+        """Return the command, blended with the last command of the other gait during a transition."""
         if self._blended_from is None or t - self._blended_from[0] >= WEDGING:
             return wanted
         since, old = self._blended_from

@@ -1,11 +1,11 @@
-"""The way of a worm that climbs, and the pace for a wanted speed.
+"""Progress of a climbing worm, and the pace for a requested speed.
 
-The centre of mass is averaged over each period of the gait. With the stride d from mean to mean, along the path or,
-without a path, in space, and the mean d_bar of this stride and the previous stride,
+The centre of mass is averaged over each period of the gait. The stride is the distance between two successive means,
+along the path or, without a path, in space. With the mean d_bar of the last two strides,
 
-    pace = V_ref period / d_bar   [periods of the gait's own], at least PACES[0], at most PACES[1]            (PC1)
+    pace = V_ref period / d_bar,   limited to [PACES[0], PACES[1]]                                            (PC1)
 
-and the pace is 0 for a reference speed of 0.
+in units of the gait's own pace. The pace is 0 for a reference speed of 0.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from control.tracking.paths import Path
 from worm3d.values.arrays import FloatArray
 
 PACES = (0.25, 1.5)
-"""Least and greatest pace. At twice the pace the default actuators, with a lag of 0.1 s, leave out half of each change;
-below a quarter a period takes more than 8 s, and the worm may as well stop and wait."""
+"""Smallest and greatest pace. At a pace of 2 the default actuators, with a lag of 0.1 s, would follow only half of each
+change. At a pace below 0.25 a period would take more than 8 s, and the worm may just as well stop and wait."""
 LEAST_STRIDE = 0.01
-"""Stride below which a worm counts as standing [body lengths]; noise of 5 mm makes strides of 1 mm."""
+"""Stride below which the worm counts as standing [body lengths]. Sensor noise of 5 mm causes strides of 1 mm."""
 STUCK = 4
-"""Number of periods without way in a row after which a worm is stuck."""
+"""Number of consecutive periods without progress after which the worm counts as stuck."""
 
 
 @dataclass
 class Way:
-    """Progress of a worm of the given length [m] and gait period [s], along a path if there is one."""
+    """Progress of a worm of a given length [m] and gait period [s], along a path if there is one."""
 
     path: Path | None
     length: float
     period: float
     stride: float = math.nan
-    """Mean of the last two strides [m]; NaN before the first."""
+    """Mean of the last two strides [m]. NaN before the first stride."""
     idle: int = 0
-    """Number of periods without way in a row."""
+    """Number of consecutive periods without progress."""
     _samples: list[FloatArray] = field(default_factory=list)
     _means: list[FloatArray] = field(default_factory=list)
     _strides: list[float] = field(default_factory=list)
@@ -45,7 +45,7 @@ class Way:
     _near: float | None = None
 
     def take(self, phase: float, com: FloatArray | None) -> None:
-        """Take a sample of the centre of mass (3,) [m], if there is one, at a phase of the gait [periods]."""
+        """Add a sample of the centre of mass, shape (3,) [m], if there is one, at a phase of the gait [periods]."""
         if math.floor(phase) > math.floor(self._phase) and self._samples:
             self._means.append(np.mean(self._samples, axis=0))
             self._samples.clear()
@@ -55,7 +55,7 @@ class Way:
             self._samples.append(np.asarray(com, dtype=float))
 
     def pace(self, speed: float) -> float:
-        """Return the pace for a speed [m/s], (PC1); the gait's own pace before the first stride."""
+        """Return the pace (PC1) for a speed [m/s]. Before the first stride it is 1, the gait's own pace."""
         if not speed > 0.0:
             return 0.0
         if math.isnan(self.stride):
@@ -64,7 +64,10 @@ class Way:
 
     @property
     def fastest(self) -> float:
-        """Speed from the longest of the last strides at the greatest pace [m/s]; infinite before the first strides."""
+        """Speed with the longest of the last three strides at the greatest pace [m/s].
+
+        Infinite before the third stride.
+        """
         last = self._strides[-3:]
         return PACES[1] * max(last) / self.period if len(last) == 3 else math.inf
 

@@ -1,1 +1,1 @@
-"""Estimation of place, heading and drift from measurements, and the reduced model that planners share."""
+"""Estimation of position, heading and motion from measurements, and the reduced model that planners also use."""

@@ -1,16 +1,17 @@
-"""Gains and phases of the chambers: amplitude and delay of each chamber's response, estimated from the strains.
+"""Gains and phases of the chambers, which describe how each chamber responds to its commands.
 
-A chamber that is weak, slow, leaking or loaded answers like a healthy one, (SM1) of
-`control.identification.strain_model`, to a command that is smaller and later in the wave's phase psi. With the lags x_m
-of the chamber's own command and their slopes y_m = dx_m/dpsi = (u - x_m)/(T_m psi'),
+The response of a chamber that is weak, slow, leaking or loaded is modelled as the response of a healthy chamber, (SM1)
+of `control.identification.strain_model`, to a smaller and later command. Let x_m be the commands of the chamber,
+delayed by the lags T_m, psi the phase of the wave, and y_m = dx_m/dpsi = (u - x_m)/(T_m psi') their slopes. With the
+weights w_m of the healthy model, the strain s is
 
     s = b + sum_m w_m (p x_m + q y_m) + the same sums over the other inputs                                   (CG1)
     gain = hypot(p, q),   phase = atan2(q, p)
 
-A healthy chamber has p = 1, q = 0. Given the other inputs, s is linear in the chamber's own p, q and b. A Kalman filter
-of three states for each chamber processes the strains sample by sample, and takes the other chambers at their own
-latest states. The states wander from wave to wave. An error of the model lasts for a part of a wave instead of one
-sample, so that the error has the weight of white noise over that many samples.
+A healthy chamber has p = 1 and q = 0. If the other inputs are given, s is linear in the chamber's own p, q and b. One
+Kalman filter per chamber estimates these three states from the strains, sample by sample, with the latest states of the
+other chambers. The states may change slowly from wave to wave. An error of the model lasts for a part of a wave instead
+of one sample. Therefore its variance is multiplied by the number of samples in this time.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from worm3d.values.spelling import Checked
 @documented
 @dataclass(frozen=True, kw_only=True)
 class GainTrust(Checked):
-    """Trust in the gains of the chambers: standard deviations of the effects that (CG1) leaves out."""
+    """Standard deviations of the effects that (CG1) does not contain. They determine how fast gains are adapted."""
 
     begin: float = parameter(0.2, "p and q of a chamber before the first sample", gt=0)
     begin_mean: float = parameter(0.05, "mean strain b before the first sample", gt=0)
@@ -51,7 +52,7 @@ class ChamberGains:
     Parameters
     ----------
     model : StrainModel
-        Strains of the healthy worm.
+        Model of the strains of a healthy worm.
     noise : float
         Standard deviation of the noise of a strain.
     span : float
@@ -61,14 +62,16 @@ class ChamberGains:
     Attributes
     ----------
     gain, phase, doubt : ndarray of float, shape (N, 2)
-        Gain and phase [rad] of each chamber, and the standard deviation of p and q.
+        Gain and phase [rad] of each chamber, and the larger of the standard deviations of p and q.
     miss : ndarray of float, shape (N, 2)
-        Latest strain minus the strain by (CG1), NaN without a strain; above 0 where a chamber is longer.
+        Latest strain minus the strain predicted by (CG1). NaN without a strain. It is positive if the chamber is longer
+        than predicted.
     expected, healthy : ndarray of float, shape (N, 2)
-        Part of the strain by (CG1) that the chamber's own command causes, and would cause in a healthy chamber.
+        Part of the predicted strain that the chamber's own command causes, and the part that it would cause in a
+        healthy chamber.
     misfit : ndarray of float, shape (N, 2)
-        Ratio of the strain that (CG1) leaves unexplained to the part that the chamber's own command causes, rms of the
-        last waves; noise from sample to sample is left out.
+        Rms of the unexplained strain divided by the rms of `expected`, over the last waves. Noise from sample to sample
+        is excluded.
     """
 
     def __init__(
@@ -110,24 +113,25 @@ class ChamberGains:
 
     @property
     def doubt(self) -> FloatArray:
-        """Standard deviation of p and q, the greater one, shape (N, 2)."""
+        """Larger of the standard deviations of p and q, shape (N, 2)."""
         return np.sqrt(np.maximum(self._covariance[..., 0, 0], self._covariance[..., 1, 1]))
 
     @property
     def misfit(self) -> FloatArray:
-        """Ratio of unexplained strain to the strain that the chamber's own command causes, shape (N, 2)."""
+        """Unexplained strain divided by the strain that the chamber's own command causes, rms, shape (N, 2)."""
         return np.asarray(np.sqrt(self._left_power / np.maximum(self._own_power, self._trust.least_strain**2)))
 
     def tell(self, t: float, command: Command) -> None:
-        """Take in the command that holds from time t [s] on."""
+        """Set the command that holds from time t [s] on."""
         if self._told is None:
             self._time = t
         self._told = np.concatenate([command.contraction.ravel(), command.hinge])[:, None]
 
     def take(self, t: float, phase: float, strain: FloatArray | None, instant: float) -> None:
-        """Take the strains of an instant [s] that arrived by time t [s], shape (N, 2), NaN where unknown.
+        """Process the strains of the time `instant` [s] that have arrived by time t [s].
 
-        `phase` is the phase of the wave at the last command [rad].
+        `strain` has the shape (N, 2), with NaN where unknown. `phase` is the phase of the wave at the last command
+        [rad].
         """
         if self._told is None or t <= self._time:
             return
@@ -150,16 +154,16 @@ class ChamberGains:
             self._since[:] = 0.0
 
     def _wander(self, waves: float) -> None:
-        """Let the states wander for so many waves."""
+        """Increase the variance of the states by the change expected in the given number of waves."""
         wander = waves * np.array([self._trust.wander, self._trust.wander, self._trust.wander_mean]) ** 2
         diagonal = np.einsum("ijkk->ijk", self._covariance)  # a view
         np.minimum(diagonal + wander, np.maximum(diagonal, self._most), out=diagonal)
 
     def _correct(self, strain: FloatArray, x: FloatArray, y: FloatArray, waves: float, passed: float) -> None:
-        """Take strains, given the lags of all commands and their slopes over the phase, shape (3 N - 1, M).
+        """Process strains with the delayed commands x and their slopes y, shape (3 N - 1, M) each.
 
-        `waves` and `passed` are the waves and the time [s] since the last strains. Nothing is learnt while the wave
-        stands still: a miss lasts as long as the wave stands.
+        `waves` and `passed` are the number of waves and the time [s] since the last strains. Nothing is learnt while
+        the wave stands still, since a model error then lasts as long as the wave stands.
         """
         p, q = self._state[..., 0], self._state[..., 1]
         x, y, chambers = x.T, y.T, p.size

@@ -1,19 +1,20 @@
-"""Beliefs about the state of a worm, the estimate that follows from them, and a test of their covariance.
+"""Beliefs about the state of a worm, the estimate computed from them, and a test of its covariance.
 
-While the heading is unknown there are several beliefs, each a normal distribution. With the weights w_i, means m_i and
-covariances P_i the mixture has
+While the heading is unknown there are several beliefs, each a normal distribution. With weights w_i, means m_i and
+covariances P_i, the mixture has the mean and covariance
 
     m = sum w_i m_i,   P = sum w_i (P_i + (m_i - m)(m_i - m)^T)                                               (KF1)
 
-with headings averaged on the circle, m_h = arg sum w_i exp(i h_i).
+where headings are averaged on the circle, m_h = arg sum w_i exp(i h_i).
 
-If model and noise are right, the normalised innovation squared (NIS) of a sample of d numbers is chi-squared
-distributed with d degrees of freedom, independently of earlier samples, so that the mean over n samples
+If model and noise are correct, the normalised innovation squared (NIS) of a sample of d numbers has a chi-squared
+distribution with d degrees of freedom, independently of earlier samples. The mean over n samples,
 
     nis = sum nis_k / n   lies in   [chi2^-1(0.025; n d), chi2^-1(0.975; n d)] / n                            (KF7)
 
-19 times out of 20. Above the interval the estimator trusts model or sensors too much, below the interval too little.
-(Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4.2.)
+with a probability of 95 %. A mean above the interval shows that the estimator trusts model or sensors too much, a mean
+below it that it trusts them too little. (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and
+Navigation, 5.4.2.)
 """
 
 from __future__ import annotations
@@ -29,34 +30,35 @@ from worm3d.values.arrays import FloatArray
 
 HEADING = INDEX["heading"]
 HOPELESS = 12.0
-"""Logarithm of the likelihood ratio to the best belief beyond which a belief is dropped, a hundred thousand."""
+"""Difference of log-likelihood to the most likely belief above which a belief is dropped. It corresponds to a
+likelihood ratio of about 160 000."""
 NARROW = 0.12
-"""Standard deviation of the heading, over all beliefs, below which the beliefs are merged [rad]. A single belief with a
-less certain heading would interpret unknown forward motion as sideways motion."""
+"""Standard deviation of the heading, over all beliefs, below which the beliefs are merged [rad]. If a single belief had
+a less certain heading, it would interpret unknown forward motion as sideways motion."""
 MAX_POSITION_DEVIATION = 3.0
-"""Standard deviation of a position beyond which the worm's position on the path is unknown [body lengths]."""
+"""Standard deviation of the position above which the worm's position on the path counts as unknown [body lengths]."""
 NIS = ("nis_mean", "nis_low", "nis_high")
-"""Names of the mean and the interval of (KF7) in the summary of a run."""
+"""Names of the mean and the limits of (KF7) in the summary of a run."""
 SIGNIFICANT_EXCESS = 2.5
-"""Least significant excess of an estimated value over a limit, in standard deviations."""
+"""Number of standard deviations by which an estimated value must exceed a limit to be significant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Normal distribution of the state of n numbers."""
+    """A normal distribution of the state, which consists of n numbers."""
 
     mean: FloatArray
     """Mean, shape (n,)."""
     covariance: FloatArray
     """Covariance, shape (n, n)."""
     log_weight: float = 0.0
-    """Logarithm of the weight, up to a constant that all beliefs share."""
+    """Logarithm of the weight, up to a constant that is the same for all beliefs."""
     refused: int = 0
-    """Number of samples of the centre of mass in a row that were refused as impossible."""
+    """Number of consecutive samples of the centre of mass that were refused as impossible."""
     trend: FloatArray = field(default_factory=lambda: np.zeros(2))
     """Mean of the latest innovations of the centre of mass, shape (2,) [m]."""
     turned: int = 0
-    """Number of samples of the heading in a row that were refused as impossible."""
+    """Number of consecutive samples of the heading that were refused as impossible."""
 
 
 def weights(beliefs: Sequence[Belief]) -> FloatArray:
@@ -67,14 +69,14 @@ def weights(beliefs: Sequence[Belief]) -> FloatArray:
 
 
 def merged(beliefs: Sequence[Belief]) -> Belief:
-    """Return the mixture of beliefs, (KF1), with a heading within half a turn of the likeliest belief's heading."""
+    """Return the mixture of beliefs, (KF1). Its heading is within half a turn of the most likely belief's heading."""
     if len(beliefs) == 1:
         return beliefs[0]
     shares = weights(beliefs)
     means = np.array([belief.mean for belief in beliefs])
     best = means[np.argmax(shares), HEADING]
     towards = shares @ np.exp(1j * (means[:, HEADING] - best))
-    middle = best + (np.angle(towards) if abs(towards) > 1e-9 else -best)  # from all sides: 0, as good as any
+    middle = best + (np.angle(towards) if abs(towards) > 1e-9 else -best)  # headings all round: 0 is as good as any
     means[:, HEADING] = middle + wrapped(means[:, HEADING] - middle)
     mean = shares @ means
     mean[HEADING] = middle
@@ -84,7 +86,7 @@ def merged(beliefs: Sequence[Belief]) -> Belief:
 
 
 def pruned(beliefs: Sequence[Belief]) -> list[Belief]:
-    """Return the beliefs that are likely enough, merged into one when they nearly agree."""
+    """Return the beliefs that are likely enough. If they nearly agree, they are merged into one."""
     best = max(belief.log_weight for belief in beliefs)
     likely = [belief for belief in beliefs if belief.log_weight > best - HOPELESS]
     left = [replace(belief, log_weight=belief.log_weight - best) for belief in likely]
@@ -99,49 +101,49 @@ def wrapped(angle: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """State of the reduced model at an instant; motion is averaged over a wave."""
+    """Estimated state of the reduced model at an instant. Motion is averaged over a wave."""
 
     time: float
     """Instant [s]."""
     state: ReducedState
-    """Mean, in numbers."""
+    """Mean of the state, as numbers."""
     covariance: FloatArray
     """Covariance of the state, in the order of its fields, shape (S, S)."""
     nis: float | None
-    """NIS, with 2 degrees of freedom, of the last sample of the centre of mass; None before the first sample."""
+    """NIS of the last sample of the centre of mass, with 2 degrees of freedom. None before the first sample."""
     slope: FloatArray = field(default_factory=lambda: np.zeros(2))
-    """Gradient of the ground under the worm, the climb per metre in x and in y, shape (2,)."""
+    """Estimated gradient of the ground under the worm, shape (2,): climb per metre in x and in y."""
     slope_covariance: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
     """Covariance of the slope, shape (2, 2)."""
     refused: int = 0
     """Number of samples so far that were refused as impossible."""
     pushed: int = 0
-    """Number of samples so far that showed that something other than the wave moves the worm."""
+    """Number of samples so far that showed a motion that the wave does not explain."""
     jumped: int = 0
-    """Number of samples of the heading so far that were believed although they were impossible."""
+    """Number of samples of the heading so far that were accepted although they seemed impossible."""
 
     @property
     def position(self) -> FloatArray:
-        """Centre of mass without the rocking in a wave, shape (2,) [m]."""
+        """Centre of mass without the rocking in each wave, shape (2,) [m]."""
         return np.array([self.state.x, self.state.y], dtype=float)
 
     def is_placed(self, length: float) -> bool:
-        """Return whether the position is known well enough to place a worm of a length [m] on the path."""
+        """Return whether the position is known well enough to locate a worm of a given length [m] on its path."""
         return bool(np.isfinite(self.position).all() and self.deviations[:2].max() < MAX_POSITION_DEVIATION * length)
 
     @property
     def heading(self) -> float:
-        """Azimuth, unwrapped from an arbitrary whole turn [rad]."""
+        """Azimuth of the worm, continuous over whole turns [rad]. The initial whole turn is arbitrary."""
         return float(self.state.heading)
 
     @property
     def speed(self) -> float:
-        """Speed along the heading, minus the slip [m/s]."""
+        """Speed along the heading, with the slip subtracted [m/s]."""
         return float((1.0 - self.state.slip) * self.state.speed)
 
     @property
     def turn_rate(self) -> float:
-        """Turn rate to the left, whatever its cause [rad/s]."""
+        """Turn rate to the left from all causes [rad/s]."""
         return float(self.state.turn_rate + self.state.yaw_bias)
 
     @property
@@ -152,7 +154,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Consistency:
-    """Mean of normalised innovations squared, and the interval that should contain the mean, (KF7)."""
+    """Mean of the NIS, and the interval in which it should lie, (KF7)."""
 
     mean: float
     low: float
@@ -165,7 +167,10 @@ class Consistency:
 
 
 def consistency(nis: Sequence[float], degrees: int = 2) -> Consistency:
-    """Return (KF7) of at least one normalised innovation squared of `degrees` degrees; see `Estimator.innovations`."""
+    """Return the result of (KF7) for the NIS of one or more samples, see `Estimator.innovations`.
+
+    `degrees` is the number of degrees of freedom of a sample.
+    """
     if not len(nis):
         raise ValueError("consistency: got no innovations, must be at least one; did samples of the sensors arrive?")
     tail = (1.0 - 0.95) / 2.0

@@ -1,20 +1,24 @@
 """Estimator of a worm's position, heading and motion, including motion that the gait does not explain.
 
-The estimator is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1). When a sample of the
-centre of mass arrives late, the filter goes back to the instant of the sample and fuses the later samples again. The
-noise of these samples equals the stated noise of the sensors unless the innovations show otherwise (KF8). The strains
-give the wave that rocks the centre of mass (`control.estimation.wave`). Gyroscopes, where there are any, give the mean
-turn rate (`control.estimation.turning`). If the heading is unknown at the start, several filters start at headings all
-round the circle; they agree, or are dropped, within about one wave of crawling.
+The estimator is an extended Kalman filter (`control.estimation.kalman`) for the reduced model (R1). When a delayed
+sample of the centre of mass arrives, the filter returns to the instant of the sample, and then processes the later
+samples again. The noise of the samples equals the stated noise of the sensors unless the innovations show otherwise
+(KF8). The strains give the wave that rocks the centre of mass (`control.estimation.wave`). Gyroscopes, if there are
+any, give the mean turn rate (`control.estimation.turning`). If the initial heading is unknown, several filters start
+with headings all round the circle. Within about one wave of crawling, they agree or are dropped.
 
-Other methods were worse. The motion of feet that do not slip, computed from the strains, explains a third to a half of
-the changes of the speed within a wave, and at best a fifth of the turn rate: the feet of the default worm slide all the
-time. Contact loads would add little even if they were exact: the speed at which Coulomb friction balances under these
-loads differs from the true speed, over a wave, by 2 to 3 mm/s (the filter: 1.5). Even this accuracy needs a factor and
-an offset that are fitted to each ground (1.5 and -15 mm/s on the default ground; 1.2 and -4 mm/s on a slope of 3
-degrees, and with four times the friction; seeds 10 and 11). The loads do not improve the turn rate. The mean over a
-wave is half a wave old. The rocking (4 mm rms) is not white noise: when the filter treated the rocking as noise, the
-errors were twice as large as the covariance indicated (at 100 samples a second).
+Other methods were tried and gave worse results.
+
+* The motion of feet that do not slip, computed from the strains, explains a third to a half of the changes of the speed
+  within a wave, and at most a fifth of the turn rate. The reason is that the feet of the default worm slide all the
+  time.
+* Contact loads would improve little even if they were exact. The speed at which Coulomb friction balances under these
+  loads differs from the true speed, averaged over a wave, by 2 to 3 mm/s (the filter's error is 1.5 mm/s). Even this
+  accuracy needs a factor and an offset fitted to each ground: 1.5 and -15 mm/s on the default ground, 1.2 and -4 mm/s
+  on a slope of 3 degrees and with four times the friction (seeds 10 and 11). Loads do not improve the turn rate.
+* The mean of the position over a wave is half a wave old.
+* The rocking (4 mm rms) is not white noise. When the filter treated it as noise, the errors were twice as large as the
+  covariance indicated (at 100 samples per second).
 """
 
 from __future__ import annotations
@@ -54,26 +58,28 @@ from worm3d.values.arrays import FloatArray
 __all__ = ["Estimate", "Estimator"]
 
 PAUSE = 0.2
-"""Time without samples after which the filter goes on without one [s]."""
+"""Time without samples after which the filter advances without a sample [s]."""
 ROCKED = 0.016
-"""Standard deviation of the chord's azimuth about the heading, caused by the wave [rad]."""
+"""Standard deviation of the difference between the chord's azimuth and the heading, caused by the wave [rad]."""
 NOISIEST = 0.2
-"""Largest accepted noise of the centre of mass [body lengths]."""
+"""Upper limit of the estimated noise of the centre of mass [body lengths]."""
 TOO_SURE = 1.5
-"""Ratio of the estimated noise to the noise of the latest sample above which the kept samples are fused again."""
+"""If the estimated noise exceeds the noise assumed for the latest sample by this factor, the stored samples are
+processed again."""
 BEGIN = {"speed": 0.08, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
-"""Initial standard deviations of a worm at rest that follows the identified map, in body lengths and rad."""
+"""Initial standard deviations for a worm at rest that follows the identified map, in body lengths and rad."""
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
-"""Noise and initial standard deviation of the crab angle if a sensor measures the heading [rad/sqrt(s)], [rad]."""
+"""Noise [rad/sqrt(s)] and initial standard deviation [rad] of the crab angle if a sensor measures the heading."""
 UNSTEADY = 0.005
-"""Standard deviation of the turn rate in the middle of a wave about the mean turn rate of the wave [rad/s]."""
+"""Standard deviation of the difference between the turn rate in the middle of a wave and the mean of the wave
+[rad/s]."""
 BEGIN_ROCKING = 0.05
-"""Standard deviation of the entries of C at the start [body lengths]."""
+"""Initial standard deviation of the entries of C, the matrix of the rocking in (KF3) [body lengths]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Samples of one instant; no sample if the filter only advanced to this instant."""
+    """Samples of one instant. All of them are None if the filter only advanced to this instant."""
 
     time: float
     com: FloatArray | None = None
@@ -87,7 +93,7 @@ class _Sample:
 
 @dataclass(eq=False)
 class _Fused:
-    """Sample and the beliefs after the sample; `placed` is the instant of the last sample of the centre of mass [s]."""
+    """A sample and the beliefs after it. `placed` is the instant of the last sample of the centre of mass [s]."""
 
     sample: _Sample
     beliefs: list[Belief]
@@ -100,7 +106,7 @@ class _Fused:
 
 
 class Estimator:
-    """Extended Kalman filter that returns an estimate for each measurement. `noise` is the noise of the centre of mass.
+    """Extended Kalman filter of a worm. The attribute `noise` is the estimated noise of the centre of mass.
 
     Parameters
     ----------
@@ -108,9 +114,9 @@ class Estimator:
     model : ReducedModel
     schedule : Schedule, optional
     heading : float, optional
-        Heading at the start [rad]; None if unknown.
+        Initial heading [rad]. None if it is unknown.
     heading_deviation : float
-        Standard deviation of the heading at the start [rad].
+        Standard deviation of the initial heading [rad].
     uncertainty : Uncertainty, optional
     ground : GroundTrust, optional
     span : float
@@ -155,9 +161,9 @@ class Estimator:
         self._heights: deque[tuple[float, float]] = deque()
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement at time t [s], later than the time of the last call.
+        """Process a measurement at time t [s], which must be later than the time of the previous call.
 
-        The parameters have been commanded since the last call; `phase` is the commanded phase [rad].
+        `parameters` have been commanded since the previous call. `phase` is the commanded phase [rad].
         """
         steering = parameters.steering(self._mechanism)
         self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
@@ -176,7 +182,7 @@ class Estimator:
     def for_sensors(
         cls, worm: Worm, model: ReducedModel, schedule: Schedule, sensors: Mapping[str, Channel]
     ) -> Estimator:
-        """Return the estimator for sensors of known quality, `control.sensing.sensors.Sensors.channels`."""
+        """Return the estimator for sensors of known quality, as in `control.sensing.sensors.Sensors.channels`."""
         noise = {name: channel.noise for name, channel in sensors.items()}
         place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
         rates, root = sensors.get("angular_rate"), np.sqrt(worm.segments)
@@ -194,7 +200,7 @@ class Estimator:
 
     @property
     def innovations(self) -> list[tuple[float, float]]:
-        """Instant [s] and nis of every sample of the centre of mass; see `control.estimation.estimate.consistency`."""
+        """Instant [s] and NIS of each sample of the centre of mass, see `control.estimation.estimate.consistency`."""
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
 
     def _begin_at(self, t: float) -> None:
@@ -230,7 +236,7 @@ class Estimator:
         return sorted(samples, key=lambda sample: sample.time)
 
     def _insert(self, now: float, sample: _Sample) -> None:
-        """Fuse a sample at the instant of the sample, then fuse the samples of later instants again."""
+        """Process a sample at its instant, then process the samples of later instants again."""
         if not self._past[0].sample.time <= sample.time <= now + CLOCK_TOLERANCE:
             return
         again = []
@@ -240,7 +246,7 @@ class Estimator:
             self._past.append(self._fused(self._past[-1], each, new=each is sample))
 
     def _take_again(self) -> None:
-        """Fuse the kept samples again, with the present estimate of the noise."""
+        """Process the stored samples again, with the present estimate of the noise."""
         samples = [each.sample for each in self._past[1:]]
         del self._past[1:]
         for sample in samples:
@@ -248,7 +254,7 @@ class Estimator:
             self._past.append(self._fused(self._past[-1], known, new=False))
 
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
-        """Return a sample and the beliefs after the sample; the noise is learnt from new samples."""
+        """Return a sample together with the beliefs after it. The noise is only learnt from new samples."""
         after = replace(last, sample=sample, beliefs=self._predicted(last, sample.time), nis=None)
         if sample.com is not None and sample.wave is not None:
             corrected = self._with_com(last, after.beliefs, sample.com[:2], sample.wave, sample)
@@ -276,14 +282,14 @@ class Estimator:
     def _with_com(
         self, last: _Fused, beliefs: list[Belief], com: FloatArray, wave: FloatArray, sample: _Sample
     ) -> list[Corrected]:
-        """Return the beliefs after a sample of the centre of mass; any sample after the first may be refused."""
+        """Return the beliefs after a sample of the centre of mass. All samples except the first one may be refused."""
         since = inf if last.placed is None else sample.time - last.placed
 
         def corrected(gated: bool) -> list[Corrected]:
             noise = sample.deviation, since, sample.frequency
             return [self._filter.with_com(each, com, wave, gated, *noise) for each in beliefs]
 
-        # Beliefs that make the sample impossible lose their weight; if all of them would, the sample is refused.
+        # Beliefs for which the sample is impossible lose their weight. If all beliefs do, the sample is refused.
         if last.placed is None or len(beliefs) > 1:
             found = corrected(gated=False)
             if last.placed is None or min(each.nis for each in found) <= IMPOSSIBLE:
@@ -297,14 +303,14 @@ class Estimator:
         return beliefs
 
     def _forget(self, before: float) -> None:
-        """Drop the samples that no later arrival can precede, except one from which the filter continues."""
+        """Drop the samples that are too old to be processed again, except the one from which the filter continues."""
         while len(self._past) > 1 and self._past[1].sample.time < before:
             oldest = self._past.pop(0)
             if oldest.nis is not None:
                 self._settled.append((oldest.sample.time, oldest.nis))
 
     def crabs(self, angle: float) -> None:
-        """Take the crab angle as known [rad] if no sensor measures the heading."""
+        """Set the crab angle [rad], unless a sensor measures the heading."""
         if not self._knows_crab:
             self._believe("crab", angle, 0.0)
 
@@ -330,7 +336,10 @@ class Estimator:
             self._past[k] = replace(each, beliefs=beliefs)
 
     def estimate(self, t: float) -> Estimate:
-        """Return the estimate at the last measurement's instant [s]; before a measurement, the initial belief."""
+        """Return the estimate at the time t [s] of the last measurement.
+
+        Before the first one, return the initial belief.
+        """
         self._begin_at(t)
         last = self._past[-1]
         now = merged(self._predicted(last, t))
@@ -349,7 +358,7 @@ class Estimator:
 
 
 def span_of(sensors: Mapping[str, Channel]) -> float:
-    """Return the age beyond which samples of the given channels are not used [s]."""
+    """Return the age above which samples of the given channels are not used [s]."""
     return SPAN + max((channel.delay for channel in sensors.values()), default=0.0)
 
 

@@ -1,22 +1,21 @@
-"""Slope of the ground, from the climb of the centre of mass along its path.
+"""Estimation of the slope of the ground from the climb of the centre of mass along its path.
 
-A worm stands on the thickest segments. With the half-heights h_c of the chambers, which (E2) gives for measured
-strains, the axis lies about
+A worm stands on its thickest segments. Let h_c be the half-heights of the chambers, which (E2) gives for measured
+strains, and delta a tenth of the half-height at rest. The height of the axis above the ground is about
 
     H = sum h_c w_c / sum w_c,   w_c = exp(h_c / delta)                                                       (KF5)
 
-above the ground, with delta a tenth of the rest half-height. On the default worm H is right to 0.2 mm in the mean, at
-rest as in a wave, and leaves 1.0 mm rms of the 3.3 mm of vertical motion of the centre of mass. The height z of the
-centre of mass minus H is the height g of the ground. A Kalman filter estimates the gradient s of the ground from the
-displacement d between samples,
+On the default worm, the mean error of H is 0.2 mm, both at rest and in a wave. Of the 3.3 mm rms of vertical motion of
+the centre of mass, 1.0 mm remains unexplained. The height z of the centre of mass minus H is the height g of the
+ground. A Kalman filter estimates the gradient s of the ground from the displacement d between samples:
 
     g -> g + s . d,   s -> s + random change whose variance grows with |d|;   sample: z - H = g               (KF6)
 
-The mean of the samples of a stride counts as one sample: between single samples, errors of the position are as long as
-the displacement and point in any direction. The noise of the mean follows from the stated noise of the sensors. The
-noise is larger if the samples of a stride scatter more than this noise allows by chance (unknown noise, strains that
-spoil H, wrong samples). Only the slope along the direction of motion is observable; the slope across this direction is
-unknown before the worm has turned, and has a large variance until then.
+All samples within a stride are averaged and count as one sample. Otherwise the errors of the position would be as large
+as the displacement between samples, and point in any direction. The noise of the average follows from the stated noise
+of the sensors. If the samples of a stride scatter significantly more, their scatter is used instead. Possible reasons
+are unknown noise, strains with which H is wrong, and wrong samples. Only the slope in the direction of motion is
+observable. The slope across this direction has a large variance until the worm has turned.
 """
 
 from __future__ import annotations
@@ -31,17 +30,18 @@ from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import Checked
 
 ANYWHERE = 10.0
-"""Standard deviation of a coordinate before the first sample [m]."""
+"""Initial standard deviation of the coordinates and the height, before the first sample [m]."""
 MAX_GROUND_SAMPLES = 200
-"""Largest number of gathered samples; a worm at rest has no stride."""
+"""Maximum number of samples in the average. The limit is needed because a worm at rest never completes a stride."""
 BY_CHANCE = 4.0
-"""Number of standard errors beyond which the scatter of samples counts as unknown noise."""
+"""Number of standard errors by which the scatter of the samples must exceed the stated noise before it is used
+instead."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class GroundTrust(Checked):
-    """Noise of samples of the height, and changes of the ground; the defaults suit worms of 1 m."""
+    """Noise of samples of the height, and expected changes of the ground. The defaults suit worms of 1 m."""
 
     height: float = parameter(0.005, "least standard deviation of a sample of the height", "m", gt=0)
     standing: float = parameter(0.001, "standard deviation of (KF5) in the mean of a stride", "m", gt=0)
@@ -50,7 +50,7 @@ class GroundTrust(Checked):
     stride: float = parameter(0.05, "way over which samples are gathered", "m", gt=0)
 
     def sized(self, length: float) -> GroundTrust:
-        """Return the values for a worm of a length [m] on ground scaled with the length."""
+        """Return the values for a worm of a given length [m], on ground that is scaled with the length."""
         change = self.change / np.sqrt(length)
         return replace(self, standing=length * self.standing, change=change, stride=length * self.stride)
 
@@ -60,11 +60,11 @@ class Ground:
     """Belief about the ground under the worm."""
 
     place: FloatArray | None
-    """Position of the last stride [m], shape (2,); None before the first stride."""
+    """Mean position in the last stride [m], shape (2,). None before the first stride."""
     mean: FloatArray
-    """Height at this position [m], and slope in x and y, shape (3,)."""
+    """Height at this position [m], followed by the slopes in x and y, shape (3,)."""
     covariance: FloatArray
-    """Covariance of the mean, shape (3, 3)."""
+    """Covariance of `mean`, shape (3, 3)."""
     gathered: FloatArray
     """Positions and heights of the samples since the last stride [m], shape (n, 3)."""
 
@@ -79,7 +79,7 @@ class Ground:
         return self.mean[1:]
 
     def sampled(self, place: FloatArray, height: float, trust: GroundTrust) -> Ground:
-        """Return the belief after a sample z - H of the height [m] at a place (2,) [m], (KF6)."""
+        """Return the belief after a sample of the height of the ground, z - H [m], at a place (2,) [m], (KF6)."""
         gathered = np.vstack([self.gathered, [*place, height]])
         if np.hypot(*(place - gathered[0, :2])) < trust.stride:
             return replace(self, gathered=gathered[-MAX_GROUND_SAMPLES:])
@@ -114,7 +114,7 @@ class Standing:
         self._delta = 0.1 * float(np.mean(worm.half_height))
 
     def height(self, strain: FloatArray) -> float:
-        """Return (KF5) for strains of shape (N, 2), NaN where unknown [m]."""
+        """Return the height (KF5) for strains of shape (N, 2), with NaN where unknown [m]."""
         squared = self._link**2 - (self._length * (1.0 + strain)) ** 2 / 4.0
         half_height = np.sqrt(np.maximum(squared, 0.0))
         height = self._mean(half_height)

@@ -1,45 +1,48 @@
 """Extended Kalman filter of a crawling worm: prediction by the reduced model, and correction by samples.
 
-The state X contains the states of (R1) with (R3), and the matrix C (2 x 2) that maps the wave to the rocking of the
-centre of mass:
+The state X contains the states of (R1) and (R3), and a matrix C (2 x 2) that maps the wave to the rocking of the centre
+of mass. It is predicted by
 
     (R1),   drift' = (-kappa |v| s_left - drift)/tau,   C' = 0                                                 (KF2)
 
-with white noise on each rate. s_left is the estimated slope of the ground to the left (`control.estimation.ground`).
-kappa is the yield of a crawling worm on a slope: dry friction that is shaken by the wave yields like viscous friction.
-Uphill the worm therefore loses the speed kappa v s (found: a fifth at 3 degrees, kappa = 4), and across a slope the
-worm slides downhill in the same proportion (found: 10 degrees of crab at 3 degrees, kappa = 3.4).
+with white noise added to each rate. s_left is the estimated slope of the ground to the left
+(`control.estimation.ground`). kappa is the yield of a crawling worm on a slope: the wave shakes the dry friction, which
+then yields like viscous friction. Uphill, the worm therefore loses the speed kappa v s. Runs showed a loss of a fifth
+at 3 degrees, or kappa = 4. Across a slope, the worm slides downhill in the same proportion. Runs showed a crab angle of
+10 degrees at 3 degrees, or kappa = 3.4.
 
-Feet on dry friction go as far in a slow wave as in a fast wave, so that the uncertainty is the same in each wave. With
-p = f / f_0, and 1 from f_0 on, the noise densities of angles, slip, gain and C are proportional to p, the density of
-the drift to p^2, and the densities of rates to p^3. A sample of the centre of mass is
+Feet on dry friction go as far in a slow wave as in a fast wave, so that the uncertainty per wave is the same. Therefore
+the noise densities depend on the frequency f through p = min(1, f / f_0). Those for angles, slip, gain and C are
+proportional to p, the density for the drift to p^2, and the densities for rates to p^3. A sample of the centre of mass
+is
 
     (x, y) + T(h) C wave(psi)                                                                                (KF3)
 
-T being the rotation by the heading h and wave(psi) the measured wave (W2). A sample of the heading is h. The mean turn
-rate of a wave by gyroscopes, (TR1), is w + yaw_bias + o, where the constant error o of the gyroscopes is one more
-state. With the Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = H P H^T + R and
-K = P H^T S^-1:
+where T is the rotation by the heading h, and wave(psi) is the measured wave (W2). A sample of the heading is h. The
+mean turn rate of a wave from gyroscopes, (TR1), is w + yaw_bias + o, where the constant error o of the gyroscopes is an
+additional state. With the Jacobians F of the prediction and H of the sample, the noise Q dt and R, the innovation e, S
+= H P H^T + R and K = P H^T S^-1, the filter is
 
     P -> F P F^T + Q dt;    X -> X + K e,   P -> (1 - K H) P (1 - K H)^T + K R K^T,   nis = e^T S^-1 e          (KF4)
 
 (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4 and 10.3.)
 
-Observability. Position, speed and course (the direction of motion) follow from the samples of the centre of mass within
-a wave. The heading follows from course and drift. A constant drift that no known slope explains is interpreted as a
-change of the heading, since the filter expects drift to decay with tau. Only a sensor of the heading distinguishes the
-two; the slowly changing crab angle then takes up the drift. Steering that changes separates the gain of turning from
-the yaw bias. At rest, neither heading nor slip is observable.
+*Observability.* Position, speed and course (the direction of motion) follow from the samples of the centre of mass
+within a wave. The heading follows from course and drift. The filter expects drift to decay with tau. Therefore it
+interprets a constant drift that no known slope explains as a change of the heading. Only a sensor of the heading can
+distinguish the two. In this case the slowly changing crab angle represents the drift. The gain of turning and the yaw
+bias can be distinguished if the steering changes. At rest, neither heading nor slip is observable.
 
-Starts and stops. The distance that a worm covers while the wave grows or slows down depends on the phase. If the worm
-is slower or quicker than the wave by e, the noise density of the place along the heading is larger by (changing e)^2.
-From rest a worm first contracts, which moves the centre of mass some 2 cm ahead, or back if the worm slides downhill.
-At 0.08 m/s the added noise amounts to 4 cm, so that the filter does not interpret this motion as speed or progress.
+*Starts and stops.* While the wave grows or slows down, the distance that the worm covers depends on the phase. If the
+worm is slower or faster than the wave by e, the noise density of the position along the heading is increased by
+(changing e)^2. From rest a worm first contracts, which moves the centre of mass by about 2 cm forward, or backward if
+the worm slides downhill. At 0.08 m/s the added noise amounts to 4 cm, so that the filter does not interpret this motion
+as speed or progress.
 
-Pushes. A push to the side looks like a turn, since both change the course. A push, however, gives the innovations a
-trend m. The trend is the mean of the innovations with forgetting over n samples. By chance the trend has the variance
-S / (2 n - 1) plus the variance of rocking beside (KF3), which slow waves do not average out. If the trend is too large
-for chance, the variance of the drift is increased, and the drift explains the trend.
+*Pushes.* A push to the side looks like a turn, since both change the course. A push, however, gives the innovations a
+trend m, which is their mean over about n samples with exponential weights. Without a push, the variance of the trend is
+S / (2 n - 1), plus the variance of rocking that (KF3) does not explain, which is not averaged out in slow waves. If the
+trend is significantly larger, the variance of the drift is increased, so that the drift explains the trend.
 """
 
 from __future__ import annotations
@@ -63,42 +66,49 @@ ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
 GAIN, SLIP = INDEX["turn_gain"], INDEX["slip"]
 IMPOSSIBLE = 25.0
-"""NIS beyond which a sample of the centre of mass is refused; one in 270 000 pairs of normal numbers exceeds it."""
+"""NIS above which a sample of the centre of mass is refused. The probability of a larger value under noise alone is 1
+in 270 000."""
 IMPOSSIBLE_HEADING = 21.0
-"""NIS beyond which a sample of the heading is refused."""
+"""NIS above which a sample of the heading is refused."""
 MAX_REFUSED_SAMPLES = 3
-"""Number of refused samples in a row after which the filter assumes that the worm was moved."""
+"""Number of consecutive refused samples after which the filter assumes that the worm was moved."""
 TREND = 8
-"""Number of samples over which innovations are averaged to a trend, 0.4 s of the default sensors."""
+"""Number n of samples over which the innovations are averaged to the trend. With the default sensors this is 0.4 s."""
 IN_METRES = ("speed", "drift")
-"""Parts of the state that are proportional to the length of a worm."""
+"""States whose standard deviations are proportional to the length of the worm."""
 ERROR_CORRELATION_TIME = 0.05
-"""Time below which two samples have similar errors, so that the later sample counts in proportion to the time [s]."""
+"""Time within which the errors of two samples are similar [s]. A sample that follows sooner has less weight in the
+trend, in proportion to the time."""
 RIPPLE = 0.002
-"""Standard deviation of the rocking that the measured wave does not explain, twice a wave [body lengths]."""
+"""Standard deviation of the rocking that the measured wave does not explain, at twice the wave's frequency [body
+lengths]."""
 UNEXPLAINED = 20.0
-"""NIS of the trend beyond which the filter assumes a push. The probability by chance is only 0.00005, since a run has
-thousands of samples. (With 16 the filter assumed a push within a minute at 0.01 m/s, and the worm never found its way
-again.)"""
+"""NIS of the trend above which the filter assumes a push. Under noise alone, its probability is only 0.00005 per
+sample, since a run has thousands of samples. With 16 the filter assumed a push within a minute at 0.01 m/s, and the
+worm did not return to its path."""
 PUSHED = {"drift": 0.05, "slip": 0.3, "yaw_bias": 0.01}
-"""Standard deviations that are added when the worm is pushed [body lengths/s], [1], [rad/s]."""
+"""Standard deviations that are added when the worm is pushed, of drift [body lengths/s], slip [1] and yaw bias
+[rad/s]."""
 GAINS = (0.3, 3.0)
-"""Least and greatest accepted gain of turning; steering never turns a worm the opposite way."""
+"""Smallest and greatest accepted gain of turning. The gain is positive, since steering never turns a worm the opposite
+way."""
 SLIPS = (-1.0, 1.0)
-"""Least and greatest accepted slip. A worm that goes more than twice as far as the wave carries it is pushed or slides.
-If this motion were attributed to the wave, the worm would hardly crawl any more."""
+"""Smallest and greatest accepted slip. If a worm moves more than twice as far as the wave would carry it, it is pushed
+or slides. If this motion were attributed to the wave, the planner would almost stop the wave."""
 MOVED_DEVIATIONS = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
-"""Standard deviations that are added when the worm was moved [rad], [body lengths/s], [rad/s]."""
+"""Standard deviations that are added when the worm was moved, of heading [rad], speed [body lengths/s] and turn rate
+[rad/s]."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty(Checked):
-    """Uncertainty of sensors and model; the defaults suit worms of 1 m and `control.sensing.sensors`.
+    """Uncertainty of sensors and model. The defaults suit worms of 1 m and the default sensors.
 
-    The values of place, speed and turn rate are close to the maximum likelihood of the innovations of nine runs of a
-    minute (line, circle, S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). These runs
-    would allow half the drift; the larger drift gives the heading of a winding worm the right standard deviation.
+    The values for position, speed and turn rate are close to the maximum likelihood of the innovations in nine runs of
+    one minute (line, circle, S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). For these
+    runs, half the drift would be sufficient. The larger drift gives the heading the correct standard deviation on
+    winding paths.
     """
 
     com: float = parameter(0.005, "standard deviation of a sample of the centre of mass", "m", gt=0)
@@ -126,7 +136,7 @@ class Uncertainty(Checked):
     slope_yield: float = parameter(3.6, "kappa, share of the speed that a slope takes, over the slope", ge=0)
 
     def sized(self, length: float) -> Uncertainty:
-        """Return the uncertainty for a worm of a length [m]; all motion is proportional to the length."""
+        """Return the uncertainty for a worm of a given length [m]. All motion is proportional to the length."""
         motion = {name: length * getattr(self, name) for name in ("place", "speed", "drift", "rocking")}
         return replace(self, **motion)
 
@@ -139,15 +149,15 @@ class Corrected(NamedTuple):
     innovation: FloatArray
     """Sample minus its expected value, shape (2,) [m]."""
     spread: float
-    """Variance of the expected value, the mean of both coordinates [m^2]."""
+    """Variance of the expected value, averaged over both coordinates [m^2]."""
     refused: bool = False
     """Whether the sample was refused as impossible."""
     pushed: bool = False
-    """Whether the samples show that something other than the wave moves the worm."""
+    """Whether the samples show a motion that the wave does not explain."""
 
 
 class Kalman:
-    """Filter of one reduced model, compiled, for a worm of a length [m]."""
+    """Compiled filter for one reduced model and a worm of a given length [m]."""
 
     def __init__(self, model: ReducedModel, uncertainty: Uncertainty, length: float = 1.0) -> None:
         self._length = length
@@ -162,7 +172,10 @@ class Kalman:
             self._rate = Buffered(_number_correction(X, turn_rate, uncertainty.rate_sample))
 
     def predicted(self, belief: Belief, given: FloatArray, slope: FloatArray, seconds: float) -> Belief:
-        """Return the belief after some time on a slope (2,) with a constant input, as in `InputHistory.between`."""
+        """Return the belief after `seconds` of constant input.
+
+        `given` is the input, as in `InputHistory.between`, and `slope` the slope of the ground, shape (2,).
+        """
         mean, covariance = belief.mean, belief.covariance
         parts = int(np.ceil(seconds / self._longest))
         for _ in range(parts):
@@ -179,11 +192,11 @@ class Kalman:
         since: float = ERROR_CORRELATION_TIME,
         frequency: float = np.inf,
     ) -> Corrected:
-        """Return the belief after a sample of the centre of mass (2,) [m], (KF4); only a gated sample may be refused.
+        """Return the belief after a sample of the centre of mass, shape (2,) [m], (KF4).
 
-        `wave` (2,) is the measured wave, (W2), at the instant of the sample. `deviation` is the standard deviation of
-        the sample [m], by default `Uncertainty.com`. `since` is the time since the sample before [s], and `frequency`
-        the frequency of the wave [Hz].
+        Only a `gated` sample may be refused. `wave` is the measured wave (W2) at the instant of the sample, shape (2,).
+        `deviation` is the standard deviation of the sample [m], by default `Uncertainty.com`. `since` is the time since
+        the previous sample [s], and `frequency` the frequency of the wave [Hz].
         """
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
@@ -212,10 +225,10 @@ class Kalman:
         return Corrected(after, *found, pushed=pushed)
 
     def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool, bool]:
-        """Return the belief after a sample of the heading [rad], (KF4), modulo a turn.
+        """Return the belief after a sample of the heading [rad], (KF4). Whole turns do not matter.
 
-        Also return whether the sample was refused, and whether an impossible sample is believed because the samples
-        before were impossible, too. Only a gated sample may be refused as impossible.
+        The second result is whether the sample was refused. The third result is whether an impossible sample was
+        accepted because the previous samples were impossible, too. Only a `gated` sample may be refused as impossible.
         """
         off = wrapped(np.array([heading - belief.mean[HEADING]]))
         before = belief.mean, belief.covariance, belief.mean[HEADING] + off
@@ -233,7 +246,10 @@ class Kalman:
         return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False, jumped
 
     def with_rate(self, belief: Belief, rate: float) -> Belief:
-        """Return the belief after a mean turn rate of a wave [rad/s] at its middle instant, (KF4)."""
+        """Return the belief after a sample of the mean turn rate of a wave [rad/s], (KF4).
+
+        The filter must be at the middle instant of the wave.
+        """
         mean, covariance, nis, log_det = self._rate(belief.mean, belief.covariance, rate)
         if not _usable(nis, mean, covariance):
             return belief
@@ -242,7 +258,10 @@ class Kalman:
 
 
 def widened(covariance: FloatArray, deviations: Mapping[str, float], length: float) -> FloatArray:
-    """Return a covariance plus the squares of standard deviations; parts in `IN_METRES` are in body lengths."""
+    """Return a covariance with the squares of standard deviations added.
+
+    The standard deviations of the states in `IN_METRES` are in body lengths.
+    """
     more = covariance.copy()
     for name, deviation in deviations.items():
         index = INDEX[name]
@@ -251,7 +270,7 @@ def widened(covariance: FloatArray, deviations: Mapping[str, float], length: flo
 
 
 def size_of(trust: Uncertainty) -> int:
-    """Return the size of X; the last entry is the constant error of the gyroscopes, if there are any."""
+    """Return the size of X. If there are gyroscopes, the last entry is their constant error."""
     return SIZE + (trust.rate_offset > 0.0)
 
 

@@ -1,13 +1,14 @@
-"""Noise of samples of the centre of mass, estimated from the innovations.
+"""Estimation of the noise of the centre of mass samples from the innovations.
 
 The innovations e_k of a filter with a correct model are uncorrelated. With the predicted variance H P H^T
 (`control.estimation.kalman`) and the noise R of a sample,
 
     E (e_k - e_{k-1}) (e_k - e_{k-1})^T = 2 (H P H^T + R).                                                    (KF8)
 
-Model errors change little from one sample to the next and cancel. For two coordinates with equal variances S,
-|e_k - e_{k-1}|^2 / 2 is S times a chi-squared number of 2 degrees of freedom, whose median is 2 ln 2. Unlike the mean,
-the median is robust against a few wrong samples.
+Errors of the model change little from one sample to the next, so that they cancel in the difference. If both
+coordinates have the variance S, |e_k - e_{k-1}|^2 / 2 is S times a chi-squared number with 2 degrees of freedom, whose
+median is 2 ln 2. Here S is estimated from the median, because the median, unlike the mean, is robust against a few
+wrong samples.
 """
 
 from __future__ import annotations
@@ -19,20 +20,23 @@ from math import log, sqrt
 from worm3d.values.arrays import FloatArray
 
 NOISE_WINDOW, NOISE_LATEST = 400, 50
-"""Number of samples for the estimate of the noise, twenty seconds of the default sensors, and number of latest samples
-for the detection of a change. 400 samples give the noise to 4 %, 50 samples to 11 %."""
+"""Maximum number of samples for the estimate of the noise (20 s of the default sensors), and number of latest samples
+in which a change is detected. 400 samples give the noise to 4 %, 50 samples to 11 %."""
 NOISE_LEAST = 8
 """Number of samples below which the noise is not estimated."""
 NOISE_CHANCE = 8.0
-"""Error of the variance that is attributed to chance, times the square root of the number of samples, over the
-variance: five standard errors of (KF8), each 1.6."""
+"""Relative error of the variance that is attributed to chance, multiplied by the square root of the number of samples.
+It is five standard errors of (KF8), each of 1.6."""
 
 
 class Noise:
-    """Noise of samples of the centre of mass, by (KF8); `deviation` is the present estimate of the standard deviation.
+    """Noise of the samples of the centre of mass, by (KF8).
 
-    The noise equals `told` unless the samples show more or less noise, limited by `least` and `most` [m]. The estimate
-    uses the latest samples of equal noise, up to `NOISE_WINDOW`.
+    `deviation` is the present estimate of its standard deviation [m].
+
+    The estimate equals `told`, the stated noise, unless the samples show significantly more or less noise. It is
+    limited by `least` and `most` [m]. It uses up to `NOISE_WINDOW` of the latest samples, as far back as their noise
+    was the same.
     """
 
     def __init__(self, told: float, most: float, least: float = 0.0) -> None:
@@ -42,7 +46,7 @@ class Noise:
         self._found: deque[tuple[float, float]] = deque(maxlen=NOISE_WINDOW)
 
     def learn(self, innovation: FloatArray, spread: float) -> None:
-        """Add the innovation (2,) of the next sample [m], and the variance of the expected value [m^2]."""
+        """Add the innovation of the next sample, shape (2,) [m], and the predicted variance of the sample [m^2]."""
         if self._last is not None:
             change = innovation - self._last
             self._found.append((0.5 * float(change @ change), spread))
@@ -55,7 +59,7 @@ class Noise:
             self.deviation = self.told if by_chance else min(found, self._most)
 
     def _forget(self) -> None:
-        """Drop old samples if the latest samples have a different noise."""
+        """Drop old samples if the noise of the latest samples differs from the noise of all samples."""
         if len(self._found) > NOISE_LATEST:
             before, spread, _ = self._variance(len(self._found))
             latest, _, chance = self._variance(NOISE_LATEST)
@@ -64,7 +68,10 @@ class Noise:
                     self._found.popleft()
 
     def _variance(self, count: int) -> tuple[float, float, float]:
-        """Return the variance by the latest samples, the predicted variance [m^2], and the share due to chance."""
+        """Return the measured and the predicted variance of the latest samples [m^2].
+
+        The third result is the relative error of the measured variance due to chance.
+        """
         latest = islice(reversed(self._found), count)
         half, spread = (sorted(each)[count // 2] for each in zip(*latest, strict=True))
         return half / (2.0 * log(2.0)) - spread, spread, NOISE_CHANCE / sqrt(count)

@@ -107,7 +107,7 @@ INPUTS = len(ReducedInput._fields)
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """Functions of a worm's reduced model, each with named inputs and outputs."""
+    """The reduced model of a worm as CasADi functions with named inputs and outputs."""
 
     mechanism: Mechanism
     """Mechanism that steers the worm: "hinge", "bias" or "both"."""

@@ -1,14 +1,14 @@
-"""Turn rate of a worm by gyroscopes in its segments, averaged over each wave.
+"""Turn rate of a worm from gyroscopes in its segments, averaged over each wave.
 
-A segment with the axes d_1 (ahead), d_2 (left), d_3 (up) and the angular rate w = sum_k w_k d_k has d_1' = w_3 d_2 -
-w_2 d_3, so that the azimuth of the segment turns by
+Let d_1 (forward), d_2 (left) and d_3 (up) be the axes of a segment, and w = sum_k w_k d_k its angular rate. Since
+d_1' = w_3 d_2 - w_2 d_3, the azimuth a of the segment changes with the rate
 
     a' = (d_1x d_1y' - d_1y d_1x')/(d_1x^2 + d_1y^2),   w_3 at zero pitch,   w_3/cos(p) at a pitch p             (TR1)
 
-The mean azimuth of the segments differs from the azimuth of the chord by a term that depends on the body's shape, which
-repeats with each wave. The mean of w_3 over segments and over a wave, phases psi to psi + 2 pi, is therefore the mean
-turn rate of the wave. The mean turn rate is about the turn rate at the middle instant, and contains the constant errors
-of the gyroscopes.
+The mean azimuth of the segments differs from the azimuth of the chord by a function of the body's shape, which repeats
+in each wave. Therefore the mean of w_3 over all segments and over a wave (phases psi to psi + 2 pi) is the mean turn
+rate of the wave. It approximates the turn rate at the middle instant, and contains the constant errors of the
+gyroscopes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from worm3d.values.arrays import FloatArray
 
 
 class MeanRate:
-    """The mean turn rate of each wave."""
+    """Computes the mean turn rate of each wave."""
 
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
@@ -27,10 +27,10 @@ class MeanRate:
         self._turned = 0.0
 
     def take(self, t: float, rates: FloatArray, phase: float) -> tuple[float, float] | None:
-        """Take rates of an instant [s], shape (N, 3) [rad/s], NaN where unknown, at a commanded phase [rad].
+        """Process the angular rates of an instant t [s] at a commanded phase [rad].
 
-        If a wave has ended with this sample, return the wave's middle instant [s] and mean turn rate to the left
-        [rad/s].
+        `rates` has the shape (N, 3) [rad/s], with NaN where unknown. If a wave ends with this sample, return the wave's
+        middle instant [s] and its mean turn rate to the left [rad/s].
         """
         up = rates[:, 2]
         known = up[np.isfinite(up)]

@@ -1,18 +1,20 @@
-"""Wave of a body: the commanded wave, and the actual wave as the chamber strains show it.
+"""Commanded and actual wave of a body. The actual wave is measured by the strains of the chambers.
 
-A travelling wave of contraction of wavelength lambda (body lengths) and commanded phase psi strains segment i by
+For a travelling wave of contraction with the wavelength lambda (body lengths) and the commanded phase psi, the strain
+of segment i is
 
     s_i = mean + Re(a exp(i (k x_i +- psi))) + shorter waves,   x_i = (i + 1/2)/N, k = 2 pi / lambda           (W1)
 
-(+ for a retrograde wave). Least squares over the segments give mean and a exp(+- i psi) of one sample of the strains,
-the mean of left and right; a, which is constant in a steady wave, is smoothed over a part of a wave. |a| is the
-amplitude of the strain, and arg a the lag of the strain behind the command. Rocking is proportional to
+with + for a retrograde wave. The strains of left and right are averaged. Least squares over the segments give mean and
+a exp(+- i psi) for each sample of the strains. In a steady wave a is constant; it is smoothed over a part of a wave.
+|a| is the amplitude of the strain, and arg a its lag behind the command. The rocking of the centre of mass is
+proportional to
 
     wave(psi) = (Re, Im) a exp(+- i psi),                                                                     (W2)
 
-at any instant with a known commanded phase, whether a sample of the strains arrived at that instant or not. A backward
-wave is the wave of the worm turned round (`control.gaits.steering`, (S3)). A backward wave is therefore fitted to the
-strains from the head on, and rocks the centre of mass the other way, so that -wave(psi) is used.
+which is known at any instant with a known commanded phase, even if no strains were sampled at that instant. A backward
+wave is the wave of the worm turned round (`control.gaits.steering`, (S3)). Therefore it is fitted to the strains in the
+order from head to tail. It rocks the centre of mass in the opposite direction, so that -wave(psi) is used.
 """
 
 from __future__ import annotations
@@ -27,14 +29,14 @@ from control.gaits.steering import BLEND, PACE, Schedule
 from worm3d.values.arrays import FloatArray
 
 FIT_SMOOTHING = 0.25
-"""Number of waves over which a is smoothed; the shorter waves, two of them per wave, nearly vanish."""
+"""Number of waves over which a is smoothed. The shorter waves of (W1) oscillate twice per wave, and nearly vanish."""
 
 
 class InputHistory:
-    """History of commands over a time span [s], for delayed measurements: inputs of the reduced model, and phases.
+    """History of the commands over a time span [s], which is needed for delayed measurements.
 
-    The phases give the frequency in force. The amplitude in force follows the commanded amplitude as in a
-    `WaveGenerator`.
+    It contains the inputs of the reduced model and the phases. The frequency in force follows from the phases. The
+    amplitude in force follows the commanded amplitude as in a `WaveGenerator`.
     """
 
     def __init__(self, span: float) -> None:
@@ -45,7 +47,7 @@ class InputHistory:
         self._amplitudes: list[float] = []
 
     def add(self, t: float, given: FloatArray, phase: float) -> None:
-        """Add the input that was in force up to t [s], and the phase [rad] at t."""
+        """Add the input that was in force until t [s], and the phase at t [rad]."""
         last = self._inputs[-1] if self._inputs else given
         now, passed = (self._amplitudes[-1], t - self._times[-1]) if self._times else (0.0, 0.0)
         left_over = np.exp(-passed * max(float(last[1]), PACE) / BLEND)
@@ -65,11 +67,11 @@ class InputHistory:
         return bool(self._inputs[min(bisect_left(self._times, t), len(self._times) - 1)][0] < 0.0)
 
     def phase(self, t: float) -> float:
-        """Return the phase [rad] at t [s]."""
+        """Return the commanded phase at t [s] [rad]."""
         return self._at(t, self._phases)
 
     def _at(self, t: float, values: list[float]) -> float:
-        """Return the value at t [s], interpolated in a list with one value for each instant."""
+        """Return the value at t [s], interpolated in `values`, a list with one value for each stored instant."""
         k = min(max(bisect_left(self._times, t), 1), len(self._times) - 1)
         if len(self._times) == 1 or self._times[k] == self._times[k - 1]:
             return values[-1]
@@ -77,17 +79,17 @@ class InputHistory:
         return values[k - 1] + share * (values[k] - values[k - 1])
 
     def frequency(self, t: float) -> float:
-        """Return the frequency in force at t [s], 0 where only one instant is known [Hz]."""
+        """Return the frequency in force at t [s] [Hz]. It is 0 if only one instant is stored."""
         k = min(max(bisect_left(self._times, t - 1e-12), 1), len(self._times) - 1)
         if k < 1:
             return 0.0
         return (self._phases[k] - self._phases[k - 1]) / (2.0 * np.pi * (self._times[k] - self._times[k - 1]))
 
     def between(self, begin: float, end: float) -> Iterator[tuple[FloatArray, float]]:
-        """Yield the mean inputs in force between two instants [s], and the duration of each [s].
+        """Yield the mean inputs in force in intervals between two instants [s], and the duration of each interval [s].
 
-        An input holds the amplitude and frequency of the wave and the commanded steering. Nothing is yielded before the
-        first instant is added.
+        An input consists of the amplitude and frequency of the wave and the commanded steering. Nothing is yielded
+        before the first instant is added.
         """
         now, k = begin, bisect_left(self._times, begin + 1e-12)
         while self._times and now < end - 1e-12:
@@ -114,9 +116,10 @@ class MeasuredWave:
         self._phase: float | None = None
 
     def take(self, strain: FloatArray, phase: float, back: bool = False) -> None:
-        """Take a sample of the strains, shape (N, 2), NaN where unknown, at the commanded phase psi [rad], (W1).
+        """Process a sample of the strains at the commanded phase psi [rad], (W1).
 
-        `back` is whether the commanded wave goes backwards; the wave in the other direction decays.
+        `strain` has the shape (N, 2), with NaN where unknown. `back` is whether the commanded wave goes backwards. The
+        measured wave in the other direction decays.
         """
         sampled = self._fitted(strain[::-1] if back else strain)
         if sampled != sampled:
@@ -129,7 +132,7 @@ class MeasuredWave:
         self.backward += share * ((sampled if back else 0j) - self.backward)
 
     def _fitted(self, strain: FloatArray) -> complex:
-        """Return a exp(+- i psi) of one sample; NaN if too little is known."""
+        """Return a exp(+- i psi) for one sample of the strains. NaN if too few strains are known."""
         sampled = complex(self._fit @ strain.mean(axis=1))
         if sampled == sampled:
             return sampled
@@ -147,6 +150,9 @@ class MeasuredWave:
 
 
 def _cos_sin(columns: FloatArray) -> NDArray[np.complex128]:
-    """Return the least-squares map from strains to their wave; `columns` are 1, cos and -sin at the segments."""
+    """Return the linear map from strains to a exp(+- i psi) by least squares.
+
+    `columns` contains 1, cos and -sin at the segments.
+    """
     inverse = np.linalg.pinv(columns)
     return np.asarray(inverse[1] + 1j * inverse[2])

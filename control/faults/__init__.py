@@ -1,1 +1,1 @@
-"""Faults: the watch, which detects faults from measurements, and faults injected on purpose (`injected`)."""
+"""Faults: detection of faults from measurements, and faults that are injected on purpose for tests (`injected`)."""

@@ -1,24 +1,26 @@
-"""Chambers that do not obey: detection within a part of a wave, and compensation.
+"""Detection and compensation of chambers that do not follow their commands, within a part of a wave.
 
-A chamber that is stuck while the twin on the other side contracts bends the body in every wave: the worm turns, crabs,
-and often tips within a wave and a half (5 of the 12 chambers of the default worm at 0.08 m/s). If both chambers are
-held still, the segment is straight again and the other segments carry it. The worm is then a little slower at the same
-wave, and the estimator attributes the difference to slip.
+If a chamber is stuck while the chamber on the other side of the segment (its twin) contracts, the body bends in every
+wave. The worm turns, goes sideways, and often tips over within one and a half waves (for 5 of the 12 chambers of the
+default worm at 0.08 m/s). If both chambers are held still, the segment is straight again and the other segments carry
+it. The worm is then a little slower at the same wave, and the estimator attributes the difference to slip.
 
-*Detection.* By (CG1) of `control.estimation.chamber_gains`, which includes weak and slow chambers, a strain has the
-error m; the chamber's own command causes the part e of the strain, and would cause f in a healthy chamber. Smoothed,
+*Detection.* `control.estimation.chamber_gains`, (CG1), predicts each strain with a model that includes weak and slow
+chambers. Let m be the measured strain minus the predicted strain, e the part of the predicted strain that the chamber's
+own command causes, and f the part that the same command would cause in a healthy chamber. They are smoothed:
 
     E' = (m - E)/tau,   M' = (m + e - f - M)/tau,   F' = (f - F)/tau,   D = E_left - E_right                  (CH1)
 
-D does not depend on loads and walls, which affect both sides. A chamber does not obey if, for a while, |D| is beyond a
-limit, |E| is at least twice the |E| of the twin, |M| is more than half of |F|, and the neighbouring segments show no D
-of this sign. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes
-bend both sides of several segments alike: |D| is up to 0.18, and at least 0.4 of this in the neighbouring segments.
-Beside a chamber without pressure |D| is at most 0.2 of 0.13 to 0.25, and mostly of the opposite sign.
+D does not depend on loads and walls, which affect both sides. A chamber is considered faulty if, for a short time, |D|
+exceeds a limit, |E| is at least twice the |E| of the twin, |M| is more than half of |F|, and the neighbouring segments
+do not have a similar D of the same sign. On paths, in a pipe, in sharp turns and across slopes, |D| of the default worm
+stays below 0.06. Pushes bend several segments alike: |D| is up to 0.18 in one segment, and at least 0.4 times as large
+in the neighbouring segments. A chamber without pressure has a |D| of 0.13 to 0.25, and the neighbouring segments at
+most 0.2 times as much, mostly of the opposite sign.
 
-*Compensation.* Both chambers of the segment are held: the faulty chamber at the contraction h at the detection, and the
-twin at the contraction measured of the faulty chamber since. If the sensor is wrong instead, the segment is held still
-all the same.
+*Compensation.* Both chambers of the segment are held. The faulty chamber is held at the contraction that it had when
+the fault was detected. The twin slowly follows the contraction measured in the faulty chamber. The segment is held
+still even if only the strain sensor is faulty.
 """
 
 from __future__ import annotations
@@ -35,37 +37,38 @@ from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 MISSED = 0.55
-"""Least share of a healthy chamber's strain that is missing in a chamber that does not obey."""
+"""Share of a healthy chamber's strain that must be missing before a chamber counts as faulty."""
 MISS_TIME_CONSTANT = 0.03
-"""Time constant tau of E [s]."""
+"""Time constant tau of E, M and F [s]."""
 LIMIT = 0.05
-"""Value of |D| beyond which a chamber does not obey, without noise."""
+"""Value of |D| above which a chamber counts as faulty, if the strains have no noise."""
 NOISE_MARGIN = 4.0
-"""Number of standard deviations of D, due to the noise of the strains, that are added to the limit."""
+"""Margin that is added to the limit, in standard deviations of D caused by the noise of the strains."""
 SPREAD = 0.3
-"""Greatest share of D in the neighbouring segments, of the same sign."""
+"""Largest accepted D in the neighbouring segments, as a share of D in this segment. With a larger share of the same
+sign, the body has been bent from outside."""
 ONE_SIDED = 2.0
-"""Ratio of |E| to the |E| of the twin above which a single chamber does not obey."""
+"""Ratio of a chamber's |E| to its twin's |E| above which only this chamber counts as faulty."""
 MIN_FAULT_DURATION = 0.02
-"""Time for which all these conditions have to hold [s]."""
+"""Time for which all conditions must hold before a fault is reported [s]."""
 FOLLOWS = 1.0
-"""Time constant of the twin behind the measured contraction of the faulty chamber, which the neighbours pull [s]."""
+"""Time constant with which the twin follows the measured contraction of the faulty chamber [s]."""
 
 
 @dataclass
 class Held:
-    """A segment that is held still because one of the chambers does not obey."""
+    """A segment that is held still because one of its chambers is faulty."""
 
     side: int
-    """Side of the chamber that does not obey, 0 is left."""
+    """Side of the faulty chamber; 0 is left."""
     held: float
     """Contraction at which this chamber is held."""
     twin: float
-    """Contraction of the twin."""
+    """Contraction at which the other chamber is held."""
 
 
 class Chambers:
-    """The chambers of one worm; `held` contains the segments that are held still, by number from the tail."""
+    """Check of the chambers of one worm. The keys of `held` are the indices of the segments that are held still."""
 
     def __init__(self, worm: Worm) -> None:
         self._shape, self._stroke = (worm.segments, 2), worm.stroke
@@ -78,9 +81,9 @@ class Chambers:
         self._since = np.full(self._shape, np.inf)
 
     def take(self, t: float, strain: FloatArray | None, gains: ChamberGains) -> list[Fault]:
-        """Take the strains measured at time t [s], shape (N, 2), NaN where unknown; return newly found faults.
+        """Process the strains measured at time t [s], and return the newly detected faults.
 
-        The gains have taken the same strains.
+        `strain` has the shape (N, 2), with NaN where unknown. `gains` has already processed the same strains.
         """
         if self._told is None:
             return []
@@ -113,7 +116,7 @@ class Chambers:
         return Fault(t, f"chamber {segment} {SIDE_NAMES[side]}", what, advice)
 
     def amended(self, t: float, command: Command) -> Command:
-        """Return the command from time t [s] on with the segments that are held still."""
+        """Return the command from time t [s] on, changed so that the faulty segments are held still."""
         if self.held:
             contraction = command.contraction.copy()
             for segment, held in self.held.items():
@@ -126,7 +129,7 @@ class Chambers:
         return command
 
     def _doubt(self, strain: FloatArray, share: float) -> float:
-        """Return the standard deviation of D, from the scatter of the strains from sample to sample."""
+        """Return the standard deviation of D, computed from the scatter of the strains from sample to sample."""
         self._last = [*self._last[-2:], strain]
         if len(self._last) == 3:
             first, second, third = self._last
@@ -138,7 +141,7 @@ class Chambers:
         return float(np.sqrt(2.0 * self._variance * share / (2.0 - share)))
 
     def _disobeying(self, t: float, doubt: float) -> NDArray[np.bool_]:
-        """Return which chambers have not obeyed for a while, shape (N, 2)."""
+        """Return a mask of the chambers that have been faulty for a while, shape (N, 2)."""
         size, apart = np.abs(self._miss), self._miss[:, 0] - self._miss[:, 1]
         beside = np.sign(apart) * np.vstack([np.append(apart[1:], 0.0), np.append(0.0, apart[:-1])])
         alone = (np.abs(apart) > LIMIT + NOISE_MARGIN * doubt) & (beside < SPREAD * np.abs(apart)).all(axis=0)

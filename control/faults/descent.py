@@ -1,16 +1,16 @@
-"""Descents that are too steep: a worm on bristles slides down regardless of the wave.
+"""Check for descents that are too steep, on which a worm on bristles slides down regardless of the wave.
 
-Friction holds a worm that lies along a descent of gradient g up to g = mu_forward, the least coefficient, by default
-0.03, or 1.7 degrees. On a steeper descent the worm slides, also at rest, and ever faster. The worm is therefore stopped
-before such a descent. With the estimated gradient G of the ground, the covariance C of G, and the direction n of the
-path a little ahead (or behind, if the worm has to go backwards),
+Friction can hold a worm that lies along a descent of gradient g up to g = mu_forward. This is the smallest coefficient
+of friction, by default 0.03, or 1.7 degrees. On a steeper descent the worm slides even at rest, and ever faster.
+Therefore the worm is stopped before such a descent. Let G be the estimated gradient of the ground, C the covariance of
+G, and n the direction of the path a little ahead of the worm (or behind, if the worm has to go backwards). Then
 
     descent = -G . n,   deviation = sqrt(n . C n)                                                             (DE1)
 
-G follows from positions that may have been wrong for a while, mu_forward belongs to the ground of the map, and a worm
-at rest gains no information about either. The stop therefore ends after some seconds: the slope is forgotten, and the
-worm tries the way again. If the worm has to stop again without progress, the next wait is twice as long. A slope that
-has held the resting worm without sliding is safe: only a steeper slope stops the worm again.
+G follows from positions that may have been wrong for a while, and mu_forward belongs to the ground of the map. A worm
+at rest gains no information about either. The stop therefore ends after some seconds: the estimated slope is forgotten,
+and the worm tries to continue. If it has to stop again without progress, the next stop is twice as long. If the worm
+rested on a slope without sliding, this slope is safe, and only a steeper slope stops the worm again.
 """
 
 from __future__ import annotations
@@ -26,20 +26,24 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 DESCENT_LOOKAHEAD = 0.3
-"""Distance ahead in which the path must not be too steep [body lengths]: the distance of three waves."""
+"""Distance ahead at which the slope of the path is checked [body lengths]. The worm covers it in about three waves."""
 USABLE_FRICTION_SHARE = 0.8
-"""Share of the friction up to which a worm crawls downhill: feet that the wave moves do not hold the worm."""
+"""Greatest gradient on which a worm crawls downhill, as a share of the friction. It is below 1 because the feet that
+the wave moves do not hold the worm."""
 MAX_GRADIENT_DEVIATION = 0.5
-"""Greatest standard deviation of the gradient, as a share of the friction, for a stop: a worm that stops learns no more
-about the ground."""
+"""Greatest standard deviation of the gradient with which the worm is stopped, as a share of the friction. With a larger
+deviation the worm goes on, since a worm at rest learns nothing about the ground."""
 HOLDS = 0.01
-"""Least displacement of a resting worm that counts as sliding [body lengths]."""
+"""Displacement of a resting worm above which the worm is sliding [body lengths]."""
 WAITS, LONGEST_WAIT = 4.0, 64.0
-"""Time from the first stop to the next try, and the longest such time [s]."""
+"""Duration of the first stop, and the longest duration of a stop [s]."""
 
 
 class Descent:
-    """Check for descents ahead; `steepest` is the greatest gradient that holds the worm, infinite without a limit."""
+    """Check for steep descents ahead. `steepest` is the greatest gradient on which friction holds the worm.
+
+    `steepest` is infinite if there is no limit.
+    """
 
     def __init__(self, worm: Worm, reference: Reference, steepest: float = inf) -> None:
         self._length, self.reference, self.steepest = worm.length, reference, steepest
@@ -53,7 +57,10 @@ class Descent:
         self._descent = self._held = 0.0
 
     def tries(self, t: float, place: FloatArray) -> bool:
-        """Return whether a worm with a fault at a position (2,) [m] should try the way again at time t [s]."""
+        """Return whether a worm that was stopped should try to continue at time t [s].
+
+        `place` is the position of the worm, shape (2,) [m].
+        """
         if self._place is None or np.hypot(*(place - self._place)) > DESCENT_LOOKAHEAD * self._length:
             self._wait, self._stopped, self._place = WAITS, t, place
         elif self._tried:
@@ -64,7 +71,7 @@ class Descent:
         return self._tried
 
     def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
-        """Return the fault of the way ahead at time t [s]; None without a known fault."""
+        """Return the fault if the way ahead is too steep at time t [s], otherwise None."""
         if estimate is None or self.steepest == inf or not estimate.is_placed(self._length):
             return None
         azimuth = self._azimuth(estimate, back=float(self.reference.speed(t)) < 0.0)
@@ -81,7 +88,7 @@ class Descent:
         return Fault(t, "too steep down", what, "it stops: lead it down more gently, or along the slope")
 
     def _azimuth(self, estimate: Estimate, back: bool) -> float:
-        """Return the direction of the way ahead, or of the way back [rad]."""
+        """Return the direction of the way ahead [rad], or of the way back."""
         path, turned = self.reference.path, pi if back else 0.0
         if path is None:
             return float(estimate.heading) + turned

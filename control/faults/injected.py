@@ -1,8 +1,9 @@
-"""Faults that are injected on purpose, to test the reaction of a controller.
+"""Faults that are injected on purpose, to test how a controller reacts.
 
-A fault changes the measurements of a controller, the effect of the commands, or the plans, from `begin` on for
-`duration`. `Faulty` puts faults around any controller of `worm3d.simulate`; the controller does not know the faults. To
-add a fault, derive a dataclass from `Injected` with the name used in scenes, `class Mine(Injected, name="mine")`.
+A fault starts at `begin` and lasts for `duration`. It changes the measurements that the controller gets, the effect of
+the commands, or the plans. `Faulty` adds faults to any controller of `worm3d.simulate`. The controller is not informed
+of them. To add a kind of fault, derive a dataclass from `Injected` with the name used in scenes, for example
+`class Mine(Injected, name="mine")`.
 """
 
 from __future__ import annotations
@@ -24,19 +25,19 @@ if TYPE_CHECKING:
     from control.planning.mpc import Plan
 
 INJECTED: dict[str, type[Injected]] = {}
-"""Class of each fault, by its name."""
+"""Class of each fault, by the name used in scenes."""
 
 ALL = -1
-"""Number that means all segments."""
+"""Number that stands for all segments or all components."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Injected(Checked):
-    """A fault that lasts for a while; a subclass is found in `INJECTED` under its `name`."""
+    """A fault that lasts for some time. Subclasses are registered in `INJECTED` under their `name`."""
 
     name: ClassVar[str] = ""
     of_plans: ClassVar[bool] = False
-    """Whether this is a fault of plans, so that the controller must plan."""
+    """Whether this fault affects plans. If so, it needs a controller that plans."""
 
     begin: float = parameter(0.0, "when it begins", "s", ge=0)
     duration: float = parameter(np.inf, "how long it lasts", "s", gt=0, infinite=True, left_out="to the end of the run")
@@ -53,7 +54,7 @@ class Injected(Checked):
         """Raise ValueError if a worm cannot have this fault."""
 
     def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
-        """Return the measurement with the fault; `before` is the last measurement without the fault."""
+        """Return the measurement with the fault. `before` is the last measurement before the fault began."""
         return measurement
 
     def commanded(self, command: Command) -> Command:
@@ -61,14 +62,14 @@ class Injected(Checked):
         return command
 
     def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
-        """Return the plan of `make` as changed by the fault; `draw` returns random numbers from 0 to 1."""
+        """Return the plan that `make` computes, as changed by the fault. `draw` returns random numbers from 0 to 1."""
         return make()
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultyChamber(Injected, name="chamber"):
-    """A chamber holds a contraction regardless of the command, or follows the command in part."""
+    """A chamber that holds a constant contraction, or adds this to a share of its command."""
 
     segment: int = parameter(0, "which segment, 0 is the tail", ge=0)
     side: Literal["left", "right"] = parameter("left", "which of its chambers")
@@ -76,11 +77,11 @@ class FaultyChamber(Injected, name="chamber"):
     share: float = parameter(0.0, "share of its command that it follows beside that", ge=0, le=1)
 
     def require(self, worm: Worm) -> None:
-        """Raise ValueError if a worm has no such chamber."""
+        """Raise ValueError if the worm has no such chamber."""
         _require_segment(self.segment, worm)
 
     def commanded(self, command: Command) -> Command:
-        """Return the command with the contraction of this chamber."""
+        """Return the command with the faulty contraction of this chamber."""
         contraction, at = command.contraction.copy(), (self.segment, SIDE_NAMES.index(self.side))
         contraction[at] = self.contraction + self.share * contraction[at]
         return replace(command, contraction=contraction)
@@ -89,7 +90,7 @@ class FaultyChamber(Injected, name="chamber"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class UnequalChambers(Injected, name="unequal"):
-    """Each chamber follows the command times a separate factor, drawn between two bounds."""
+    """Each command is multiplied by a factor of its own, drawn at random between two bounds."""
 
     least: float = parameter(0.6, "least factor", ge=0, le=2)
     greatest: float = parameter(1.1, "greatest factor", ge=0, le=2)
@@ -101,7 +102,7 @@ class UnequalChambers(Injected, name="unequal"):
             raise ValueError(f"greatest: got {self.greatest!r}, must be at least {self.least!r}, the least factor")
 
     def commanded(self, command: Command) -> Command:
-        """Return the command, each contraction times the factor of the chamber."""
+        """Return the command with each contraction multiplied by the factor of its chamber."""
         random = np.random.default_rng([self.seed, crc32(b"unequal")])
         factors = random.uniform(self.least, self.greatest, command.contraction.shape)
         return replace(command, contraction=factors * command.contraction)
@@ -110,7 +111,7 @@ class UnequalChambers(Injected, name="unequal"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultySensor(Injected, name="sensor"):
-    """A sensor gives no samples, the last sample again, or samples with an offset, a drift, or swapped sides."""
+    """A faulty sensor: its samples are missing, repeated, shifted, drifting, or left and right are swapped."""
 
     channel: str = parameter(
         "com", f"which sensor: {', '.join(QUANTITIES)}, or a channel of your own by its name in its module"
@@ -147,7 +148,7 @@ class FaultySensor(Injected, name="sensor"):
             raise ValueError(f"component: got {self.component!r}, {few}: {self.channel} has the shape {shape}")
 
     def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
-        """Return the measurement with the samples of this sensor."""
+        """Return the measurement with the faulty samples of this sensor."""
         sample = measurement.get(self.channel)
         if sample is None or sample.value is None:
             return measurement
@@ -176,7 +177,7 @@ class FaultySensor(Injected, name="sensor"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultyPlanner(Injected, name="planner"):
-    """The planner finds no plan, or raises an exception, always or now and then."""
+    """The planner finds no plan or raises an exception, with a given probability."""
 
     of_plans: ClassVar[bool] = True
 
@@ -184,7 +185,7 @@ class FaultyPlanner(Injected, name="planner"):
     probability: float = parameter(1.0, "probability that a plan is spoilt", gt=0, le=1)
 
     def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
-        """Return the plan, or a spoilt plan, or raise RuntimeError."""
+        """Return the plan, or a plan with a status of failure, or raise RuntimeError."""
         if draw() >= self.probability:
             return make()
         if self.mode == "raises":
@@ -200,18 +201,17 @@ class Faulty(Spelled):
     Parameters
     ----------
     controller : Controller
-        Any controller with measurements that `worm3d.simulate` accepts; plans may fail if the controller has a
-        `planner`.
+        Any controller that `worm3d.simulate` accepts. Faults of plans need a controller with an attribute `planner`.
     faults : sequence of Injected
     seed : int
         Seed of random faults.
     planning : object, optional
-        Owner of the `planner`; by default the controller.
+        Object that has the `planner`. By default the controller.
 
     Raises
     ------
     ValueError
-        A fault that this controller cannot have; `Injected.require` checks the worm.
+        This controller cannot have one of the faults. (`Injected.require` checks whether the worm can have a fault.)
     """
 
     def __init__(self, controller: Controller, faults: Sequence[Injected], seed: int = 0, planning: Any = None) -> None:
@@ -248,7 +248,7 @@ class Faulty(Spelled):
 
 
 class _Planner:
-    """A planner whose plans are spoilt."""
+    """A planner whose plans are changed by faults."""
 
     def __init__(self, planner: Any, faults: Sequence[Injected], seed: int) -> None:
         self._planner, self._faults, self._seed = planner, faults, seed
@@ -269,7 +269,7 @@ class _Planner:
 
 
 def _latest(before: Measurement | None, measurement: Measurement) -> Measurement:
-    """Return a measurement that keeps earlier samples where no sample has arrived."""
+    """Return a measurement in which channels without a new sample keep the earlier sample."""
     if before is None:
         return measurement
     return measurement.changed(**{name: before[name] for name, s in measurement.items() if s.value is None})

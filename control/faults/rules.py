@@ -1,21 +1,22 @@
-"""Rules that detect faults from measurements of a worm in the last waves.
+"""Rules that detect faults from summaries of the last waves of a worm.
 
-*Chambers.* The gain of a chamber is the amplitude of the strain at the wave's frequency over the amplitude of the
-command. On the default worm gains are 0.7 to 0.95, and the gains of one body lie within a quarter of each other, on
-slopes, in pipes and in turns. A stuck chamber has less than a third of the others' gain, due to the pull of the
-neighbours. A load reduces the gain of small waves more than the gain of large waves: the gains of a worm of 0.4 kg are
-0.33 at an amplitude of 0.15, 0.5 at 0.2, 0.7 at 0.27. The identified map gives the reduced progress of such a wave.
+*Chambers.* The gain of a chamber is the amplitude of its strain at the frequency of the wave, divided by the amplitude
+of its command. On the default worm, gains are 0.7 to 0.95, and the gains of one body differ by less than a quarter,
+also on slopes, in pipes and in turns. A stuck chamber has less than a third of the others' gain (the neighbours pull
+it). A load reduces the gain of small waves more than the gain of large waves: a worm of 0.4 kg has gains of 0.33 at an
+amplitude of 0.15, 0.5 at 0.2, and 0.7 at 0.27. The identified map gives the reduced progress of such a wave.
 
-*Tipping.* A load on a chamber changes the gain. A worm that lies on one side rests on the chambers of that side. The
-mean gains of left and right are equal to 4 % while the worm stands on both sides (slopes of 5 degrees, friction 30 %
-off). On a tipped worm the mean gains differ by 4.5 to 18 % of their sum (37 worms tipped by pushes and slopes; the
-heights of the centre of mass, by 1 to 6 mm, and the innovations are less informative). Chambers that are weak from the
-start differ as much, so that gains are divided by the usual gains of the waves before. A push to the side changes the
-gains too, but bends the body.
+*Tipping.* A load on a chamber changes its gain. If a worm lies on one side, the chambers of that side carry the load.
+In a worm that stands on both sides, the mean gains of left and right differ by less than 4 % (on slopes of up to 5
+degrees, and with 30 % more or less friction). In 37 worms tipped by pushes and slopes, they differed by 4.5 to 18 % of
+their sum. The height of the centre of mass, which changes by 1 to 6 mm, and the innovations are less informative.
+Chambers that are weak from the start differ as much. Therefore gains are divided by the usual gains, which are known
+from earlier waves. A push to the side changes the gains too, but it also bends the body.
 
 *Speed, turn and place* of the centre of mass, averaged over each wave, are compared with the reference and the map.
 
-A fault has to appear in two waves in a row, or over three waves, and is therefore reported within three waves.
+Most rules need a fault to appear in two waves in a row, or over three waves. A fault is therefore reported within three
+waves.
 """
 
 from __future__ import annotations
@@ -33,59 +34,67 @@ from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
-"""Gain of a chamber, as a share of the median gain, below which the chamber does not obey; the limit is lower in small
-waves, in proportion to `Wave.expected`. Neighbours of dead chambers, and pushed worms, have at least 0.6 in two waves
-in a row. Half of the limit would miss stuck chambers. A worm of 0.4 kg that turns in small waves has gains of 0.43."""
+"""Gain of a chamber, as a share of the median gain, below which the chamber counts as faulty. In small waves the limit
+is lower, in proportion to `Wave.expected`. Neighbours of dead chambers, and pushed worms, have at least 0.6 in two
+waves in a row. With half of this limit, stuck chambers would not be detected. A worm of 0.4 kg that turns in small
+waves has gains of 0.43."""
 WEAK = 0.4
-"""Ratio of the median gain to the expected gain at the wave's amplitude below which all chambers are too weak."""
+"""Median gain, as a share of the gain expected at the amplitude of the wave, below which all chambers are too weak."""
 LEANS = 0.045
-"""Least difference of the gains of left and right, over their sum, of a worm that lies on one side. Half of this limit
-would report slopes and sharp turns; twice this limit would miss half of the tipped worms."""
+"""Difference between the mean gains of left and right, divided by their sum, above which the worm lies on one side.
+With half of this limit, worms on slopes and in sharp turns would be reported. With twice this limit, half of the tipped
+worms would not be detected."""
 SURE_TO_LEAN = 4.0
-"""Least distance of this difference from 0, in standard errors."""
+"""Number of standard errors by which this difference must exceed 0 before the worm counts as tipped."""
 BENT = 0.02
-"""Least mean strain of a left minus a right chamber in a body that a push has bent, which spoils the gains."""
+"""Difference between the mean strains of left and right in a segment above which a push has bent the body. The gains
+are then not used."""
 SLOW, SLOW_AT_LIMIT, FAST = 0.75, 0.9, 1.3
-"""Shares of the wanted speed: too slow, too slow although the wave is as fast as possible, too fast."""
+"""Limits of the speed, as shares of the requested speed: `SLOW` for too slow, `SLOW_AT_LIMIT` for too slow at the
+largest and fastest wave, `FAST` for too fast."""
 CREEPS = 0.1
-"""Share of the greatest speed of the map below which a slow worm is not reported."""
+"""Requested speed below which a slow worm is not reported, as a share of the greatest speed of the map."""
 UNREACHABLE_SPEED_SHARE = 1.02
-"""Share of the greatest speed of the map beyond which a speed cannot be reached."""
+"""Requested speed above which the speed counts as unreachable, as a share of the greatest speed of the map."""
 TURNS = 1.1
-"""Share of the greatest turn rate at a speed beyond which a turn cannot be reached."""
+"""Turn rate of the path above which the turn counts as unreachable, as a share of the greatest turn rate at the
+speed."""
 ASTRAY = 0.5
-"""Least standard deviation of a lost heading [rad]."""
+"""Standard deviation of the heading above which the heading counts as lost [rad]."""
 ANY_WAY = np.pi / np.sqrt(3.0)
-"""Standard deviation of a heading that is completely unknown [rad]."""
+"""Standard deviation of a heading that is completely unknown (uniformly distributed) [rad]."""
 PUSH_VELOCITY_CHANGE = 0.016
-"""Velocity change, beyond the change that the wave makes, of a worm that is pushed [body lengths/s]."""
+"""Change of velocity that the wave does not explain, above which a push is reported [body lengths/s]."""
 NEARLY = 0.003
-"""Standard error of the mean position of a wave beyond which this change is unknown [body lengths]."""
+"""Standard error of the mean position in a wave above which the change of velocity is considered unknown [body
+lengths]."""
 CRABS = 0.22
-"""Least angle between motion and measured heading, not explained by a slope, of a wrong heading [rad]."""
+"""Angle between motion and measured heading, minus the angle that a slope explains, above which the heading counts as
+wrong [rad]."""
 TRESPASS = 0.03
-"""Distance inside an obstacle or outside a corridor beyond which a trespass is reported [body lengths]."""
+"""Distance inside an obstacle or outside a corridor above which this is reported [body lengths]."""
 MAX_PATH_ANGLE = 0.3
-"""Angle to the path below which a worm that has turned round follows the path again, and no longer leaves it [rad]."""
+"""Angle to the path below which a worm that has turned round follows its path again [rad]."""
 LEFT_PATH = 0.15
-"""Limit of the distance from the path, or from the detour around obstacles, minus the least distance of the last waves
-[body lengths]. In the benchmark (seed 40) the value is 0.05 at a corner of 90 degrees, and 0.12 after a push."""
+"""Increase of the distance from the path, over the smallest distance in the last waves, above which the worm has left
+its path [body lengths]. The path may be the detour around obstacles. In the benchmark (seed 40) the increase is 0.05 at
+a corner of 90 degrees, and 0.12 after a push."""
 CHAMBER_ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
-"""Advice on a chamber."""
+"""Advice to the user if a chamber is faulty."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that keeps a worm from following the reference."""
+    """A fault that prevents the worm from following the reference."""
 
     time: float
-    """Time when the fault was found [s]."""
+    """Time of detection [s]."""
     kind: str
-    """Name of the fault, including the chamber if any; each name is reported once a run."""
+    """Name of the fault, which includes the chamber if there is one. Each name is reported once per run."""
     what: str
-    """Description, a sentence."""
+    """Description of the fault as a sentence."""
     advice: str
-    """Advice, a sentence."""
+    """Advice to the user as a sentence."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,29 +104,31 @@ class Wave:
     end: float
     """End of the wave [s]."""
     gain: FloatArray
-    """Gain of each chamber [left, right], shape (N, 2); NaN where unknown."""
+    """Gain of each chamber, shape (N, 2) for [left, right]. NaN where unknown."""
     gain_error: FloatArray
     """Standard errors of the gains, shape (N, 2)."""
     bend: float
-    """Greatest mean strain of a left minus a right chamber; NaN if unknown."""
+    """Greatest difference between the mean strains of left and right in a segment. NaN if unknown."""
     place: FloatArray | None
-    """Mean of the centre of mass [m], shape (2,); None without samples."""
+    """Mean position of the centre of mass in the wave [m], shape (2,). None without samples."""
     place_time: float
     """Mean instant of the samples of `place` [s]."""
     place_error: float
     """Standard error of `place` [m]."""
     at_limit: bool
-    """Whether amplitude and frequency are as great as possible."""
+    """Whether amplitude and frequency are at their upper limits."""
     made: float
-    """Speed of the wave on the map, at the end of the wave [m/s]."""
+    """Speed of the commanded wave according to the map, at the end of the wave [m/s]."""
     least_asked: float
-    """Least wanted speed in the wave, limited to the speed at which the path can be followed on the map [m/s]."""
+    """Smallest requested speed during the wave [m/s]. Requested speeds are limited to the speed at which the worm can
+    follow the path according to the map."""
     most_asked: float
-    """Greatest wanted speed in the wave [m/s]."""
+    """Greatest requested speed during the wave [m/s]."""
     reach: float
     """Greatest speed of the map [m/s]."""
     ahead: float | None = None
-    """Azimuth of the path at the worm; without a path the worm's heading, if known [rad]."""
+    """Azimuth of the path at the worm [rad]. Without a path, the heading of the worm, or None if the heading is
+    unknown."""
     turn: float = 0.0
     """Turn rate of the path at the worm [rad/s]."""
     sharpest: float = inf
@@ -125,34 +136,36 @@ class Wave:
     aside: float | None = None
     """Distance from the path [body lengths]."""
     trespass: float = -inf
-    """Distance of the worm into an obstacle or out of the corridor [body lengths]."""
+    """Distance of the worm into an obstacle or out of the corridor [body lengths]. Negative if the worm is clear of
+    both."""
     away: float = 0.0
-    """Angle between the known heading and the path [rad]."""
+    """Angle between heading and path [rad]. 0 if the heading is unknown."""
     heading_error: float = 0.0
     """Standard deviation of the estimated heading [rad]."""
     back: bool = False
-    """Whether the worm can and should go backwards; speeds are then counted backwards."""
+    """Whether the reference requests backward motion, and the worm can go backwards. All speeds are then counted
+    backwards."""
     numb: bool = False
-    """Whether the worm has strain sensors but no sample of them was used."""
+    """Whether the worm has strain sensors, but none of their samples was used."""
     usual_gain: FloatArray | None = None
-    """Gain of each chamber relative to a healthy chamber, as known in the waves before, shape (N, 2)."""
+    """Gain of each chamber relative to a healthy chamber, averaged over earlier waves, shape (N, 2)."""
     pushed: bool = False
-    """Whether samples of the position showed that something other than the wave moves the worm."""
+    """Whether samples of the position showed a motion that the wave does not explain."""
     turning: float = 0.0
-    """Estimated turn rate that the wave makes, at the end of the wave [rad/s]."""
+    """Estimated turn rate caused by the wave, at the end of the wave [rad/s]."""
     length: float = 1.0
     """Length of the body [m]."""
     jumped: bool = False
-    """Whether the sensor of the heading jumped and the estimator accepted the jump."""
+    """Whether the heading sensor jumped, and the estimator accepted the jump."""
     crab: float = 0.0
-    """Significant angle between motion and heading, beyond the angle that a slope explains [rad]."""
+    """Angle between motion and heading, minus the angle that a slope explains and minus its uncertainty [rad]."""
     expected: float = 1.0
-    """Expected gain of this wave over the expected gain of the wave of greatest amplitude, from the distances of both
-    waves on the map."""
+    """Expected gain of this wave, divided by the expected gain of the wave of greatest amplitude. It follows from the
+    distances that both waves cover according to the map."""
 
 
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
-    """Yield the faults that the last wave and the waves before show."""
+    """Yield the faults that the last wave shows, together with the waves before it."""
     for rule in (
         _unreachable,
         _too_sharp,
@@ -172,10 +185,12 @@ def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _lean(wave: Wave) -> tuple[float, float]:
-    """Return the difference of the mean gains of left and right over their sum, positive to the left, and the error.
+    """Return the lean of the worm and its standard error.
 
-    Gains are divided by the usual gains, so that weak chambers do not count as a lean. Segments with a chamber that
-    does not obey are left out: this chamber alone would make a difference of 8 % for six segments.
+    The lean is the difference between the mean gains of left and right, divided by their sum. It is positive if the
+    left side has the larger gain. Gains are divided by the usual gains, so that weak chambers do not count as a lean.
+    Segments with a faulty chamber are left out. Otherwise this chamber would cause a lean of 8 % in a worm of six
+    segments.
     """
     usual = 1.0 if wave.usual_gain is None else np.maximum(wave.usual_gain, WEAK)
     gain, errors = wave.gain / usual, wave.gain_error / usual
@@ -259,7 +274,10 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _way(waves: Sequence[Wave]) -> tuple[float, float]:
-    """Return the speed along the path [m/s], negative in the wrong direction, and the error; NaN if unknown."""
+    """Return the speed along the path over the last waves and its standard error [m/s].
+
+    The speed is negative in the wrong direction. Both are NaN if the speed is unknown.
+    """
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < len(waves):
         return nan, nan
@@ -315,9 +333,9 @@ def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _unexplained(waves: Sequence[Wave]) -> float:
-    """Return the change of the velocity over three waves that the waves do not make [body lengths/s].
+    """Return the change of the velocity over three waves that the waves do not explain [body lengths/s].
 
-    The waves make the speeds of the map and the estimated turn rates. The result is 0 if the change is unknown.
+    The waves explain the speeds of the map and the estimated turn rates. The result is 0 if the change is unknown.
     """
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < 3 or not all(np.isfinite(wave.made) and wave.place_error < NEARLY * wave.length for wave in waves):

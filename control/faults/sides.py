@@ -1,14 +1,16 @@
-"""Detection of swapped strains of left and right, as with swapped plugs, from the differences of the sides.
+"""Detection of swapped strain sensors of left and right, for example because of swapped plugs.
 
-With the difference d = s_left - s_right of the strains of a segment, measured and expected (d_e) by (CG1) of
-`control.estimation.chamber_gains`, both smoothed over a time tau, the strains count as swapped if over the last waves
+Let d = s_left - s_right be the measured difference of the strains of a segment, and d_e the difference that (CG1) of
+`control.estimation.chamber_gains` predicts. Both are smoothed over a time tau. The strains count as swapped if, over
+the last waves,
 
     sum (d - d_e)^2 - sum (d + d_e)^2 > sure standard errors,   standard error = 4 (v 2 tau/dt sum d_e^2)^1/2   (SD1)
 
-for n samples dt apart; the smaller sum gives the variance v = sum/n. The sums leave out the segment with the largest
-sum, which may have a chamber that does not obey. The left side of (SD1) was at most 0.6 standard errors for 14 healthy
-worms on lines, circles and curves, and 2.3 to 4.7 within three waves for 8 worms that turn with swapped strains. If
-both sides do the same, as in a straight worm of equal chambers, a swap does not show, and does hardly any harm.
+for n samples at intervals of dt. `sure` is `SWAP_THRESHOLD`. The variance v is the smaller of the two sums, divided by
+n. The segment with the largest sums is left out, since it may have a faulty chamber. The left side of (SD1) was at most
+0.6 standard errors for 14 healthy worms on lines, circles and curves. For 8 worms that turned with swapped strains, it
+reached 2.3 to 4.7 standard errors within three waves. If both sides do the same, as in a straight worm with equal
+chambers, a swap cannot be detected, but it also does hardly any harm.
 """
 
 from __future__ import annotations
@@ -23,13 +25,13 @@ from control.faults.rules import Fault
 from worm3d.values.arrays import FloatArray
 
 DIFFERENCE_SMOOTHING_TIME = 0.1
-"""Time tau over which differences are averaged [s], the lag of the default chambers."""
+"""Time tau over which the differences are smoothed [s]. It equals the lag of the default chambers."""
 SWAP_THRESHOLD = 1.5
 """Number of standard errors in (SD1) above which strains count as swapped."""
 
 
 class Sides:
-    """The sides of one worm of N segments; `swapped` is whether the strains of left and right are swapped."""
+    """Check for swapped strains in one worm of N segments. `swapped` is whether a swap has been detected."""
 
     def __init__(self, segments: int) -> None:
         self._segments = segments
@@ -40,9 +42,9 @@ class Sides:
         self._sums, self._count, self._seconds = self._none()
 
     def take(self, t: float, phase: float, strain: FloatArray | None, gains: ChamberGains) -> list[Fault]:
-        """Take the strains of time t [s], shape (N, 2), which the gains have taken; return newly found faults.
+        """Process the strains of time t [s], and return the newly detected faults.
 
-        `phase` is the phase of the wave [rad].
+        `strain` has the shape (N, 2), and `gains` has already processed it. `phase` is the phase of the wave [rad].
         """
         if strain is None or self.swapped:
             return []
@@ -68,7 +70,7 @@ class Sides:
         return [Fault(t, "swapped sides", what, "look at the plugs of the strain sensors; commands are not corrected")]
 
     def _none(self) -> tuple[FloatArray, int, float]:
-        """Return sums, count and time at the beginning of a wave."""
+        """Return the sums, the count and the time at the beginning of a wave, which are all 0."""
         return np.zeros((3, self._segments)), 0, 0.0
 
     def _surely(self) -> bool:

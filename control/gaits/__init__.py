@@ -1,4 +1,4 @@
-"""Gaits: patterns of contraction, with memory and senses or without, and the waves that controllers drive."""
+"""Gaits: patterns of contraction over time, some of which use sensors, and the waves that controllers steer."""
 
 from typing import Any
 

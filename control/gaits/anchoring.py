@@ -1,8 +1,8 @@
-"""Crawling between two anchors, the groups of segments at the two ends, which hold in turn.
+"""Gaits with two anchors, which are groups of segments at both ends of the body that hold the worm in turn.
 
-A contracted segment is wide: in a pipe the segment presses the wall all round, on level ground the segment carries the
-worm and lifts the neighbouring segments. An extended segment is thin, and slides. The body between the anchors extends
-while the rear anchor holds, and shortens while the front anchor holds. The parts of a period are equal:
+A contracted segment is wide. In a pipe it presses against the wall all round. On level ground it carries the worm and
+lifts the neighbouring segments. An extended segment is thin, and slides. The body between the anchors extends while the
+rear anchor holds, and shortens while the front anchor holds. The period is divided into equal parts:
 
     two_anchor, for pipes                             inchworm, for level ground
     0  front lets go                                  0  rear anchors while the front lets go
@@ -12,10 +12,10 @@ while the rear anchor holds, and shortens while the front anchor holds. The part
     4  body shortens, rear moves up
     5  rear anchors
 
-`two_anchor` begins with all segments contracted, and one of its anchors lets go only while the other holds, so that the
-worm climbs pipes of any tilt. The anchors of the inchworm change over in opposition, which takes no extra time and
-keeps the worm's length. In both gaits the worm advances in a period by the change of the body's length, if no anchor
-slips.
+`two_anchor` begins with all segments contracted. An anchor lets go only while the other one holds, so that the worm can
+climb pipes of any tilt. In `inchworm` one anchor contracts while the other lets go, which takes no extra time and keeps
+the length of the worm constant. If no anchor slips, both gaits move the worm in each period by the change of the body's
+length.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from worm3d.values.parameters import documented, parameter
 @documented
 @dataclass(frozen=True, kw_only=True)
 class TwoAnchor(ExtendingGait, name="two_anchor"):
-    """Two anchors in turn, as in inchworms and burrowing earthworms; the gait climbs pipes of any tilt.
+    """Two anchors that hold in turn, as in inchworms and burrowing earthworms. The gait climbs pipes of any tilt.
 
-    The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is more
-    than the pipe's wall allows, so that anchored segments press the wall.
+    The command has no jumps: each change takes one part of the period and follows half a cosine wave. The amplitude
+    should be larger than the wall of the pipe allows, so that anchored segments press against the wall.
     """
 
     period: float = parameter(6.0, meaning="duration of the whole sequence", unit="s", gt=0)
@@ -47,7 +47,7 @@ class TwoAnchor(ExtendingGait, name="two_anchor"):
 
     PARTS: ClassVar[int] = 6
     REAR: ClassVar[tuple[int, int]] = (3, 5)
-    """Parts of the period in which this group lets go (extends) and contracts again."""
+    """Parts of the period in which the rear anchor lets go (extends), and in which it contracts again."""
     BODY: ClassVar[tuple[int, int]] = (1, 4)
     FRONT: ClassVar[tuple[int, int]] = (0, 2)
 
@@ -70,7 +70,7 @@ class TwoAnchor(ExtendingGait, name="two_anchor"):
         return np.repeat(np.array(groups).T, [self.anchors, body, self.anchors], axis=1)
 
     def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
-        """Return the activation of a group, 1 until the group lets go and after its contraction, shape (K,)."""
+        """Return the activation of a group of segments, shape (K,). It is 1 while the group is contracted."""
         extended = half_cosine(part - release) - half_cosine(part - anchor) + float(anchor < release)
         return self.activation_of(extended)
 
@@ -78,7 +78,7 @@ class TwoAnchor(ExtendingGait, name="two_anchor"):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Inchworm(TwoAnchor, name="inchworm"):
-    """Two anchors that change over in opposition, for level ground."""
+    """Two anchors that change over at the same time, for level ground."""
 
     PARTS: ClassVar[int] = 4
     REAR: ClassVar[tuple[int, int]] = (2, 0)

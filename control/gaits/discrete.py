@@ -1,4 +1,4 @@
-"""Discrete gaits: each segment is relaxed, contracted, bent to the left or to the right, and steps along the body.
+"""Discrete gaits: segments are relaxed, contracted, or bent to a side, and the pattern moves along the body in steps.
 
 The notation {n2, n3, n1 / nP} is from Zhan, Fang, Xu, Wang: Planar locomotion of earthworm-like metameric robots,
 International Journal of Robotics Research, 2019. The segments have the states
@@ -48,7 +48,7 @@ RELAXED, CONTRACTED, BENT_LEFT, BENT_RIGHT = range(4)
 """States of a segment."""
 
 TURN = np.array([0.0, 0.0, 1.0, -1.0])
-"""Side of a segment's bend in each state, 1 for the left."""
+"""Direction of the bend of a segment in each state: 1 to the left, -1 to the right."""
 
 
 @documented
@@ -108,9 +108,12 @@ class Discrete(Gait, name="discrete"):
         return super().commands(times, worm)._replace(hinge=hinge[:, 1:])
 
     def _blended(self, of_state: FloatArray, times: FloatArray, segments: int) -> FloatArray:
-        """Return a property of the states (4, ...) of each segment at K times [s], shape (K, segments, ...)."""
+        """Return a property of each segment at K times [s], shape (K, segments, ...).
+
+        `of_state` contains the property for each of the four states, shape (4, ...).
+        """
         pattern, steps = self.pattern(segments), segments // gcd(segments, self.shift)
-        # Rounding must not decide the step of a time.
+        # Rounding errors must not change the step to which a time belongs.
         passed = times / self.period * steps + 1e-9
         step = np.floor(passed)
         way = self.shift if self.direction == "retrograde" else -self.shift

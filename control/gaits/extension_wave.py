@@ -1,9 +1,9 @@
-"""The step-by-step waves of mesh worm robots: segments stand wide, and waves of extension pass along the body.
+"""Step-by-step waves of mesh worm robots: most segments are wide, and waves of extension travel along the body.
 
-A wide, contracted segment carries and anchors the worm; an extended segment is thin and off the ground. At one end of a
-wave segments extend and push the front on, while at the other end segments contract and pull up the rear. If the ramps
-are as long as the steps from one segment to the next, one segment gives the length that another segment takes: the
-anchors on both sides of the wave need not slide.
+A contracted segment is wide, and carries and anchors the worm. An extended segment is thin and off the ground. At one
+end of a wave, segments extend and push the front forward. At the other end, segments contract and pull up the rear. If
+the ramps take as long as a step from one segment to the next, one segment lengthens exactly while another one shortens.
+The anchors on both sides of the wave then do not have to slide.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from worm3d.values.parameters import documented, parameter
 class ExtensionWave(ExtendingGait, name="extension_wave"):
     """Waves of extension along an otherwise contracted body, as in mesh worm robots.
 
-    The n x m patterns of these robots, with n segments in each of m waves, have `moving` = n m/N and `waves` = m. With
-    `held` = (n - 2)/n the ramps take one step.
+    The n x m patterns of these robots have m waves with n segments each. They are obtained with `moving` = n m/N and
+    `waves` = m. With `held` = (n - 2)/n the ramps take one step.
     """
 
     period: float = parameter(6.0, meaning="time between two extensions of a segment", unit="s", gt=0)
@@ -35,7 +35,7 @@ class ExtensionWave(ExtendingGait, name="extension_wave"):
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1]."""
         order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
-        # Rounding must not decide whether a segment has begun: the ramps are flat where they begin and end.
+        # Rounding errors do not matter here, since the ramps are flat where they begin and end.
         phase = np.mod(times[:, None] / self.period - self.waves * order / segments, 1.0) / self.moving
         ramp = 0.5 * (1.0 - self.held)
         extended = half_cosine(phase / ramp) - half_cosine((phase - 1.0 + ramp) / ramp)

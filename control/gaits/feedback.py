@@ -48,7 +48,7 @@ calls must not decrease."""
 
 
 class Memory(Protocol):
-    """State of a gait during one run."""
+    """State of a gait during a run."""
 
     def step(self, t: float, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the activation of the segments, shape (N,), or of their sides, (N, 2).

@@ -1,7 +1,7 @@
-"""Base of all gaits: an activation of each segment over time, bound to a worm as the worm's actuation.
+"""Base class of all gaits, which give the activation of each segment over time.
 
-A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (head), or of each of the segment's two
-sides, together with a rule that applies the activation:
+A gait defines an activation A_i(t) in [-1, 1] for each segment i = 0 (tail) ... N-1 (head), or for each of the
+segment's two sides. The commands to the worm follow from the activation:
 
     contraction = amplitude A (1 + bias) left, amplitude A (1 - bias) right, clipped to the worm's stroke
     force       = force A (1 + bias) left,     force A (1 - bias) right
@@ -9,8 +9,8 @@ sides, together with a rule that applies the activation:
 
 where A_j is the mean of the two sides if the sides differ.
 
-To add a gait, derive a dataclass from `Gait` with the name for scenes, `class Mine(Gait, name="mine")`; a gait in a new
-module has to be imported in `control/gaits/__init__.py`. A gait that bends the joints in another way overrides
+To add a gait, derive a dataclass from `Gait` with the name used in scenes, `class Mine(Gait, name="mine")`. If it is in
+a new module, import it in `control/gaits/__init__.py`. A gait that bends the joints in another way overrides
 `commands`.
 """
 
@@ -31,10 +31,10 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 Direction = Literal["direct", "retrograde"]
-"""Direction of the waves: direct from tail to head, retrograde from head to tail."""
+"""Direction of the waves: "direct" from tail to head, "retrograde" from head to tail."""
 
 GAITS: dict[str, type[Gait]] = {}
-"""Class of each gait, by name."""
+"""Class of each gait, by the name used in scenes."""
 
 
 class Body(Protocol):
@@ -46,7 +46,7 @@ class Body(Protocol):
 
     @property
     def stroke(self) -> tuple[float, float]:
-        """Least and greatest contraction of a chamber."""
+        """Smallest and greatest contraction of a chamber."""
 
 
 @documented
@@ -54,8 +54,8 @@ class Body(Protocol):
 class Gait(Spelled, ABC):
     """An activation pattern and its application to the chambers and hinges.
 
-    `GAITS` lists a subclass under the `name` of the subclass; `lengthens` says whether the gait lengthens chambers.
-    Runs average over the `period` [s] of a gait with a period.
+    Subclasses are registered in `GAITS` under their `name`. If a gait has a `period` [s], quantities of a run are
+    averaged over it.
     """
 
     amplitude: float = parameter(0.2, meaning="contraction of a chamber at activation 1", aka=("contraction", "stroke"))
@@ -76,13 +76,13 @@ class Gait(Spelled, ABC):
     )
     name: ClassVar[str] = ""
     turning: ClassVar[tuple[str, ...]] = ("bias", "hinge")
-    """Parameters whose only effect is to turn a worm."""
+    """Names of the parameters whose only effect is to turn a worm."""
 
     def __init_subclass__(cls, name: str = "") -> None:
         known = GAITS.get(name)
         if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ValueError(f"name: got {name!r}, must be another than those of the gaits that there are")
-        if name:  # a class that is defined again, as in a notebook, replaces the former class
+        if name:  # a class that is defined again, for example in a notebook, replaces the former class
             cls.name, GAITS[name] = name, cls
 
     def __post_init__(self) -> None:
@@ -101,7 +101,7 @@ class Gait(Spelled, ABC):
         """
 
     def activation(self, t: float, segments: int) -> FloatArray:
-        """Return the activation of each segment at time t [s], the mean of its sides, shape (segments,)."""
+        """Return the activation of each segment at time t [s], averaged over its sides, shape (segments,)."""
         return np.asarray(sides(self.activations(np.array([t]), segments))[0].mean(axis=-1))
 
     def require_body(self, segments: int) -> None:
@@ -109,10 +109,10 @@ class Gait(Spelled, ABC):
         self.activations(np.zeros(1), segments)
 
     def require_stroke(self, stroke: tuple[float, float]) -> None:
-        """Raise ValueError for an amplitude beyond a stroke.
+        """Raise ValueError if the amplitude exceeds a stroke.
 
-        A stroke that ends at 0 belongs to chambers which only lengthen, or only contract; the other part of a gait is
-        then left out. Lengthening by a share of the amplitude, bias and steering are clipped to the stroke.
+        If the stroke ends at 0, the chambers can only lengthen, or only contract, and the other part of the gait is
+        left out. Lengthening by a share of the amplitude, bias and steering are clipped to the stroke.
         """
         require_amplitude(self.amplitude, stroke)
 
@@ -153,7 +153,7 @@ def direction_of_waves(default: Direction = "retrograde", more: str = "") -> Any
 
 
 def longer(default: float, what: str = "an extended segment") -> Any:
-    """Return the field of the activation of a segment, or of one of its sides, that is longer than at rest."""
+    """Return the dataclass field for the activation of a segment or side that is longer than at rest."""
     meaning = f"activation of {what}, -0.5 lengthens it by half the amplitude"
     return parameter(default, meaning=meaning, ge=-1, le=0, allowed="a number in [-1, 0]")
 
@@ -161,7 +161,7 @@ def longer(default: float, what: str = "an extended segment") -> Any:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class ExtendingGait(Gait):
-    """A gait whose segments are contracted, or extended beyond their length at rest."""
+    """A gait whose segments are either contracted, or extended beyond their length at rest."""
 
     extension: float = longer(-0.5)
 
@@ -171,14 +171,14 @@ class ExtendingGait(Gait):
         return self.extension < 0.0
 
     def activation_of(self, extended: FloatArray) -> FloatArray:
-        """Return the activations of segments at given shares of their extension, from 1 down to `extension`."""
+        """Return the activation for shares of the full extension. It decreases from 1 to `extension`."""
         return 1.0 - (1.0 - self.extension) * extended
 
 
 class BoundGait:
-    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,).
+    """A gait as the actuation of one worm, a function of time [s] that returns a `worm3d.Command`.
 
-    `require_steps` is the gait's method.
+    `commands` takes K times at once. `require_steps` is the method of the gait.
     """
 
     def __init__(self, commands: Callable[[FloatArray], Commands], require_steps: Callable[[float], None]) -> None:
@@ -191,7 +191,7 @@ class BoundGait:
 
 
 def require_amplitude(amplitude: float, stroke: tuple[float, float]) -> None:
-    """Raise ValueError for an amplitude beyond a stroke, the least and the greatest contraction of a chamber."""
+    """Raise ValueError if an amplitude exceeds a stroke, the smallest and the greatest contraction of a chamber."""
     end = stroke[0] if amplitude < 0.0 else stroke[1]
     if end != 0.0 and abs(amplitude) > abs(end) * (1.0 + time_steps.EQUAL):
         what = "lengthen" if amplitude < 0.0 else "contract"
@@ -202,22 +202,22 @@ def require_amplitude(amplitude: float, stroke: tuple[float, float]) -> None:
 
 
 def sides(activations: FloatArray) -> FloatArray:
-    """Return activations of shape (K, N) for both sides, shape (K, N, 1); activations of shape (K, N, 2) unchanged."""
+    """Return activations with an axis for the sides: shape (K, N) becomes (K, N, 1), and shape (K, N, 2) is kept."""
     return activations[..., None] if activations.ndim == 2 else activations
 
 
 def joined(activation: FloatArray) -> FloatArray:
-    """Return activations of shape (K, N, 1), equal on both sides, in shape (K, N); other activations unchanged."""
+    """Return activations without an axis for equal sides: shape (K, N, 1) becomes (K, N), other shapes are kept."""
     return activation[..., 0] if activation.shape[-1] == 1 else activation
 
 
 def for_segments(name: str, value: float | FloatArray, segments: int) -> FloatArray:
-    """Return a number, or numbers for each segment or each side, as an array that broadcasts to shape (N, 2).
+    """Return a number, or one number per segment or side, as an array that broadcasts to shape (N, 2).
 
     Raises
     ------
     ValueError
-        `value`, called `name`, belongs to another number of segments.
+        `value` has the wrong number of segments. The message calls it `name`.
     """
     found = np.atleast_1d(value)
     found = found if found.ndim == 2 else found[:, None]
@@ -230,5 +230,5 @@ def for_segments(name: str, value: float | FloatArray, segments: int) -> FloatAr
 
 
 def half_cosine(part: FloatArray) -> FloatArray:
-    """Return 0 for `part` below 0, 1 for `part` above 1, and half a cosine wave between."""
+    """Return 0 for `part` below 0, 1 for `part` above 1, and half a cosine wave in between."""
     return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0

@@ -1,19 +1,22 @@
 """Steering of a worm with one segment held still, because a chamber of this segment has failed.
 
-The bending wave (S2) of `control.gaits.steering` turns a whole worm without moving the worm aside. Without the feet of
-one segment, turning also moves the worm aside: the default worm, with segment 3 held still, turns by 10 degrees a wave
-in place of 24, and moves by 2 % of its length to the side opposite to the turn. With separate sizes and phases of the
-hinges,
+The bending wave (S2) of `control.gaits.steering` turns an intact worm without moving it sideways. If one segment is
+held still, its feet are missing, and turning also moves the worm sideways. The default worm with segment 3 held still
+turns by 10 degrees per wave instead of 24, and moves by 2 % of its length to the side opposite to the turn. With
+separate amplitudes and phases of the hinges,
 
     hinge_j = hinge (a_j cos(psi + 2 pi f lead) + b_j sin(psi + 2 pi f lead))                                (HS1)
 
-the worm turns by 13 degrees and stays in place. One run for each a_j and b_j gives the turn t and the way aside d of
-this coefficient alone. Among the patterns without a way aside, the pattern with the largest turn for its size is
+the worm turns by 13 degrees and stays in place. One run for each of the coefficients a_j and b_j gives the turn t and
+the sideways displacement d caused by this coefficient. Among the patterns without sideways displacement, the pattern
+with the largest turn for its size is
 
-    (a, b) = t - d (t . d) / (d . d),   its greatest hinge 1                                                 (HS2)
+    (a, b) = t - d (t . d) / (d . d), scaled to a greatest hinge of 1
+    (HS2)
 
-The bias is left out. The table lists, for the default worm, degrees to the left and percent of the body length to the
-left per wave (amplitude 0.25, 1 Hz, half of the greatest steering by both mechanisms; the whole worm has 11.9, -0.2):
+The bias is not used. The table lists, for the default worm, the turn to the left in degrees and the displacement to the
+left in percent of the body length, per wave. (The amplitude is 0.25, the frequency 1 Hz, and the steering half of the
+greatest steering by both mechanisms. The intact worm has 11.9, -0.2.)
 
     segment held      0           1           2           3           4           5
     by (S2)       10.4, -0.3   6.0,  0.0  11.0,  0.8   4.3, -0.7  10.6,  1.0  10.6, -0.4
@@ -34,7 +37,7 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 
 WAVE = GaitParameters(0.25, 1.0, hinge=0.07)
-"""Wave for measuring the turn of a pattern, near the middle of the map."""
+"""Wave with which the turn of a pattern is measured, near the middle of the map."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,9 @@ class HeldSteering:
     """Steering of a worm while one of its segments is held still."""
 
     hinges: tuple[tuple[float, ...], tuple[float, ...]]
-    """a and b of (HS1), shape (2, N - 1)."""
+    """Coefficients a and b of (HS1), shape (2, N - 1)."""
     turn: float
-    """Turn to the left in the wave `WAVE` [rad a wave]."""
+    """Turn to the left with the wave `WAVE` [rad per wave]."""
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> HeldSteering:
@@ -55,9 +58,9 @@ class HeldSteering:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeldSchedule(Schedule):
-    """Schedule of a worm with one segment held still at its length at rest; the schedule steers by (HS1).
+    """Schedule of a worm with one segment held still at its length at rest, which steers by (HS1).
 
-    The hinges have the shape (2, N - 1); `backward` holds the hinges of a wave that goes backwards.
+    `hinges` are the coefficients a and b for forward waves, and `backward` those for backward waves, shape (2, N - 1).
     """
 
     segment: int
@@ -79,10 +82,10 @@ class HeldSchedule(Schedule):
 
 
 def held_schedule(schedule: Schedule, segment: int, steering: Sequence[HeldSteering | None]) -> Schedule:
-    """Return the schedule of a worm that crawls on while a segment is held still.
+    """Return the schedule of a worm that continues to crawl while a segment is held still.
 
-    `steering` has N entries, the known steering of each segment. Without an entry for the held segment, the given
-    schedule is returned.
+    `steering` has N entries: entry i is the steering while segment i is held still, or None if it is unknown. If the
+    entry of the held segment is None, the given schedule is returned.
     """
     known = steering[segment]
     if known is None:
@@ -93,7 +96,10 @@ def held_schedule(schedule: Schedule, segment: int, steering: Sequence[HeldSteer
 
 
 def purely_turning(turn: FloatArray, aside: FloatArray) -> FloatArray:
-    """Return (HS2), shape (2, N - 1), from the turns and the ways aside of a and b, shape (2, N - 1) each."""
+    """Return the pattern (HS2), shape (2, N - 1).
+
+    `turn` and `aside` are the turns and sideways displacements caused by a and b, shape (2, N - 1) each.
+    """
     moves = float((aside * aside).sum())
     pattern = turn if moves == 0.0 else turn - aside * (turn * aside).sum() / moves
     greatest = np.hypot(*pattern).max()

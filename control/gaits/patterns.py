@@ -1,6 +1,6 @@
-"""The paper's waves, and the breathing of a single actuator.
+"""The two waves of the paper that this project follows, and the breathing of a single actuator.
 
-`TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C).
+`ContractionEngine_segmentdriven` is the paper's first scheme, and `TravellingWave` its second (section III.C).
 
 `Breathing` is a gait for a single actuator: all segments contract and lengthen again in unison. The worm crawls if
 friction is directional. A slow, uniform contraction moves the rear forward and the front backward, against the
@@ -37,7 +37,7 @@ WaveDirection = Literal["direct", "retrograde", "standing"]
 Pulse = Literal["gaussian", "square", "dirac"]
 
 GAUSSIAN_WIDTH = 0.15
-"""Standard deviation of the gaussian pulse as a fraction of the contraction's duration."""
+"""Standard deviation of the Gaussian pulse as a fraction of the duration of a contraction."""
 
 
 @documented
@@ -140,7 +140,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
         """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
         order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
         since = times[:, None] - order * self.T_wave / segments
-        # Rounding must not decide whether a segment is active yet: times within 1e-9 are equal.
+        # Times within 1e-9 periods count as equal, so that rounding errors do not change which segments are active.
         elapsed = np.mod(since + 1e-9 * self.T_wave, self.T_wave)
         active = (since > -1e-9 * self.T_wave) & (elapsed < self.T_contract)
         sign = np.where(np.arange(segments) % 2 == 0, 1.0, -1.0) if self.alternating else np.ones(segments)
@@ -160,7 +160,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Breathing(Gait, name="breathing"):
-    """Contraction and lengthening of all segments in unison, (GB1), each half a cosine wave."""
+    """All segments contract together and then lengthen together, each along half a cosine wave, (GB1)."""
 
     period: float = parameter(2.0, meaning="duration of a contraction and the lengthening after it", unit="s", gt=0)
     contracting: float = parameter(0.5, meaning="share of the period in which the body contracts", gt=0, lt=1)

@@ -12,10 +12,10 @@ part tau = phi mod 1 of the period,
     theta = pi (1 + (tau - duty)/(1 - duty))         after that
     A     = weight tanh(sharpness sin theta)/tanh(sharpness),   weight sin theta for sharpness 0                 (PG2)
 
-A small duty gives a train of pulses. `waves` = 0 with explicit phases gives any pattern of phases, such as equal steps
-from segment to segment, or a pattern that is symmetric about the middle of the body (Fang, Li, Wang, Xu: Phase
-coordination and phase-velocity relationship in metameric robot locomotion, Bioinspiration & Biomimetics, 2015, where
-the latter is the fastest).
+With a small duty, the activation is a train of pulses. `waves` = 0 with explicit phases gives any pattern of phases,
+such as equal steps from segment to segment, or a pattern that is symmetric about the middle of the body (Fang, Li,
+Wang, Xu: Phase coordination and phase-velocity relationship in metameric robot locomotion, Bioinspiration &
+Biomimetics, 2015, where the latter is the fastest).
 
 `Spline` interpolates values at equal intervals of the period by the periodic cubic spline with a continuous second
 derivative: with M values y_j, the second derivatives m_j (in intervals) solve
@@ -38,7 +38,7 @@ from worm3d.values.parameters import documented, parameter
 @documented
 @dataclass(frozen=True, kw_only=True)
 class _Shaped(Gait):
-    """Wave whose segments follow one shape, each at a separate phase (PG1)."""
+    """Base class of waves whose segments have the same shape, each with its own phase (PG1)."""
 
     period: float = parameter(2.0, meaning="duration after which the gait repeats", unit="s", gt=0, aka=("T_wave_s",))
     waves: float = parameter(1.0, meaning="number of waves on the body", ge=0, aka=("number_of_waves",))
@@ -129,7 +129,8 @@ class Spline(_Shaped, name="spline"):
 def _periodic_spline(values: FloatArray, phase: FloatArray) -> FloatArray:
     """Return periodic cubic splines (PG3) at phases in periods.
 
-    The shapes of the values (..., M) and of the phases (K, ...) broadcast to the shape of the result.
+    `values` has the shape (..., M) and `phase` the shape (K, ...). Their other axes broadcast to the shape of the
+    result.
     """
     count = values.shape[-1]
     turn = np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)

@@ -1,11 +1,11 @@
-"""Turning waves without slip: each wave is planned so that segments on the ground keep their places.
+"""Turning waves with little slip: each wave is planned so that segments on the ground stay where they are.
 
-Periodic waves that steer make standing segments slide: the body between two standing segments changes its shape as if
-these segments were absent. Kandhari, Wang, Chiel and Daltorio (Turning in worm-like robots: the geometry of slip
-elimination suggests nonperiodic waves, Soft Robotics 6, 2019, 560-577) plan each wave separately instead: neighbouring
-segments exchange their lengths so that the body ahead of the pair and the body behind the pair keep their places. Their
-segments are trapezoids that trade sides two at a time. Here joints have hinges, several segments swing at a time, and
-the wave is planned as a whole.
+In periodic waves that steer, the body between two standing segments changes its shape, which makes these segments
+slide. Kandhari, Wang, Chiel and Daltorio (Turning in worm-like robots: the geometry of slip elimination suggests
+nonperiodic waves, Soft Robotics 6, 2019, 560-577) plan each wave separately instead: neighbouring segments exchange
+their lengths so that the body ahead of the pair and the body behind the pair keep their places. Their segments are
+trapezoids that trade sides two at a time. Here joints have hinges, several segments swing at a time, and the wave is
+planned as a whole.
 
 Lengths are in body lengths. The worm stands contracted and straight, joint j at x_j = (j - N/2) l_c. A wave runs from
 head to tail, and `swinging` = n of the segments are extended and off the ground. The wave moves the whole body by s
@@ -61,18 +61,22 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 INSTANTS_PER_STEP = 16
-"""Number of planned instants in a step; commands are interpolated linearly between them. Standing segments are then off
-their places by 1e-4 of a segment's length, 4e-4 with half as many instants."""
+"""Number of planned instants per step. Commands are interpolated linearly between them. The error of the positions of
+standing segments is then 1e-4 of a segment's length, and 4e-4 with half as many instants."""
 LARGEST_CHANGE = 0.6
 """Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
-"""Greatest gap at which tail and head count as joined [body lengths]."""
+"""Greatest gap with which tail and head count as joined [body lengths]."""
 SHORTENING_CANDIDATES = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
-"""Candidate shares by which a turning step is shorter than a straight step: the first share within reach is refined."""
+"""Relative amounts by which a turning step may be shorter than a straight step. The first one that is possible is
+refined."""
 
 
 class Reach(NamedTuple):
-    """Dimensions of a wave: numbers of all and of swinging segments, and lengths of a segment [body lengths]."""
+    """Dimensions of a wave.
+
+    These are the numbers of all segments and of swinging segments, and the lengths of a segment [body lengths].
+    """
 
     segments: int
     swinging: int
@@ -153,7 +157,7 @@ class PlannedTurn(ExtendingGait, name="planned_turn"):
         return given._replace(hinge=given.hinge + bends)
 
     def _turn_of(self, waves: FloatArray) -> FloatArray:
-        """Return the turns of waves, numbered from 0, shape (K,) [rad]."""
+        """Return the turns of waves with given numbers, counted from 0, shape (K,) [rad]."""
         size = abs(self.turn)
         return np.copysign(np.clip(self.total - size * waves, 0.0, size), self.turn)
 
@@ -201,8 +205,11 @@ def plan(reach: Reach, turn: float) -> Plan:
 
 
 def _shortening(reach: Reach, turn: float, straight: float) -> float | None:
-    """Return the least share by which a turning step is shorter than a straight step; None if no step is in reach."""
-    # From above: the shape of a chain that is pressed far together is not the wanted shape.
+    """Return the smallest relative shortening of a turning step with which the turn is possible.
+
+    None if there is none.
+    """
+    # Short steps are tried last: a chain that is strongly compressed buckles into a different shape.
     fitting = (k for k, share in enumerate(SHORTENING_CANDIDATES) if _fits(reach, turn, (1.0 - share) * straight))
     first = next(fitting, None)
     if first is None:

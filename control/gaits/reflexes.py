@@ -1,21 +1,21 @@
-"""Reflexes: parts that change the commands of a gait according to the load and strain of the segments.
+"""Reflexes, which change the commands of a gait depending on the load and strain of the segments.
 
-A reflex changes the contraction of each segment that the gait, or the previous reflex, commands. The reflex acts on
-both sides of a segment alike: a reflex neither steers nor removes steering. `Reflexive` (`control.gaits.reflexive`)
+A reflex changes the contraction of each segment that the gait, or the previous reflex, commands. It changes both sides
+of a segment by the same amount, so that it neither steers nor removes steering. `Reflexive` (`control.gaits.reflexive`)
 adds reflexes to any gait.
 
-The formulas use the wanted contraction w (the mean of a segment's sides), the contraction c after the reflex, and the
-load F on the segment (the sum over the segment's apexes), as functions of time:
+In the formulas, w is the contraction before the reflex (the mean of a segment's sides), c the contraction after it, and
+F the load on the segment (the sum over its apexes), all as functions of time.
 
 `WallLoad`, with the threshold F* and the least contraction of the worm's stroke c_min:
 
     c = w - e;   e' = rate min(F/F* - 1, 1)  where F >= F*,  -recovery (1 - F/F*)  else;   0 <= e <= w - c_min    (GR1)
 
-so that a segment which presses hard enough widens no further and gives way to a greater load. The segment gives way no
-faster than `rate`; otherwise a worm that starts wedged, with many times the load, would let go of the wall altogether.
-The segment lets go when the wave turns, not only when w has come down to c: anchors hold for as long in a narrow pipe
-as in a wide pipe, the worm steps as far, and no two groups of anchors pull against each other through segments that
-move. At c_min the reflex has no memory of the load left, and the segment widens with the wave again.
+A segment that presses hard enough therefore does not widen further, and it gives way to a greater load. It gives way no
+faster than `rate`. Otherwise a worm that starts wedged, with many times the load, would lose the wall. The segment
+begins to release as soon as the contraction of the wave decreases, and not only when w has decreased to c. Therefore
+anchors hold as long in a narrow pipe as in a wide pipe, the steps of the worm are as long, and groups of anchors do not
+pull against each other. At c_min the correction e is 0 again, and the segment widens with the wave.
 
 `Reach`, with the load F0 that counts as contact:
 
@@ -45,13 +45,13 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 REFLEXES: dict[str, type[Reflex]] = {}
-"""Class of each reflex, by name."""
+"""Class of each reflex, by the name used in scenes."""
 
 GRAVITY = 9.81
-"""Acceleration of free fall for the worm's weight, the unit of the thresholds [m/s^2]."""
+"""Acceleration of gravity. Default thresholds are multiples of the worm's weight or of a segment's weight [m/s^2]."""
 
 TOUCH = 0.25
-"""Default load that counts as contact, in weights of a segment."""
+"""Default load above which a segment is in contact, in weights of a segment."""
 
 
 class ReflexMemory(Protocol):
@@ -60,16 +60,17 @@ class ReflexMemory(Protocol):
     def step(self, t: float, wanted: FloatArray, felt: Felt) -> FloatArray:
         """Advance to time t [s] and return the contraction of the chambers [left, right], shape (N, 2).
 
-        `wanted` is the wanted contraction, of the same shape. The first call sets the start time of the memory.
+        `wanted` is the contraction before the reflex, of the same shape. The first call sets the start time of the
+        memory.
         """
 
 
 @dataclass(frozen=True)
 class Reflex(Spelled, ABC):
-    """A change of the commanded contraction by felt samples; `REFLEXES` lists a subclass under its `name`."""
+    """A change of the commanded contraction that depends on sensors. Subclasses are registered under their `name`."""
 
     senses: ClassVar[tuple[str, ...]]
-    """Names of the sensed channels of `control.sensing.QUANTITIES`."""
+    """Names of the channels of `control.sensing.QUANTITIES` that the reflex uses."""
     name: ClassVar[str] = ""
 
     def __init_subclass__(cls, name: str = "") -> None:
@@ -90,8 +91,8 @@ class Reflex(Spelled, ABC):
 class _Segmentwise:
     """Memory that changes the mean contraction of each segment.
 
-    `advanced` returns the contraction of the segments after a time [s], from the wanted contraction, both of shape
-    (N,), and the felt samples.
+    `advanced(dt, wanted, felt)` returns the contraction of the segments, shape (N,), `dt` [s] after the previous call.
+    `wanted` is the contraction before the reflex, shape (N,).
     """
 
     def __init__(self, advanced: Callable[[float, FloatArray, Felt], FloatArray]) -> None:
@@ -113,10 +114,10 @@ def load_of(felt: Felt) -> FloatArray:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class WallLoad(Reflex, name="wall_load"):
-    """A segment that presses the wall hard enough stops widening, (GR1).
+    """A segment that presses hard against the wall stops widening, (GR1).
 
-    The threshold is for worms that may have to hold their weight, as in steep pipes. If the weight rests on the ground,
-    a lower threshold loses less to slip.
+    The default threshold suits worms that must hold their own weight, as in steep pipes. If the weight rests on the
+    ground, a lower threshold causes less slip.
     """
 
     load: float | None = parameter(

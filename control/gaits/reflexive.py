@@ -1,4 +1,4 @@
-"""Any gait with reflexes, `control.gaits.reflexes`: a controller with senses, composed of a gait and reflexes."""
+"""A gait combined with reflexes (`control.gaits.reflexes`), which together are a controller that uses sensors."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from worm3d.values.spelling import Spelled
 class Reflexive(Spelled):
     """A gait whose contractions reflexes change, one after the other, before they are clipped to the stroke.
 
-    The hinges and forces are the gait's. If no reflex changes anything, the commands equal the gait's bit for bit. The
-    memory of the reflexes is no part of a `worm3d.State`: in a run that continues from a state, the reflexes start
-    fresh.
+    Hinges and forces are those of the gait. If no reflex changes anything, the commands equal the gait's bit for bit.
+    The memory of the reflexes is not part of a `worm3d.State`. In a run that continues from a state, the reflexes start
+    again from their initial state.
 
     Raises
     ------
     ValueError
-        There is no gait, or an entry of the reflexes is no reflex.
+        `gait` is not a gait, or an entry of `reflexes` is not a reflex.
     """
 
     gait: Gait
     """Any gait, with or without memory and senses."""
     reflexes: tuple[Reflex, ...]
-    """Reflexes in their order of action."""
+    """Reflexes in the order in which they act."""
 
     def __post_init__(self) -> None:
         arguments.instance("gait", self.gait, Gait, "a control.gaits.Gait such as control.gaits.TravellingWave()")
@@ -44,7 +44,7 @@ class Reflexive(Spelled):
 
     @property
     def period(self) -> float | None:
-        """Period of the gait [s]; None without one."""
+        """Period of the gait [s]. None if the gait has no period."""
         period: float | None = getattr(self.gait, "period", getattr(self.gait, "T_wave", None))
         return period
 
@@ -54,7 +54,7 @@ class Reflexive(Spelled):
 
     @property
     def senses(self) -> tuple[str, ...]:
-        """Names of the channels of `control.sensing.QUANTITIES` that gait and reflexes sense."""
+        """Names of the channels of `control.sensing.QUANTITIES` that the gait and the reflexes use."""
         of_gait: tuple[str, ...] = getattr(self.gait, "senses", ())
         return tuple(dict.fromkeys((*of_gait, *(name for each in self.reflexes for name in each.senses))))
 
@@ -63,7 +63,7 @@ class Reflexive(Spelled):
         return Feedback(worm, self.senses, partial(self._begun, worm))
 
     def _begun(self, worm: Worm) -> Commanding:
-        """Return the commands of one run."""
+        """Return the `Commanding` of one run."""
         command, memories = commanding(self.gait, worm), [each.start(worm) for each in self.reflexes]
 
         def reflexed(t: float, felt: Felt) -> Command:

@@ -75,21 +75,21 @@ Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
 Wave = Literal["sine", "steep"]
 UNIT_STEERING: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.14, 0.02)}
-"""Hinge [rad] and bias for a steering of 1; with "both" the steering is a share of the greatest steering."""
+"""Hinge [rad] and bias for a steering of 1. With "both", the steering is a share of the greatest steering."""
 
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
-"""Default number of waves after which a parameter has covered 63 % of a change."""
+"""Default number of waves in which a parameter covers 63 % of a change."""
 PACE = 0.5
-"""Frequency below which a slower wave does not slow a change of parameters further [Hz], so that waves can stop and
+"""Lower limit of the frequency in the rate of change of the parameters [Hz]. It allows waves of frequency 0 to stop and
 restart."""
 
 
 @dataclass(frozen=True)
 class GaitParameters(Spelled):
-    """Parameters of a wave, which a controller decides from wave to wave.
+    """Parameters of a wave, which a controller may change at any time.
 
-    Positive bias and hinge turn to the left, with the phases of a schedule that was found to steer.
+    With the phases of a `Schedule`, positive bias and hinge turn the worm to the left.
 
     Raises
     ------
@@ -98,7 +98,7 @@ class GaitParameters(Spelled):
     """
 
     amplitude: float
-    """Greatest contraction of a chamber A; below 0 for the wave (S3) that goes backwards."""
+    """Greatest contraction A of a chamber. It is negative for a backward wave (S3)."""
     frequency: float
     """Frequency f [Hz], above 0."""
     bias: float = 0.0
@@ -113,12 +113,15 @@ class GaitParameters(Spelled):
         arguments.number("frequency", self.frequency, "Hz", gt=0.0, allowed=standing)
 
     def steered(self, mechanism: Mechanism, steering: float) -> GaitParameters:
-        """Return the same wave, steered by one mechanism only: a hinge [rad], a bias, or a share of both."""
+        """Return the same wave, steered by one mechanism only.
+
+        The steering is a hinge [rad], a bias, or a share of both.
+        """
         hinge, bias = UNIT_STEERING[mechanism]
         return GaitParameters(self.amplitude, self.frequency, bias=steering * bias, hinge=steering * hinge)
 
     def steering(self, mechanism: Mechanism) -> float:
-        """Return the steering by a mechanism, so that `steered` gives this wave; nearest by least squares."""
+        """Return the steering for which `steered` gives this wave, or the nearest one by least squares."""
         hinge, bias = UNIT_STEERING[mechanism]
         return (self.hinge * hinge + self.bias * bias) / (hinge**2 + bias**2)
 
@@ -167,8 +170,8 @@ class Schedule(Spelled):
     ) -> Commands:
         """Return the commands at K phases psi (K,) [rad], (S1) and (S2).
 
-        The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each phase; (S3) applies where the
-        amplitude is below 0. A correction scales the commands to the chambers and shifts their phases.
+        `parameters` contains amplitude, frequency [Hz], bias and hinge [rad] at each phase, shape (K, 4). Where the
+        amplitude is negative, (S3) applies. `correction` scales the commands to the chambers and shifts their phases.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         back, amplitude = amplitude < 0.0, np.abs(amplitude)
@@ -186,11 +189,14 @@ class Schedule(Spelled):
         return Commands(chambers, bend, np.zeros_like(chambers))
 
     def pulse(self, phase: FloatArray, segments: int) -> FloatArray:
-        """Return the contractions without steering over the amplitude, at phases (..., 1) or (..., N) [rad]."""
+        """Return the contraction without steering, divided by the amplitude, at phases (..., 1) or (..., N) [rad]."""
         return np.clip(self.steepness * self._wave(phase, self.wavelength, segments), 0.0, 1.0)
 
     def bend(self, ahead: FloatArray, segments: int) -> FloatArray:
-        """Return the hinges of (S2) over the steering, at phases psi + 2 pi f lead (K, 1) [rad], shape (K, N - 1)."""
+        """Return the hinge angles of (S2) divided by the steering, shape (K, N - 1).
+
+        `ahead` contains the phases psi + 2 pi f lead, shape (K, 1) [rad].
+        """
         return self._wave(ahead + self.hinge_phase, self.steering_wavelength, segments)[:, 1:]
 
     def _wave(self, phase: FloatArray, wavelength: float, segments: int) -> FloatArray:
@@ -200,17 +206,17 @@ class Schedule(Spelled):
 
 
 WAVE_SCHEDULES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": Schedule(steepness=2.0)})
-"""Schedules of the default worm by their names in scenes."""
+"""Schedules of the default worm by the name used in scenes."""
 
 
 @dataclass(frozen=True)
 class SteeredWave(Spelled):
-    """Wave of constant parameters, as a gait; the wave swells from amplitude 0, as in a `WaveGenerator`."""
+    """A wave with constant parameters, as a gait. Its amplitude grows from 0, as in a `WaveGenerator`."""
 
     parameters: GaitParameters
     schedule: Schedule = Schedule()
     blend: float = BLEND
-    """Number of waves after which the wave has swollen to 63 %."""
+    """Number of waves in which the amplitude reaches 63 % of its final value."""
 
     def __post_init__(self) -> None:
         arguments.instance("parameters", self.parameters, GaitParameters, "a control.gaits.steering.GaitParameters")
@@ -228,7 +234,7 @@ class SteeredWave(Spelled):
         Raises
         ------
         ValueError
-            An amplitude beyond the worm's stroke.
+            The amplitude exceeds the worm's stroke.
         """
         require_amplitude(abs(self.parameters.amplitude), worm.stroke)
         steps = partial(time_steps.require_period, name="the gait's period", period=self.period)
@@ -242,19 +248,19 @@ class SteeredWave(Spelled):
 
 
 class WaveGenerator(Spelled):
-    """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
+    """Generator of a wave whose parameters may change at any time. The commands have no jumps.
 
-    The `phase` psi [rad] accumulates, psi' = 2 pi f. Each of the `parameters` p (None before the first step) approaches
-    its target at the rate (target - p) f / blend; the rate uses f = `PACE` for a smaller f. A wave begins at amplitude
-    0. If the direction is reversed, (S3), the old wave decays while the new wave swells, and the commands are the sum
-    of both. The `correction` of the chambers, None at first, may be set at any time.
+    The `phase` psi [rad] follows psi' = 2 pi f. Each of the `parameters` p approaches its target with the rate (target
+    - p) max(f, `PACE`) / blend. `parameters` is None before the first step, and a wave begins with amplitude 0. If the
+    direction is reversed, (S3), the old wave decays while the new wave grows, and the commands are the sum of both. The
+    `correction` of the chambers may be set at any time. It is None initially.
 
     Parameters
     ----------
     schedule : Schedule
     body : Body
     blend : float
-        Number of waves after which a parameter has covered 63 % of a change, above 0.
+        Number of waves in which a parameter covers 63 % of a change, above 0.
     """
 
     def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:
@@ -273,12 +279,12 @@ class WaveGenerator(Spelled):
         self.correction: Correction | None = None
 
     def step(self, dt: float, target: GaitParameters) -> Command:
-        """Return the command after another `dt` [s] of approaching `target`."""
+        """Return the command `dt` [s] after the previous one, on the way to `target`."""
         given = self.steps((dt,), target)
         return Command(given.contraction[0], given.hinge[0])
 
     def steps(self, elapsed: Sequence[float], target: GaitParameters) -> Commands:
-        """Return the commands after each of K further times of approaching `target` [s]."""
+        """Return the commands after each of K further time steps [s], on the way to `target`."""
         goal, now = target.row(), self._begun(target)
         phases, rows, dying_rows = [], [], []
         for dt in elapsed:
@@ -302,7 +308,7 @@ class WaveGenerator(Spelled):
         return Commands(both, given.hinge + other.hinge, given.force)
 
     def _begun(self, target: GaitParameters) -> FloatArray:
-        """Return the parameters of the wave in the target's direction; a wave in the other direction decays."""
+        """Return the present parameters of the wave in the target's direction. A wave in the other direction decays."""
         if self.parameters is None:
             self._dying = None
             return GaitParameters(0.0, target.frequency).row()
@@ -314,12 +320,15 @@ class WaveGenerator(Spelled):
 
     @property
     def waves(self) -> float:
-        """Number of waves since the beginning."""
+        """Number of waves since the start."""
         return self.phase / (2.0 * np.pi)
 
 
 class PlannedWave:
-    """Wave whose parameters follow a plan, time [s] -> `GaitParameters`, as a controller without measurements."""
+    """A controller without measurements, whose wave follows a plan.
+
+    The plan is a function of time [s] that returns `GaitParameters`.
+    """
 
     def __init__(self, plan: Callable[[float], GaitParameters], generator: WaveGenerator) -> None:
         self._plan, self._generator = plan, generator

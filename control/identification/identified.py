@@ -54,36 +54,36 @@ from worm3d.machine import cache
 from worm3d.values.arrays import FloatArray
 
 QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn": "odd", "drift": "odd", "roll": "even"})
-"""Quantities that are mapped, and their parity in the steering."""
+"""Quantities of a map, and their parity as functions of the steering."""
 
 MAX_STEERING: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06, "both": 1.0}
-"""Greatest steering in the identification of the default worm, which stays on its feet with room to spare."""
+"""Greatest steering in the identification of the default worm. The worm stays on its feet with a clear margin."""
 
 MAP_FORMAT_VERSION = 4
-"""Version of the files and of the physics behind them; a change of a default parameter needs a new one."""
+"""Version of the files and of the physics. It must be increased when a default parameter changes."""
 MAP_FOLDER, SUFFIX = "identified", ".map"
 """Folder and suffix of the files in the user's cache."""
 SHIPPED_MAPS = Path(__file__).parent / "worms"
-"""Folder of the files that come with the package, made of all combinations of the design (`runs` = 240)."""
+"""Folder of the supplied files. They were made from all combinations of the design (`runs` = 240)."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Steady motion of a worm in a wave, (I2)."""
+    """Steady motion of a worm per wave, (I2)."""
 
     distance: float
-    """Way forward [body lengths]."""
+    """Distance forward [body lengths]."""
     turn: float
     """Turn to the left [rad]."""
     drift: float
-    """Way to the left [body lengths]."""
+    """Distance to the left [body lengths]."""
     roll: float = np.nan
-    """Greatest mean roll of the segments in a wave, its magnitude [rad]; NaN where the roll was not measured."""
+    """Greatest mean roll of the segments in a wave, as a magnitude [rad]. NaN if the roll was not measured."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One run: the parameters and the measured motion."""
+    """Parameters and measured motion of one run."""
 
     parameters: GaitParameters
     motion: Motion
@@ -91,30 +91,30 @@ class Sample:
 
 @dataclass(frozen=True)
 class Design:
-    """The runs that identify a map: amplitudes with periods and steerings, to the left only.
+    """Runs from which a map is identified: combinations of amplitudes, periods and steerings to the left.
 
-    Only the most informative combinations are run, `surrogate.informative`: 120 of 240 do as well as all.
+    Only the most informative combinations are run (`surrogate.informative`). 120 of the 240 give as good a map as all.
     """
 
     amplitudes: tuple[float, ...] = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
     periods: tuple[float, ...] = (2.0, 1.6, 1.25, 1.0, 0.8)
     """Periods 1/f, multiples of the time step [s]."""
     steerings: tuple[float, ...] = (0.0, 0.04, 0.08, 0.125, 0.25, 0.5, 0.75, 1.0)
-    """Fractions of the greatest steering."""
+    """Steerings as fractions of the greatest steering."""
     waves: int = 7
-    """Waves of each run."""
+    """Number of waves of each run."""
     skipped: int = 4
-    """Waves of each run that are not steady yet."""
+    """Number of waves at the start of each run that are not steady yet."""
     runs: int = 120
     """Number of runs."""
 
     def ranges(self, steering: float) -> Ranges:
-        """Return the ranges of a map of these runs; `steering` is the greatest steering."""
+        """Return the ranges of a map from these runs. `steering` is the greatest steering."""
         amplitude = min(self.amplitudes), max(self.amplitudes)
         return Ranges(amplitude, (1.0 / max(self.periods), 1.0 / min(self.periods)), float(steering))
 
     def parameters(self, mechanism: Mechanism, steering: float) -> list[GaitParameters]:
-        """Return the parameters of each run; `steering` is the greatest steering."""
+        """Return the parameters of each run. `steering` is the greatest steering."""
         grid = list(product(self.amplitudes, self.periods, self.steerings))
         places = [(amplitude, 1.0 / period, share * steering) for amplitude, period, share in grid]
         chosen = [places[k] for k in surrogate.informative(self.ranges(steering), places, self.runs)]
@@ -123,26 +123,26 @@ class Design:
 
 @dataclass(frozen=True)
 class SteeringMap:
-    """Effect of one mechanism of steering: distance, turn, drift and roll over amplitude, frequency and steering."""
+    """Distance, turn, drift and roll per wave as functions of amplitude, frequency and steering by one mechanism."""
 
     mechanism: Mechanism
-    """Kind of the steering: "hinge" [rad], "bias" [1], or "both" as a share of the greatest."""
+    """Mechanism of the steering: "hinge" [rad], "bias" [1], or "both", as a share of the greatest steering."""
     ranges: Ranges
     distance: Polynomial
-    """Way forward [body lengths a wave]."""
+    """Distance forward [body lengths per wave]."""
     turn: Polynomial
-    """Turn to the left [rad a wave]."""
+    """Turn to the left [rad per wave]."""
     drift: Polynomial
-    """Way to the left [body lengths a wave]."""
+    """Distance to the left [body lengths per wave]."""
     misfits: Mapping[str, Misfit]
-    """Misfit of each polynomial over the fitted runs."""
+    """Misfit of each polynomial for the runs to which it was fitted."""
     checks: Mapping[str, Misfit]
-    """Misfit of each polynomial over other runs."""
+    """Misfit of each polynomial for other runs."""
     roll: Polynomial | None = None
-    """Greatest mean roll of the segments in a wave [rad]; None if the roll is not known."""
+    """Greatest mean roll of the segments in a wave [rad]. None if the roll is unknown."""
 
     def speed(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
-        """Return the forward speed [body lengths/s], (I4); numbers, arrays or CasADi's symbols."""
+        """Return the forward speed [body lengths/s], (I4). Arguments may be numbers, arrays or CasADi symbols."""
         known, low = self._known(frequency), self.ranges.frequency[0]
         further = (known - frequency) / (self.ranges.middle - low) * self._gained(amplitude, low, steering)
         return frequency * (self.distance(amplitude, known, steering) + further)
@@ -157,11 +157,11 @@ class SteeringMap:
 
     @cached_property
     def _gained(self) -> Polynomial:
-        """Difference of the distance of a wave at the least and at the middle frequency."""
+        """Distance per wave at the smallest frequency minus the distance at the middle frequency."""
         return self.distance.rise(self.ranges.middle, self.ranges.frequency[0])
 
     def _known(self, frequency: Any) -> Any:
-        """Return a frequency, or the least identified frequency if that is higher."""
+        """Return the frequency, but at least the smallest identified frequency."""
         least = self.ranges.frequency[0]
         return ca.fmax(frequency, least) if isinstance(frequency, ca.SX) else np.maximum(frequency, least)
 
@@ -189,20 +189,20 @@ class SteeringMap:
 
 @dataclass(frozen=True)
 class Lags:
-    """Lags of the motion behind the gait parameters, (I3)."""
+    """Lags of the motion behind changes of the gait parameters, (I3)."""
 
     amplitude: float
     """Lag of the speed after a step of the amplitude [waves]."""
     frequency: float
     """Lag of the speed after a step of the frequency [waves]."""
     steering: float
-    """Lag of the turn rate behind the steering in force, measured with sinusoidal steering [s]. (On the default worm
-    0.4 to 0.6 s from 0.6 to 1.1 Hz; including the lag of the wave generator 0.8 to 0.95 s.)"""
+    """Lag of the turn rate behind the steering in force, measured with sinusoidal steering [s]. On the default worm it
+    is 0.4 to 0.6 s from 0.6 to 1.1 Hz, or 0.8 to 0.95 s including the lag of the wave generator."""
     swing: float = 0.0
-    """Speed to the left beyond the speed of steady waves, over the turn acceleration, D of (R1): a linear fit
-    extrapolated to frequency 0 [body lengths s]; 0 if not measured."""
+    """Additional speed to the left, compared with steady waves, divided by the turn acceleration: D of (R1), a linear
+    fit extrapolated to frequency 0 [body lengths s]. 0 if it was not measured."""
     swing_rise: float = 0.0
-    """Slope of the linear fit of `swing` over the frequency [body lengths s/Hz]."""
+    """Slope of this linear fit over the frequency [body lengths s/Hz]."""
 
 
 @dataclass(frozen=True)
@@ -215,17 +215,18 @@ class Identified:
     lags: Mapping[Mechanism, Lags]
     """Lags of each mechanism."""
     backward: bool = False
-    """Whether the worm crawls backwards just as forwards, `is_reversible`; a property of the worm, not kept in
-    files."""
+    """Whether the worm crawls backwards as well as forwards (`is_reversible`). It is a property of the worm and not
+    stored in files."""
     held: tuple[HeldSteering | None, ...] = ()
-    """Steering while a segment is held still, for each segment; empty if not requested."""
+    """Entry i is the steering while segment i is held still. Empty if not identified."""
     grip: float = inf
-    """Least coefficient of forward friction, the gradient up to which the ground holds the worm; not kept in files."""
+    """Smallest coefficient of forward friction, which is the gradient up to which the ground holds the worm. It is not
+    stored in files."""
     strain: StrainModel | None = None
-    """Strains of the worm while all chambers are healthy; None if the strains are not known."""
+    """Model of the strains while all chambers are healthy. None if it is unknown."""
 
     def on(self, worm: Worm, ground: Friction) -> Identified:
-        """Return the map with the properties of a worm and a ground that need no run."""
+        """Return the map with those properties of a worm and a ground that need no run."""
         return replace(self, backward=is_reversible(worm, ground), grip=float(np.min(ground.forward)))
 
     def as_dict(self) -> dict[str, Any]:
@@ -251,15 +252,16 @@ class Identified:
 
 
 def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int, length: float) -> Motion:
-    """Return the mean motion a wave, (I2), of a body of the given length [m] in a run of constant parameters.
+    """Return the mean motion per wave, (I2), in a run with constant parameters.
 
-    The centre of mass (T, 2 or 3) [m] and the unwrapped heading (T,) [rad] have `rows` rows a wave, after one row for
-    the start; the first `skipped` waves are left out.
+    `com` is the centre of mass, shape (T, 2) or (T, 3) [m], and `heading` the unwrapped heading, shape (T,) [rad]. They
+    have one row for the start, followed by `rows` rows per wave. The first `skipped` waves are ignored. `length` is the
+    length of the body [m].
 
     Raises
     ------
     ValueError
-        Fewer than two waves are left, or the heading is lost (NaN).
+        Fewer than two waves remain, or the heading is NaN.
     """
     waves = (len(heading) - 1) // rows
     if waves - skipped < 2:
@@ -275,12 +277,12 @@ def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int,
 
 
 def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> float:
-    """Return the lag of a rate, given for each wave, behind a step after `before` waves, (I3) [waves].
+    """Return the lag (I3) of a rate behind a step after `before` waves [waves]. `rates` has one value per wave.
 
     The initial rate is the mean over the last `settled` waves before the step, the final rate the mean over the last
     `settled` waves of the run.
 
-    Raises ValueError if the step changes the rate by less than a millionth, since there is no response then.
+    Raises ValueError if the step changes the rate by less than a millionth.
     """
     y = np.asarray(rates, dtype=float)
     begin, end = y[before - settled : before].mean(), y[-settled:].mean()
@@ -296,9 +298,10 @@ def fit_map(
     checks: Sequence[Sample],
     similar: SteeringMap | None = None,
 ) -> SteeringMap:
-    """Return the map of one mechanism, fitted to samples and compared with others; ValueError for too few samples.
+    """Return the map of one mechanism, fitted to `samples` and compared with `checks`.
 
-    Given the map of a `similar` worm, the function corrects this map instead, which needs fewer samples.
+    If the map of a `similar` worm is given, this map is corrected instead, which needs fewer samples. ValueError if
+    there are too few samples.
     """
     where, seen = _table(mechanism, samples)
     other, there = _table(mechanism, checks)
@@ -328,7 +331,7 @@ def _table(mechanism: Mechanism, samples: Sequence[Sample]) -> tuple[FloatArray,
 def load(
     worm: Worm, ground: Friction | None = None, schedule: Schedule | None = None, design: Design | None = None
 ) -> Identified | None:
-    """Return the maps and lags of a worm on a ground; None if not identified yet (`worm3d study identify`)."""
+    """Return the maps and lags of a worm on a ground. None if they were not identified (`worm3d study identify`)."""
     name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
     shipped = SHIPPED_MAPS / f"{name}.json"
     content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(MAP_FOLDER), name, SUFFIX)
@@ -359,14 +362,14 @@ def _is_symmetric(thing: Any) -> bool:
 
 
 def store(identified: Identified, worm: Worm, ground: Friction, design: Design, folder: Path | None = None) -> bool:
-    """Store the identified properties in the user's cache or another folder; return whether this succeeded."""
+    """Store the identified properties in the user's cache or another folder, and return whether this succeeded."""
     name = key(worm, ground, identified.schedule, design)
     content = json.dumps(identified.as_dict(), indent=1, allow_nan=False) + "\n"
     return cache.store(folder or cache.folder(MAP_FOLDER), name, content.encode(), SUFFIX)
 
 
 def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
-    """Return the name of the file of a worm on a ground; parameters with default values do not enter the name."""
+    """Return the file name of a worm on a ground. It does not depend on parameters with default values."""
     content = {
         "format": MAP_FORMAT_VERSION,
         "worm": _unusual(worm),
@@ -379,7 +382,7 @@ def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str
 
 
 def parameters(thing: Any) -> dict[str, Any]:
-    """Return the fields of a worm, a ground or a part for JSON; an array of equal numbers becomes one number."""
+    """Return the fields of a worm, a ground or a part for JSON. An array of equal numbers becomes one number."""
     return {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
 
 

@@ -1,15 +1,15 @@
 """Model of the chamber strains of a healthy worm: linear filters of the commands to its chambers and hinges.
 
-The strain s of a chamber c follows eight inputs u_k: the command of the chamber, the command of its twin, the commands
-of the chambers beside both, and the hinges at both ends of the segment. Each input passes first-order lags with M time
-constants T_m. Least squares fit the weights and a mean to one run with changing amplitude, frequency and steering, and
-with different commands to different chambers:
+The strain s of a chamber c depends on eight inputs u_k: the commands of the chamber and of its twin (the chamber on the
+other side of the segment), the commands of the four chambers in the neighbouring segments, and the hinges at both ends
+of the segment. Each input passes first-order lags with M time constants T_m. Least squares fit the weights and a mean
+to one run with changing amplitude, frequency and steering, and with different commands to different chambers:
 
     x_km' = (u_k - x_km)/T_m,    s_c = mean_c + sum_k sum_m w_ckm x_km                                        (SM1)
 
-The left and right chambers of a segment have the same weights; a hinge enters the two with opposite signs. On the
-default worm (SM1) leaves 0.3 % of the variance of the strains of another run; the chamber's own command alone leaves
-0.5 %, one time constant leaves 1.6 %.
+The left and right chambers of a segment have the same weights, but a hinge has opposite signs for them. On the default
+worm (SM1) leaves 0.3 % of the variance of the strains unexplained in a second run. With only the chamber's own command
+it leaves 0.5 %, and with a single time constant 1.6 %.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from control.gaits.steering import LEFT_RIGHT
 from worm3d.values.arrays import FloatArray
 
 TIME_CONSTANTS = (0.05, 0.1, 0.2)
-"""Time constants T_m of a fitted model [s]; the chambers of the default worm have a lag of 0.1 s."""
+"""Time constants T_m of a fitted model [s]. The chambers of the default worm have a lag of 0.1 s."""
 INPUTS = 8
-"""Number of inputs of a chamber, in the order of `inputs`; the chamber's own command is the first."""
+"""Number of inputs of a chamber, in the order of `inputs`. The first one is the chamber's own command."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,9 @@ class StrainModel:
     time_constants: FloatArray
     """Time constants T_m, shape (M,) [s]."""
     weights: FloatArray
-    """Weights w of the inputs of a chamber of each segment, shape (N, 8, M) [1, of hinges 1/rad]."""
+    """Weights w of the inputs for the chambers of each segment, shape (N, 8, M) [1, for hinges 1/rad]."""
     mean: FloatArray
-    """Mean strain of a chamber of each segment, shape (N,)."""
+    """Mean strain of the chambers of each segment, shape (N,)."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StrainModel) and all(map(np.array_equal, vars(self).values(), vars(other).values()))
@@ -61,7 +61,10 @@ class StrainModel:
 
     @classmethod
     def plain(cls, segments: int) -> Self:
-        """Return the model of an unidentified worm: one lag of the chamber's own command, as in the default worm."""
+        """Return the model of a worm that was not identified.
+
+        It has one lag of the chamber's own command, as in the default worm.
+        """
         weights = np.zeros((segments, INPUTS, 1))
         weights[:, 0] = -0.9
         return cls(np.array([0.1]), weights, np.zeros(segments))
@@ -70,7 +73,7 @@ class StrainModel:
     def fit(
         cls, time: FloatArray, contraction: FloatArray, hinge: FloatArray, strain: FloatArray, skipped: float = 2.0
     ) -> Self:
-        """Return the model of a run.
+        """Return the model fitted to a run.
 
         Parameters
         ----------
@@ -79,9 +82,9 @@ class StrainModel:
         contraction, hinge : ndarray of float, shapes (K, N, 2) and (K, N - 1)
             Commands in force at these instants [1, rad].
         strain : ndarray of float, shape (K, N, 2)
-            Strains at these instants. Fewer rows than two for each weight give `plain`.
+            Strains at these instants. With fewer than two rows per weight, the result is `plain`.
         skipped : float
-            Time at the begin of the run that is left out of the fit [s].
+            Time at the start of the run that is excluded from the fit [s].
         """
         constants, segments, late = np.array(TIME_CONSTANTS), contraction.shape[1], time - time[0] >= skipped
         if late.sum() < 2 * INPUTS * len(constants):
@@ -100,10 +103,11 @@ class StrainModel:
 
 
 def inputs(contraction: FloatArray, hinge: FloatArray) -> FloatArray:
-    """Return the inputs of each chamber, (..., N, 2, 8), from values of chambers (..., N, 2) and hinges (..., N - 1).
+    """Return the inputs of each chamber, shape (..., N, 2, 8).
 
-    The order: the chamber and its twin, the chamber behind and its twin, the chamber ahead and its twin, the hinge
-    behind, the hinge ahead. Inputs beyond the ends of the worm are 0.
+    `contraction` contains values of the chambers, shape (..., N, 2), and `hinge` values of the hinges, shape (..., N -
+    1). The inputs are, in this order: the chamber and its twin, the same two of the segment behind, the same two of the
+    segment ahead, the hinge behind, and the hinge ahead. Inputs beyond the ends of the worm are 0.
     """
     *more, segments, _ = contraction.shape
     values = np.zeros((*more, segments, 2, INPUTS))
@@ -115,6 +119,9 @@ def inputs(contraction: FloatArray, hinge: FloatArray) -> FloatArray:
 
 
 def lagged(before: FloatArray, begin: FloatArray, end: FloatArray, lag: FloatArray, dt: float) -> FloatArray:
-    """Return the states of first-order lags [s] after `dt` [s], above 0, for inputs linear from `begin` to `end`."""
+    """Return the states of first-order lags [s] after `dt` > 0 [s].
+
+    The input changes linearly from `begin` to `end`.
+    """
     ramp = lag * (end - begin) / dt
     return np.asarray(end - ramp + (before - begin + ramp) * np.exp(-dt / lag))

@@ -1,19 +1,20 @@
-"""Surrogates: polynomials fitted to the motion of a plant, for NumPy and CasADi alike.
+"""Surrogates, which are polynomials fitted to the motion of a simulated worm, for use with NumPy and CasADi.
 
-A quantity y of amplitude A, frequency f and steering s is, with each of the three scaled to [-1, 1] over the range (s
-to s/s_max),
+A quantity y is a function of amplitude, frequency and steering. Scaled to [-1, 1] over their ranges, they are a, g and
+s:
 
     y = sum_{i+j <= n_k, k} c_ijk a^i g^j S_k(s),   S_k = s^k, k = 0, 2, 4      if y is even in s
                                                     tanh(s/s_0), s^k, k = 1, 3, 5   if it is odd              (I1)
 
-Left and right are mirror images: distance is even in the steering, turn and drift are odd, exactly. Weak steering
-hardly turns a worm, since the feet still stick: s - s_0 tanh(s/s_0) starts as softly. (On the default worm, at an
-amplitude of 0.3 and 0.8 Hz, hinges of 0.005, 0.01 and 0.02 rad turn the worm by a sixth, two fifths and six sevenths of
-the proportional turn. The error of the turn is 0.006 rad a wave without the term in tanh, and 0.0015 with this term.)
+Since left and right are mirror images, the distance is exactly even in the steering, and turn and drift are exactly
+odd. Weak steering hardly turns a worm, since the feet still stick. The function s - s_0 tanh(s/s_0) has a similar soft
+start. (On the default worm, at an amplitude of 0.3 and 0.8 Hz, hinges of 0.005, 0.01 and 0.02 rad turn the worm by a
+sixth, two fifths and six sevenths of the proportional turn. The error of the turn is 0.006 rad a wave without the term
+in tanh, and 0.0015 with this term.)
 
-A polynomial c0 that nearly fits is corrected with fewer values than coefficients. The error of c0 is assumed to be
-smooth: a random polynomial, whose coefficients fall by `SMOOTH` with each degree n. The most likely polynomial
-minimises
+A polynomial c0 that nearly fits can be corrected with fewer values than coefficients. Its error is assumed to be a
+smooth random polynomial, whose coefficients decrease by the factor `SMOOTH` with each degree n. The most likely
+polynomial c minimises
 
     sum_m (y_m - p_c(x_m))^2 + RIDGE sum_n (c_n - c0_n)^2 / SMOOTH^(2 n)                                        (I5)
 
@@ -35,27 +36,28 @@ from worm3d.values.arrays import FloatArray
 Parity = Literal["even", "odd"]
 
 STICKING_STEERING = 0.08
-"""Steering below which feet stick, s_0, as a share of the greatest."""
+"""Steering s_0 below which feet stick, as a share of the greatest steering."""
 MIN_WAVE_FREQUENCY = 0.01
-"""Least frequency of a wave that is slower than all identified waves [Hz]."""
+"""Smallest frequency that controllers may use, below the identified range [Hz]."""
 DEGREES: dict[Parity, dict[int, int]] = {"even": dict.fromkeys((0, 2, 4), 4), "odd": dict.fromkeys((0, 1, 3, 5), 4)}
-"""Powers of the steering, and the joint degree n_k in amplitude and frequency for each power; in odd quantities the
-power 0 stands for tanh(s/s_0)."""
+"""Powers k of the steering, and for each power the joint degree n_k in amplitude and frequency. For odd quantities, k =
+0 is the term tanh(s/s_0)."""
 RIDGE = 1e-3
-"""Initial information of a design or a correction, which makes the matrix invertible; small beside one run's."""
+"""Information that is assumed before the first run. It makes the matrix invertible, and is small compared with the
+information of one run."""
 SMOOTH = 0.7
-"""Factor of the error coefficients of a polynomial per degree, (I5): of 0.5, 0.7 and 1 the value with the least error
-on worms of half the stiffness or four segments, from 24 to 48 runs."""
+"""Factor by which the coefficients of the error decrease per degree, (I5). Of 0.5, 0.7 and 1, this value has the
+smallest error on worms with half the stiffness or with four segments, from 24 to 48 runs."""
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges of validity of a surrogate; none may be empty."""
+    """Ranges in which a surrogate is valid. They must not be empty."""
 
     amplitude: tuple[float, float]
-    """Least and greatest amplitude."""
+    """Smallest and greatest amplitude."""
     frequency: tuple[float, float]
-    """Least and greatest frequency [Hz]."""
+    """Smallest and greatest frequency [Hz]."""
     steering: float
     """Greatest magnitude of the steering."""
 
@@ -68,7 +70,7 @@ class Ranges:
             raise ValueError(f"steering: got {self.steering!r}, must be above 0")
 
     def scaled(self, amplitude: Any, frequency: Any, steering: Any) -> tuple[Any, Any, Any]:
-        """Return the three scaled to [-1, 1]; numbers, arrays or CasADi's symbols."""
+        """Return amplitude, frequency and steering scaled to [-1, 1]. They may be numbers, arrays or CasADi symbols."""
         return (_centred(amplitude, self.amplitude), _centred(frequency, self.frequency), steering / self.steering)
 
     @property
@@ -78,14 +80,17 @@ class Ranges:
 
     @property
     def bounds(self) -> FloatArray:
-        """Least and greatest inputs a controller may choose, shape (2, 3), frequencies from `MIN_WAVE_FREQUENCY` on."""
+        """Smallest and greatest inputs that a controller may choose, shape (2, 3).
+
+        The frequencies begin at `MIN_WAVE_FREQUENCY`.
+        """
         (weak, strong), (_, fast), sharp = self.amplitude, self.frequency, self.steering
         return np.array([[weak, MIN_WAVE_FREQUENCY, -sharp], [strong, fast, sharp]])
 
 
 @dataclass(frozen=True)
 class Polynomial:
-    """One quantity over amplitude, frequency and steering, (I1)."""
+    """One quantity as a function of amplitude, frequency and steering, (I1)."""
 
     ranges: Ranges
     parity: Parity
@@ -99,7 +104,7 @@ class Polynomial:
             raise ValueError(f"coefficients: got {len(self.coefficients)}, must be {wanted} for {self.parity}")
 
     def __call__(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
-        """Return the quantity; numbers, arrays or CasADi's symbols."""
+        """Return the quantity. Arguments may be numbers, arrays or CasADi symbols."""
         a, g, s = self.ranges.scaled(amplitude, frequency, steering)
         plane = dict.fromkeys(DEGREES[self.parity], 0.0)  # separate: a graph of many steerings then has the plane once
         for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True):
@@ -114,7 +119,10 @@ class Polynomial:
         return self if ranges == self.ranges else fit(ranges, self.parity, where, self(*where.T))
 
     def rise(self, begin: float, end: float) -> Polynomial:
-        """Return the rise from one frequency to another [Hz], as a polynomial of amplitude and steering alone."""
+        """Return the increase of the quantity from one frequency to another [Hz].
+
+        The result is a polynomial that only depends on amplitude and steering.
+        """
         terms, (_, (low, high), _) = exponents(self.parity), self.ranges.scaled(0.0, np.array([begin, end]), 0.0)
         risen = dict.fromkeys(terms, 0.0)
         for c, (i, j, k) in zip(self.coefficients, terms, strict=True):
@@ -127,30 +135,31 @@ class Misfit:
     """Misfit between a surrogate and samples."""
 
     rms: float
-    """Root mean square of the misses, in the unit of the quantity."""
+    """Root mean square error, in the unit of the quantity."""
     worst: float
-    """Greatest miss, in the unit of the quantity."""
+    """Greatest error, in the unit of the quantity."""
     rms_percent: float
-    """`rms` over the root mean square of the quantity itself [%]."""
+    """`rms` divided by the root mean square of the quantity itself [%]."""
 
 
 def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
-    """Return the exponents (i, j, k) of the terms of (I1); an odd quantity's k = 0 is no exponent."""
+    """Return the exponents (i, j, k) of the terms of (I1). For odd quantities, k = 0 is the term tanh(s/s_0)."""
     return tuple(
         (i, n - i, k) for k, degree in DEGREES[parity].items() for n in range(degree + 1) for i in range(n, -1, -1)
     )
 
 
 def informative(ranges: Ranges, where: ArrayLike, number: int) -> list[int]:
-    """Return the places among (M, 3) to measure, so that few places determine surrogates of both parities.
+    """Return the indices of the most informative among M places, with which surrogates of both parities can be fitted.
 
-    The places are chosen one after the other; each adds the most to the logarithms of the determinants of the two
-    information matrices (a D-optimal design, Fedorov's exchange without the exchange).
+    `where` contains the places, shape (M, 3). They are chosen one after the other. Each one increases the
+    log-determinants of the two information matrices as much as possible (a D-optimal design, a greedy version of
+    Fedorov's exchange).
 
     Raises
     ------
     ValueError
-        There are fewer places than the number.
+        There are fewer places than `number`.
     """
     scaled = ranges.scaled(*np.asarray(where, dtype=float).T)
     if number > len(scaled[0]):
@@ -172,9 +181,10 @@ def informative(ranges: Ranges, where: ArrayLike, number: int) -> list[int]:
 
 
 def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> Polynomial:
-    """Return the polynomial nearest to samples, by least squares.
+    """Return the polynomial that fits samples best, by least squares.
 
-    The samples are values (M,) at amplitudes, frequencies [Hz] and steerings (M, 3).
+    `where` contains amplitude, frequency [Hz] and steering of each sample, shape (M, 3), and `values` has the shape
+    (M,).
 
     Raises
     ------
@@ -192,7 +202,7 @@ def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> 
 
 
 def corrected(polynomial: Polynomial, where: ArrayLike, values: ArrayLike) -> Polynomial:
-    """Return a polynomial, corrected by samples, (I5): values (M,) at places (M, 3)."""
+    """Return a polynomial that is corrected by samples, (I5). `where` and `values` are as for `fit`."""
     places, parity = np.asarray(where, dtype=float), polynomial.parity
     degrees = np.array([i + j + (k or 1 if parity == "odd" else k) for i, j, k in exponents(parity)])
     weights = SMOOTH**degrees
@@ -203,7 +213,7 @@ def corrected(polynomial: Polynomial, where: ArrayLike, values: ArrayLike) -> Po
 
 
 def misfit(polynomial: Polynomial, where: ArrayLike, values: Sequence[float] | FloatArray) -> Misfit:
-    """Return the misfit of a polynomial to samples; arguments as for `fit`."""
+    """Return the misfit between a polynomial and samples. `where` and `values` are as for `fit`."""
     true = np.asarray(values, dtype=float)
     off = polynomial(*np.asarray(where, dtype=float).T) - true
     rms, size = float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(true**2)))
@@ -217,7 +227,7 @@ def _terms(parity: Parity, a: FloatArray, g: FloatArray, s: FloatArray) -> Float
 
 
 def _of_steering(parity: Parity, s: Any) -> dict[int, Any]:
-    """Return S_k of scaled steering, (I1), by k."""
+    """Return the functions S_k of the scaled steering, (I1), by k."""
     powers = {k: s**k for k in DEGREES[parity]}
     if parity == "odd":
         tanh = ca.tanh if isinstance(s, ca.SX) else np.tanh

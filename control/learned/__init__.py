@@ -1,1 +1,1 @@
-"""A learned controller: its senses, its network, and the loop around it; `scenes.studies.learn` trains it."""
+"""A learned controller: its observation, its network, and the control loop. `scenes.studies.learn` trains it."""

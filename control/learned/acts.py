@@ -1,8 +1,10 @@
-"""Meaning of an agent's action: the wave for the next control period.
+"""Conversion of an agent's action into the wave for the next control period.
 
 course: V_cmd = V_ref (1 + TRIM a_0),  w_cmd = kappa V_ref + TURN a_1 V_ref / L, and the wave of the identified map
-        with this speed and turn rate: an agent learns feedback only, as the line-of-sight baseline does, (B1) to (B3)
-wave:   amplitude, frequency and steering, each over its identified range; nothing else of the map is used
+        with this speed and turn rate. The agent only learns feedback, like the line-of-sight baseline, (B1) to (B3)
+wave:   amplitude, frequency and steering, each over its identified range. Apart from these ranges, the map is not used
+
+a_0 and a_1 are the numbers of the action, kappa is the curvature of the path, and L the body length.
 """
 
 from __future__ import annotations
@@ -17,13 +19,14 @@ from control.planning.feed_forward import FeedForward
 from worm3d.values.arrays import FloatArray
 
 TRIM = 0.5
-"""Greatest relative change of the reference speed by an agent: a worm on a slope of 3 degrees needs 0.2."""
+"""Greatest relative change of the reference speed by an agent. On a slope of 3 degrees a worm needs 0.2."""
 TURN = 3.0
-"""Greatest curvature that an agent adds to the path's [1/body length]; line-of-sight steering needs 2 at 0.1 rad."""
+"""Greatest curvature that an agent can add to the curvature of the path [1/body length]. Line-of-sight steering needs 2
+at a heading error of 0.1 rad."""
 
 
 class Act:
-    """Meaning of an action of `size` numbers in [-1, 1].
+    """Base class of the conversions. An action consists of `size` numbers in [-1, 1].
 
     Parameters
     ----------
@@ -42,11 +45,14 @@ class Act:
 
     @abstractmethod
     def __call__(self, action: FloatArray, seen: FloatArray) -> GaitParameters:
-        """Return the wave of an action (A,), decided from the observation `seen`, `control.learned.senses`."""
+        """Return the wave for an action, shape (A,).
+
+        `seen` is the observation that led to the action, see `control.learned.senses`.
+        """
 
 
 class Course(Act):
-    """Speed and turn rate, relative to the reference."""
+    """The action sets speed and turn rate, relative to the reference."""
 
     size = 2
 
@@ -59,7 +65,7 @@ class Course(Act):
 
 
 class Wave(Act):
-    """Amplitude, frequency and steering."""
+    """The action sets amplitude, frequency and steering."""
 
     size = 3
 
@@ -74,4 +80,4 @@ class Wave(Act):
 
 
 ACTS: dict[str, type[Act]] = {"course": Course, "wave": Wave}
-"""Meanings of actions by name."""
+"""Conversions of actions by name."""

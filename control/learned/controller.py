@@ -1,4 +1,4 @@
-"""The learned controller: a policy decides the wave from the observation of `Senses`, without an estimator."""
+"""The learned controller, in which a policy chooses the wave from an observation, without an estimator."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class LearnedPolicy(WaveController):
     Parameters
     ----------
     task : ControlTask
-        Task; the controller uses the task's map if the policy's actions need the map.
+        Task of the controller. Its map is used if the policy's actions need a map.
     policy : Policy, optional
-        By default the policy that comes with the program.
+        By default the supplied policy.
 
     Raises
     ------
     ValueError
-        A file that holds no policy.
+        The file does not contain a policy.
     """
 
     file: Path = SHIPPED_POLICY
-    """File of the policy; a subclass with another file is a separate controller."""
+    """File of the policy. A subclass with another file is another controller."""
 
     def __init__(self, task: ControlTask, policy: Policy | None = None) -> None:
         self.policy = Policy.load(self.file) if policy is None else policy

@@ -1,13 +1,13 @@
-"""Place and velocity of a worm as means over whole waves, from samples of its centre of mass.
+"""Position and velocity of a worm, averaged over whole waves, from samples of its centre of mass.
 
-A wave rocks the body, and samples are noisy. With the samples r(w) over the commanded phase w in waves, interpolated
-linearly, and the phase w_1 of the last sample,
+The averages remove the rocking of the body in each wave, and reduce the noise of the samples. Let r(w) be the samples
+as a function of the commanded phase w in waves, interpolated linearly, and w_1 the phase of the last sample. Then
 
     place = int_{w_1 - 1}^{w_1} r dw,    place_0 = int_{w_1 - 3/2}^{w_1 - 1/2} r dw,                          (LC1)
     velocity = (place - place_0) / (t(w_1) - t(w_1 - 1/2)).                                                   (LC2)
 
-White noise of standard deviation sigma in n samples a wave causes an error of sigma / sqrt(n) in the place, and the
-same error in the displacement from place_0 to place. The place lags by half a wave.
+If a wave has n samples with white noise of standard deviation sigma, the error of the place is sigma / sqrt(n). The
+displacement from place_0 to place has the same error. The place lags behind the worm by half a wave.
 """
 
 from __future__ import annotations
@@ -24,21 +24,24 @@ class Motion(NamedTuple):
     """Motion of a worm, averaged over a wave."""
 
     place: FloatArray
-    """Mean place, shape (2,) [m]; of all samples in the first waves."""
+    """Mean position over the last wave, shape (2,) [m]. In the first 1.5 waves, mean of all samples."""
     velocity: FloatArray | None
-    """Mean velocity, shape (2,) [m/s]; None in the first waves."""
+    """Mean velocity, shape (2,) [m/s]. None in the first 1.5 waves."""
     wave: float
-    """Time that the last wave took [s]; 0 in the first waves."""
+    """Duration of the last wave [s]. 0 in the first 1.5 waves."""
 
 
 class Course:
-    """The last samples of a centre of mass, and (LC1), (LC2) of these samples."""
+    """The latest samples of the centre of mass, and the motion (LC1), (LC2) computed from them."""
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float, float, float]] = deque()
 
     def add(self, waves: float, t: float, place: FloatArray) -> None:
-        """Take a sample of phase [waves], time [s] and place (2,) [m]; ignore a sample that is not after the last."""
+        """Add a sample with its phase [waves], time [s] and place (2,) [m].
+
+        Samples that do not increase the phase are ignored.
+        """
         if self._samples and waves <= self._samples[-1][0]:
             return
         self._samples.append((waves, t, float(place[0]), float(place[1])))
@@ -46,7 +49,7 @@ class Course:
             self._samples.popleft()
 
     def motion(self) -> Motion | None:
-        """Return the motion; None before the first sample."""
+        """Return the motion, or None before the first sample."""
         if not self._samples:
             return None
         waves, *columns = np.array(self._samples).T
@@ -61,7 +64,10 @@ class Course:
 
 
 def _integral(w: FloatArray, y: FloatArray, ends: FloatArray) -> FloatArray:
-    """Return the integrals over w, up to each of the ends, of the linear interpolation of samples y (n, 2)."""
+    """Return the integrals of the samples over w, from the first sample to each of the ends.
+
+    The samples y, shape (n, 2), are interpolated linearly.
+    """
     whole = np.vstack([np.zeros(2), np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(w)[:, None], axis=0)])
     k = np.clip(np.searchsorted(w, ends, side="right") - 1, 0, len(w) - 2)
     part, width = (ends - w[k])[:, None], (w[k + 1] - w[k])[:, None]

@@ -1,4 +1,4 @@
-"""A policy: a small network from an observation to an action, kept as a file of plain arrays.
+"""A policy, which is a small network from an observation to an action. It is stored as a file of plain arrays.
 
 z_0 = seen,    z_{k+1} = tanh(W_k z_k + b_k),    action = clip(W_n z_n + b_n, -1, 1)                      (LP1)
 """
@@ -23,9 +23,9 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 
 SHIPPED_POLICY = Path(__file__).with_name("policy.npz")
-"""The policy that comes with the program."""
+"""File of the supplied policy."""
 ABOUT = "about"
-"""Name of the text in a file that says how the policy was trained."""
+"""Name of the entry in a file that describes how the policy was trained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +35,14 @@ class Policy(Spelled):
     Raises
     ------
     ValueError
-        The layers do not fit together, do not end in the number of the actions, or are not finite.
+        The sizes of the layers do not match, the last size is not the size of an action, or the values are not finite.
     """
 
     layers: tuple[tuple[FloatArray, FloatArray], ...]
-    """Weights (outputs, inputs) and offsets (outputs,) of each layer."""
+    """Weights, shape (outputs, inputs), and offsets, shape (outputs,), of each layer."""
     about: Mapping[str, Any] = field(default_factory=dict)
-    """Training of the policy; "acts" names the kind of action, "channels" the channels beyond the
-    `senses.BASE_OBSERVATION_SIZE` numbers."""
+    """Description of the training. "acts" is the kind of action, and "channels" are the sensor channels that the policy
+    observes in addition to the `senses.BASE_OBSERVATION_SIZE` numbers."""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.about, Mapping) and all(isinstance(name, str) for name in self.channels)):
@@ -68,12 +68,12 @@ class Policy(Spelled):
 
     @property
     def acts(self) -> str:
-        """Kind of the policy's actions, a name in `control.learned.acts.ACTS`."""
+        """Kind of the policy's actions, a key of `control.learned.acts.ACTS`."""
         return str(self.about.get("acts", "course"))
 
     @property
     def channels(self) -> Sequence[str]:
-        """Observed channels beyond the `senses.BASE_OBSERVATION_SIZE` numbers."""
+        """Observed sensor channels in addition to the `senses.BASE_OBSERVATION_SIZE` numbers."""
         return tuple(self.about.get("channels", ()))
 
     def __call__(self, seen: FloatArray) -> FloatArray:
@@ -93,12 +93,12 @@ class Policy(Spelled):
 
     @classmethod
     def load(cls, path: Path = SHIPPED_POLICY) -> Policy:
-        """Return a policy from a file.
+        """Return the policy that is stored in a file.
 
         Raises
         ------
         ValueError
-            The file cannot be read, holds no policy, or is damaged.
+            The file cannot be read, does not contain a policy, or is damaged.
         """
         try:
             data = regular_file.read(path, 100_000_000)  # a policy with two layers of 1000 has 8 MB
@@ -117,7 +117,7 @@ class Policy(Spelled):
 
 
 def _unpacked(data: bytes) -> tuple[tuple[tuple[FloatArray, FloatArray], ...], Any]:
-    """Return layers and text from a file's bytes; raise any exception for other files."""
+    """Return the layers and the description from the bytes of a file. Other files raise various exceptions."""
     with np.load(BytesIO(data), allow_pickle=False) as found:
         about = json.loads(str(found[ABOUT]))
         count = sum(name.startswith("W") for name in found.files)

@@ -1,18 +1,18 @@
-"""Observation of a learned controller: the reference relative to the worm, from the measured place averaged over waves.
+"""Observation of a learned controller: the reference relative to the worm's measured position, averaged over waves.
 
-The observation does not depend on the worm's place, azimuth, length or number of segments. With the body length L,
-motion by (LC1), (LC2), speed V along the path, offset e to the left of the path (L2) and reference speed V_ref, the
-observation, clipped to [-2, 2], is:
+The observation does not depend on the worm's position, azimuth, length or number of segments. Let L be the body length,
+V the speed along the path by (LC1) and (LC2) of `control.learned.course`, e the offset to the left of the path (L2),
+and V_ref the reference speed. The numbers of the observation, each clipped to [-2, 2], are:
 
-    0          1 once a velocity is known, before that 0; 2, 4 and 5 are also 0 before
+    0          1 if a velocity is known, otherwise 0; in this case 2, 4 and 5 are also 0
     1          10 s V_ref / L
     2          V/V_ref - 1
     3          10 e/L
-    4, 5       sine and cosine - 1 of the angle from the path to the velocity, both of half a wave ago
-    6 ... 9    curvature of the path times L, now and 0.15, 0.3 and 0.45 L ahead
-    10, 11     fading means of 10 e/L and of V/V_ref - 1 over some 10 s
-    12         mean over the last wave of the actions' last number: the steering
-    13 ...     action before; then the latest samples of the further chosen channels, in SI units
+    4, 5       sine and cosine - 1 of the angle from the path to the velocity, both at the middle of the velocity's time
+    6 ... 9    curvature of the path times L, at the worm and 0.15, 0.3 and 0.45 L ahead
+    10, 11     exponentially weighted means of 10 e/L and of V/V_ref - 1, with a time constant of 10 s
+    12         mean of the last number of the actions (the steering) over the last wave
+    13 ...     the previous action, then the latest samples of the additional channels, in SI units
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 BASE_OBSERVATION_SIZE = 13
-"""Number of observed numbers, without actions and further channels."""
+"""Size of the observation without the previous action and the additional channels."""
 SPEED, CURVATURE = 1, 6
-"""Indices of the reference speed and of the present curvature."""
+"""Indices of the reference speed and of the present curvature in the observation."""
 FAST = 10.0
-"""Time that multiplies a speed in body lengths/s [s]."""
+"""Factor of speeds in the observation: 10 s times the speed in body lengths/s [s]."""
 OBSERVATION_LIMIT = 2.0
-"""Limit for clipping the observation."""
+"""Limit to which the observation is clipped."""
 CURVATURE_DISTANCES = np.array([0.0, 0.15, 0.3, 0.45])
-"""Distances ahead of the observed curvatures of the path [body lengths]."""
+"""Distances ahead of the worm at which the curvature is observed [body lengths]."""
 FADING = 10.0
-"""Time constant of the means that fade [s]."""
+"""Time constant of the exponentially weighted means [s]."""
 MIN_REFERENCE_SPEED = 1e-3
-"""Least reference speed for relative errors [body lengths/s]."""
+"""Smallest reference speed that is used as a divisor of relative errors [body lengths/s]."""
 
 
 class Senses:
@@ -56,14 +56,14 @@ class Senses:
     worm : Worm
     reference : Reference
     actions : int
-        Numbers of an action.
+        Size of an action.
     channels : sequence of str
-        Further observed channels of the sensors, such as "strain".
+        Additional observed sensor channels, such as "strain".
 
     Raises
     ------
     ValueError
-        There is no such channel on this worm.
+        This worm does not have one of the channels.
     """
 
     def __init__(self, worm: Worm, reference: Reference, actions: int, channels: Sequence[str] = ()) -> None:
@@ -85,7 +85,10 @@ class Senses:
         self._means, self._seen_at = np.zeros(2), float("nan")
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement that passed `control.sensing.gate`, at time t [s] and phase [rad] of a wave."""
+        """Process a measurement that has passed the gate (`control.sensing.gate`).
+
+        The measurement is of the time t [s], when the wave has the given phase [rad].
+        """
         if measurement.com is not None and isfinite(measurement.com_time):
             waves = phase / tau - parameters.frequency * (t - measurement.com_time)
             self._course.add(waves, measurement.com_time, measurement.com[:2])
@@ -95,15 +98,15 @@ class Senses:
                 self._latest[name] = np.where(np.isfinite(sample), sample, latest)
 
     def estimate(self, _: float) -> None:
-        """Return no estimate; a controller with these senses decides without estimates."""
+        """Return None, since a controller with these senses decides without estimates."""
 
     def acted(self, action: FloatArray, waves: float) -> None:
-        """Record the action (A,) from this phase [waves] on."""
+        """Store the action, shape (A,), that is used from the given phase [waves] on."""
         self._action = np.asarray(action, dtype=float)
         self._steering = [each for each in self._steering if each[0] >= waves - 1.0] + [(waves, float(action[-1]))]
 
     def observed(self, t: float) -> FloatArray:
-        """Return the observation at time t [s], shape (size,); call once a control period."""
+        """Return the observation at time t [s], shape (size,). It must be called once per control period."""
         speed, fast, aside, course, curvatures = self._tracked(t)
         miss = 0.0 if fast is None else fast / max(speed, MIN_REFERENCE_SPEED * self._length) - 1.0
         errors = np.clip([10.0 * aside / self._length, miss], -OBSERVATION_LIMIT, OBSERVATION_LIMIT)
@@ -116,7 +119,10 @@ class Senses:
         return np.concatenate([own, *further])
 
     def _tracked(self, t: float) -> tuple[float, float | None, float, float, FloatArray]:
-        """Return reference speed and speed [m/s], offset [m], angle to the path [rad] and curvatures [1/m]."""
+        """Return reference speed, speed [m/s], offset [m], angle to the path [rad] and curvatures [1/m].
+
+        The speed is None as long as it is unknown.
+        """
         reference, motion = self._reference, self._course.motion()
         speed, velocity = float(reference.speed(t)), None if motion is None else motion.velocity
         if motion is None:
@@ -148,9 +154,9 @@ def assembled(
     steering: ArrayLike,
     action: FloatArray,
 ) -> FloatArray:
-    """Return the observation without further channels, from parts in body lengths and seconds, in the order above.
+    """Return the observation without additional channels, from its parts in body lengths and seconds.
 
-    For B worms at once each part, and the result, has a last axis for the worms.
+    If the parts have a last axis for B worms, the result has this axis, too.
     """
     errors = (miss, 10.0 * np.asarray(aside), np.sin(course), np.cos(course) - 1.0)
     parts = ((known, FAST * np.asarray(speed), *errors), curvatures, means, (steering,), action)
@@ -159,7 +165,10 @@ def assembled(
 
 
 def along(velocity: FloatArray | None, heading: float | None) -> tuple[float | None, float]:
-    """Return the speed along a heading, forward without a heading, and the angle from the heading to the velocity."""
+    """Return the speed along a heading, and the angle from the heading to the velocity.
+
+    Without a heading, they are the magnitude of the velocity and 0.
+    """
     if velocity is None:
         return None, 0.0
     if heading is None:

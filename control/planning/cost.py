@@ -1,13 +1,14 @@
-"""The cost of a plan as least squares: the terms and constraints of `terms` and `constraints` over a horizon.
+"""The cost of a plan, a sum of squares of the terms and constraints over a horizon of H steps.
 
-The inputs u are scaled to [-1, 1] over the ranges of the identified map, and are constant in each of H steps. m are the
-misses and c the excesses of the reduced model at the end of each step, each divided by the tolerance:
+The inputs u are constant in each step, and scaled so that [-1, 1] is the range of the identified map. Let m_k be the
+misses and c_k the excesses of the reduced model at the end of step k, each divided by its tolerance
+(`control.planning.terms`, `control.planning.constraints`). Then the problem is
 
     minimise 1/2 sum_k [ |m_k|^2 + |max(0, c_k)|^2 ],   -1 <= u <= 1                                           (O2)
 
-(frequencies may be lower than any identified frequency, and amplitudes have the opposite sign where the worm goes
-backwards). Terms without a goal in the reference drop out. States and their derivatives follow the reduced model with
-inputs that are constant in each step:
+There are two exceptions to the bounds: frequencies may be lower than any identified frequency, and amplitudes change
+their sign where the worm goes backwards. Terms for which the reference has no goal are left out. The states and their
+derivatives follow from the reduced model:
 
     X_{k+1} = F(X_k, U_k),   dX_{k+1}/dU = A_k dX_k/dU + B_k dU_k/dU,   A_k = dF/dX, B_k = dF/dU at (X_k, U_k)   (O3)
 """
@@ -35,7 +36,7 @@ WANTED = len(Wanted._fields)
 
 
 class Scale:
-    """Inputs scaled to [-1, 1] over the ranges of a map."""
+    """Scaling of inputs, so that [-1, 1] is the range of a map."""
 
     def __init__(self, ranges: Ranges) -> None:
         ends = np.array([ranges.amplitude, ranges.frequency, (-ranges.steering, ranges.steering)])
@@ -45,29 +46,32 @@ class Scale:
         """Least and greatest allowed scaled inputs, shape (2, 3)."""
 
     def inputs(self, z: FloatArray) -> FloatArray:
-        """Return inputs, shape (K, 3), of scaled inputs, shape (3 K,)."""
+        """Return the inputs, shape (K, 3), that belong to the scaled inputs `z`, shape (3 K,)."""
         return self.centre + self.half * z.reshape(-1, INPUTS)
 
     def sized(self, scaled: ca.SX) -> ca.SX:
-        """Return scaled inputs (3,) with the absolute value of the amplitude, which is negative in backward waves."""
+        """Return the scaled inputs with the amplitude replaced by its absolute value, shape (3,).
+
+        In backward waves the amplitude is negative.
+        """
         (centre, *_), (half, *_) = self.centre, self.half
         return ca.vertcat((ca.fabs(centre + half * scaled[0]) - centre) / half, scaled[1:])
 
     def scaled(self, inputs: FloatArray) -> FloatArray:
-        """Return the scaled inputs, shape (3 K,), of inputs (K, 3)."""
+        """Return the scaled inputs, shape (3 K,), that belong to `inputs`, shape (K, 3)."""
         return np.asarray((inputs - self.centre) / self.half).ravel()
 
 
 class Cost(NamedTuple):
-    """Terms and constraints of a plan as one function of CasADi."""
+    """Terms and constraints of a plan, combined in one CasADi function."""
 
     terms: tuple[CostTerm, ...]
     constraints: tuple[Constraint, ...]
     rows: tuple[int, ...]
-    """Number of misses of each term, then of excesses of each constraint."""
+    """Number of misses of each term, followed by the number of excesses of each constraint."""
     function: ca.Function
-    """(state, scaled input (3,), scaled input before (3,), wanted (10,)) -> misses of all terms, then excesses,
-    (M,)."""
+    """(state, scaled input (3,), scaled input of the previous step (3,), wanted (10,)) -> misses of all terms followed
+    by all excesses, shape (M,)."""
 
     @classmethod
     def of(
@@ -78,14 +82,14 @@ class Cost(NamedTuple):
         terms: Sequence[CostTerm],
         constraints: Sequence[Constraint],
     ) -> Cost:
-        """Return the cost for the worm of a model and the worm's map, `length` [m] long.
+        """Return the cost for a worm with the given model, map and body length [m].
 
         Constraints on quantities that the map does not contain are left out.
 
         Raises
         ------
         ValueError
-            There are no terms, something is no term or constraint, or a value is no vector of symbols.
+            There are no terms, an entry is not a term or constraint, or its value is not a vector of symbols.
         """
         if not terms:
             raise ValueError("terms: got none, must be at least one: control.planning.terms.default_terms()")
@@ -108,14 +112,14 @@ class Cost(NamedTuple):
         return cls(tuple(terms), tuple(limit for limit, _ in asked), rows, function)
 
     def weights(self, ahead: Preview) -> FloatArray:
-        """Return the factors of all misses and excesses at the ends of the steps, shape (H, M)."""
+        """Return the factors of all misses and excesses at the end of each step, shape (H, M)."""
         parts: list[CostTerm | Constraint] = [*self.terms, *self.constraints]
         columns = [np.full(len(ahead.speed), part.weight(ahead), dtype=float) for part in parts]
         return np.repeat(np.column_stack(columns), self.rows, axis=1)
 
     @property
     def misses(self) -> int:
-        """Number of misses; the excesses follow the misses."""
+        """Number of misses. The excesses follow the misses in the vector."""
         return sum(self.rows[: len(self.terms)])
 
 
@@ -142,7 +146,7 @@ def _moment(
 
 
 def _vector(part: CostTerm | Constraint, value: ca.SX) -> ca.SX:
-    """Return the misses of a part as a dense vector; ValueError if they are none."""
+    """Return the values of a part as a dense column. ValueError if they are not a column of symbols."""
     try:
         vector = ca.densify(ca.SX(value))
     except NotImplementedError:
@@ -154,7 +158,7 @@ def _vector(part: CostTerm | Constraint, value: ca.SX) -> ca.SX:
 
 
 class Prediction:
-    """The states, (O3), and the misses of a horizon of at least two steps.
+    """Prediction of the states, (O3), and of the misses over a horizon of at least two steps.
 
     Parameters
     ----------
@@ -179,17 +183,23 @@ class Prediction:
         self._miss_slopes = Buffered(_slopes(missed, [state, scaled, before], [wanted]).map(steps))
 
     def states(self, begin: FloatArray, z: FloatArray) -> FloatArray:
-        """Return the states of a horizon, shape (steps + 1, n), from scaled inputs of shape (3 steps,)."""
+        """Return the states over the horizon, shape (steps + 1, n).
+
+        `z` contains the scaled inputs, shape (3 steps,).
+        """
         (after,) = self._states(begin, z.reshape(-1, INPUTS).T)
         return np.vstack([begin, after.T])
 
     def misses(self, states: FloatArray, z: FloatArray, before: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Return misses and excesses at the end of each step, shape (steps, M); `before` are the inputs in force."""
+        """Return the misses and excesses at the end of each step, shape (steps, M).
+
+        `before` contains the scaled inputs in force before the first step, shape (3,).
+        """
         (missed,) = self._misses(states[1:].T, *_pairs(z, before), wanted.T)
         return missed.T
 
     def miss_slopes(self, states: FloatArray, z: FloatArray, before: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Return the derivatives of `misses` to all scaled inputs of the horizon, shape (steps, M, 3 steps)."""
+        """Return the derivatives of `misses` with respect to all scaled inputs, shape (steps, M, 3 steps)."""
         to_state, to_input, to_before = self._miss_slopes(states[1:].T, *_pairs(z, before), wanted.T)
         slopes: FloatArray = self._by_step(to_state, STATES) @ self._slopes_of_states(states, z)
         own, earlier = self._by_step(to_input, INPUTS), self._by_step(to_before, INPUTS)
@@ -209,12 +219,12 @@ class Prediction:
         return slopes
 
     def _by_step(self, side_by_side: FloatArray, columns: int) -> FloatArray:
-        """Return the matrices of the steps, which a mapped function returns side by side."""
+        """Return the matrices of the single steps. A mapped CasADi function returns them side by side."""
         return side_by_side.reshape(len(side_by_side), self.steps, columns).transpose(1, 0, 2)
 
 
 def _pairs(z: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the inputs of each step and of the step before, each of shape (3, steps)."""
+    """Return the inputs of each step and the inputs of its previous step, each of shape (3, steps)."""
     inputs = z.reshape(-1, INPUTS)
     return inputs.T, np.vstack([before, inputs[:-1]]).T
 
@@ -225,7 +235,10 @@ def _slopes(value: ca.SX, to: list[ca.SX], more: list[ca.SX]) -> ca.Function:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Problem (O2) at an instant, as residuals of scaled inputs z, shape (3 H,): misses, then `limits` excesses."""
+    """Problem (O2) at one instant, as residuals that depend on the scaled inputs z, shape (3 H,).
+
+    The residuals are the misses, followed by `limits` excesses.
+    """
 
     prediction: Prediction
     cost: Cost
@@ -233,18 +246,18 @@ class Problem:
     """Estimated state of the reduced model."""
     preview: Preview
     slowest: float
-    """Speed [m/s] that bounds the crab angle of a slower worm."""
+    """Smallest speed that is used as a divisor in the crab angle [m/s]."""
     before: FloatArray
-    """Scaled inputs in force, u_{-1}, shape (3,)."""
+    """Scaled inputs in force before the first step, u_{-1}, shape (3,)."""
     frequency: FloatArray
-    """Preferred frequencies f_0, scaled like the inputs, shape (H,)."""
+    """Preferred frequencies f_0 of the steps, scaled like the inputs, shape (H,)."""
 
     def residuals(self, z: FloatArray) -> FloatArray:
         """Return the residuals, shape (rows,)."""
         return self._rows(self.prediction.misses(self.states(z), z, self.before, self._wanted))
 
     def linearised(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the residuals and their derivatives, shape (rows, 3 H)."""
+        """Return the residuals, shape (rows,), and their derivatives, shape (rows, 3 H)."""
         states = self.states(z)
         slopes = self.prediction.miss_slopes(states, z, self.before, self._wanted)
         return self._rows(self.prediction.misses(states, z, self.before, self._wanted)), self._rows(slopes)
@@ -255,11 +268,14 @@ class Problem:
 
     @property
     def limits(self) -> int:
-        """Number of residuals, the last ones, that count only where they are above 0."""
+        """Number of excesses. These are the last residuals, and they count only where they are above 0."""
         return int(self._asked[:, self.cost.misses :].sum())
 
     def _rows(self, values: FloatArray) -> FloatArray:
-        """Return values (H, M, ...) times their weights: first the misses, then the excesses, zeros left out."""
+        """Return the weighted misses, followed by the weighted excesses. Rows with zero weight are left out.
+
+        `values` has the shape (H, M, ...).
+        """
         weights, misses = self._weights, self.cost.misses
         weighted = values * weights.reshape(*weights.shape, *[1] * (values.ndim - 2))
         parts = [weighted[:, part][self._asked[:, part]] for part in (slice(misses), slice(misses, None))]
@@ -277,6 +293,6 @@ class Problem:
     def _wanted(self) -> FloatArray:
         ahead = self.preview
         crab = ahead.follows * ahead.ways / np.maximum(np.abs(ahead.speed), self.slowest)
-        # A kilometre is no bound, and finite.
+        # A bound of a kilometre has no effect, but is finite.
         bounds = np.minimum([ahead.left, ahead.right, ahead.room_left, ahead.room_right], 1e3)
         return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab, self.frequency, *bounds])

@@ -1,8 +1,8 @@
-"""Feed-forward: the wave that has a wanted speed and turn rate according to the identified map.
+"""Feed-forward: the wave that has a requested speed and turn rate according to the identified map.
 
-Two parameters determine the speed. The frequency stays at a preferred value while the amplitude sets the speed; at the
-least and the greatest amplitude the frequency changes instead. The waves form a line through the map, along which the
-speed rises from (almost) nothing.
+Both amplitude and frequency determine the speed. At most speeds the frequency has a preferred value, and the amplitude
+sets the speed. If the amplitude is at a limit, the frequency sets the speed instead. These waves form a line through
+the map, along which the speed increases from almost zero.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from control.identification.surrogate import MIN_WAVE_FREQUENCY
 from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
-"""Frequency at which the default worm has most speeds [Hz]; outside the range of a map, the middle of the range."""
+"""Preferred frequency [Hz]. At this frequency the default worm covers the largest range of speeds. For maps that do not
+contain this frequency, the middle of their range is used."""
 POINTS_PER_PART = 33
-"""Number of points on each part of the line."""
+"""Number of points on each of the straight parts of the line of waves."""
 SPARE = 0.1
-"""Share of the greatest turn rate that is reserved for corrections where a path is sharp."""
+"""Share of the greatest turn rate that is kept in reserve for corrections on sharp paths."""
 
 
 class FeedForward:
@@ -34,13 +35,14 @@ class FeedForward:
     found : SteeringMap
         The map.
     frequency, wave : float
-        The preferred frequency [Hz], and the period of a wave at this frequency [s].
+        Preferred frequency [Hz], and the period of a wave with this frequency [s].
     backward : bool
         Whether the worm can crawl backwards, with the same wave in the opposite direction.
     slowest, fastest : float
-        Speed of the slowest wave [m/s], below which the worm stands, and the greatest speed.
+        Speed of the slowest wave and of the fastest wave [m/s]. At lower requested speeds than `slowest` the worm
+        stands.
     least_divisor : float
-        Half of the least identified speed [m/s], the least speed that is used as a divisor.
+        Smallest speed that is used as a divisor [m/s]: half of the smallest identified speed.
     """
 
     def __init__(self, found: SteeringMap, length: float, backward: bool = False) -> None:
@@ -69,7 +71,10 @@ class FeedForward:
         self._rises = max(int(np.argmax(self._sharpest < self._sharpest[0])) - 1, 0)
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
-        """Return the wave of a steady speed [m/s], below 0 backwards, and turn rate [rad/s], or the nearest one."""
+        """Return the wave that has a steady speed [m/s] and turn rate [rad/s], or the nearest possible wave.
+
+        A negative speed is backwards.
+        """
         steering = 0.0  # its magnitude: left and right are mirror images
         for _ in range(3):  # steering and speed change each other a little
             amplitude, frequency = self._on_line(abs(speed), self._speeds(steering))
@@ -80,17 +85,20 @@ class FeedForward:
         return ReducedInput(way * amplitude, frequency, float(np.copysign(steering, turn_rate)))
 
     def goes(self, speed: float) -> bool:
-        """Return whether the worm can crawl at a speed [m/s], which may be too low, or backwards."""
+        """Return whether the worm can crawl at a speed [m/s].
+
+        It may be too low, or backward motion may be impossible.
+        """
         return abs(speed) >= self.slowest and (speed > 0.0 or self.backward)
 
     def sharpest(self, speed: float) -> float:
-        """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
+        """Return the greatest turn rate of the map at a speed [rad/s]."""
         return float(self._turn_rates(*self._on_line(speed, self._straight)).max())
 
     def frequencies(self, speeds: FloatArray, curvatures: ArrayLike = 0.0) -> FloatArray:
-        """Return the frequencies that suit speeds [m/s] on a path of curvatures [1/m], shape (K,) each [Hz].
+        """Return the suitable frequencies [Hz] for speeds [m/s] on a path with given curvatures [1/m], shape (K,) each.
 
-        A wave that turns goes farther than a straight wave, so that a slower wave suffices.
+        A turning wave covers more distance than a straight wave of the same frequency, so that a slower wave suffices.
         """
         size = np.abs(speeds)
         wanted = np.abs(curvatures) * size
@@ -99,27 +107,34 @@ class FeedForward:
         return np.array([np.interp(w, rates[:, k], frequencies[:, k]) for k, w in enumerate(wanted)])
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
-        """Return the greatest speeds [m/s] for paths of curvatures (...) [1/m], according to the map.
+        """Return the greatest speeds on paths of given curvatures, according to the map [m/s].
 
-        For paths too sharp to follow, this is the greatest speed with the sharpest possible turn.
+        `curvature` may have any shape [1/m]. For paths that are too sharp to follow, this is the greatest speed at
+        which the worm turns as sharply as possible.
         """
         begin = self._rises
         return np.asarray(np.interp(np.abs(curvature), self._sharpest[begin:][::-1], self._straight[begin:][::-1]))
 
     def _on_line(self, speed: float, speeds: FloatArray) -> tuple[float, float]:
-        """Return amplitude and frequency at a speed, given the speeds along the line [m/s]."""
+        """Return amplitude and frequency of the wave with a given speed.
+
+        `speeds` are the speeds along the line [m/s].
+        """
         return float(np.interp(speed, speeds, self._amplitudes)), float(np.interp(speed, speeds, self._frequencies))
 
     def _turn_rates(self, amplitude: float, frequency: float) -> FloatArray:
-        """Return the turn rates over the steerings [rad/s]."""
+        """Return the turn rate at each steering [rad/s]."""
         return np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
 
     def _speeds(self, steering: float) -> FloatArray:
-        """Return the speeds along the line [m/s]; they rise even where the fit does not, at the edges of the fit."""
+        """Return the speeds along the line [m/s].
+
+        They are made to increase everywhere, since the fit of the map may decrease at its edges.
+        """
         speeds = np.array(self._speed(self._amplitudes[None], self._frequencies[None], steering)).ravel()
         return np.maximum.accumulate(speeds)
 
 
 def _through(*ends: float) -> FloatArray:
-    """Return the values along a line of several parts, given its ends and the corners between the parts."""
+    """Return points along a line that consists of several parts, from the ends and corners of the line."""
     return np.concatenate([np.linspace(*part, POINTS_PER_PART) for part in pairwise(ends)])

@@ -1,15 +1,16 @@
-"""Least squares in a box, by Gauss and Newton, with a certificate.
+"""Bounded least squares by the Gauss-Newton method, with a measure of the distance from a minimum.
 
     minimise 1/2 |r(z)|^2 + 1/2 |max(0, c(z))|^2,  lower <= z <= upper                                      (O1)
 
-r and c follow each other in one vector; the last `limits` entries, c, count only where they are above 0. Each iteration
-solves the quadratic programme of the linearised residuals exactly (DAQP, a dual active-set method that comes with
-CasADi), with the step d and slacks s,
+r and c are stored in one vector. Its last `limits` entries are c, which count only where they are above 0. Each
+iteration linearises the residuals with the Jacobians R and C. Then it solves a quadratic programme for a step d and
+slacks s, with DAQP, a dual active-set method that comes with CasADi:
 
     minimise 1/2 |r + R d|^2 + 1/2 |s|^2,  c + C d <= s,  0 <= s,                                            (O6)
 
-and moves along the step while the true cost falls. Every iterate lies in the box and is no worse than the iterate
-before, so that each iterate can be used. A mirrored problem has mirrored iterates.
+The method tries shorter and shorter shares of d until the true cost decreases enough. All iterates satisfy the bounds,
+and no iterate is worse than the previous one, so that each of them can be used. A mirrored problem has mirrored
+iterates.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Function z (n,) -> r (m,) and dr/dz (m, n)."""
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.015625)
-"""Shares of a step, tried in this order."""
+"""Shares of the step that are tried, in this order."""
 
 
 class PlanStatus(Enum):
-    """Outcome of the search for a plan; the value is the sentence to print."""
+    """Result of the search for a plan. The value is a sentence for messages."""
 
     OPTIMAL = "the best wave was found"
     BETTER = "out of iterations, but better than the plan before and the plain wave"
@@ -45,27 +46,27 @@ class PlanStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the plan can be used."""
+        """Whether the plan is usable."""
         return self in (PlanStatus.OPTIMAL, PlanStatus.BETTER)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The best point found."""
+    """Result of the minimisation."""
 
     z: FloatArray
-    """The point, shape (n,)."""
+    """Best point, shape (n,)."""
     cost: float
     """Value of (O1) at this point."""
     outcome: PlanStatus
     iterations: int
-    """Number of quadratic programmes solved."""
+    """Number of quadratic programmes that were solved."""
     certificate: float
-    """Greatest |z - clip(z - gradient)| at the last linearisation: 0 at a minimum for any set of active bounds."""
+    """Largest |z - clip(z - gradient)| at the last linearisation. It is 0 at a minimum, whichever bounds are active."""
 
 
 class GaussNewton:
-    """The method for problems of n unknowns, with a largest number of iterations."""
+    """Gauss-Newton method for problems with n unknowns, with a maximum number of iterations."""
 
     def __init__(self, n: int, iterations: int) -> None:
         self.n, self.iterations = n, iterations
@@ -80,7 +81,7 @@ class GaussNewton:
         upper: FloatArray,
         limits: int = 0,
     ) -> Solution:
-        """Solve (O1) from `start` on, all of shape (n,)."""
+        """Solve (O1), starting from `start`. `start`, `lower` and `upper` have the shape (n,)."""
         z, cost, certificate = np.clip(start, lower, upper), inf, inf
         for iteration in range(self.iterations):
             r, jacobian = linearised(z)
@@ -103,7 +104,7 @@ class GaussNewton:
     def _step(
         self, r: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray, limits: int
     ) -> FloatArray | None:
-        """Return the step of (O6); None if (O6) was not solved."""
+        """Return the step d of (O6), or None if (O6) could not be solved."""
         n, equal = self.n, len(r) - limits
         hessian, gradient = np.eye(n + limits), np.zeros(n + limits)
         hessian[:n, :n] = jacobian[:equal].T @ jacobian[:equal]
@@ -121,13 +122,13 @@ class GaussNewton:
 
 
 def half_square(r: FloatArray, limits: int = 0) -> float:
-    """Return the cost, (O1), of residuals."""
+    """Return the cost (O1) of given residuals."""
     counted = _counted(r, limits)
     return 0.5 * float(counted @ counted)
 
 
 def _counted(r: FloatArray, limits: int) -> FloatArray:
-    """Return the residuals, with 0 for limits that are kept."""
+    """Return the residuals with negative excesses replaced by 0."""
     equal = len(r) - limits
     return np.concatenate([r[:equal], np.maximum(r[equal:], 0.0)]) if limits else r
 
@@ -141,7 +142,7 @@ def _programme(n: int, limits: int) -> ca.Function:
 def _better(
     residuals: Residuals, z: FloatArray, step: FloatArray, cost: float, promised: float, limits: int
 ) -> tuple[FloatArray, float] | None:
-    """Return the point of the first share of a step that lowers the cost enough, and the cost of this point."""
+    """Return the first trial point that lowers the cost enough, and its cost. None if there is no such point."""
     for share in SHARES:
         trial = z + share * step
         reached = half_square(residuals(trial), limits)

@@ -1,21 +1,21 @@
-"""Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
+"""Model predictive control of the gait's parameters: amplitude, frequency and steering over the next waves.
 
-The cost of a plan, (O2), consists of the terms of `control.planning.terms` and `control.planning.constraints`. Slip,
-yaw bias and drift are taken from the estimate and are constant over the horizon, so that the disturbances behind them
-leave no lasting error. If a disturbance turns the worm (the yaw bias is significantly different from 0), the estimate
-is never accurate enough, and a lasting offset e remains. The reference is then moved aside by the integral of e, within
-bounds,
+The cost (O2) of a plan consists of the terms in `control.planning.terms` and `control.planning.constraints`. Estimated
+slip, yaw bias and drift are part of the prediction, and are constant over the horizon. Therefore the corresponding
+disturbances cause almost no lasting error. If a disturbance turns the worm (the yaw bias differs significantly from 0),
+the estimate is not accurate enough, however, and a lasting offset e remains. The reference r is then shifted along its
+normal n by the bounded integral of e, with the time constant T:
 
     e_lasting' = e / T,   r -> r - e_lasting n                                                                (P4)
 
-The speed V has a separate integral, since slow waves that turn sharply go faster than the plain waves, and the search
-uses no slower waves than the plain waves. The integral corrects small errors of the speed, but not the error after a
-change of the wanted speed,
+The speed V has a separate integral. It is needed because slow waves that turn sharply are faster than plain waves of
+the same frequency, and the planner uses no slower frequencies than the plain waves. The integral corrects small errors
+of the speed, but does not react to the large errors after a change of the requested speed:
 
     trim' = (1 - V/V_ref)/T,   V_ref -> V_ref (1 + trim)                                                      (P5)
 
-The search begins at the better of two waves, the plan before and the plain wave of the feed-forward. The result is
-never worse than either wave.
+The search starts from the better of two waves, which are the previous plan and the plain wave of the feed-forward. The
+result is never worse than either of them.
 """
 
 from __future__ import annotations
@@ -44,49 +44,56 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 SIGNIFICANT_YAW_BIAS = 2.0
-"""Yaw bias, in standard deviations, above which an effect outside the map is assumed to turn the worm."""
+"""Number of standard deviations by which the yaw bias must differ from 0 for the correction (P4)."""
 INTEGRAL_TIME_CONSTANT = 6.4
-"""Time constant T of (P4) and (P5) [waves]: four times the time constant in which other offsets decay."""
+"""Time constant T of (P4) and (P5) [waves]. It is four times the time constant with which other offsets decay."""
 MOST_LASTING = 0.01
-"""Greatest offset that counts as lasting [body lengths]; a worm with a larger offset is still returning to the path."""
+"""Greatest offset that is integrated as a lasting offset [body lengths]. With a larger offset the worm is still
+returning to the path."""
 MOST_MISSED = 0.25
-"""Greatest relative error of the speed that counts as lasting, and the greatest trim of (P5); the trim decays while the
-error is larger."""
+"""Greatest relative error of the speed that is integrated, and the greatest trim of (P5). While the error is larger,
+the trim decays."""
 MOST_UNSURE = 0.02
-"""Greatest standard deviation of the position that adds to the distance from obstacles [body lengths]. With a greater
-value the worm would leave the path, which already has all the available room on both sides."""
+"""Upper limit of the standard deviation of the position in the distance that is kept from obstacles [body lengths].
+With a greater limit, the worm would leave the path between obstacles, where both sides already have all the available
+room."""
 LEAST_SHARE = 0.5
-"""Least share of the gait's speed that the plain wave assumes, however large the estimated slip is."""
+"""Smallest share of the gait's speed that the plain wave assumes to remain, however large the estimated slip is."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Inputs over a horizon of H steps; all numbers are NaN if no plan could be made."""
+    """Inputs over a horizon of H steps. All numbers are NaN if there is no plan."""
 
     time: float
     """Start of the horizon [s]."""
     step: float
-    """Duration of a constant input [s]."""
+    """Duration of each step, in which the input is constant [s]."""
     inputs: FloatArray
     """Amplitude, frequency [Hz] and steering, shape (H, 3)."""
     horizon: FloatArray
     """Predicted path of the centre of mass [m], shape (H + 1, 2)."""
     status: PlanStatus
     seconds: float
-    """Time that the planning took [s]."""
+    """Time taken by the planning [s]."""
     parameters: GaitParameters | None = None
-    """Gait parameters of the first input; None without a plan."""
+    """Gait parameters of the first input. None if there is no plan."""
     iterations: int = 0
-    """Number of quadratic programmes solved."""
+    """Number of quadratic programmes that were solved."""
     cost: float = nan
     """Cost of the plan, (O2)."""
     plain_cost: float = nan
-    """Cost of the better of the two starts of the search: the plan before, shifted, and the plain wave."""
+    """Cost of the better start of the search. The two starts are the previous plan, shifted in time, and the plain
+    wave."""
     certificate: float = nan
     """Distance from a minimum, `control.planning.gauss_newton.Solution.certificate`."""
 
     def at(self, t: ArrayLike) -> FloatArray:
-        """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end, of the nearest step."""
+        """Return the inputs at given times.
+
+        The times `t` may have any shape (...) [s]; the result has the shape (..., 3). Before the first step and after
+        the last step, the input of the nearest step is returned.
+        """
         # A time that equals the start of a step except for rounding lies within that step.
         k = np.floor((np.asarray(t, dtype=float) - self.time) / self.step + 1e-9).astype(int)
         return np.asarray(self.inputs[np.clip(k, 0, len(self.inputs) - 1)])
@@ -99,7 +106,7 @@ class GaitMPC:
     ----------
     worm : Worm
     identified : Identified
-        Maps of the worm that `model` was made from.
+        Maps of the worm from which `model` was built.
     model : ReducedModel
     terms : sequence of CostTerm, optional
         Terms of the cost; by default `control.planning.terms.default_terms`.
@@ -110,13 +117,14 @@ class GaitMPC:
     steps : int
         Number of steps, H.
     iterations : int
-        Largest number of iterations in each plan. The search continues in the next plan; more iterations make no
+        Maximum number of iterations per plan. The next plan continues the search, so that more iterations make no
         visible difference.
 
     Raises
     ------
     ValueError
-        A step that is not above 0, fewer than two steps, no iteration, or something that is no term or constraint.
+        The step is not above 0, there are fewer than two steps or no iteration, or an entry is not a term or
+        constraint.
     """
 
     def __init__(
@@ -151,16 +159,16 @@ class GaitMPC:
         self.forget()
 
     def forget(self) -> None:
-        """Drop the last plan: the next plan begins at the plain wave."""
+        """Discard the last plan. The next search then starts from the plain wave."""
         self._last: Plan | None = None
 
     @property
     def progress(self) -> float:
-        """Arc length on the path at the last plan [m]; 0 before the first plan."""
+        """Arc length of the worm on the path at the last plan [m]. It is 0 before the first plan."""
         return self._near or 0.0
 
     def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
-        """Return the plan from time t [s] on; the estimate is of that instant."""
+        """Return the plan from time t [s] on. `estimate` is the estimate at this instant."""
         began = perf_counter()
         preview = self._preview(t, estimate, reference)
         if preview is None:
@@ -176,13 +184,13 @@ class GaitMPC:
         return plan
 
     def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
-        """Return the plain wave: the feed-forward of the reference at time t [s], at an estimated slip."""
+        """Return the plain wave, which is the feed-forward of the reference at time t [s] for a given slip."""
         kept, able = max(1.0 - slip, LEAST_SHARE), self._able(slip)
         speed = float(speed_at(reference, t, self.progress, able))
         return self.feed_forward(speed / kept, turn_rate(reference, t, self.progress, able))
 
     def _able(self, slip: float, turn_gain: float = 1.0) -> Ability:
-        """Return the ability of a worm that slips, and that turns differently from the map."""
+        """Return the speeds that a worm can reach if it slips and turns differently from the map."""
         kept = max(1.0 - slip, LEAST_SHARE)
         return Ability(
             lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature),
@@ -191,7 +199,7 @@ class GaitMPC:
         )
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
-        """Return the preview of the reference; None if the preview or the estimate is not finite."""
+        """Return the preview of the reference, or None if the preview or the estimate is not finite."""
         if not all(isfinite(part) for part in estimate.state):
             return None
         step, steps = self._prediction.step, self._prediction.steps
@@ -207,7 +215,7 @@ class GaitMPC:
         return self._beside(passed, estimate, reference, preview) if follows else preview
 
     def _paced(self, passed: float, estimate: Estimate, preview: Preview) -> Preview:
-        """Return a preview whose speeds compensate a lasting error of the speed, (P5)."""
+        """Return a preview with speeds that compensate a lasting error of the speed, (P5)."""
         asked = float(preview.speed[0])
         miss = 1.0 - estimate.speed / asked if asked != 0.0 else inf
         change = miss if abs(miss) < MOST_MISSED else -self._trim
@@ -215,7 +223,7 @@ class GaitMPC:
         return replace(preview, speed=preview.speed * (1.0 + self._trim))
 
     def _beside(self, passed: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
-        """Return a preview that is moved to the side opposite to a lasting offset, (P4)."""
+        """Return a preview that is shifted against a lasting offset, (P4)."""
         assert reference.path is not None
         most = MOST_LASTING * self._length
         aside = float(offset(reference.path, estimate.position, preview.progress))
@@ -229,7 +237,7 @@ class GaitMPC:
         return replace(preview, point=point, **moved)
 
     def _kept_off(self, estimate: Estimate, preview: Preview) -> Preview:
-        """Return a preview with less room beside the body, according to the uncertainty of position and heading."""
+        """Return a preview with less room beside the body if position or heading are uncertain."""
         if not np.isfinite([preview.room_left, preview.room_right]).any():
             return preview
         left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
@@ -239,7 +247,10 @@ class GaitMPC:
         return replace(preview, room_left=preview.room_left - unsure, room_right=preview.room_right - unsure)
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
-        """Return inputs to begin with, shape (H, 3): the plan before, if any, and the plain wave."""
+        """Return the inputs from which the search may start, shape (H, 3) each.
+
+        These are the previous plan, if there is one, and the plain wave.
+        """
         instants = t + self._prediction.step * (0.5 + np.arange(self._prediction.steps))
         wave = np.array(self.plain(t, float(estimate.state.slip), reference), dtype=float)
         plain = np.tile(wave, (len(instants), 1))
@@ -260,15 +271,15 @@ class GaitMPC:
         )
 
     def _curvatures(self, preview: Preview) -> FloatArray:
-        """Return the curvatures of the path that is followed, shape (H,) [1/m]; 0 without a path."""
+        """Return the curvatures of the path, shape (H,) [1/m]. They are 0 without a path."""
         if not preview.follows:
             return np.zeros(len(preview.way))
-        way = np.maximum(np.abs(preview.way), 1e-3)  # a worm that stands sees no curvature
+        way = np.maximum(np.abs(preview.way), 1e-3)  # avoids a division by 0 if the worm stands
         return np.abs(np.gradient(preview.heading)) / (self._length * way)
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         bounds = np.tile(self._scale.bounds, self._prediction.steps)
-        # No waves slower than the wanted speed needs: far from the path a worm would rather stand than turn round.
+        # Waves slower than the requested speed needs are excluded. Otherwise a worm far from the path would not turn.
         bounds[0, 1::INPUTS] = np.maximum(bounds[0, 1::INPUTS], np.minimum(problem.frequency, -1.0))
         ways = problem.preview.ways
         least, most = self.feed_forward.ranges.amplitude

@@ -1,10 +1,11 @@
-"""Gate for measurements: impossible samples of this worm at this time are refused and counted.
+"""Gate for measurements, which refuses and counts impossible samples.
 
-A sample is used if the sample has the right shape, is finite and lies within the limits of the quantity. The instant of
-the sample has to be known, not ahead of the clock, not too old, and not the instant of an earlier sample. Numbers that
-stay the same to the last bit for longer than a moving worm allows come from a frozen sensor. A partly valid sample is
-used in part, with NaN for the rest, if the quantity accepts this: most segments of the strains, or the position of a
-centre of mass without the height.
+A sample is used if it has the correct shape, is finite and lies within the limits of the quantity. The instant of the
+sample must be known, not in the future, not too old, and different from the instants of earlier samples. If a number
+stays the same to the last bit for longer than is possible in a moving worm, the sensor is assumed to be frozen.
+
+If only some numbers of a sample are valid, the others become NaN, provided that the quantity allows this. Strains need
+valid numbers in most segments. A centre of mass needs x and y, but not the height.
 
 Errors within the limits are handled statistically (`control.estimation.kalman`, `control.estimation.ground`).
 """
@@ -23,13 +24,13 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 SPAN = 2.0
-"""Age beyond which a sample is not used, unless slower sensors are declared [s]."""
+"""Age beyond which a sample is not used [s]. If a sensor has a stated delay, the delay is added."""
 CLOCK_TOLERANCE = 1e-6
-"""Greatest lead of a time stamp over the clock that counts as rounding [s]."""
+"""A time stamp may be later than the clock by up to this time, because of rounding [s]."""
 
 
 class Refusal(Enum):
-    """Reason why a sample is not used; the value completes "the sample came ..."."""
+    """Reason why a sample is not used. The value completes the sentence "the sample came ..."."""
 
     SHAPE = "of another shape, or no numbers"
     NOT_FINITE = "not finite"
@@ -43,10 +44,10 @@ class Refusal(Enum):
 
 
 class Gate:
-    """Gate for the measurements of one worm, which refuses samples older than `span` [s].
+    """Gate for the measurements of one worm. It refuses samples that are older than `span` [s].
 
-    For each channel and reason, `refused` counts the samples refused in whole or in part, and `first` is the time of
-    the first refusal [s].
+    `refused[channel, reason]` counts the samples of a channel that were refused, wholly or in part, for a reason.
+    `first[channel, reason]` is the time of the first such refusal [s].
     """
 
     def __init__(self, worm: Worm, span: float = SPAN) -> None:
@@ -65,9 +66,9 @@ class Gate:
         self._same: dict[str, tuple[FloatArray, FloatArray]] = {}
 
     def __call__(self, t: float, measurement: Measurement | Observation, moving: bool = False) -> Measurement:
-        """Return the usable part of a measurement or an observation at time t [s]; TypeError for other types.
+        """Return the usable part of a measurement or an observation at time t [s]. TypeError for other types.
 
-        `moving` is whether the worm is commanded to move, so that constant values count as frozen.
+        `moving` is whether the worm is commanded to move. Constant values count as frozen only in a moving worm.
         """
         if not moving:
             self._same.clear()
@@ -115,7 +116,10 @@ class Gate:
         self._instants[name].add(instant)
 
     def _changing(self, name: str, value: Any, instant: float, refusal: Refusal | None) -> tuple[Any, Refusal | None]:
-        """Return the part of a sample that is not frozen, None if the part is too small, and the refusal."""
+        """Return the part of a sample that is not frozen, and the refusal.
+
+        The part is None if too few numbers are left.
+        """
         numbers = np.asarray(value)
         last, since = self._same.get(name, (None, np.full(numbers.shape, instant)))
         if last is not None:
@@ -130,7 +134,10 @@ class Gate:
         return np.where(right, numbers, np.nan) if QUANTITIES[name].is_enough(right) else None, Refusal.FROZEN
 
     def _checked(self, name: str, value: Any) -> tuple[Any, Refusal | None]:
-        """Return the valid part of a sample, None if the part is too small, and the refusal."""
+        """Return the valid part of a sample, and the refusal.
+
+        The part is None if too few numbers are left.
+        """
         try:
             numbers = arguments.floats(name, value)
         except ValueError:

@@ -1,21 +1,21 @@
-"""Sensors: measurements of the true state by the robot's instruments, each with noise, bias, delay, dropout and rate.
+"""Sensors of the robot, which measure the true state with noise, bias, delay, dropouts and a limited rate.
 
 Each quantity is declared once, in `QUANTITIES`. Sensors, measurements, the gate, the section [sensor] of a scene and
-the list of faults look up the quantity there by the name of the channel. A user's robot may add to the table:
+the list of faults look up the quantity by the name of its channel. Users may add quantities to this table:
 
     QUANTITIES["tail"] = Quantity("height of the tail", "m", Channel(noise=0.001), lambda seen: seen.joints[0, 2], ...)
 
-A channel takes a sample of the value when a sample is due, k / rate after the first sample:
+A channel takes samples of the true value at multiples of 1 / rate after its first sample:
 
     sample = value + bias + noise N(0, 1),   bias = bias deviation N(0, 1), once a run                         (M1)
 
 with separate random numbers for every number of the value. The sample arrives `delay` later, at the next call, or is
-lost with the probability `dropout`. Random numbers are drawn sample by sample, independently of the measured values,
-from a generator seeded by the seed and the channel's name. Two runs whose samples are due at the same instants
-therefore have the same errors.
+lost with the probability `dropout`. The random numbers come from a generator seeded by the seed and the channel's name.
+They do not depend on the measured values. Two runs whose samples are due at the same instants therefore have the same
+errors.
 
-Mirror images: `Sensors(..., mirrored=True)` draws the same numbers and mirrors the errors (y and azimuths change sign,
-left and right change places). A mirrored observation then gives the mirrored measurement.
+With `Sensors(..., mirrored=True)` the same random numbers are drawn, and the errors are mirrored: y and azimuths change
+sign, left and right change places. A mirrored observation then gives the mirrored measurement.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from worm3d.values.spelling import Spelled
 SIDE_NAMES = ("left", "right")
 """Names of the sides of a segment, in the order of arrays."""
 INSTANT_TOLERANCE = 1e-9
-"""Tolerance of instants, since times are sums of time steps [s]."""
+"""Tolerance for comparing instants, which are sums of time steps with rounding errors [s]."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Channel(Spelled):
-    """Quality of a sensor; noise and bias are in the unit of the measured quantity."""
+    """Quality of a sensor. Noise and bias are in the unit of the measured quantity."""
 
     noise: float = parameter(meaning="standard deviation of the white noise of each sample", ge=0)
     bias: float = parameter(0.0, meaning="standard deviation of its constant error, drawn once a run", ge=0)
@@ -68,43 +68,44 @@ class Channel(Spelled):
 
 @dataclass(frozen=True)
 class Quantity(Spelled):
-    """Quantity that a channel measures."""
+    """A quantity that a channel can measure."""
 
     meaning: str
     """What is measured, in a few words."""
     unit: str
-    """Unit of a sample, "" for a pure number; scenes use degrees instead of radians."""
+    """Unit of a sample; "" for a number without unit. Scenes use degrees instead of radians."""
     default: Channel
-    """Quality of a usual sensor."""
+    """Quality of a typical sensor."""
     true_value: Callable[[Observation], FloatArray]
     """Observation -> value without error, an array; KeyError of a worm without this quantity."""
     shape: Callable[[Worm], tuple[int, ...]]
-    """Worm -> shape of a sample."""
+    """Function of a worm that returns the shape of a sample."""
     limits: Callable[[Worm], tuple[float, float]]
-    """Worm -> least and greatest number that a sample can hold."""
+    """Function of a worm that returns the smallest and the largest possible number in a sample."""
     mirrored: Callable[[FloatArray], FloatArray]
-    """Value -> mirror image, with left and right, y and -y exchanged."""
+    """Function of a value that returns its mirror image: left and right, and y and -y, are exchanged."""
     is_enough: Callable[[NDArray[np.bool_]], bool] = lambda right: bool(right.any())
-    """Mask of the valid numbers of a sample, bool of the sample's shape -> whether these suffice without the others."""
+    """Function that says whether a partly valid sample is usable. Its argument is a bool mask of the valid numbers."""
     exists: Callable[[Worm], bool] = lambda worm: True
-    """Worm -> whether the worm has this quantity."""
+    """Function of a worm that says whether the worm has this quantity."""
     standard: bool = False
-    """Whether a robot has such a sensor by default."""
+    """Whether a robot has this sensor by default."""
     ordered: bool = False
-    """Whether a sample is useless after the arrival of a sample of a later instant."""
+    """Whether a sample is useless once a sample of a later instant has arrived."""
     angle: bool = False
-    """Whether samples are wrapped to (-pi, pi]."""
+    """Whether samples are angles, which are wrapped to (-pi, pi]."""
     may_stay: float = 2.5
-    """Time for which a number may stay the same to the last bit while the worm has to move [s]; by default the time of
-    a wave, in which chambers rest, for any resolution of the sensor."""
+    """Time for which a number may stay the same to the last bit while the worm moves [s]. The default is the duration
+    of a wave: a chamber rests during part of a wave, and its strain is then constant, whatever the resolution of the
+    sensor."""
 
 
 STRAIN = Channel(noise=0.01)
-"""Quality of strain gauges: 1 % of a chamber's rest length."""
+"""Quality of strain gauges: noise of 1 % of a chamber's rest length."""
 COM = Channel(noise=0.005, rate=20.0)
-"""Quality of a camera: 5 mm in each direction, 20 pictures a second."""
+"""Quality of a camera: noise of 5 mm in each direction, 20 pictures per second."""
 HEADING_SENSOR = Channel(noise=float(np.deg2rad(1.1)))
-"""Quality of a compass: 1.1 degrees."""
+"""Quality of a compass: noise of 1.1 degrees."""
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
         "strain of the chambers",
@@ -171,13 +172,13 @@ QUANTITIES = {
         exists=lambda worm: "pressure" in type(worm.actuator).states,
     ),
 }
-"""Quantity of each channel, by its name."""
+"""Quantity of each channel, by the channel's name."""
 
 HOW_TO_ADD = 'for a channel of your own set sensor."my_module:NAME" = true in the scene, or enter it in QUANTITIES'
 
 
 def require_known(names: Any) -> None:
-    """Raise ValueError unless there is a channel of each name."""
+    """Raise ValueError unless each name is the name of a channel."""
     for name in names:
         if name not in QUANTITIES:
             known = ", ".join(QUANTITIES)
@@ -188,23 +189,23 @@ class Sample(NamedTuple):
     """Latest sample of a channel."""
 
     value: Any
-    """Measured value, an array of the channel's shape; None if nothing has arrived since the last measurement."""
+    """Measured value, an array of the channel's shape. None if no sample has arrived since the last measurement."""
     time: float
-    """Instant of this sample, or of the last sample before [s]; NaN if there was none."""
+    """Instant of the latest sample that has arrived [s]. NaN if there was none."""
 
 
 class Measurement(Mapping[str, Sample]):
-    """Samples that a controller gets at an instant, by the name of their channel.
+    """Samples that a controller gets at one instant, by the name of their channel.
 
-    `measurement.com` is short for the value of the channel "com", None without such a sensor. `measurement.com_time` is
-    short for the instant of the sample, NaN without. The same holds for every channel.
+    `measurement.com` is the value of the channel "com", or None if there is no such sensor or no new sample.
+    `measurement.com_time` is the instant of the sample [s], or NaN if there is none. The same holds for every channel.
 
     Parameters
     ----------
     time : float
-        Now [s].
+        Present time [s].
     samples : Sample
-        Sample of each channel of the robot, or a pair of value and instant [s]; ValueError if there is no such channel.
+        Sample of each channel of the robot, or a pair of value and instant [s]. ValueError if there is no such channel.
     """
 
     def __init__(self, time: float, **samples: Sample | tuple[Any, Any]) -> None:
@@ -214,11 +215,11 @@ class Measurement(Mapping[str, Sample]):
 
     @classmethod
     def exact(cls, seen: Observation, channels: Iterable[str]) -> Measurement:
-        """Return the measurement of a robot with perfect sensors of some channels."""
+        """Return the measurement of a robot with perfect sensors in the given channels."""
         return cls(seen.time, **{name: (true_value(name, seen), seen.time) for name in channels})
 
     def changed(self, **samples: Sample | tuple[Any, Any]) -> Measurement:
-        """Return the measurement with other samples of some channels."""
+        """Return the measurement with the samples of some channels replaced."""
         return Measurement(self.time, **{**self._samples, **samples})
 
     __eq__, __hash__ = object.__eq__, object.__hash__  # arrays have no single truth value
@@ -241,17 +242,17 @@ class Measurement(Mapping[str, Sample]):
 
 
 class Sensors:
-    """Sensors of a robot, one for each of their `channels`; the `sensor` of `worm3d.simulate`.
+    """Sensors of a robot, one per channel. An object of this class is the argument `sensor` of `worm3d.simulate`.
 
     Parameters
     ----------
     strain, com, heading : Channel, optional
         Quality of the sensors of the chambers' strain [1], of each coordinate of the centre of mass [m], and of the
-        azimuth of the tail-to-head chord [rad]; None for no such sensor.
+        azimuth of the tail-to-head chord [rad]. None if the robot has no such sensor.
     seed : int
         Seed of all errors, at least 0.
     mirrored : bool
-        Whether the errors are the errors of the mirror image.
+        Whether the errors are mirrored.
     others : Channel, optional
         Quality of the sensors of further channels of `QUANTITIES`, by name.
 
@@ -281,7 +282,7 @@ class Sensors:
         self.reset()
 
     def reset(self) -> None:
-        """Return to the initial state, with the same errors."""
+        """Return to the initial state. The same errors are drawn again."""
         self._instruments = {name: _Instrument(name, each, self) for name, each in self.channels.items()}
 
     def __call__(self, seen: Observation) -> Measurement:
@@ -326,7 +327,7 @@ class _Instrument:
 
 
 def true_value(name: str, seen: Observation) -> FloatArray:
-    """Return the value of a channel without error; ValueError if the worm does not have this quantity."""
+    """Return the value of a channel without error. ValueError if the worm does not have this quantity."""
     try:
         return QUANTITIES[name].true_value(seen)
     except KeyError as error:

@@ -1,1 +1,1 @@
-"""Paths and references to follow, and the metrics of how well a run kept to them."""
+"""Paths and references that a worm follows, and metrics of how well it follows them."""

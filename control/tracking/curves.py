@@ -1,11 +1,12 @@
-"""Smooth curves in the plane by arc length, the base of all paths but lines and circles.
+"""Smooth plane curves as functions of arc length, the base of all paths except lines and circles.
 
-A curve r(u) is given with its first two derivatives. With s the arc length,
+A subclass defines a curve r(u) and its first two derivatives. With the arc length s,
 
     ds/du = |r'|,   t = r'/|r'|,   kappa = (x' y'' - y' x'') / |r'|^3                                          (L1)
 
-and the point of a curve that is nearest to p solves (r(s) - p) . t(s) = 0, a function of slope 1 - kappa n . (p - r),
-n to the left of t. An open curve goes straight on beyond both ends; a closed curve repeats.
+The point of a curve that is nearest to a place p solves (r(s) - p) . t(s) = 0. The slope of this function is
+1 - kappa n . (p - r), where n points to the left of t. An open curve continues straight beyond both ends, and a closed
+curve repeats.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 
 PARTS = 16
-"""Number of parts of each interval between knots."""
+"""Number of parts into which each interval between knots is divided."""
 GAUSS = np.polynomial.legendre.leggauss(5)
-"""Points and weights of Gauss's rule on [-1, 1]."""
+"""Points and weights of Gauss's quadrature rule on [-1, 1]."""
 
 
 class Curve(Spelled, ABC):
-    """A curve by arc length; subclasses give r(u), u from 0 to the last knot."""
+    """A curve as a function of arc length. Subclasses define r(u) for u from 0 to the last knot."""
 
     closed: bool = False
-    """Whether the curve ends at its start, without a kink."""
+    """Whether the curve ends where it begins, without a kink."""
 
     @abstractmethod
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -39,21 +40,21 @@ class Curve(Spelled, ABC):
 
     @abstractmethod
     def knots(self) -> FloatArray:
-        """Return the parameters, growing from 0, between which the curve is smooth, shape (M,)."""
+        """Return increasing parameters u from 0 on, between which the curve is smooth, shape (M,)."""
 
     @property
     def length(self) -> float:
-        """Length from one end to the other [m]."""
+        """Arc length from one end to the other [m]."""
         return float(self._nodes[1][-1])
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Return the points at arc lengths of shape (...) [m], shape (..., 2) [m]."""
+        """Return the points at arc lengths `s` [m], shape (..., 2) for `s` of shape (...) [m]."""
         inside, beyond, _ = self._inside(s)
         r, d, _ = self._at(inside)
         return r + beyond[..., None] * _unit(d)
 
     def heading(self, s: ArrayLike) -> FloatArray:
-        """Return the azimuths of the tangents at arc lengths of shape (...), continuous along the curve [rad]."""
+        """Return the azimuths of the tangents at arc lengths `s` [rad]. They are continuous along the curve."""
         inside, _, laps = self._inside(s)
         _, d, _ = self._at(inside)
         azimuth, known = np.arctan2(d[..., 1], d[..., 0]), self._headings
@@ -62,25 +63,29 @@ class Curve(Spelled, ABC):
         return np.asarray(turned + laps * (known[-1] - known[0]))
 
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return the curvatures at arc lengths of shape (...), positive to the left, (L1) [1/m]."""
+        """Return the curvatures (L1) at arc lengths `s`, positive to the left [1/m]."""
         inside, beyond, _ = self._inside(s)
         _, d, dd = self._at(inside)
         kappa = (d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / np.linalg.norm(d, axis=-1) ** 3
         return np.where(beyond == 0.0, kappa, 0.0)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...) [m].
+        """Return the arc lengths of the points nearest to places, shape (...) [m].
 
-        The search covers only points within an eighth of the curve's length of the arc length `near`. Without `near`
-        the search covers all points; if the curve passes a place more than once, the first pass counts that is as close
-        as the closest pass, or farther by at most a hundredth of the length.
+        `xy` are the places, shape (..., 2) [m]. If `near` is given, only points within an eighth of the curve's length
+        from the arc length `near` are searched. Otherwise all points are searched. If the curve passes a place more
+        than once, the first pass is returned whose distance exceeds the smallest distance by at most a hundredth of the
+        length.
         """
         places = np.asarray(xy, dtype=float)
         flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
         return np.array(flat).reshape(places.shape[:-1])
 
     def _nearest(self, place: FloatArray, near: float | None) -> float:
-        """Return the arc length of the nearest point by Newton's method in the parameter, from the nearest node."""
+        """Return the arc length of the nearest point.
+
+        Newton's method in the parameter u starts from the nearest node.
+        """
         (nodes, lengths), (k, laps) = self._nodes, self._nearest_node(place, near)
         low, high = self._beside(k)
         u = float(nodes[k])
@@ -95,7 +100,7 @@ class Curve(Spelled, ABC):
         return s + laps * self.length + self._beyond(place, u)
 
     def _beyond(self, place: FloatArray, u: float) -> float:
-        """Return the distance of the nearest point on the straight extension from the end of an open curve [m]."""
+        """Return the distance from the end of an open curve to the nearest point on its straight continuation [m]."""
         if self.closed or 0.0 < u < self._nodes[0][-1]:
             return 0.0
         r, d, _ = (part[0] for part in self.derivatives(np.array([u])))
@@ -103,7 +108,7 @@ class Curve(Spelled, ABC):
         return min(along, 0.0) if u == 0.0 else max(along, 0.0)
 
     def _nearest_node(self, place: FloatArray, near: float | None) -> tuple[int, float]:
-        """Return the node beside the nearest point of the searched chords, and the laps before this node."""
+        """Return the index of a node beside the nearest point, and the number of laps before this node."""
         chords = np.diff(self._places, axis=0)
         share = np.einsum("ij,ij->i", place - self._places[:-1], chords) / np.einsum("ij,ij->i", chords, chords)
         share = np.clip(share, 0.0, 1.0)
@@ -123,13 +128,13 @@ class Curve(Spelled, ABC):
         return int(node[k]), float(laps[k])
 
     def _beside(self, k: int) -> tuple[float, float]:
-        """Return the parameters of the nodes before and after node k, continued beyond the ends of a closed curve."""
+        """Return the parameters of the nodes before and after node k. A closed curve continues beyond its ends."""
         nodes = self._nodes[0]
         first, last = (nodes[-2] - nodes[-1], nodes[-1] + nodes[1]) if self.closed else nodes[[0, -1]]
         return float(nodes[k - 1] if k else first), float(nodes[k + 1] if k < len(nodes) - 1 else last)
 
     def _inside(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return arc lengths clipped to the ends, the excess beyond the ends, and the laps of a closed curve."""
+        """Return the arc lengths clipped to the curve, the excess beyond its ends, and the laps of a closed curve."""
         given = np.asarray(s, dtype=float)
         if self.closed:
             laps = np.floor(given / self.length)
@@ -144,20 +149,23 @@ class Curve(Spelled, ABC):
 
     @cached_property
     def _nodes(self) -> tuple[FloatArray, FloatArray]:
-        """Parameter and arc length at the knots and between them."""
+        """Parameters and arc lengths of the nodes, which are the knots and points between them."""
         parts = [np.linspace(a, b, PARTS, endpoint=False) for a, b in itertools.pairwise(self.knots())]
         u = np.append(np.concatenate(parts), self.knots()[-1])
         return u, np.concatenate([[0.0], np.cumsum(self._ways(u[:-1], u[1:]))])
 
     def _ways(self, begin: FloatArray, end: FloatArray) -> FloatArray:
-        """Return arc lengths between parameters, by Gauss's rule, shape (K,)."""
+        """Return the arc lengths between pairs of parameters by Gauss's rule, shape (K,)."""
         half = (end - begin) / 2.0
         places = begin[:, None] + half[:, None] * (1.0 + GAUSS[0])
         speed = np.linalg.norm(self.derivatives(places.ravel())[1], axis=1).reshape(places.shape)
         return np.asarray(half * (speed @ GAUSS[1]))
 
     def _parameter(self, s: FloatArray) -> FloatArray:
-        """Return the parameters of arc lengths, shape (K,): a cubic between nodes, then a step of Newton's method."""
+        """Return the parameters u that belong to arc lengths, shape (K,).
+
+        A cubic interpolation between nodes is followed by a step of Newton's method.
+        """
         nodes, lengths = self._nodes
         u = np.clip(self._guess(s), 0.0, nodes[-1])
         k = np.clip(np.searchsorted(nodes, u, side="right") - 1, 0, len(nodes) - 2)
@@ -170,7 +178,7 @@ class Curve(Spelled, ABC):
         return self.derivatives(self._nodes[0])[0]
 
     def _derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return r, r' and r''; for a closed curve also beyond the ends."""
+        """Return r, r' and r''. For a closed curve, u may lie beyond the ends."""
         return self.derivatives(np.mod(u, self._nodes[0][-1]) if self.closed else u)
 
     @cached_property

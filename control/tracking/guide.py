@@ -1,4 +1,7 @@
-"""The guide of a worm among obstacles: a detour around known obstacles, and a new one for an obstacle in sight."""
+"""The guide, which leads a worm around known obstacles, and changes the way when an obstacle comes into sight.
+
+A reference whose path leads around obstacles is called a led reference here.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,10 @@ from control.tracking.search import MARGINS, NoWayError, Search
 from worm3d.values.arrays import FloatArray
 
 MAX_WAY_DISTANCE, MAX_WAY_ANGLE = 0.03, 0.15
-"""Distance from the way [body lengths] and angle to the way [rad] beyond which a new way begins at the worm, as soon as
-the heading is known. A nearer worm returns within a wave or two."""
+"""Distance from the way [body lengths] and angle to the way [rad] above which the search is repeated from the worm's
+actual position, once the heading is known. A worm that is nearer returns to the way within one or two waves."""
 STEEPEST_TURN = 0.67
-"""Greatest angle to the path at the start of a way [rad]; a worm at a larger angle turns first."""
+"""Greatest angle between a new way and the path at the start of the way [rad]. A worm at a larger angle turns first."""
 
 
 def led(reference: Reference, body: Body) -> Reference:
@@ -48,12 +51,14 @@ def led(reference: Reference, body: Body) -> Reference:
 
 
 def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float) -> Reference:
-    """Return a led reference that leads around obstacles that have come into sight, too, from arc length `s` [m] on.
+    """Return a led reference that also avoids the obstacles `seen`, which have come into sight.
+
+    The way is kept up to the arc length `s` [m] and changes after it.
 
     Raises
     ------
     NoWayError
-        There is no way from there.
+        There is no way from there on.
     """
     way = reference.path
     assert isinstance(way, Detour)
@@ -65,12 +70,14 @@ def led_on(reference: Reference, body: Body, seen: Sequence[Obstacle], s: float)
 
 
 def led_from(reference: Reference, body: Body, place: FloatArray, azimuth: float) -> Reference:
-    """Return a led reference whose way begins at the worm, at a place (2,) [m] with an azimuth [rad].
+    """Return a led reference whose way begins at the worm.
+
+    The worm is at `place`, shape (2,) [m], with the azimuth `azimuth` [rad].
 
     Raises
     ------
     NoWayError
-        There is no way from there.
+        There is no way from there on.
     """
     way = reference.path
     assert isinstance(way, Detour)
@@ -95,7 +102,7 @@ def _led(
 
 
 class Guide:
-    """The reference of one worm, `reference`, led around the obstacles that are known so far."""
+    """The guide of one worm. `reference` leads the worm around the obstacles that are known so far."""
 
     def __init__(self, reference: Reference, body: Body) -> None:
         self._begin, self._body = reference, body
@@ -108,9 +115,10 @@ class Guide:
         self._placed = False
 
     def look(self, place: FloatArray, azimuth: float, sure: bool) -> bool:
-        """Look around from a place (2,) [m] and an azimuth [rad], and return whether the way has changed.
+        """Look for obstacles from the present position, and return whether the way has changed.
 
-        `sure` says whether the azimuth is known well enough to lead the worm.
+        `place` is the position of the worm, shape (2,) [m], and `azimuth` its heading [rad]. `sure` is whether the
+        heading is known well enough for a new way from the worm's position.
 
         Raises
         ------
@@ -133,7 +141,7 @@ class Guide:
         return self.reference is not before
 
     def _lead_from(self, place: FloatArray, azimuth: float) -> None:
-        """Lead on from the place of the worm; if no way begins there, steer the worm back to the present way."""
+        """Replace the way by a way that begins at the worm. If there is no such way, keep the present one."""
         try:
             self.reference = led_from(self.reference, self._body, place, azimuth)
         except NoWayError:

@@ -1,23 +1,25 @@
-"""Metrics of tracking: how well a run kept to its reference; definitions as in worm3d/NOTATION.md.
+"""Metrics of how well a run followed its reference. The definitions are those in worm3d/NOTATION.md.
 
-A wave rocks the body, so everything is averaged over a moving window of one commanded period: with the commanded phase
-w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and
+Since a wave rocks the body, all quantities are averaged over a moving window of one commanded period. Let w(t) be the
+commanded phase in waves. The window that ends at t begins at the time b with w(b) = w(t) - 1, and
 
     mean y (t) = 1/(t - b) int_b^t y,    velocity V = (x(t) - x(b))/(t - b)                                    (V1)
 
-for centre of mass x, heading h and offset e from the path. Speed is V along the path's tangent at the mean place, or
-without a path along the mean heading; the reference speed and the reference heading are averaged over the same window.
-Bias, rms and greatest values leave out windows that reach into the first three periods of the run. If the worm has to
-stop at the end of the path, they also leave out windows from three periods before the end. The speed has a second bias
-and rms, `..._settled_relative`, which also leave out windows that reach into the three periods after a step of the
-reference speed. The measure of the step itself is the number of periods until the speed stays within 10 %.
+for the centre of mass x, the heading h and the offset e from the path. The speed is the component of V along the path's
+tangent at the mean position, or without a path along the mean heading. The reference speed and the reference heading
+are averaged over the same window.
 
-The head is the worm's foremost point. The offset of the head is (L2), as for the centre of mass, with a separate
-projection: a straight body of length L that is tangent to a circle of radius R has its head sqrt(R^2 + L^2/4) - R
-outside.
+Bias, rms and greatest values ignore windows that overlap the first three periods of the run. If the worm has to stop at
+the end of the path, they also ignore windows from three periods before the end on. The metrics `..._settled_relative`
+are a second bias and rms of the speed, which also ignore windows that overlap the three periods after a step of the
+reference speed. The step itself is measured by the number of periods until the speed stays within 10 %.
 
-The clearance of the body is the least distance of the outline, seen from above, from the edge of any obstacle, at any
-instant of the run and without averaging; a negative clearance is the depth of the outline inside an obstacle.
+The head is the foremost point of the worm. Its offset is defined by (L2), like the offset of the centre of mass, but
+with its own projection. If a straight body of length L touches a circle of radius R tangentially, its head is
+sqrt(R^2 + L^2/4) - R outside the circle.
+
+The clearance of the body is the smallest distance between the outline, seen from above, and any obstacle, at any
+instant of the run and without averaging. A negative clearance is the depth of the outline inside an obstacle.
 """
 
 from __future__ import annotations
@@ -38,18 +40,18 @@ from worm3d.values.arrays import FloatArray
 Bools = NDArray[np.bool_]
 
 DROPPED_PERIODS = 3.0
-"""Number of periods left out at the beginning, and for `SETTLED_METRICS` after a step."""
+"""Number of periods that are ignored at the beginning, and for `SETTLED_METRICS` also after a step."""
 TIME_ROUNDING = 1e-6
-"""Greatest difference of two times that count as equal [s]."""
+"""Greatest difference between two times that count as equal [s]."""
 SETTLED = 0.10
-"""Share of the reference speed within which a speed has settled."""
+"""Relative error of the speed below which the speed has settled."""
 SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
 SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
 HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
 PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl", "cross_track_mean_bl")
 HEAD_METRICS = ("head_offset_rms_bl", "head_offset_max_bl")
 WITHIN = 0.02
-"""Greatest offset of a worm that has joined the path [body lengths]."""
+"""Greatest offset at which a worm counts as on the path [body lengths]."""
 BODY_CLEARANCE = "body_clearance_min_bl"
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
 METRICS = (
@@ -58,7 +60,8 @@ METRICS = (
 )
 """Names of the metrics that `summary` returns."""
 STAYED = 4.0
-"""Time for which a worm has to stay at the end of its path at the end of a run, three periods at 0.8 Hz [s]."""
+"""Time at the end of the run during which the worm must be at the end of its path [s]. It is about three periods at 0.8
+Hz."""
 TOO_SHORT = f"the run is shorter than the {DROPPED_PERIODS:g} periods that are left out and one more"
 UNSETTLED = f"no window lies beyond the {DROPPED_PERIODS:g} periods after each step of the reference speed"
 REASONS = {
@@ -68,7 +71,7 @@ REASONS = {
     "clearance_min_bl": "there is neither a corridor nor an obstacle",
     BODY_CLEARANCE: "there is no obstacle",
 }
-"""Reason for a missing value of a metric in a run that is long enough."""
+"""Reason for the missing value of a metric in a run that is long enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +85,17 @@ class Motion:
     heading: FloatArray
     """True azimuth of the chord, unwrapped [rad], shape (T,)."""
     waves: FloatArray
-    """Commanded phase, not falling [waves], shape (T,)."""
+    """Commanded phase, which does not decrease [waves], shape (T,)."""
     head: FloatArray | None = None
-    """True place of the head [m], shape (T, 2); None: no metrics of the head's offset."""
+    """True position of the head [m], shape (T, 2). If it is None, the metrics of the head's offset are missing."""
     outline: FloatArray | None = None
-    """Corners of the true outline of the body, in turn [m], shape (T, C, 2); None: no metric of the clearance."""
+    """Corners of the true outline of the body, in order [m], shape (T, C, 2). If it is None, the clearance is
+    missing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """Tracking of a reference by a worm, over K windows of one period, (V1)."""
+    """Motion of a worm compared with its reference, for K windows of one period, (V1)."""
 
     time: FloatArray
     """Ends of the windows [s], shape (K,)."""
@@ -100,32 +104,33 @@ class Tracking:
     place: FloatArray
     """Mean centre of mass [m], shape (K, 2)."""
     speed: FloatArray
-    """Speed forward, along the centre line of a pipe that rises [m/s], shape (K,)."""
+    """Forward speed, in a rising pipe along its centre line [m/s], shape (K,)."""
     wanted_speed: FloatArray
     """Mean reference speed [m/s], shape (K,)."""
     heading: FloatArray
     """Mean heading [rad], shape (K,)."""
     wanted_heading: FloatArray
-    """Wanted heading [rad], shape (K,); NaN without a path or heading."""
+    """Heading of the path or the requested heading [rad], shape (K,). NaN without either."""
     cross_track: FloatArray
-    """Mean offset to the left of the path [m], shape (K,); NaN without a path."""
+    """Mean offset to the left of the path [m], shape (K,). NaN without a path."""
     head_offset: FloatArray
-    """Mean offset of the head to the left of the path [m], shape (K,); NaN without a path or a head."""
+    """Mean offset of the head to the left of the path [m], shape (K,). NaN if there is no path or the head is
+    unknown."""
     arriving: Bools
-    """Windows in which the worm stops at the end of its path, shape (K,)."""
+    """Whether the worm is stopping at the end of its path in this window, shape (K,)."""
     counted: Bools
-    """Windows that enter the metrics, shape (K,)."""
+    """Whether the window enters the metrics, shape (K,)."""
     settled: Bools
-    """Counted windows that also lie beyond the steps of the reference speed, shape (K,)."""
+    """Whether the window counts and lies outside the periods after steps of the reference speed, shape (K,)."""
 
     @property
     def heading_error(self) -> FloatArray:
-        """Heading less the wanted heading, within half a turn, shape (K,) [rad]."""
+        """Heading minus requested heading, within half a turn, shape (K,) [rad]."""
         return np.mod(self.heading - self.wanted_heading + np.pi, 2.0 * np.pi) - np.pi
 
 
 def tracking(motion: Motion, reference: Reference) -> Tracking:
-    """Return the tracking of a reference by a worm; ValueError for less than one commanded period."""
+    """Compare the motion of a worm with a reference. ValueError if the run is shorter than one commanded period."""
     window = _Window(motion)
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
@@ -151,9 +156,10 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
 def _course(
     motion: Motion, reference: Reference, window: _Window, place: FloatArray, heading: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the wanted heading, NaN if there is none, the direction of the counted speed, and the factor of the speed.
+    """Return the requested heading, the direction of the counted speed, and a factor of the speed, each of shape (K,).
 
-    Each of shape (K,); the factor is the ratio of the length along a rising pipe to the length seen from above.
+    The requested heading is NaN without a path or heading. The factor is the length of a rising pipe divided by its
+    length seen from above.
     """
     if reference.path is not None:
         s = track(reference.path, place)
@@ -166,14 +172,17 @@ def _course(
 
 
 def _offset(places: FloatArray | None, reference: Reference, window: _Window) -> FloatArray:
-    """Return the mean offsets of places (T, 2) from the path, (K,); NaN without a path or places."""
+    """Return the mean offsets of places from the path, shape (K,). They are NaN without a path or places.
+
+    `places` has the shape (T, 2).
+    """
     if places is None or reference.path is None:
         return np.full(len(window.time), np.nan)
     return window.mean(offset(reference.path, places, track(reference.path, places)))
 
 
 def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the metrics of a run of any length, and the reasons for missing values; see `summary`."""
+    """Return the metrics of a run of any length, and the reasons for missing values. See `summary`."""
     if motion.waves[-1] - motion.waves[0] < 1.0:
         found, reasons = dict[str, float | None].fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
     else:
@@ -184,10 +193,11 @@ def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[
 
 
 def clearances(outline: FloatArray, reference: Reference) -> FloatArray:
-    """Return the distances of outlines (T, C, 2) from the nearest obstacle [m], shape (T,); below 0 inside.
+    """Return the distances of outlines from the nearest obstacle, shape (T,) [m]. They are negative inside.
 
-    The distances are evaluated at the corners and at seven places on each line between two corners, 0.02 body lengths
-    apart: an obstacle of radius 0.05 body lengths is at most 0.001 nearer.
+    `outline` has the shape (T, C, 2). The distances are evaluated at the corners and at seven points between two
+    corners, which are 0.02 body lengths apart. The true distance from an obstacle of radius 0.05 body lengths is
+    smaller by at most 0.001.
     """
     shares = np.arange(8)[:, None] / 8
     begin, end = outline[:, :, None], np.roll(outline, -1, axis=1)[:, :, None]
@@ -226,7 +236,7 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
 
 
 def _responses(tracked: Tracking, reference: Reference, metrics: dict[str, float | None]) -> dict[str, str]:
-    """Enter the response times (V2), and return the reasons for missing values."""
+    """Store the response times (V2) in `metrics`, and return the reasons for missing values."""
     waves = float(tracked.waves[-1] - tracked.waves[0])
     period = float(tracked.time[-1] - tracked.time[0]) / waves if waves > 0.0 else 0.0
     asked = ((reference.speed, tracked.speed), (reference.heading, tracked.heading))
@@ -240,7 +250,10 @@ def _responses(tracked: Tracking, reference: Reference, metrics: dict[str, float
 
 
 def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | None]:
-    """Return bias and rms error of the speed over some windows, relative to the mean reference there."""
+    """Return bias and rms error of the speed over some windows.
+
+    They are relative to the mean reference speed in the windows, and None if it is 0.
+    """
     size = float(np.abs(tracked.wanted_speed[taken]).mean()) if taken.any() else 0.0
     if size == 0.0:
         return None, None
@@ -249,9 +262,9 @@ def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | No
 
 
 def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | None, str]:
-    """Return the commanded periods until the speed stays within 10 %, for the slowest step, and a reason for None.
+    """Return the number of commanded periods until the speed stays within 10 %, for the slowest step.
 
-    A reference speed has steps if its class is `control.tracking.references.Steps`.
+    The second result is the reason if the number is None. Only the class `control.tracking.references.Steps` has steps.
     """
     steps = _step_times(reference)
     if not steps:
@@ -270,10 +283,10 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
 
 
 def joining_periods(tracked: Tracking, length: float) -> float | None:
-    """Return the commanded periods until the offset stays within `WITHIN`; None if the offset never does.
+    """Return the number of commanded periods until the offset stays within `WITHIN`. None if it never does.
 
-    The count runs from the start of the run to the end of the first window from which on all windows are within. A worm
-    that begins on its path has joined the path after 1.
+    The periods are counted from the start of the run to the end of the first window after which no window exceeds
+    `WITHIN`. The result is 1 for a worm that begins on its path, since the first window ends after one period.
     """
     off = np.flatnonzero(~(np.abs(tracked.cross_track) <= WITHIN * length))
     if len(off) == 0:
@@ -282,9 +295,10 @@ def joining_periods(tracked: Tracking, length: float) -> float | None:
 
 
 def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[float | None, str]:
-    """Return the greatest distance from the end of the path in the last seconds [body lengths], or a reason for None.
+    """Return the greatest distance from the end of the path in the last seconds [body lengths].
 
-    There is no value if the worm does not have to stop there, or has not arrived and still has a reference speed.
+    It is None, with a reason as the second result, if the worm does not have to stop at the end, or if it has not been
+    at the end for long enough.
     """
     if not reference.ends or reference.path is None:
         return None, "the reference has no end"
@@ -296,7 +310,10 @@ def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[f
 
 
 def _arriving(reference: Reference, window: _Window, place: FloatArray, wanted: FloatArray) -> Bools:
-    """Return which windows end within the distance of three periods before the end of the path, or beyond the end."""
+    """Return a mask of the windows in which the worm is stopping at the end of the path.
+
+    It starts three periods before the end.
+    """
     path = reference.path
     if path is None or not reference.ends:
         return np.zeros(len(place), dtype=bool)
@@ -317,7 +334,7 @@ def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
 
 
 class _Window:
-    """Moving windows of one commanded period, one for each instant after the first whole period."""
+    """Moving windows of one commanded period. There is one for each instant after the first whole period."""
 
     def __init__(self, motion: Motion) -> None:
         rows = motion.waves - motion.waves[0] >= 1.0
@@ -332,7 +349,7 @@ class _Window:
         return np.array(columns).T.reshape(-1, *values.shape[1:])
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """Return (V1); the trapezoidal rule gives the integral."""
+        """Return (V1). The integral is computed by the trapezoidal rule."""
         steps = np.diff(self._all).reshape(-1, *(1,) * (values.ndim - 1))
         integral = np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)
         total = np.concatenate([np.zeros((1, *values.shape[1:])), integral])

@@ -1,8 +1,9 @@
-"""Obstacles on the ground that the worm goes around, found by name.
+"""Obstacles on the ground that the worm goes around.
 
-An obstacle is the set of points within a radius of the spine, the convex hull of a row of points. The signed distance,
-below 0 inside, is one formula in symbols of CasADi, which also gives the numbers. An obstacle of another shape is a
-class here, with a row in `OBSTACLES`. `control.tracking.detour` adds the space that the worm needs beside an obstacle.
+An obstacle is the set of points within a radius of its spine, the convex hull of a sequence of points. The signed
+distance from an obstacle is negative inside. It is defined once, by a CasADi expression, which is also evaluated for
+numbers. To add a shape, add a class to this file and a row to `OBSTACLES`. `control.tracking.detour` adds the space
+that the worm needs beside an obstacle.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from worm3d.values.spelling import Spelled
 
 
 def seen_from() -> Any:
-    """Return the field of the distance of sight of an obstacle."""
+    """Return the field `sight` of an obstacle."""
     meaning = "distance of its edge from the middle line of the worm within which the controller comes to know of it"
     return parameter(math.inf, meaning=meaning, unit="m", gt=0, infinite=True, left_out="known from the start")
 
@@ -35,7 +36,7 @@ class Obstacle(Spelled, ABC):
 
     radius: float
     sight: float = math.inf
-    """Distance from the obstacle's edge to the worm's middle line within which the controller detects the obstacle
+    """Distance from the obstacle's edge to the worm's middle line below which the controller detects the obstacle
     [m]."""
 
     def __post_init__(self) -> None:
@@ -44,14 +45,17 @@ class Obstacle(Spelled, ABC):
     @property
     @abstractmethod
     def spine(self) -> FloatArray:
-        """Points [m], shape (M, 2), in turn along a line or around an area."""
+        """Points of the spine in order, along a line or around an area [m], shape (M, 2)."""
 
     @abstractmethod
     def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
-        """Return the distance of a place from the obstacle, below 0 inside [m]."""
+        """Return the signed distance of a place from the obstacle, negative inside [m]."""
 
     def distances(self, places: ArrayLike) -> FloatArray:
-        """Return the distances of places (..., 2) [m], shape (...) [m]; see `distance`. NaN for a place of NaN."""
+        """Return the signed distances of places, shape (...) for places of shape (..., 2) [m].
+
+        NaN for places with NaN.
+        """
         given = np.asarray(places, dtype=float)
         found, known = np.full(given.shape[:-1], np.nan), np.isfinite(given).all(axis=-1)
         if known.any():
@@ -60,12 +64,12 @@ class Obstacle(Spelled, ABC):
 
     @cached_property
     def formula(self) -> ca.Function:
-        """`distance` as a function of CasADi, (x, y) -> distance."""
+        """`distance` as a CasADi function (x, y) -> distance."""
         x, y = ca.SX.sym("x"), ca.SX.sym("y")
         return ca.Function("distance", [x, y], [self.distance(x, y)])
 
     def outline(self) -> FloatArray:
-        """Return points around the obstacle [m], shape (K, 2), round to 0.03 % of the radius, for drawing."""
+        """Return points around the obstacle for drawings [m], shape (K, 2). They are exact to 0.03 % of the radius."""
         turn = np.linspace(0.0, 2.0 * np.pi, 128, endpoint=False)
         ways, spine = np.column_stack([np.cos(turn), np.sin(turn)]), self.spine
         return np.asarray(spine[np.argmax(ways @ spine.T, axis=1)] + self.radius * ways)
@@ -74,7 +78,7 @@ class Obstacle(Spelled, ABC):
 @documented
 @dataclass(frozen=True)
 class Disc(Obstacle):
-    """A disc."""
+    """A circular disc."""
 
     x: float = parameter(meaning="x of its middle", unit="m")
     y: float = parameter(meaning="y of its middle", unit="m")
@@ -83,7 +87,7 @@ class Disc(Obstacle):
 
     @property
     def spine(self) -> FloatArray:
-        """Middle of the obstacle; see `Obstacle`."""
+        """Middle of the disc, see `Obstacle`."""
         return np.array([[self.x, self.y]])
 
     def distance(self, x: ca.SX, y: ca.SX) -> ca.SX:
@@ -105,7 +109,7 @@ class Wall(Obstacle):
 
     @property
     def spine(self) -> FloatArray:
-        """Points of the middle line, as far apart as the radius; farther in walls that are 500 times as long."""
+        """Points of the middle line. Their spacing is at most the radius, except in walls longer than 500 radii."""
         count = min(int(np.ceil(self.length / self.radius)), 500)
         along = self.length * (np.arange(count + 1) / count - 0.5)
         return np.column_stack([self.x + along * np.cos(self.azimuth), self.y + along * np.sin(self.azimuth)])
@@ -123,6 +127,9 @@ OBSTACLES: Mapping[str, type[Obstacle]] = MappingProxyType({"disc": Disc, "wall"
 
 
 def nearest(obstacles: Sequence[Obstacle], places: FloatArray) -> FloatArray:
-    """Return the distances of places (..., 2) from the nearest obstacle, (...) [m]; infinite without obstacles."""
+    """Return the distances of places from the nearest obstacle, shape (...) for places of shape (..., 2) [m].
+
+    They are infinite if there is no obstacle.
+    """
     found = [each.distances(places) for each in obstacles]
     return np.min(found, axis=0) if found else np.full(places.shape[:-1], np.inf)

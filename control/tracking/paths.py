@@ -1,8 +1,8 @@
-"""Paths to follow: lines, circles, S-curves, splines, waypoints, and pipes seen from above.
+"""Paths that a worm can follow: lines, circles, S-curves, splines, waypoints, and pipes seen from above.
 
-A path is a curve in the plane by its arc length s [m], (L1). An open path goes straight on beyond both ends (s < 0 and
-s > length); a closed path repeats, and the heading accumulates over laps. Places lie to the left of a path at a
-positive distance
+A path is a plane curve as a function of its arc length s [m], (L1). An open path continues straight beyond both ends
+(s < 0 and s > length). A closed path repeats, and its heading accumulates over the laps. The offset e of a place p is
+positive to the left of the path:
 
     e = (p - r(s)) . n(s),   n = (-sin(heading), cos(heading)),   s the projection of p                       (L2)
 """
@@ -31,12 +31,12 @@ Side = Literal["left", "right"]
 
 @runtime_checkable
 class Path(Protocol):
-    """A path that can be followed."""
+    """Interface of a path that a worm can follow."""
 
     @property
     @abstractmethod
     def length(self) -> float:
-        """Length, infinite for a line without end [m]."""
+        """Length [m]. It is infinite for a line without end."""
 
     @property
     @abstractmethod
@@ -45,19 +45,22 @@ class Path(Protocol):
 
     @abstractmethod
     def point(self, s: ArrayLike) -> FloatArray:
-        """Return the points at arc lengths of shape (...) [m], shape (..., 2) [m]."""
+        """Return the points at arc lengths `s` [m], shape (..., 2) for `s` of shape (...) [m]."""
 
     @abstractmethod
     def heading(self, s: ArrayLike) -> FloatArray:
-        """Return the azimuths at arc lengths s, continuous along the path, shape (...) [rad]."""
+        """Return the azimuths at arc lengths `s`, of the same shape [rad]. They are continuous along the path."""
 
     @abstractmethod
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return the curvatures at arc lengths s, positive to the left, shape (...) [1/m]."""
+        """Return the curvatures at arc lengths `s`, of the same shape, positive to the left [1/m]."""
 
     @abstractmethod
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...); preferably near `near`."""
+        """Return the arc lengths of the points nearest to places `xy`, shape (...) for places of shape (..., 2) [m].
+
+        If a path passes a place more than once, the pass near the arc length `near` is preferred.
+        """
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Line(Spelled, Path):
     azimuth: float = 0.0
     """Azimuth of the line's direction [rad]."""
     length: float = math.inf
-    """Arc length at which the line counts as ended [m]."""
+    """Arc length at which the line ends, if the reference has an end [m]."""
 
     closed = False
 
@@ -103,9 +106,9 @@ class Circle(Spelled, Path):
     start: tuple[float, float] = (0.0, 0.0)
     """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
-    """Azimuth of its tangent there [rad]."""
+    """Azimuth of the tangent at s = 0 [rad]."""
     towards: Side = "left"
-    """Side of the tangent with the circle's centre: "left" or "right"."""
+    """Side of the tangent on which the circle's centre lies: "left" or "right"."""
 
     closed = True
 
@@ -134,7 +137,7 @@ class Circle(Spelled, Path):
         return np.full(np.shape(s), _sign(self.towards) / self.radius)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc lengths; see `Path`. Without `near` within the first lap."""
+        """Return the arc lengths, see `Path`. Without `near`, they are within the first lap."""
         out = np.asarray(xy, dtype=float) - self.start - self.radius * self._inwards
         turn = np.arctan2(out @ _direction(self.azimuth), -(out @ self._inwards))
         if near is None:
@@ -149,7 +152,7 @@ class Circle(Spelled, Path):
 
 @dataclass(frozen=True)
 class SCurve(Curve, Path):
-    """A sine wave, y = amplitude sin(2 pi x / wavelength), rotated to begin along `azimuth`."""
+    """A sine wave, y = amplitude sin(2 pi x / wavelength), rotated so that it begins in the direction `azimuth`."""
 
     amplitude: float = 0.4
     """Amplitude of the sine [m]."""
@@ -160,9 +163,9 @@ class SCurve(Curve, Path):
     start: tuple[float, float] = (0.0, 0.0)
     """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
-    """Azimuth of its tangent there [rad]."""
+    """Azimuth of the tangent at s = 0 [rad]."""
     towards: Side = "left"
-    """Side of the wave's axis with the first half-wave: "left" or "right"."""
+    """Side of the wave's axis on which the first half-wave lies: "left" or "right"."""
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
@@ -172,7 +175,7 @@ class SCurve(Curve, Path):
         arguments.number("waves", self.waves, gt=0.0, le=10_000)  # the length is summed up piece by piece
 
     def knots(self) -> FloatArray:
-        """Return every eighth of a wave; see `Curve`."""
+        """Return the ends of every eighth of a wave, see `Curve`."""
         return np.linspace(0.0, self.waves * self.wavelength, max(2, math.ceil(8 * self.waves) + 1))
 
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -187,10 +190,13 @@ class SCurve(Curve, Path):
 
 @dataclass(frozen=True, eq=False)
 class SplinePath(ReadOnly, Curve, Path):
-    """A cubic spline through points, with continuous curvature; parametrised by the chords, and natural at the ends."""
+    """A cubic spline through points, with continuous curvature.
+
+    The parameter is the sum of the chord lengths. At the ends of an open path the curvature is 0.
+    """
 
     points: FloatArray
-    """At least two points, each apart from the next [m], shape (P, 2); a closed path does not repeat the first
+    """At least two points [m], shape (P, 2). Consecutive points must differ. A closed path does not repeat the first
     point."""
     closed: bool = False
     """Whether the path continues from the last point to the first."""
@@ -201,7 +207,7 @@ class SplinePath(ReadOnly, Curve, Path):
         super().__post_init__()
 
     def knots(self) -> FloatArray:
-        """Return the sums of the chords; see `Curve`."""
+        """Return the sums of the chord lengths, see `Curve`."""
         chords = np.linalg.norm(np.diff(_run(self.points, self.closed), axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(chords)])
 
@@ -220,7 +226,7 @@ class PlanView(ReadOnly, Curve, Path):
     """The centre line of a pipe seen from above."""
 
     centreline: Centreline
-    """Centre line that is nowhere vertical."""
+    """Centre line, which must not be vertical anywhere."""
 
     def __post_init__(self) -> None:
         arguments.instance("centreline", self.centreline, Centreline, "a worm3d.Centreline")
@@ -229,11 +235,11 @@ class PlanView(ReadOnly, Curve, Path):
             raise ValueError("centreline: it is vertical somewhere, where it has no heading; follow a level part of it")
 
     def knots(self) -> FloatArray:
-        """Return the ends of the spline's pieces; see `Curve`."""
+        """Return the ends of the pieces of the centre line, see `Curve`."""
         return np.concatenate([[0.0], self.centreline.ends])
 
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return r, r' and r'' at distances u along the line; see `Curve`."""
+        """Return r, r' and r'' at distances u along the centre line, see `Curve`."""
         line = self.centreline
         points, tangents = line.at(u)
         begins = line.ends - line.length
@@ -243,23 +249,27 @@ class PlanView(ReadOnly, Curve, Path):
         return points[:, :2], tangents[:, :2], (line.curvature[k][:, None] * normal)[:, :2]
 
     def lengthening(self, s: ArrayLike) -> FloatArray:
-        """Return the ratio of the line's length to its length seen from above at arc lengths s (...), shape (...)."""
+        """Return the length of the centre line divided by its length seen from above.
+
+        `s` contains arc lengths of the path and has the same shape as the result.
+        """
         u = self._parameter(np.ravel(np.clip(s, 0.0, self.length)).astype(float))
         level = np.linalg.norm(self.derivatives(u)[1], axis=1)
         return np.asarray(1.0 / level.reshape(np.shape(s)))
 
 
 class WayPoints(PlanView):
-    """Straight pieces from waypoint to waypoint, the corners rounded by arcs of one radius.
+    """Straight pieces between waypoints, with corners rounded by arcs of one radius.
 
     Raises
     ------
     ValueError
-        Points that coincide or turn back, or that lie too close for the radius.
+        Two consecutive points coincide, the path turns back on itself, or two points are too close for the radius.
     """
 
     points: FloatArray
-    """At least two points, each apart from the next [m], shape (P, 2); the path passes beside inner points."""
+    """At least two points [m], shape (P, 2). Consecutive points must differ. Since corners are rounded, the path only
+    passes near inner points."""
     radius: float
     """Radius of the arcs [m]."""
 
@@ -270,15 +280,26 @@ class WayPoints(PlanView):
 
 
 def lengthening(path: Path | None, s: ArrayLike) -> FloatArray:
-    """Return the ratio of distance to path length at arc lengths s (...): 1 except for pipes that rise or fall."""
+    """Return the length of a path divided by its length seen from above.
+
+    It is 1 except in pipes that rise or fall. `s` contains arc lengths and has the same shape as the result.
+    """
     rising = getattr(path, "lengthening", None)
     return np.ones(np.shape(s)) if rising is None else np.asarray(rising(s))
 
 
 def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = None) -> FloatArray:
-    """Return the offsets of places (..., 2) to the left of a path at their projections s (...), (L2) [m].
+    """Return the offsets (L2) of places to the left of a path, shape (...) [m].
 
-    Known azimuths of the path at the projections [rad] may be given.
+    Parameters
+    ----------
+    path : Path
+    xy : array_like, shape (..., 2)
+        Places [m].
+    s : array_like, shape (...)
+        Projections of the places onto the path [m].
+    azimuth : array_like, shape (...), optional
+        Azimuths of the path at the projections [rad], if they are already known.
     """
     azimuth = path.heading(s) if azimuth is None else azimuth
     off = np.asarray(xy, dtype=float) - path.point(s)
@@ -286,7 +307,10 @@ def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = 
 
 
 def track(path: Path, xy: FloatArray, near: float | None = None) -> FloatArray:
-    """Return the projections of successive places (K, 2) [m], each searched near the previous one, shape (K,) [m]."""
+    """Return the projections of successive places onto a path, shape (K,) for places of shape (K, 2) [m].
+
+    Each projection is searched near the previous one.
+    """
     found = [near := float(path.project(place, near)) for place in xy]
     return np.array(found)
 
@@ -304,7 +328,7 @@ def _sign(side: Side) -> float:
 
 
 def _rounded(points: FloatArray, radius: float) -> Centreline:
-    """Return the straight pieces between points and the arcs that round their corners."""
+    """Return a centre line of straight pieces between points, with arcs that round the corners."""
     chords = np.diff(points, axis=0)
     length, azimuth = np.linalg.norm(chords, axis=1), np.arctan2(chords[:, 1], chords[:, 0])
     turn = np.mod(np.diff(azimuth) + np.pi, 2.0 * np.pi) - np.pi
@@ -334,7 +358,10 @@ def _require_start(start: tuple[float, float], azimuth: float) -> None:
 
 
 def _points(points: ArrayLike, least: int, *, closed: bool = False) -> FloatArray:
-    """Return points as a read-only array; ValueError unless (P, 2) with at least `least` points, each off the next."""
+    """Return points as a read-only array of shape (P, 2).
+
+    ValueError if there are fewer than `least` points, or if consecutive points coincide.
+    """
     found = arguments.array("points", points, ("P", 2), least=least)
     if not (np.linalg.norm(np.diff(_run(found, closed), axis=0), axis=1) > 0.0).all():
         first = ", as the first one of a closed path after the last" if closed else ""
@@ -343,5 +370,5 @@ def _points(points: ArrayLike, least: int, *, closed: bool = False) -> FloatArra
 
 
 def _run(points: FloatArray, closed: bool) -> FloatArray:
-    """Return points; a closed path has the first point again at the end."""
+    """Return points. For a closed path, the first point is repeated at the end."""
     return np.vstack([points, points[:1]]) if closed else points

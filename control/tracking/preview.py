@@ -1,13 +1,16 @@
-"""Preview: the reference ahead of the worm, within the worm's greatest speed, and up to the end of the path.
+"""Preview of the reference ahead of the worm.
 
-The speed at arc length s of the path and time t is the least of
+The speeds of the preview are limited to speeds that the worm can reach and that stop it at the end of the path. The
+speed at arc length s of the path and time t is the smallest of
 
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
-V_reach is the greatest speed at which the worm can turn as the path does. With the last speed, the distance to the end
-falls as exp(-t/T). Around obstacles the worm follows a detour, `control.tracking.detour`. The corridor bounds the
-offset of the worm's middle from the detour, and the obstacles on either side bound the offset of both ends of the body.
-These bounds are fixed before the planning, so that the optimisation is not stuck between two ways around.
+V_reach is the greatest speed at which the worm can turn as sharply as the path. With the last of these speeds, the
+distance from the end decreases as exp(-t/T).
+
+Around obstacles the worm follows a detour (`control.tracking.detour`). The corridor bounds the offset of the worm's
+middle from the detour, and the obstacles bound the offset of both ends of the body. These bounds are fixed before the
+planning. Otherwise the optimisation could get stuck between the two ways around an obstacle.
 """
 
 from __future__ import annotations
@@ -25,70 +28,76 @@ from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
 
 APPROACH = 2.0
-"""Time T in which the distance to the end of a path falls to 37 % [waves]: the speed lags behind by one wave."""
+"""Time T in which the distance from the end of a path decreases to 37 % [waves]. It is longer than the lag of the
+speed, which is one wave."""
 TURNS_IN = 0.3
-"""Distance for averaging the curvature of a path [body lengths], over which a worm turns by a right angle at best."""
+"""Distance over which the curvature of a path is averaged [body lengths]. A worm needs at least this distance to turn
+by a right angle."""
 AWAY = 1.3
-"""Angle between a worm and its path above which the worm turns round before following the path [rad]."""
+"""Angle between the worm and its path above which the worm first turns round without following the path [rad]."""
 
 Reach = Callable[[FloatArray], FloatArray]
-"""Function of curvatures (...) [1/m] that returns the greatest speeds along such curves (...) [m/s]."""
+"""Function that returns the greatest speeds on curves of given curvatures, of the same shape [1/m] -> [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """Demands of a reference at K instants."""
+    """Requested motion at K instants."""
 
     speed: FloatArray
-    """Speed forward [m/s], shape (K,)."""
+    """Forward speed [m/s], shape (K,)."""
     point: FloatArray
-    """Points of the path [m], shape (K, 2); zeros without a path."""
+    """Points of the path [m], shape (K, 2). Zeros without a path."""
     heading: FloatArray
-    """Heading of the path or reference, on the same turn as the worm's heading [rad], shape (K,); zeros without one."""
+    """Heading of the path or of the reference [rad], shape (K,). Zeros without either. Whole turns are added, so that
+    the first value is nearest to the worm's heading."""
     follows: bool
-    """Whether there is a path."""
+    """Whether there is a path, and the worm faces along it (see `AWAY`)."""
     heads: bool
-    """Whether there is a heading."""
+    """Whether there is a path or a requested heading."""
     progress: float
-    """Arc length of the path's point nearest to the worm [m]; 0 without a path."""
+    """Arc length of the point of the path nearest to the worm [m]. 0 without a path."""
     left: FloatArray
-    """Greatest allowed offset to the left of the path [m], shape (K,); infinite without a bound."""
+    """Greatest allowed offset to the left of the path [m], shape (K,). Infinite without a bound."""
     right: FloatArray
-    """Greatest offset to the right, as a positive number [m], shape (K,)."""
+    """Greatest allowed offset to the right of the path, a positive number [m], shape (K,)."""
     room_left: FloatArray
-    """Greatest allowed offset to the left of both ends of the body, shape (K,) [m]."""
+    """Greatest allowed offset of both ends of the body to the left [m], shape (K,)."""
     room_right: FloatArray
-    """Greatest offset of both ends to the right, as a positive number [m], shape (K,)."""
+    """Greatest allowed offset of both ends of the body to the right, a positive number [m], shape (K,)."""
     way: FloatArray
-    """Way forward in each step [body lengths], shape (K,)."""
+    """Distance covered in each step [body lengths], shape (K,). Negative backwards."""
     walled: bool = False
-    """Whether walls keep the worm to its path."""
+    """Whether walls keep the worm on its path."""
 
     @property
     def ways(self) -> FloatArray:
-        """-1 for motion backwards, else 1; while the worm has to stand, the value before, shape (K,)."""
+        """1 for forward and -1 for backward motion, shape (K,).
+
+        While the worm has to stand, the previous value is kept.
+        """
         moving = np.where(self.speed != 0.0, np.arange(len(self.speed)), 0)
         return np.where(np.signbit(self.speed[np.maximum.accumulate(moving)]), -1.0, 1.0)
 
 
 class Ability(NamedTuple):
-    """Abilities of a worm, which limit the demands."""
+    """Properties of a worm that limit the requested motion."""
 
     reach: Reach
     length: float
     """Length of the body [m]."""
     wave: float
-    """Period of the usual wave [s]."""
+    """Period of the wave at the preferred frequency [s]."""
 
 
 ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0, 1.25)
-"""Ability to go at any speed, of a worm with the length and the wave of the default worm."""
+"""Ability to reach any speed, with the length and the wave period of the default worm."""
 
 
 def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = ANY) -> FloatArray:
-    """Return the speeds [m/s] of a reference at times [s] and arc lengths [m] of one shape, (P1).
+    """Return the speeds (P1) of a reference at times `t` [s] and arc lengths `s` [m] of the same shape [m/s].
 
-    In a pipe that rises the speeds are along the pipe, and less as seen from above.
+    In a rising pipe, the reference speed is along the pipe. The returned speed is seen from above, and smaller.
     """
     along, turning = np.asarray(s, dtype=float), _turning(reference, s, able)
     begin, end = _ending(reference, along, able.wave)
@@ -98,7 +107,7 @@ def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = A
 
 
 def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
-    """Return the greatest speeds at which the worm can follow the path, at arc lengths of any shape [m/s]."""
+    """Return the greatest speeds at which the worm can follow the path, at arc lengths `s` of any shape [m/s]."""
     s, path, way = np.asarray(s, dtype=float), reference.path, TURNS_IN * able.length
     if path is None:
         return able.reach(np.zeros(s.shape))
@@ -106,7 +115,7 @@ def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
 
 
 def _ending(reference: Reference, s: FloatArray, wave: float) -> tuple[FloatArray, FloatArray]:
-    """Return the greatest speeds backward and forward that still stop at the ends, at arc lengths (...) [m/s]."""
+    """Return the greatest backward and forward speeds with which the worm still stops at the ends of the path [m/s]."""
     if reference.path is None or not reference.ends:
         return np.full(s.shape, np.inf), np.full(s.shape, np.inf)
     T = APPROACH * wave
@@ -114,7 +123,7 @@ def _ending(reference: Reference, s: FloatArray, wave: float) -> tuple[FloatArra
 
 
 def _advance(reference: Reference, times: FloatArray, step: float, progress: float, able: Ability) -> FloatArray:
-    """Return arc lengths [m] after each step, at the speeds (P1) from a progress [m] on."""
+    """Return the arc lengths after each step, if the worm moves with the speeds (P1) from `progress` on [m]."""
     asked = np.asarray(reference.speed(times), dtype=float)
     path, straight = reference.path, float(able.reach(np.zeros(1))[0])
     asked = np.clip(asked, -straight, straight)
@@ -140,10 +149,24 @@ def look_ahead(
     near: float | None,
     able: Ability = ANY,
 ) -> Preview:
-    """Return the demands at the ends of the steps of a horizon that begins at a time [s].
+    """Return the requested motion at the ends of the steps of a horizon.
 
-    The point of the path advances at the speed (P1) from the worm's place, whatever the worm does. The worm is at a
-    place (2,) [m] with an azimuth [rad]; the search for the worm's progress begins near the previous progress [m].
+    The point of the path advances with the speed (P1) from the worm's present position, whatever the worm does.
+
+    Parameters
+    ----------
+    reference : Reference
+    begin : float
+        Start of the horizon [s].
+    step, steps
+        Duration [s] and number of the steps.
+    place : ndarray, shape (2,)
+        Position of the worm [m].
+    azimuth : float
+        Heading of the worm [rad].
+    near : float, optional
+        Previous progress on the path, near which the present progress is searched [m].
+    able : Ability
     """
     ends = begin + step * np.arange(1, steps + 1, dtype=np.float64)
     free = np.full(steps, np.inf)
@@ -168,14 +191,17 @@ def look_ahead(
 
 
 def bounds(reference: Reference, s: FloatArray) -> FloatArray:
-    """Return the bounds to the left and right for the middle, then for the ends, at arc lengths (K,), (4, K) [m]."""
+    """Return the bounds of the offset at arc lengths `s`, shape (4, K) for `s` of shape (K,) [m].
+
+    The rows are the bounds to the left and right for the middle, then for the ends of the body.
+    """
     if isinstance(reference.path, Detour):
         return reference.path.bounds_at(s)
     return np.repeat([reference.corridor, reference.corridor, np.inf, np.inf], len(s)).reshape(4, -1)
 
 
 def turn_rate(reference: Reference, t: float, progress: float, able: Ability = ANY) -> float:
-    """Return the turn rate of a reference at time t [s], `progress` [m] along the path, in rad/s."""
+    """Return the turn rate of a reference at time t [s] and the arc length `progress` [m], in rad/s."""
     if reference.path is not None:
         return float(reference.path.curvature(progress)) * float(speed_at(reference, t, progress, able))
     if reference.heading is not None:
@@ -184,13 +210,13 @@ def turn_rate(reference: Reference, t: float, progress: float, able: Ability = A
 
 
 def turn_of_path(reference: Reference, t: float, place: FloatArray) -> float:
-    """Return the turn rate of the path at the point nearest to a place (2,) [m], in rad/s; 0 without a path."""
+    """Return the turn rate of the path at its point nearest to a place (2,) [m], in rad/s. It is 0 without a path."""
     if reference.path is None or not np.isfinite(place).all():
         return 0.0
     return turn_rate(reference, t, float(reference.path.project(place)))
 
 
 def _on_turn(heading: FloatArray, first: float, azimuth: float) -> FloatArray:
-    """Return headings shifted by whole turns, so that `first` is nearest to an azimuth [rad]."""
+    """Return headings shifted by whole turns, so that `first` is shifted as near as possible to an azimuth [rad]."""
     turns = float(np.round((first - azimuth) / (2.0 * np.pi)))
     return np.asarray(heading - 2.0 * np.pi * turns)

@@ -1,4 +1,4 @@
-"""References: speed, path or heading, bounds beside the path, and the end of the path."""
+"""References: the requested speed, path or heading, the bounds beside the path, and the end of the path."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 
 Profile = Callable[[Any], Any]
-"""Function of the time [s], a number or an array, that gives as many speeds [m/s] or headings [rad]."""
+"""Function of time [s] that returns speeds [m/s] or headings [rad], for a number or an array of times."""
 
 
 @dataclass(frozen=True)
 class Constant(Spelled):
-    """A profile that is the same at all times."""
+    """A profile with a constant value."""
 
     value: float
 
@@ -37,14 +37,14 @@ class Constant(Spelled):
 
 @dataclass(frozen=True)
 class Steps(Spelled):
-    """A profile that changes in steps."""
+    """A profile that is constant between steps."""
 
     first: float
     """Value before the first step."""
     times: tuple[float, ...]
-    """Times of the steps, growing [s]."""
+    """Times of the steps, in increasing order [s]."""
     values: tuple[float, ...]
-    """Value from each step on."""
+    """Values after the steps."""
 
     def __post_init__(self) -> None:
         arguments.number("first", self.first)
@@ -83,27 +83,30 @@ class Sine(Spelled):
 
 @dataclass(frozen=True)
 class Reference(Spelled):
-    """Demands on the worm: a speed, and at most one of heading and path; they apply to the centre of mass.
+    """Requested motion of the centre of mass: a speed, and either a path, a heading, or neither.
 
     Raises
     ------
     ValueError
-        Both heading and path; an end, a corridor or obstacles without a path that can have them.
+        Both a heading and a path are given. Or an end, a corridor or obstacles are given without a path that can have
+        them.
     """
 
     speed: Profile
-    """Time [s] -> speed forward, along the path if there is one, below 0 backwards [m/s]; takes arrays."""
+    """Function of time [s] that returns the forward speed, along the path if there is one [m/s]. It is negative for
+    backward motion. Times may be arrays."""
     heading: Profile | None = None
-    """Time [s] -> heading [rad]; takes arrays."""
+    """Function of time [s] that returns the heading [rad]. Times may be arrays."""
     path: Path | None = None
     ends: bool = False
-    """Whether the worm stops at the end of the path and stays there; backwards, at the start of the path."""
+    """Whether the worm stops at the end of the path and stays there. When it goes backwards, it stops at the start of
+    the path."""
     corridor: float = math.inf
-    """Greatest distance to either side of the path [m]."""
+    """Greatest allowed distance from the path, on either side [m]."""
     obstacles: tuple[Obstacle, ...] = ()
-    """Obstacles for the way around, from the start of the path on; `control.tracking.search` finds the way."""
+    """Obstacles that the worm must avoid. `control.tracking.search` finds a way around them."""
     walled: bool = False
-    """Whether walls keep the worm to its path, so that steering against them only costs speed."""
+    """Whether walls keep the worm on its path. Steering against the walls would only reduce the speed."""
 
     def __post_init__(self) -> None:
         if self.heading is not None and self.path is not None:
@@ -133,10 +136,11 @@ class Reference(Spelled):
             )
 
     def trespass(self, places: FloatArray, beyond: FloatArray) -> FloatArray:
-        """Return the depths of places (..., 2), `beyond` (...) the corridor, in the forbidden region, (...) [m].
+        """Return how deep places lie in the forbidden region, shape (...) [m].
 
-        The forbidden region is the inside of obstacles and the outside of the corridor. A negative depth is the
-        distance from this region, infinite without obstacles and corridor.
+        The forbidden region is the inside of obstacles and the outside of the corridor. `places` has the shape (..., 2)
+        [m], and `beyond` is the distance of the places outside the corridor, shape (...) [m]. A negative result is the
+        distance from the region. It is minus infinity if there are neither obstacles nor a corridor.
         """
         return np.asarray(np.max([beyond, *(-each.distances(places) for each in self.obstacles)], axis=0))
 

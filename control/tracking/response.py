@@ -1,8 +1,8 @@
-"""Response of a worm to a step of the reference: time to 90 % of a new speed or heading.
+"""Response of a worm to steps of the reference: the time to reach 90 % of a change of speed or heading.
 
-With the mean y over the last commanded period (`control.tracking.metrics`), and the reference stepping from a to b at
-t_0, the response ends at the first t from which on (y - a)/(b - a) is at least 0.9 for a period (or until the next
-step):
+Let y be the mean over the last commanded period (`control.tracking.metrics`). The reference steps from a to b at t_0.
+The response ends at the first time t after which (y - a)/(b - a) is at least 0.9 for a whole period, or until the next
+step:
 
     response time = t - t_0, of the slowest step                                                       (V2)
 """
@@ -23,7 +23,7 @@ def response_time(profile: Profile | None, time: FloatArray, values: FloatArray,
     Parameters
     ----------
     profile : callable or None
-        Reference, with steps if its class is `control.tracking.references.Steps`.
+        Profile of the reference. Only the class `control.tracking.references.Steps` has steps.
     time, values : ndarray, shape (K,)
         Ends of the windows [s], and means over the windows.
     period : float
@@ -32,7 +32,7 @@ def response_time(profile: Profile | None, time: FloatArray, values: FloatArray,
     Raises
     ------
     NoValueError
-        No step begins within the time, or the values do not reach 90 %.
+        The profile has no step within the run, or the values do not reach 90 % of a change.
     """
     if not isinstance(profile, Steps):
         raise NoValueError("what is asked for has no step")

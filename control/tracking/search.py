@@ -1,18 +1,20 @@
-"""The search for a way around obstacles: the side and the distance at which each obstacle is passed.
+"""Search for a way around obstacles, including the side and the distance at which each obstacle is passed.
 
-The body counts as a capsule: all places within its greatest half width w of a chord. The chord is as long as the body,
-has its middle on the way and lies along the way. A way is an offset e(s) to the left of the path at the path's arc
-lengths s. A way keeps the middle within the corridor, the body at least a margin away from every obstacle, and the
-curvature below a bound. The best way has the least cost
+The body is modelled as all points within its greatest half width w from a chord. The chord is as long as the body, has
+its middle on the way and points along the way. A way is described by its offset e(s) to the left of the path, at the
+arc length s of the path. An admissible way keeps the middle within the corridor, the body at least a margin away from
+every obstacle, and the curvature below a bound. The best way has the lowest cost
 
     int e^2 + B^4 e''^2 ds                                                                                     (P2)
 
-so that offsets without a cause decay over the length B. The cost also decides the side on which each obstacle is
-passed. Dynamic programming finds the best way on a grid of offsets e and slopes e',
+Because of this cost, an offset that no obstacle requires decays over the length B. The cost also decides on which side
+each obstacle is passed. Let V_k(e, e') be the lowest cost up to point k of a grid over offsets e and slopes e'. Dynamic
+programming minimises over the curvatures c:
 
     V_k(e, e') = least of V_{k-1}(e - e' ds, e' - c ds) + (e^2 + B^4 c^2) ds  over curvatures c                (P3)
 
-From there Ipopt, an interior-point method that comes with CasADi, finds the smooth way of least cost.
+From the best way on the grid, Ipopt, an interior-point method that comes with CasADi, finds the smooth way of lowest
+cost.
 """
 
 from __future__ import annotations
@@ -35,37 +37,42 @@ from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray, IntArray
 
 GRID_STEP, GRID_CELL = 0.1, 0.01
-"""Spacing of the grid along and beside the path [body lengths]: slopes differ by 0.1, curvatures by 1 per length."""
+"""Spacing of the grid along (`GRID_STEP`) and beside (`GRID_CELL`) the path [body lengths]. The slopes of ways on the
+grid are multiples of 0.1, and their curvatures are multiples of 1 per body length."""
 SHARPEST = 2.2
-"""Greatest curvature of a way [1/body length]: on circles of 0.45 BL the offset is 0.003 BL, corners have 0.012."""
+"""Greatest curvature of a way [1/body length]. On circles of 0.45 body lengths the worm has an offset of 0.003 body
+lengths, at corners 0.012."""
 BENDS = 0.8
-"""Length B of (P2) [body lengths]: a detour of 0.3 BL bends by 0.6 per body length. With half this length detours bend
-four times as much and the worm follows them less exactly; with twice this length they are twice as long."""
+"""Length B of (P2) [body lengths]. A detour of 0.3 body lengths then has a curvature of 0.6 per body length. With half
+this length, detours have four times the curvature and the worm follows them less exactly. With twice this length,
+detours are twice as long."""
 MARGINS = (0.04, 0.025, 0.012)
-"""Margins beside the half width of the body [body lengths]; the search takes the first margin with a way. The last
-margin covers the error along a bent way (0.005) and the error of the estimated place."""
+"""Margins between the body and obstacles [body lengths], tried in this order until there is a way. The last margin
+covers the error of following a curved way (0.005) and the error of the estimated position."""
 SHARE_KEPT = 0.6
-"""Share of a margin that a smooth way keeps everywhere; the rest may be lost between the steps of the grid."""
+"""Share of the margin that a smooth way must keep everywhere. The rest may be lost between the points of the grid."""
 FARTHEST = 3.0
-"""Greatest offset of the search in a wider corridor [body lengths]. At this distance beyond the last obstacle, a way
-returns to a path without end."""
+"""Greatest offset that is searched if the corridor is wider [body lengths]. On a path without end, the search also ends
+at this distance beyond the last obstacle, where the way returns to the path."""
 FOLDED = 0.3
-"""Least length of an offset path inside a bend, as a share of the length of the path."""
+"""Smallest length of a way inside a bend, divided by the length of the path beside the way."""
 ROUNDED = 1.2
-"""Share of the greatest curvature that a smooth way may have between the steps of the grid."""
+"""Greatest accepted curvature of a smooth way between the points of the grid, divided by the greatest allowed
+curvature."""
 OBSTACLE_RANGE = 0.3
-"""Room beside the body beyond which an obstacle is no bound, and is ignored when a way is smoothed [body lengths]."""
+"""Distance from the body above which an obstacle sets no bound, and is ignored when a way is smoothed [body
+lengths]."""
 IPOPT_OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 100}}
-"""Options of Ipopt, which takes some 20 iterations."""
+"""Options of Ipopt, which needs about 20 iterations."""
 SLOPES, TURNS = np.arange(-8, 9), np.arange(-4, 5)
-"""Slopes of the grid against the path [cells per step], up to 0.8, and possible changes of a slope from step to step.
-Steeper ways are not needed within 1 BL."""
+"""Slopes of the grid against the path [cells per step], up to 0.8, and possible changes of the slope between steps.
+Offsets of up to 1 body length do not need steeper ways."""
 CHORD = np.linspace(-0.5, 0.5, 11)
-"""Spots along the chord for the search [body lengths]."""
+"""Points of the chord at which distances are evaluated [body lengths]."""
 
 
 class NoWayError(ValueError):
-    """There is no way past an obstacle."""
+    """There is no way past the given obstacle."""
 
     def __init__(self, obstacle: Obstacle) -> None:
         super().__init__(f"no way leads past {obstacle!r}")
@@ -73,17 +80,17 @@ class NoWayError(ValueError):
 
 
 class Search:
-    """The search for a way; offsets, steps and curvatures are in body lengths.
+    """Search for one way. Offsets, steps and curvatures are in body lengths.
 
     Parameters
     ----------
     path : Path
     reference : Reference
-        Reference with the corridor and the end.
+        Reference that has the corridor and says whether the path ends.
     obstacles : tuple of Obstacle
     body : Body
     settled : ndarray, shape (K,)
-        Offset of a point before the start of the way, then the fixed offsets of the first points [m].
+        Offset of a point before the start of the way, followed by the fixed offsets of the first points [m].
     """
 
     def __init__(
@@ -101,7 +108,7 @@ class Search:
         self.step = length / steps / self.unit
         around = TURNS_IN / 2.0 * self.unit
         self.curvature = np.asarray(path.heading(self.along + around) - path.heading(self.along - around)) / TURNS_IN
-        self.sharpest = np.maximum(SHARPEST, np.abs(self.curvature))  # a corner of the path itself is no reason to stop
+        self.sharpest = np.maximum(SHARPEST, np.abs(self.curvature))  # sharper corners of the path itself are allowed
         self.point, self.heading = path.point(self.along), path.heading(self.along)
         self.left = _across(self.heading)
         self.settled, self.first = settled / self.unit, len(settled) - 2
@@ -122,7 +129,7 @@ class Search:
         return max(most, abs(float(self.settled[-1])) + GRID_CELL)
 
     def way(self) -> Detour:
-        """Return the way; NoWayError if there is none."""
+        """Return the best way. NoWayError if there is none."""
         lost = self.first
         for margin in MARGINS:
             aside, reached = self._on_grid(margin)
@@ -135,17 +142,24 @@ class Search:
         raise NoWayError(min(self.obstacles, key=lambda each: float(each.distances(self.point[lost]))))
 
     def _bodies(self, k: IntArray | int, aside: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return places (..., 2) [m] and azimuths (...) of bodies on ways at offsets and slopes beside points `k`."""
+        """Return the positions and azimuths of bodies on ways with given offsets and slopes.
+
+        `k` are the points of the path beside the bodies. The positions have the shape (..., 2) [m], the azimuths (...)
+        [rad].
+        """
         azimuth = self.heading[k] + np.arctan(slope / self._stretch(k, aside))
         return self.point[k] + self.unit * aside[..., None] * self.left[k], azimuth
 
     def _stretch(self, k: IntArray | int, aside: FloatArray) -> FloatArray:
-        """Return the length of a way at offsets (...) over the length of the path beside the way."""
+        """Return the length of a way with given offsets, divided by the length of the path beside it."""
         return np.maximum(1.0 - self.curvature[k] * aside, FOLDED)
 
     @cached_property
     def _room(self) -> list[FloatArray]:
-        """Distance of the chords of bodies from obstacles, by offset and slope, each of shape (E, M)."""
+        """Distance of a body's chord from obstacles, for each point of the path.
+
+        Each entry has the shape (E, M), for E offsets and M slopes.
+        """
         found, slopes = [], np.asarray(SLOPES * GRID_CELL / self.step)
         free = self._field(self.point) > np.abs(self.cells).max() + 0.5 + self._need(MARGINS[0])
         for k in range(self.first, len(self.along)):
@@ -160,19 +174,25 @@ class Search:
 
     @cached_property
     def _distance(self) -> FloatArray:
-        """Distance from obstacles on a grid of places around the path, every second cell."""
+        """Distance from obstacles on a grid of places around the path. Its spacing is two cells."""
         spacing, high = 2.0 * GRID_CELL * self.unit, self.point.max(axis=0) + self.point.min(axis=0) - self.low
         axes = [np.arange(begin, end + spacing, spacing) for begin, end in zip(self.low, high, strict=True)]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         return np.minimum(nearest(self.obstacles, places) / self.unit, FARTHEST)
 
     def _field(self, places: FloatArray) -> FloatArray:
-        """Return the distances of places (..., 2) [m] from obstacles, interpolated linearly on the grid, (...)."""
+        """Return the distances of places from obstacles, interpolated linearly on the grid, shape (...).
+
+        `places` has the shape (..., 2) [m].
+        """
         at = np.moveaxis((places - self.low) / (2.0 * GRID_CELL * self.unit), -1, 0)
         return np.asarray(scipy.ndimage.map_coordinates(self._distance, at, order=1, mode="nearest"))
 
     def _on_grid(self, margin: float) -> tuple[FloatArray | None, int]:
-        """Return the offsets of the best way, (P3), or None, and the last point of the path that a way reaches."""
+        """Return the offsets of the best way on the grid, (P3), and the last point of the path that any way reaches.
+
+        The offsets are None if there is no way.
+        """
         needs, chosen = self._needs(margin, 2.0 * GRID_CELL), list[IntArray]()
         value = np.full(self._room[0].shape, np.inf)
         if self._begin_room < self._need(0.0):
@@ -192,7 +212,10 @@ class Search:
         return int(np.argmin(np.abs(self.cells - aside)))
 
     def _stepped(self, value: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
-        """Return the least costs (P3) a step after point `k`, by offset and slope, and which of `TURNS` led there."""
+        """Return the lowest costs (P3) one step after point `k`, for each offset and slope.
+
+        The second result is the index in `TURNS` of the change of slope that leads there.
+        """
         curvature = float(self.curvature[k])
         bend, stretch = TURNS * GRID_CELL / self.step**2, np.maximum(1.0 - curvature * self.cells, FOLDED)[:, None]
         sharp = np.abs(curvature / stretch + bend / stretch**2) > self.sharpest[k]
@@ -210,7 +233,7 @@ class Search:
         return moved, how
 
     def _traced(self, chosen: Sequence[IntArray], row: int, column: int) -> FloatArray:
-        """Return the offsets of all points of the way that ends in a row and a column, shape (P,)."""
+        """Return the offsets of the way that ends in the given row and column of the grid, shape (P,)."""
         rows = [row]
         for turned in reversed(chosen):
             turn = int(TURNS[turned[row, column]])
@@ -219,9 +242,10 @@ class Search:
         return np.concatenate([self.settled[1:-1], self.cells[rows[::-1]]])
 
     def _smoothed(self, aside: FloatArray, margin: float) -> FloatArray | None:
-        """Return the offsets (P,) of least cost (P2) near the given offsets; settled offsets and the last are fixed.
+        """Return the offsets of lowest cost (P2) near the given offsets, shape (P,).
 
-        None if no way near the given offsets keeps the body clear.
+        The settled offsets and the last offset are fixed. The result is None if no way near the given offsets keeps the
+        body clear of obstacles.
         """
         k, h, free = np.arange(self.first, len(aside)), self.step, aside[self.first + 1 : -1]
         e = ca.SX.sym("e", len(free))
@@ -246,7 +270,10 @@ class Search:
         return np.concatenate([aside[: self.first + 1], np.asarray(found["x"]).ravel(), [self.end]])
 
     def _rooms(self, k: IntArray, aside: ca.SX, azimuth: ca.SX) -> ca.SX:
-        """Return the distance of each spot of bodies beside points `k` from each obstacle, in symbols."""
+        """Return the distance of each point of the chords from each obstacle, as symbols.
+
+        The bodies are at points `k`.
+        """
         (x, y), (left_x, left_y), found = self.point[k].T, self.left[k].T, []
         for spot in CHORD:
             at_x = x + self.unit * (aside * left_x + spot * ca.cos(azimuth))
@@ -255,13 +282,14 @@ class Search:
         return ca.SX(ca.vertcat(*found))
 
     def _need(self, margin: float) -> float:
-        """Return the distance of the chord from obstacles at which the body keeps a margin."""
+        """Return the distance of the chord from obstacles at which the body keeps the margin."""
         return self.body.half_width / self.unit + margin
 
     def _needs(self, margin: float, slack: float) -> FloatArray:
-        """Return the needed distance at each point of the path, (P,): at most the initial distance over a body length.
+        """Return the required distance at each point of the path, shape (P,).
 
-        A worm beside an obstacle may thus stay as near to the obstacle.
+        Over the first body length, it is at most the initial distance, so that a worm that starts near an obstacle is
+        allowed to stay as near.
         """
         needs = np.full(len(self.along), self._need(margin))
         near = slice(self.first, self.first + round(1.0 / self.step))
@@ -286,7 +314,7 @@ class Search:
         return replace(way, bounds=np.array([corridor - aside, corridor + aside, *room]))
 
     def _beside(self, way: Detour, side: float) -> FloatArray:
-        """Return the distances by which bodies on a way can move to a side before contact [m], shape (P,)."""
+        """Return how far a body on the way can move to one side before it touches an obstacle [m], shape (P,)."""
         azimuth = way.heading(way.lengths)
         moved = self.unit * GRID_CELL * np.arange(round(OBSTACLE_RANGE / GRID_CELL) + 1)
         places = way.points[:, None] + side * moved[:, None] * _across(azimuth)[:, None]
@@ -294,7 +322,7 @@ class Search:
         return np.where(touches.any(axis=1), moved[np.maximum(np.argmax(touches, axis=1) - 1, 0)], np.inf)
 
     def _is_kept_by(self, way: Detour, margin: float) -> bool:
-        """Return whether the body keeps a margin along a way in the corridor with moderate curvature."""
+        """Return whether a way keeps the margin, stays within the corridor, and is nowhere too sharp."""
         s = np.arange(float(way.lengths[self.first]), way.length, self.unit * GRID_CELL)
         clear = self.body.clearance(self.obstacles, way.point(s), way.heading(s)) / self.unit
         needs = np.interp(s, way.lengths, self._needs(margin, GRID_CELL)[: len(way.lengths)]) - self._need(0.0)
@@ -312,5 +340,5 @@ def _across(azimuth: FloatArray) -> FloatArray:
 
 
 def _column(change: float) -> int:
-    """Return the column of the slope nearest to a change of the offset in a step [body lengths]."""
+    """Return the column of the slope nearest to a change of the offset per step [body lengths]."""
     return int(np.argmin(np.abs(SLOPES * GRID_CELL - change)))

@@ -1,1 +1,1 @@
-"""Excitatory-inhibitory network of a fly's larva, with waves driven by felt contraction, and the larva's mechanics."""
+"""Network of a fly larva with excitation and inhibition, driven by felt contraction, and the larva's mechanics."""

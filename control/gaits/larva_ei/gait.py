@@ -1,4 +1,4 @@
-"""Gait of the larva's network: a wave that passes from segment to segment after each segment has shortened.
+"""Gait of the larva's network: the wave passes to the next segment when the present segment has shortened.
 
 The network is defined in `control.gaits.larva_ei.network`, (LE1) to (LE3), with the published parameters and one unit
 for each segment; the worm's body replaces the larva's. A segment feels the shortening of its chambers, the mean of both
@@ -24,7 +24,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 TAU_PER_SEGMENT = 2.64
-"""Time of a wave per segment, in the larva's body with eight segments or more [tau_E]."""
+"""Duration of a wave per segment, in a larva's body with eight segments or more [tau_E]."""
 
 
 @documented
@@ -56,13 +56,13 @@ class LarvaEI(FeedbackGait, name="larva_ei"):
             raise ValueError(f"kind: got 'larva_ei', needs 3 segments or more for a wave; the worm has {segments}")
 
     def start(self, body: Body) -> Network:
-        """Return a fresh network at rest; a short input to the last segment starts the first wave."""
+        """Return the network at rest. A short input to the last segment starts the first wave."""
         self.require_body(body.segments)
         return Network(self, body.segments)
 
 
 class Network:
-    """Memory of a `LarvaEI`: the units in the larva's order; the last unit starts a wave."""
+    """Memory of a `LarvaEI`. Its units are in the larva's order, and the last unit starts a wave."""
 
     def __init__(self, gait: LarvaEI, segments: int) -> None:
         from control.gaits.larva_ei.kernel import Parameters
@@ -75,7 +75,7 @@ class Network:
         self._age = 0.0
 
     def step(self, t: float, felt: Felt) -> FloatArray:
-        """Advance to time t [s] and return the activation of the segments, shape (N,); times ascend."""
+        """Advance to time t [s] and return the activation of the segments, shape (N,). Times must increase."""
         from control.gaits.larva_ei.kernel import advance
 
         contraction = np.ascontiguousarray(-felt["strain"].mean(axis=1)[self._along])

@@ -1,4 +1,4 @@
-"""Compiled steps of the larva's network and mechanics; equations (LE..) are in `control.gaits.larva_ei.network`.
+"""Compiled steps of the larva's network and mechanics. The equations (LE..) are in `control.gaits.larva_ei.network`.
 
 Units: rest length of a segment L = 1, stiffness of a segment k = 1, time constant tau_E = 1.
 """
@@ -14,7 +14,7 @@ from worm3d.values.arrays import FloatArray
 
 
 class Parameters(NamedTuple):
-    """Numbers of the network and the body; the defaults are the published values (table 1)."""
+    """Parameters of the network and the body. The defaults are the published values (table 1)."""
 
     w_EE: float = 1.0
     """Weight of a segment's excitation on itself."""
@@ -23,11 +23,11 @@ class Parameters(NamedTuple):
     w_IE: float = 0.6
     """Weight of a segment's excitation on the segment's inhibition."""
     w_II: float = 0.0
-    """Weight of a segment's inhibition on the inhibition itself."""
+    """Weight of a segment's inhibition on itself."""
     w_En: float = 0.6
-    """Weight of the excitation of the segment behind."""
+    """Weight of the excitation of the segment behind on a segment's excitation."""
     w_Ep: float = 1.95
-    """Weight of the contraction of the segment behind on the excitation."""
+    """Weight of the contraction of the segment behind on a segment's excitation."""
     w_Ip: float = 1.95
     """Weight of a segment's contraction on the segment's inhibition."""
     theta: float = 0.6
@@ -53,7 +53,7 @@ class Parameters(NamedTuple):
     g: float = 1000.0
     """Gain of muscles, feeling and lifting."""
     start_duration: float = 10.0
-    """Duration of the input to the last segment that begins the first wave."""
+    """Duration of the input to the last segment that starts the first wave."""
     start_drive: float = 0.61
     """Size of this input."""
 
@@ -66,10 +66,10 @@ def switch(z: float, gain: float) -> float:
 
 @inner
 def fire(network: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float) -> None:
-    """Take a step of (LE1) to (LE3) with the contractions held; the step is linear between switches and solved exactly.
+    """Take a step of (LE1) to (LE3) with constant contractions.
 
-    `network`, shape (3, n), has the rows E, I and f, and is overwritten; `contraction` has shape (n,); `start` is an
-    input to the last segment.
+    Between switches the equations are linear, and the step solves them exactly. `network` has the rows E, I and f,
+    shape (3, n), and is overwritten. `contraction` has the shape (n,). `start` is an input to the last segment.
     """
     n = network.shape[1]
     keep_E, keep_I, keep_f = np.exp(-dt), np.exp(-dt / p.tau_I), np.exp(-dt / p.tau_f)
@@ -90,7 +90,7 @@ def fire(network: FloatArray, contraction: FloatArray, start: float, p: Paramete
 
 @njit
 def advance(network: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float, steps: int) -> None:
-    """Take steps of the network with the contractions held; arguments as of `fire`."""
+    """Take several steps of the network with constant contractions. Arguments as for `fire`."""
     for _ in range(steps):
         fire(network, contraction, start, p, dt)
 

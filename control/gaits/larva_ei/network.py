@@ -35,7 +35,7 @@ class Crawling:
     """Record of a crawling larva of n segments, at T times."""
 
     time: FloatArray
-    """Shape (T,) [tau_E]."""
+    """Times of the rows, shape (T,) [tau_E]."""
     excitation: FloatArray
     """Excitation E of each segment, from head to tail, shape (T, n)."""
     force: FloatArray
@@ -46,18 +46,18 @@ class Crawling:
 
     @property
     def contraction(self) -> FloatArray:
-        """Shortening of each segment, shape (T, n), as a share of the length at rest."""
+        """Shortening of each segment as a share of its length at rest, shape (T, n)."""
         return 1.0 + np.diff(self.nodes, axis=1)
 
     @property
     def starts(self) -> FloatArray:
-        """Times of activation of the segment in the middle [tau_E]."""
+        """Times at which the middle segment becomes active [tau_E]."""
         active = self.excitation[:, self.excitation.shape[1] // 2 - 1] > self.parameters.E_half
         return self.time[1:][active[1:] & ~active[:-1]]
 
     @property
     def _steady(self) -> BoolArray:
-        """The rows of whole waves, without the first two waves."""
+        """Mask of the rows that belong to whole waves, without the first two waves."""
         starts = self.starts[2:]
         if len(starts) < 2:
             raise ValueError("the larva carries no waves, or the record is too short: it needs four of them")
@@ -70,14 +70,14 @@ class Crawling:
 
     @property
     def speed(self) -> float:
-        """Speed of the nodes, on average, over whole waves [L/tau_E]."""
+        """Mean speed of the nodes over whole waves [L/tau_E]."""
         rows = self._steady
         ends = self.nodes[rows][[0, -1]].mean(axis=1)
         return float(np.diff(ends)[0] / np.diff(self.time[rows][[0, -1]])[0])
 
     @property
     def peak_contraction(self) -> float:
-        """Largest shortening of a segment."""
+        """Greatest shortening of a segment."""
         return float(self.contraction[self._steady].max())
 
     @property
@@ -89,10 +89,10 @@ class Crawling:
 def crawling(
     duration: float = 200.0, segments: int = 10, parameters: Parameters | None = None, dt: float = 1e-3
 ) -> Crawling:
-    """Let the larva crawl from rest for a duration [tau_E]; a short input to the last segment begins the first wave.
+    """Simulate a larva from rest for a duration [tau_E]. A short input to the last segment starts the first wave.
 
-    A tenth of the time step `dt` [tau_E] changes the period, the speed and the contraction by less than 0.1 %. The
-    record has a row for every 20 steps.
+    With a tenth of the time step `dt` [tau_E], the period, the speed and the contraction change by less than 0.1 %. The
+    record has one row per 20 steps.
     """
     n = arguments.whole("segments", segments, ge=3)
     p, every = parameters or Parameters(), 20

@@ -1,1 +1,1 @@
-"""Networks of neurons as gaits, and the data of real larvae on them."""
+"""Networks of neurons as gaits, and their training with recordings of real larvae."""

@@ -33,20 +33,21 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 SELF_WEIGHT, CROSS_WEIGHT, SIGMOID_WIDTH = 1.5, 1.0, 0.2
-"""Weights of E on itself and on the other side, and width of the sigmoid, in thresholds. With SELF_WEIGHT above 1 a
-burst outlasts its trigger; with CROSS_WEIGHT about as large as the threshold, one side triggers the other side after a
-failure."""
+"""Weights of E on itself and on the other side, and width of the sigmoid, in units of the threshold. Since SELF_WEIGHT
+is above 1, a burst outlasts its trigger. Since CROSS_WEIGHT is about as large as the threshold, one side can trigger
+the other side if that has failed."""
 FELT = 0.5
-"""Share of the commanded contraction that counts as a full contraction: friction may prevent the rest."""
+"""Share of the commanded contraction that counts as a full contraction. Friction may prevent the rest."""
 TURNING = 0.4
-"""Input of each side at asymmetry 1, in thresholds: below 1, so that this input alone triggers no burst."""
+"""Input of each side at asymmetry 1, in units of the threshold. It is below 1, so that it cannot trigger a burst
+without other input."""
 TAU_E = (0.08181, 0.07674, 0.07443, 0.06863, 0.08121, 0.1008, 0.09251)
-"""Time constants tau_2 of the segments A7 to A1 [s]; these and the other defaults were fitted to the recordings 3a
-and 3c of `scenes/data/larva_denticle_bands.csv` without shrinkage. The recordings determine the size, the exponent and
-some of the profile (`control.gaits.neural.shared`), but not each single constant."""
+"""Time constants tau_2 of the segments A7 to A1 [s]. They and the other defaults were fitted to the recordings 3a and
+3c of `scenes/data/larva_denticle_bands.csv` without shrinkage. The recordings determine the size, the exponent and a
+part of the profile (`control.gaits.neural.shared`), but not each single constant."""
 FASTEST = 1.5
-"""Period below which all time constants are shortened alike [s]: this is the fastest pace of third-instar larvae, and
-the exponent is not known beyond."""
+"""Period below which all time constants are shortened in proportion [s]. It is the fastest pace of third-instar larvae,
+and the exponent is unknown for faster waves."""
 
 
 @documented
@@ -87,7 +88,10 @@ class EiChain(FeedbackGait, name="ei_chain"):
         return ("strain",) if self.feedback and self.amplitude else ()
 
     def network(self, segments: int) -> Network:
-        """Return the network of a body whose waves have the period; ValueError if there are no such waves."""
+        """Return the network of a body whose waves have the period of the gait.
+
+        ValueError if there are no such waves.
+        """
         places, known = (np.arange(segments) + 0.5) / segments, np.atleast_1d(self.tau_e)
         tau_e = np.interp(places, (np.arange(len(known)) + 0.5) / len(known), known)
         slower = max(self.period, FASTEST)
@@ -106,7 +110,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
         return 0 if self.direction == "direct" else -1
 
     def start(self, body: Body) -> Chain:
-        """Return a fresh memory for one run of a body."""
+        """Return the initial memory for one run of a body."""
         return Chain(self, body.segments)
 
 
@@ -173,7 +177,7 @@ def pace(
 
 
 def chain(tau_e: FloatArray, tau_i: float, coupling: float, inhibition: float) -> Network:
-    """Return a network alike on both sides; `tau_e` are the time constants of E from the tail on, shape (N,) [s]."""
+    """Return a network with equal sides. `tau_e` contains the time constants of E from tail to head, shape (N,) [s]."""
     ones = np.ones((len(tau_e), 2))
     headward, tailward = coupling * ones, coupling * ones
     headward[0], tailward[-1] = 0.0, 0.0
@@ -191,7 +195,7 @@ def chain(tau_e: FloatArray, tau_i: float, coupling: float, inhibition: float) -
 
 
 def period_of(network: Network, drives: FloatArray, source: int) -> float:
-    """Return the time between the last two bursts at the source [s]; NaN if there are none."""
+    """Return the time between the last two bursts at the source [s]. NaN if there are no bursts."""
     from control.gaits.neural.kernel import onsets
 
     rates, dt = network.start(), network.step

@@ -10,7 +10,7 @@ from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 ONSET = 0.5
-"""Rate E above which a segment counts as active."""
+"""Rate E above which a segment is active."""
 
 
 @njit

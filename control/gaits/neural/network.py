@@ -24,8 +24,8 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 STEPS_PER_TAU = 12.0
-"""Integration steps (Runge-Kutta, fourth order) in the shortest time constant; twice as many move the onsets of waves
-by less than 1e-4 of the period."""
+"""Number of integration steps (Runge-Kutta, fourth order) per shortest time constant. Twice this number changes the
+onsets of waves by less than 1e-4 of the period."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,10 @@ class Network:
     """Width of the sigmoid."""
 
     def noisy(self, relative: float, random: np.random.Generator) -> Network:
-        """Return the network with each constant of each population times 1 + relative N(0, 1), at least a tenth."""
+        """Return the network with each constant multiplied by a random factor.
+
+        The factor is 1 + relative N(0, 1), but at least 0.1.
+        """
         drawn = (getattr(self, each.name) for each in fields(self))
         return Network(*(a * np.maximum(0.1, 1.0 + relative * random.standard_normal(a.shape)) for a in drawn))
 

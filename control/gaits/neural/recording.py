@@ -19,16 +19,17 @@ from numpy.typing import NDArray
 from worm3d.values.arrays import FloatArray
 
 DEPTH = 2.0
-"""Depth of a trough, in robust standard deviations; 1.5 or 3 change no median delay by more than 7 ms."""
+"""Minimum depth of a trough, in robust standard deviations. With 1.5 or 3, no median delay changes by more than 7
+ms."""
 LEAST_GAP = 1.0
-"""Least time between the waves [s]."""
+"""Minimum time between two waves [s]."""
 MAX_DELAY, MAX_REVERSE_DELAY = 0.4, 0.1
-"""Longest delay of neighbouring bands with the wave, and against it [s]."""
+"""Maximum delay between neighbouring bands in the direction of the wave, and against it [s]."""
 MIN_PAUSE = 1.5
-"""A pause is a time of at least MIN_PAUSE [s] in which all bands stay within a robust deviation: flashes stop a larva
-for 2 to 12 s, while between two waves of slow crawling a larva is quiet for less than 1 s."""
+"""Minimum duration of a pause, in which all bands stay within a robust standard deviation [s]. Flashes stop a larva for
+2 to 12 s. Between two waves of slow crawling a larva is quiet for less than 1 s."""
 INTERVAL = (50.0 * (1.0 - 0.9), 50.0 * (1.0 + 0.9))
-"""Percentiles at the ends of all sampling intervals, which hold 90 %."""
+"""Percentiles at the ends of the sampling intervals, which contain 90 %."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class Waves:
     """Waves of a recording, with the bands in the order of the waves."""
 
     bands: tuple[str, ...]
-    """Names of the bands; the first band moves first."""
+    """Names of the bands. The first band moves first."""
     times: FloatArray
-    """Time of each band's trough [s], shape (K, bands), NaN where a band has none."""
+    """Time of each band's trough [s], shape (K, bands). NaN if the band has none."""
     periods: FloatArray
     """Times from one wave to the next, except across pauses [s]."""
 
@@ -119,7 +120,10 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
 
 
 def _scaled(values: FloatArray) -> FloatArray:
-    """Return each column over its robust standard deviation or a fraction of its depth; zeros for a constant column."""
+    """Return each column divided by its robust standard deviation or by a fraction of its depth, whichever is less.
+
+    A constant column becomes 0.
+    """
     scaled = np.zeros_like(values)
     for j, column in enumerate(values.T):
         measured = column[column != 0.0]
@@ -135,7 +139,7 @@ def _scaled(values: FloatArray) -> FloatArray:
 
 
 def _least(x: FloatArray) -> NDArray[np.intp]:
-    """Return the samples with a sufficiently deep trough."""
+    """Return the samples at which there is a sufficiently deep trough."""
     inner = (x[1:-1] < -DEPTH) & (x[1:-1] <= x[:-2]) & (x[1:-1] < x[2:])
     return 1 + np.flatnonzero(inner)
 
@@ -150,7 +154,10 @@ def _troughs(x: FloatArray, gap: int) -> list[int]:
 
 
 def _follow(x: FloatArray, wave: FloatArray, k: int, band: int, side: int, reach: tuple[int, int]) -> None:
-    """Enter the troughs of the bands on one side of `band`, with its trough at sample k, to the first gap."""
+    """Store the troughs of the bands on one side of `band`, up to the first band without a trough.
+
+    The trough of `band` is at sample k.
+    """
     candidates = [_least(column) for column in x.T]
     for j in range(band + side, len(wave) if side > 0 else -1, side):
         near = [q for q in candidates[j] if -reach[1] <= side * (q - k) <= reach[0]]

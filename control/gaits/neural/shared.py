@@ -29,11 +29,11 @@ second a wave). The value matters for recordings of similar pace: with half the 
 no expectation, the four recordings give 0.77, 0.68, 0.65 and 0.64, but 3a and 3c alone 0.88, 0.65, 0.35 and 0.13. The
 value was chosen in view of all four recordings."""
 STRENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, np.inf)
-"""Strengths of the shrinkage that are tried."""
+"""Strengths of the shrinkage that are compared."""
 ALONE = 1.0
-"""Strength for a single recording, which cannot be left out: half of the profile is trusted."""
+"""Strength for a single recording, for which leave-one-out validation is impossible. Half of the profile is used."""
 EXPONENTS = np.linspace(0.0, 2.0, 201)
-"""Exponents of pace that are tried."""
+"""Exponents of pace that are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +41,11 @@ class Profile:
     """Delays at any pace, (SP1)."""
 
     exponent: float
-    """p."""
+    """Exponent of pace p."""
     size: float
-    """s, delay from band to band at a period of 1 s [s]."""
+    """Size s, the delay between neighbouring bands at a period of 1 s [s]."""
     shape: FloatArray
-    """h, at a period of 1 s, shape (bands,) [s]."""
+    """Profile h at a period of 1 s, shape (bands,) [s]."""
 
     def delays(self, period: float) -> FloatArray:
         """Return the delay of each band at a period [s], shape (bands,) [s]."""
@@ -58,15 +58,16 @@ class LeftOut:
     """Errors of the prediction of each recording from the others."""
 
     strength: float
-    """Strength of the shrinkage with the least miss."""
+    """Strength of the shrinkage with the smallest error."""
     shared_s: float
-    """Root mean square miss of the recordings that are left out [s]."""
+    """Root mean square error for the recordings that are left out [s]."""
     uniform_s: float
-    """Error of uniform delays with size and exponent fitted in the same way [s]."""
+    """The same error for uniform delays, with size and exponent fitted in the same way [s]."""
     gain_s: tuple[float, float]
-    """Sampling interval of 90 % of the reduction of the miss by the shared profile, relative to uniform delays [s]."""
+    """Sampling interval (90 %) of the reduction of the error by the shared profile, compared with uniform delays
+    [s]."""
     exponents: tuple[float, float]
-    """Sampling interval of 90 % of the exponent of pace of all recordings."""
+    """Sampling interval (90 %) of the exponent of pace of all recordings."""
 
     @property
     def learnt(self) -> bool:

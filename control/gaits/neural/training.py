@@ -31,16 +31,18 @@ from worm3d.values.arrays import FloatArray
 FRAME = 0.05
 """Unit of the errors of delays: a frame of 20 pictures a second [s]."""
 LINEAR_ERROR = 3.0
-"""Error beyond which g is linear, in frames."""
+"""Error above which g is linear, in frames."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
-"""Active share of a segment's period, and its spread: 0.32 to 0.48 in the larvae of `L1`."""
+"""Active share of a segment's period, and its standard deviation. It is 0.32 to 0.48 in the larvae of `L1`."""
 COUPLINGS = (1.8, 2.0, 2.2)
-"""Weights of the neighbours that are tried, in thresholds. Below 1.6 noise stops waves, above 3 noise makes segments
-burst without input."""
+"""Weights of the neighbours that are compared, in units of the threshold. Below 1.6 noise stops waves, and above 3
+noise makes segments burst without input."""
 DIFFERENCE_STEPS = (3e-2, 5e-3)
-"""Relative steps of the differences in the two rounds of a search: the second begins where the first ends."""
+"""Relative steps of the finite differences in the two rounds of a search. The second round starts from the result of
+the first."""
 CARRIED = 4.0
-"""Weight of the share that fails: one failure in four counts as much as a delay that is wrong by a frame."""
+"""Weight of the share of networks that fail. A failure in one of four networks counts as much as a delay that is wrong
+by one frame."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ Heckscher, Kaufman, Journal of Neuroscience 2026, doi 10.1523/JNEUROSCI.1623-25.
 
 @dataclass(frozen=True)
 class Training:
-    """Outcome of a fit."""
+    """Result of a fit."""
 
     gait: EiChain
     """The fitted chain, at the pace of the first recording."""
@@ -69,7 +71,7 @@ class Training:
     carried: float
     """Share of the noisy networks of (ET4) that carry waves."""
     tried: int
-    """Networks tried."""
+    """Number of networks that were evaluated."""
 
 
 class StoppedError(Exception):
