@@ -1,4 +1,4 @@
-"""Results of a run of the published program, and the paper's figures of merit."""
+"""Results of a run of the author's program (`planar.published`), and the paper's figures of merit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from worm3d.values.read_only import ReadOnly
 
 @dataclass(frozen=True)
 class Run(ReadOnly):
-    """A run of the program; S finished steps, T = S + 1 instants, n segments."""
+    """A run of S finished steps, with T = S + 1 instants and n segments."""
 
     n: int
     """Number of segments."""
@@ -27,21 +27,21 @@ class Run(ReadOnly):
     time: FloatArray
     """Instants, shape (T,) [s]."""
     q: FloatArray
-    """Node positions x, y, shape (T, 3n+1, 2) [m]; main node i is node 3 i, followed by the segment's top and
-    bottom."""
+    """Positions x, y of the nodes, shape (T, 3n+1, 2) [m]. Node 3 i is the main node i; the top and the bottom node of
+    segment i follow it."""
     start: FloatArray
-    """Start positions of each step: q before the step, with touching nodes snapped to the ground, shape (S, 3n+1, 2)
-    [m]."""
+    """Positions at the start of each step, shape (S, 3n+1, 2) [m]: q before the step, but with the nodes that touch the
+    ground moved to the ground if the contacts changed (`Parameters.snap`)."""
     contraction_force: FloatArray
-    """Shape (S, 3n+1, 2) [N]."""
+    """Contraction force on each node, shape (S, 3n+1, 2) [N]."""
     friction_force: FloatArray
-    """Shape (S, 3n+1, 2) [N]."""
+    """Friction force on each node, shape (S, 3n+1, 2) [N]."""
     activation: FloatArray
     """Activation of each segment at the end of each step, shape (S, n)."""
     newton_iterations: NDArray[np.int64]
     """Iterations of predictor and corrector together, shape (S,)."""
     residual: FloatArray
-    """Norm of the free residual of the last iterate tested, shape (S,) [N]."""
+    """Norm of the last residual that Newton's method tested, over the coordinates that are not held, shape (S,) [N]."""
     stop: Stop
     net: Net = field(repr=False)
 
@@ -52,18 +52,21 @@ class Run(ReadOnly):
 
     @property
     def unconverged_steps(self) -> int:
-        """Number of steps that Newton left above the tolerance (the program goes on)."""
+        """Number of steps in which Newton's method did not reach the tolerance. The program continues after them."""
         return int((self.residual >= self.parameters.tolerance).sum())
 
     @cached_property
     def reported_com(self) -> FloatArray:
-        """The program's "centre of mass" (T,) [m]: by mistake the mean of the entries 3 i of (x0, y0, x1, ...)."""
+        """The program's "centre of mass", shape (T,) [m].
+
+        By a mistake of the program it is the mean of the entries 0, 3, ..., 3 n of the list (x0, y0, x1, y1, ...).
+        """
         flat = self.q.reshape(len(self.q), -1)
         return np.asarray(flat[:, 3 * np.arange(self.n + 1)].mean(axis=1))
 
     @cached_property
     def com(self) -> FloatArray:
-        """Centre of mass of all nodes (T, 2) [m]."""
+        """Centre of mass of all nodes, shape (T, 2) [m]."""
         return np.asarray(self.net.mass @ self.q / self.net.mass.sum())
 
     @property
@@ -73,16 +76,19 @@ class Run(ReadOnly):
 
     @property
     def inverted_steps(self) -> int:
-        """Number of steps after which some segment is inside out: the top below the bottom, or the head behind."""
+        """Number of steps after which a segment is inside out.
+
+        Its top is then not above its bottom, or its front main node is not in front of its rear main node.
+        """
         height = self.q[1:, self.net.top, 1] - self.q[1:, self.net.bottom, 1]
         length = np.diff(self.q[1:, self.net.main, 0], axis=1)
         return int(((height <= 0.0) | (length <= 0.0)).any(axis=1).sum())
 
     @cached_property
     def work_contract(self) -> FloatArray:
-        """Work of the contraction force over each step by the program's rule, with sign, shape (S,) [J].
+        """Work of the contraction force over each step by the program's rule, with its sign, shape (S,) [J].
 
-        This is (P11), but with dq counted from `start`, after touching nodes were snapped to the ground.
+        It is (P11), but the displacements are measured from `start` instead of the last positions.
         """
         return p11_work(self.contraction_force, self.q[1:] - self.start)
 
@@ -93,7 +99,7 @@ class Run(ReadOnly):
 
     @cached_property
     def work_friction(self) -> FloatArray:
-        """Work of the friction force over each step, (P13), shape (S,) [J]; negative for dissipation."""
+        """Work of the friction force over each step (P13), from `start`, shape (S,) [J]; dissipation is negative."""
         return p11_work(self.friction_force, self.q[1:] - self.start)
 
     @property
@@ -118,18 +124,21 @@ class Run(ReadOnly):
 
     @cached_property
     def cumulative_cot(self) -> FloatArray:
-        """The plotted curve, shape (S,) [J/m]: the sum of |work / dx| over the steps with |dx| > 1e-6 m."""
+        """Cumulative cost of transport that the paper plots, shape (S,) [J/m].
+
+        It is the sum of |work / dx| over the steps with |dx| > 1e-6 m, where dx is the displacement of `reported_com`.
+        """
         steps = p12_cost_of_transport(np.abs(self.work_contract), self.reported_com, threshold=1e-6)
         return np.cumsum(np.abs(steps))
 
     @cached_property
     def energy_balance_error(self) -> float:
-        """|Residual of the energy ledger| over the sum of its absolute terms.
+        """|Residual of the energy balance of the run| over the sum of the absolute values of its terms.
 
-        With U = s E, the potential of the force in the program, and dq = q - start of each step:
+        U = s E is the potential of the elastic force in the program, and dq = q - start. The balance of a step is
         F_contract . dq + F_friction . dq + [U(start) - U(q_k)]
-        = change of kinetic energy + change of U + numerical loss, where the numerical loss of implicit
-        Euler, m |du|^2/2 + U(start) - U(q) + gradU(q) . dq, is computed separately.
+        = change of kinetic energy + change of U + numerical loss. The numerical loss of implicit Euler,
+        m |du|^2/2 + U(start) - U(q) + gradU(q) . dq, is computed separately.
         """
         if len(self.time) < 2:
             return 0.0

@@ -1,6 +1,8 @@
-"""The worm of the published program: the constants, and a rhombus of five springs per segment.
+"""The worm of the author's program (`planar.published`): its constants, nodes and springs.
 
-E = k l0/2 (1 - l/l0)^2                                                         (P7)
+Each segment is a rhombus of five springs. The energy of a spring is
+
+    E = k l0/2 (1 - l/l0)^2                                                         (P7)
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
 NET_HALF_BANDWIDTH = 7
-"""Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
+"""Half bandwidth of the Hessian, with the coordinates in the order (x0, y0, x1, y1, ...)."""
 
 
 @documented
@@ -53,7 +55,7 @@ class Parameters(Spelled):
     max_iterations: int = parameter(100, "iterations after which the step is kept, converged or not", ge=1)
 
     def __post_init__(self) -> None:
-        check(self, largest=1e100)  # the program takes masses of any size for points
+        check(self, largest=1e100)  # the program treats masses as points, so that no mass is too large for the worm
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
@@ -68,15 +70,15 @@ class Net:
     Attributes
     ----------
     main, top, bottom : ndarray of int, shape (n+1,), (n,), (n,)
-        Numbers of the nodes.
+        Numbers of the main nodes (between the segments), of the top nodes and of the bottom nodes.
     rest : ndarray, shape (3n+1, 2)
         Positions at rest [m].
     a, b : ndarray of int, shape (5n,)
-        Nodes that each spring joins.
+        Numbers of the two nodes that each spring joins.
     k, l0 : ndarray, shape (5n,)
         Stiffness [N] and rest length [m] of each spring.
     mass : ndarray, shape (3n+1,)
-        [kg].
+        Mass of each node [kg].
     """
 
     def __init__(self, n: int, p: Parameters) -> None:
@@ -114,12 +116,12 @@ class Net:
         return float(self.rest[:, 1].min()) - clearance
 
     def p7_energy(self, x: FloatArray) -> FloatArray:
-        """Return the elastic energy (P7) [J] of positions of shape (..., 3n+1, 2)."""
+        """Return the elastic energy (P7) at the positions x, shape (...) [J]; x has the shape (..., 3n+1, 2) [m]."""
         length = np.linalg.norm(x[..., self.b, :] - x[..., self.a, :], axis=-1)
         return np.asarray((0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1))
 
     def p7_gradient(self, x: FloatArray) -> FloatArray:
-        """Return the gradient of (P7) [N] at positions of shape (T, 3n+1, 2), in the same shape."""
+        """Return the gradient of (P7) at the positions x [N]; both have the shape (T, 3n+1, 2)."""
         e = x[:, self.b] - x[:, self.a]
         length = np.linalg.norm(e, axis=-1, keepdims=True)
         pull = -(self.k * (1.0 - length[..., 0] / self.l0))[..., None] * e / length
@@ -128,10 +130,10 @@ class Net:
         return np.asarray(incidence @ pull)
 
     def p7_gradient_and_band(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return gradient [N] and Hessian [N/m] of (P7) at the flat positions q of shape (D,).
+        """Return the gradient [N] and the Hessian [N/m] of (P7) at the positions q.
 
-        The gradient has the shape (D,); the Hessian is banded, shape (2 NET_HALF_BANDWIDTH + 1, D): entry (i, j) at
-        [NET_HALF_BANDWIDTH + i - j, j].
+        q and the gradient have the shape (D,), in the order (x0, y0, x1, y1, ...). The Hessian is a band matrix of
+        shape (2 NET_HALF_BANDWIDTH + 1, D), with entry (i, j) at [NET_HALF_BANDWIDTH + i - j, j].
         """
         x = q.reshape(-1, 2)
         e = x[self.b] - x[self.a]

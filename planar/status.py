@@ -1,4 +1,4 @@
-"""How a planar run ended: an enumeration whose value is the sentence to print."""
+"""How a planar run ended."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Status(Enum):
-    """Outcome of a run; the value is a sentence for the user."""
+    """How a run ended; the value of each member is a sentence for the user."""
 
     DONE = "the run reached its end"
     INTERRUPTED = "the run was interrupted; the steps computed so far are kept"
@@ -25,27 +25,27 @@ class Status(Enum):
 
     @property
     def diverged(self) -> bool:
-        """Whether the solver gave up (as opposed to reaching the end, or being interrupted)."""
+        """Whether the run failed, that is, neither reached its end nor was interrupted."""
         return self not in (Status.DONE, Status.INTERRUPTED)
 
 
 @dataclass(frozen=True)
 class Stop:
-    """The place, time and manner of the end of a run."""
+    """How, when and where a run ended."""
 
     status: Status
     step: int
-    """Last step that was tried (the number of finished steps if the run is done)."""
+    """Number of the last step that was tried. If the run is done, this is the number of finished steps."""
     time: float
-    """Time at the end of that step [s]."""
+    """Time at the end of this step [s]."""
     residual: float
-    """Norm of the free residual of the last Newton iterate tested [N]."""
+    """Norm of the last residual of Newton's method, over the coordinates that are not held [N]."""
     segment: int
-    """Segment with the largest residual, 0 at the tail."""
+    """Number of the segment with the largest residual, 0 at the tail."""
 
     @property
     def sentence(self) -> str:
-        """One line: what happened, when, and where."""
+        """How the run ended; after a failure also when and where. One line."""
         if not self.status.diverged:
             return self.status.value
         return (

@@ -1,18 +1,24 @@
-"""A map for a worm without an identified map: the map of the default worm, corrected by a few runs.
+"""A map for a worm that has not been identified: the map of the default worm, corrected by a few runs.
 
-The motion per wave depends only on ratios. For a worm of N segments, length L, mass m, on friction mu, with gravity g,
+A map gives the motion of the worm per wave. The motion depends only on dimensionless ratios. For a worm of N segments,
+length L, mass m, on friction mu, with gravity g,
 
     (d, omega, c) = F(A, f sqrt(L/g), s;  N, a/L, h/L, mu_b/mu_f, mu_l/mu_f, k L/(mu m g), J/(mu m g L) ...)        (N1)
 
-Distance and drift per wave in body lengths, and turn per wave, depend on amplitude, frequency and steering; on the
-stance a and the height h; on friction backward and sideways over friction forward; and on the stiffness of springs (k,
-over L: a force), torsion, yaw and twist (J) over friction. Size and mass alone do not matter. F changes smoothly, and
-the method needs nothing else: `control.identification.surrogate`, (I5), from `DESIGN.runs` runs, which take some
-seconds in all. One factor each for speed and turn would not be enough: with springs and joints half as stiff, the
-default worm covers 14 % less distance, but with hinges of 0.02, 0.06 and 0.12 rad the turn is only -1, 30 and 83 % of
-the default turn: s^2/(s + z), with z growing as friction over stiffness.
+d and c are distance and drift per wave in body lengths, and omega is the turn per wave. They depend on the amplitude A,
+the frequency f and the steering s of the gait, and on the following properties of the worm: half of the distance
+between its feet a, the height h, the coefficients of friction backward and sideways over the coefficient forward, and
+the stiffness of springs (k) and of torsion, yaw and twist (J) relative to friction. Size and mass have no other
+influence.
 
-rms errors, in % of the rms of the quantity itself, over 132 waves with hinges:
+The only assumption of the correction is that F is smooth. It is (I5) in `control.identification.surrogate`, with
+`DESIGN.runs` runs, which take some seconds in total. A single factor for the speed and a single factor for the turn
+would not suffice. For example, if springs and joints are half as stiff, the default worm covers 14 % less distance, but
+with hinge angles of 0.02, 0.06 and 0.12 rad the turn is -1, 30 and 83 % of the turn of the default worm. It follows
+s^2/(s + z), where z grows with friction over stiffness.
+
+This table has the rms errors in % of the rms of the quantity, over 132 waves that steer by hinges. The three numbers
+for friction are the factors of the forward, the backward and the sideways coefficient.
 
     worm                    default's map           corrected by 48 runs      its own map, 120 runs
                             distance turn drift     distance turn drift       distance turn drift
@@ -23,9 +29,8 @@ rms errors, in % of the rms of the quantity itself, over 132 waves with hinges:
     friction 1.3, 0.7, 0.7     10      3    29         1.5    1.1    6           1.1   0.7   5
     friction 0.7, 1.3, 1.3      7      2    25         1.2    1.3   11           0.9   0.9  10
 
-(friction: factors forward, backward, sideways). The lags are those of the default worm. A worm is near if the map's
-error at the new runs of `identify.check_parameters` is at most `MAX_MAP_ERRORS`; a worm farther away is refused,
-because it has to be identified.
+The lags are taken from the default worm. The corrected map is checked by further runs (`identify.check_parameters`). If
+its errors exceed `MAX_MAP_ERRORS`, the worm is too different, and the user has to identify it.
 """
 
 from __future__ import annotations
@@ -40,10 +45,11 @@ from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
 
 DESIGN = Design(runs=48)
-"""The most informative runs, out of all combinations of a design."""
+"""The 48 most informative of all combinations of amplitude, frequency and steering."""
 MAX_MAP_ERRORS = MappingProxyType({"distance": 8.0, "turn": 20.0})
-"""Largest rms error at new runs [% of the rms of the quantity]. The worms above with closed-loop runs have errors of up
-to 2.7 for the distance and 12 for the turn; the limits leave room, and are not a measured boundary."""
+"""Largest allowed rms errors of a corrected map in the runs that check it [% of the rms of the quantity]. The worms of
+the table above that were tested with a controller have errors of up to 2.7 for the distance and 12 for the turn. The
+limits are larger by a margin; it was not measured at which error control fails."""
 IDENTIFY_ADVICE = (
     "identify it once by 'worm3d study identify SCENE' with the same options -o (a minute or two), or take the "
     "default worm's map by -o controller.map=default"
@@ -51,12 +57,14 @@ IDENTIFY_ADVICE = (
 
 
 def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wave: Schedule) -> Identified:
-    """Return the map of one mechanism of a worm's wave on level ground, stored in the user's cache.
+    """Return the maps of a worm on level ground for a wave, with at least the corrected map of the given mechanism.
+
+    A new map is stored in the user's cache.
 
     Raises
     ------
     SceneError
-        The worm tips, or is too different from the default worm.
+        If the worm tips over, or is too different from the default worm.
     """
     known = kept.load(worm, ground, wave, DESIGN)
     if known is not None and mechanism in known.maps:
