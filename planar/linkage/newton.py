@@ -1,11 +1,14 @@
 """Newton-Raphson (P1), (P2) with an exact Jacobian and a line search.
 
-Each pass minimises the potential of a step for given normal loads (every search direction descends), then polishes with
-the loads of the iterate itself; this Jacobian is exact too, but unsymmetric. If the polish does not converge, the loads
-are updated and the next pass begins. After the last pass, the solver polishes with given regimes of the contacts, and
-changes the regimes until the law confirms them. A first attempt changes all denied regimes in the first rounds and one
-regime in later rounds; a second attempt changes one regime from the first round on. Both start from the last iterate,
-from the first guess, and from the free motion of the joints.
+Each pass has two parts. The first part minimises the potential of a step for given normal loads. Its Hessian is
+symmetric, and every search direction descends. The second part, the polish, takes full Newton steps in which the loads
+depend on the iterate. Its Jacobian is exact, but unsymmetric. If the polish does not converge, the given loads are
+updated and the next pass begins.
+
+If no pass converges, the solver polishes with given regimes of the contacts (`planar.linkage.regimes`), and changes the
+regimes until they agree with the law. A first attempt changes all wrong regimes in the first rounds and a single one in
+later rounds. A second attempt changes a single regime in every round. Each attempt is made from the last iterate, then
+from the initial guess, and then from the positions X_n + dt V_n of joints that move freely.
 """
 
 from __future__ import annotations
