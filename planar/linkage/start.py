@@ -98,8 +98,10 @@ def touches(worm: Linkage, joints: FloatArray) -> bool:
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
-    """Return the worm at rest under the weight normal to the ground, and the status DONE or the reason for a
-    failure."""
+    """Return the state of the worm at rest under the weight normal to the ground, and the status.
+
+    The status is DONE or names the failure.
+    """
     state, load = State.at_rest(joints, worm), np.zeros((worm.segments, 2))
     stepper = ContactStepper(
         worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held

@@ -1,4 +1,4 @@
-"""Sections of a scene that is run many times: [sweep], with the varied keys, and [study], with the conclusions."""
+"""Sections of a scene that is run many times: [sweep], with the varied keys, and [study], with what to evaluate."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ SWEEP, STUDY = "sweep", "study"
 
 
 CASE_LIMIT = 3600.0
-"""Default time limit of a case, counted from the first step [s]. Cases take seconds to minutes. With half this limit,
-long cases fail on slow machines; with double, a case that never ends delays the other cases longer."""
+"""Default time limit of a case [s], counted from the first step. Usual cases take seconds to minutes. With half this
+limit, long cases would fail on slow machines. With twice this limit, a case that never ends would delay the sweep
+longer."""
 LONGEST_CASE_LIMIT = 1e7
-"""Largest time limit of a case that can be given [s]: 16 weeks. Timers overflow at some hundred times this value, and a
-value of half or double makes no difference to sweeps."""
+"""Largest value that the time limit of a case can have [s], which is 16 weeks. The timers of the operating system
+overflow at some hundred times this value. For sweeps, half or twice this value would make no difference."""
 
 
 class Sweep(Section):
@@ -67,7 +68,10 @@ class Outside(Section):
 
 
 def varied_keys(vary: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Return the values of each varied key, by dotted name: a key `period_s` in a table `gait` is `gait.period_s`."""
+    """Return the values of each varied key, by dotted name. Keys may be nested in tables.
+
+    For example, the key `period_s` in a table `gait` has the name `gait.period_s`.
+    """
     found: dict[str, Any] = {}
     for name, values in vary.items():
         inner = isinstance(values, Mapping)

@@ -131,8 +131,7 @@ class Pictures:
     """Function that writes a page, on which a browser shows the run. If a model has this function, a run writes the
     page instead of an animation. With `skin=True`, the worm has a smooth skin."""
     mesh: Callable[[Record, float | None], bytes] | None = None
-    """Function that returns the content of a GLB file, a mesh of the worm at an instant [s]; None means the last
-    instant."""
+    """Function that returns a mesh of the worm at an instant [s] as the content of a GLB file. None means the end."""
 
 
 @dataclass(frozen=True, kw_only=True)

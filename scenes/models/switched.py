@@ -43,8 +43,10 @@ def switched_parts(kind: Kind, section: Any) -> list[Any]:
 
 
 def parts_listed(kind: Kind, section: Any) -> list[Any]:
-    """Return the parts listed in the key `parts` of a section; raise ValueError if the parameters of one are
-    invalid."""
+    """Return the parts listed in the key `parts` of a section.
+
+    Raise ValueError if the parameters of a part are invalid.
+    """
     return [_part(kind, name, section) for name in section.parts]
 
 
@@ -55,8 +57,10 @@ def _part(kind: Kind, name: str, section: Any) -> Any:
 
 
 def switched_checks(names: Iterable[str], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:
-    """Return the checks that only parts that are switched on have parameters; `what` is the word for a part in
-    errors."""
+    """Return the checks that no parameter is set for a part that is off.
+
+    `what` is the word for a part in error messages.
+    """
     return tuple(
         Check(
             (f"{section}.{each}", f"{section}.{name}"),

@@ -75,8 +75,7 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
-    """Draw the obstacles, and the edges of the corridor around the path; `line` are points of the path, shape (P,
-    2)."""
+    """Draw the obstacles and the edges of the corridor around the path; `line` has the points of the path, (P, 2)."""
     for k, obstacle in enumerate(reference.obstacles):
         label = None if k else "obstacle"
         axes.fill(*obstacle.outline().T, color="C1", alpha=0.3, lw=0, label=label)
