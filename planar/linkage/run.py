@@ -145,6 +145,6 @@ class Run:
 
     @property
     def cost_of_transport(self) -> float:
-        """Dimensionless (P12), work_contract / (m g distance); NaN without weight or if the worm did not move forward."""
+        """Dimensionless (P12), work_contract / (m g distance); NaN without weight or without motion forward."""
         scale = self.worm.total_mass * float(np.hypot(*self.gravity)) * self.distance
         return self.work_contract / scale if scale > 0.0 else float("nan")
