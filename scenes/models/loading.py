@@ -1,5 +1,4 @@
-"""Loading of scenes by name or path. A scene is read, overridden and checked, and all mistakes are reported
-together."""
+"""Loading of scenes by name or path. All mistakes in a scene and its overrides are reported together."""
 
 from __future__ import annotations
 

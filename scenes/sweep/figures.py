@@ -1,4 +1,4 @@
-"""Figures of a sweep: a metric over one or two varied keys, with marks for failed cases."""
+"""Figures of a sweep, which show a metric over one or two varied keys and mark failed cases."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ from worm3d.values.arrays import FloatArray
 FAILED_MARKER: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
 
 MOST_LABELS = 12
-"""Largest number of values on an axis that are all labelled, and of curves in a legend."""
+"""Largest number of values for which every value on an axis gets a label, and of curves for which there is a legend."""
 MOST_NUMBERS = 64
-"""Largest number of cells in a map with a number in each cell."""
+"""Largest number of cells for which a map shows the number in each cell."""
 LEAST_RATIO = 8.0
-"""Smallest ratio of the largest to the smallest value for a logarithmic axis."""
+"""Smallest ratio of the largest to the smallest value for which an axis may be logarithmic."""
 CATEGORIES = ("seed",)
-"""Keys whose numbers are only names."""
+"""Keys whose values are numbers, but are treated as categories because their order has no meaning."""
 
 
 def draw(table: Table, metric: str, label: str, title: str) -> Figure:
-    """Return the figure of a metric of a sweep over one or two keys.
+    """Return the figure of a metric over one or two varied keys.
 
-    One key gives a curve (points, if the values are random). Two numbers give a map (coloured points), a number and a
-    category give a curve for each category, and a category and seeds give bars with a point for each seed.
+    The kind of figure depends on the keys. A key with numbers gives a curve. Two keys with numbers give a map. If
+    numbers are random, points are drawn instead of a curve or a map. A key with numbers and a key with categories give
+    a curve for each category. Two keys with categories give a map. A key with categories gives bars, and if there are
+    several cases for each category, for example with different seeds, a point for each case.
     """
     figure = Figure(figsize=(6.4, 4.4), layout="constrained", dpi=120)
     axes = figure.subplots()
@@ -63,20 +65,20 @@ def _is_drawn(varied: Varied) -> bool:
 
 
 def _along(table: Table, varied: Varied) -> NDArray[Any]:
-    """Return the value of a key in each case, shape (C,): numbers, or texts of a category."""
+    """Return the values of a key in all C cases, shape (C,), as numbers, or for categories as texts."""
     return np.array([case[varied.key] for case in table.values()], dtype=float if _is_axis(varied) else str)
 
 
 def _draw_curves(
     axes: Axes, table: Table, varied: Varied, others: list[Varied], values: FloatArray, label: str
 ) -> None:
-    """Draw a metric over a number: a curve for each value of another key."""
+    """Draw a metric over a key with numbers, with a curve for each value of another key."""
     x = _along(table, varied)
     style = "o" if _is_drawn(varied) else "o-"
     for name, chosen in _groups(table, others):
         order = np.flatnonzero(chosen)[np.argsort(x[chosen], kind="stable")]
         axes.plot(x[order], values[order], style, ms=4, label=name)
-    axes.plot(x, np.full(len(x), np.nanmean(values)), linestyle="none")  # the axis covers all cases
+    axes.plot(x, np.full(len(x), np.nanmean(values)), linestyle="none")  # so that the axis includes failed cases
     _mark_absent(axes, table, x, values)
     if others and len(axes.lines) <= MOST_LABELS:
         axes.legend(title=others[0].key, fontsize=8, title_fontsize=8)
@@ -85,7 +87,7 @@ def _draw_curves(
 
 
 def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    """Yield the cases with each value of a key, or all cases if there is no key."""
+    """Yield each value of a key and which cases have it. If there is no key, yield all cases once."""
     if not others:
         yield "", np.ones(len(table), dtype=bool)
     for key in others:
@@ -95,7 +97,7 @@ def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[n
 
 
 def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, label: str) -> None:
-    """Draw a metric for each value of a category: points for the cases with this value, and a bar for their mean."""
+    """Draw a metric for each category, as points for the cases and a bar for their mean."""
     names = _along(table, varied).tolist()
     places = {name: place for place, name in enumerate(dict.fromkeys(names))}
     x = np.array([places[name] for name in names], dtype=float)
@@ -112,7 +114,7 @@ def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, lab
 
 
 def _draw_points(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, label: str) -> None:
-    """Draw cases as points in the plane of two numbers, coloured by a metric."""
+    """Draw the cases as points in the plane of two keys with numbers. The colour shows the metric."""
     x, y = (_along(table, key) for key in keys)
     shown = np.isfinite(values)
     points = axes.scatter(x[shown], y[shown], c=values[shown], s=28, **colours(values))
@@ -125,7 +127,7 @@ def _draw_points(axes: Axes, table: Table, keys: list[Varied], values: FloatArra
 
 
 def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, label: str) -> None:
-    """Draw a metric over a grid of two keys, the first along x."""
+    """Draw a metric as a map over a grid of two keys, with the first key on the horizontal axis."""
     sizes = list(table.design.sizes.values())
     marks = [_marks(key) for key in keys]
     orders = [np.argsort(each, kind="stable") for each in marks]
@@ -152,12 +154,15 @@ def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, 
 
 
 def _marks(varied: Varied) -> FloatArray:
-    """Return the positions of the values of a key along the axis."""
+    """Return the positions of the values of a key on its axis; categories are at 0, 1, 2 and so on."""
     return np.array(varied.values if _is_axis(varied) else range(len(varied.values)), dtype=float)
 
 
 def edges(marks: FloatArray) -> FloatArray:
-    """Return the edges of cells around ascending positions, half-way as seen on the axis, linear or logarithmic."""
+    """Return the edges of cells around ascending positions.
+
+    An edge is in the middle between two positions, on a logarithmic axis in the middle of their logarithms.
+    """
     if len(marks) == 1:
         half = 0.5 * abs(float(marks[0])) or 0.5
         return np.array([marks[0] - half, marks[0] + half])
@@ -170,7 +175,11 @@ def edges(marks: FloatArray) -> FloatArray:
 
 
 def is_logarithmic(values: FloatArray) -> bool:
-    """Return whether values span a wide range, with their middle nearer to the geometric mean of the ends."""
+    """Return whether an axis should be logarithmic.
+
+    It should if the values span a wide range, and their median is nearer to the geometric mean of the smallest and the
+    largest value than to the arithmetic mean.
+    """
     low, high = float(values.min()), float(values.max())
     if low <= 0.0 or high < LEAST_RATIO * low:
         return False
@@ -179,7 +188,7 @@ def is_logarithmic(values: FloatArray) -> bool:
 
 
 def _scale(axes: Axes, which: str, values: FloatArray) -> None:
-    """Choose the scale of an axis, and label all values along the axis if they are few and far enough apart."""
+    """Choose the scale of an axis, and label all values if they are few and far enough apart."""
     distinct, logarithmic = np.unique(values), is_logarithmic(values)
     places = np.log(distinct) if logarithmic else distinct
     if logarithmic:
@@ -190,7 +199,7 @@ def _scale(axes: Axes, which: str, values: FloatArray) -> None:
 
 
 def _ticks(axes: Axes, which: str, names: list[str]) -> None:
-    """Label categories along an axis; if there are many, only the first categories."""
+    """Label the categories along an axis; if there are many, label only every second or every few of them."""
     step = 1 + (len(names) - 1) // (3 * MOST_LABELS)
     turned = which == "x" and sum(map(len, names)) > 60
     getattr(axes, f"set_{which}ticks")(range(0, len(names), step), names[::step], rotation=30 if turned else 0)
@@ -200,7 +209,7 @@ def _ticks(axes: Axes, which: str, names: list[str]) -> None:
 
 
 def colours(values: FloatArray) -> dict[str, Any]:
-    """Return colours that distinguish signs if a metric has both signs."""
+    """Return the colour map for a metric. If the metric has both signs, the colours show the sign."""
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())
     if low < 0.0 < high:
@@ -215,7 +224,7 @@ def _ink(mesh: Any, value: float) -> str:
 
 
 def _mark_absent(axes: Axes, table: Table, x: FloatArray, values: FloatArray) -> None:
-    """Mark cases that failed, and cases without a value, at the bottom of a panel."""
+    """Mark failed cases, and cases in which the metric has no value, at the bottom of a panel."""
     foot = axes.get_xaxis_transform()
     failed = np.unique(x[table.failed])
     axes.scatter(failed, np.full(len(failed), 0.03), transform=foot, **FAILED_MARKER)

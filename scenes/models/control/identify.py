@@ -255,12 +255,11 @@ def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straig
 
 
 def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency: float) -> tuple[float, float]:
-    """Return the time constant T [s] of the turn rate, and the swing (`_swing`), from a run with a sine of the
-    steering.
+    """Return the time constant T [s] of the turn rate, and the swing (`_swing`).
 
-    T is computed from the phase of the heading, the integral of the turn rate. A first-order response with the time
-    constant T lags behind a sine of w rad/s by arctan(w T). The applied steering lags behind the commanded steering
-    with the known time constant BLEND / f, which is subtracted.
+    Both are measured in a run with a sine of the steering. T is computed from the phase of the heading, the integral of
+    the turn rate. A first-order response with the time constant T lags behind a sine of w rad/s by arctan(w T). The
+    applied steering lags behind the commanded steering with the known time constant BLEND / f, which is subtracted.
     """
     w = 2.0 * np.pi * WINDING
     wave, generator = GaitParameters(0.28, frequency), WaveGenerator(subject.schedule, subject.worm)

@@ -118,10 +118,9 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 
 def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the consistency of a controller's estimator, (KF7) in `control.estimation`, and reasons for missing
-    values.
+    """Return the consistency (KF7) of a controller's estimator, and reasons for missing values.
 
-    The first three periods are left out.
+    (KF7) is defined in `control.estimation`. The first three periods are left out.
     """
     start = 3.0 * controller.period  # the estimator needs three waves to find the heading
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])

@@ -81,10 +81,9 @@ def _horizons(record: Record) -> FloatArray:
 
 
 def horizon_of(decisions: Callable[[], Sequence[Decision]], scene: ControlScene) -> Horizon:
-    """Return a function of the time [s] and the centre of mass [m] that returns the latest predicted path of a live
-    run.
+    """Return a function that returns the latest predicted path of a live run, at the given time [s].
 
-    It returns None if the latest decision has no prediction. `decisions` returns all decisions so far.
+    The function returns None if the latest decision has no prediction. `decisions` returns all decisions so far.
     """
 
     def horizon(time: float, com: FloatArray) -> FloatArray | None:
