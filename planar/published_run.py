@@ -78,7 +78,7 @@ class Run(ReadOnly):
     def inverted_steps(self) -> int:
         """Number of steps after which a segment is inside out.
 
-        Its top is then not above its bottom, or its front main node is not in front of its rear main node.
+        This means that its top is below its bottom, or its head-side main node is behind its tail-side main node.
         """
         height = self.q[1:, self.net.top, 1] - self.q[1:, self.net.bottom, 1]
         length = np.diff(self.q[1:, self.net.main, 0], axis=1)

@@ -1,4 +1,4 @@
-"""The commands of `worm3d study`: studies that are sweeps, and studies that are separate programs."""
+"""The commands of `worm3d study`. Some studies are sweeps, others are programs of their own."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from scenes.commands.arguments import (
 from scenes.language.errors import SceneError
 
 SWEPT = "swept"
-"""Command for the studies that are sweeps; these are scenes and not commands."""
+"""Name of the hidden command that runs the studies that are sweeps. These studies are scenes, not commands."""
 
 
 class _Studies(TyperGroup):
-    """Group that passes names without a command to `SWEPT`."""
+    """Command group that passes names for which there is no command to the command `SWEPT`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         named = args and args[0] in {*self.commands, *self.get_help_option_names(ctx)}
@@ -77,7 +77,7 @@ def swept(
 
     Without a name, the studies are listed. A scene with a section [sweep] can also be run; its section [study] defines
     the conclusions. In addition to the files of 'worm3d sweep', the study writes study.md, study.csv and study.png.
-    Each number has an error: a case runs with run.accuracy=0.01 unless the scene or -o sets another value.
+    Each number has an error estimate. Cases run with run.accuracy=0.01, unless the scene or -o sets another value.
     """
     from scenes.studies.study import command
     from scenes.sweep.command import Options

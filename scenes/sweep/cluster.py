@@ -1,4 +1,4 @@
-"""The workers of a sweep: processes of this machine, or the workers of a running Dask scheduler."""
+"""Executors that run the cases of a sweep in new processes on this machine, or on the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scenes.sweep.flight import WORKER_TIMEOUT_S, Flight
 from scenes.sweep.job import Ended, Job
 
 CONNECT = 5.0
-"""Longest time for the response of a scheduler [s]."""
+"""Longest time to wait for the response of a scheduler [s]."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # `scenes.sweep.flight` decides which cases are tried again
     "distributed.deploy.lost-worker-timeout": f"{WORKER_TIMEOUT_S}s",  # on a busy machine a worker is slow to return

@@ -1,4 +1,4 @@
-"""`worm3d sweep`: from a scene and varied keys to a folder with the cases and the outputs of the sweep."""
+"""The command `worm3d sweep`: check, run and report of a sweep."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from scenes.sweep.table import Table
 from scenes.sweep.vary import cases_of, texts
 
 QUICKLY_CHECKED = 500
-"""Number of cases from which on the check shows the progress."""
+"""Smallest number of cases for which the progress of the checks is displayed. Fewer cases take only a moment."""
 
 
 @dataclass(frozen=True)

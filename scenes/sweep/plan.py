@@ -1,4 +1,4 @@
-"""Plan of a sweep: the scene of each case, checked before the first run, with a seed."""
+"""Plan of a sweep: the scenes of all cases. They are checked before the first case runs, and each gets a seed."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from scenes.sweep.links import Links, value_at
 from scenes.sweep.vary import design_of, with_meaning
 
 SEED_KEY = "seed"
-"""Key of a scene that seeds all random numbers."""
+"""Key of the scene for the seed of all random numbers."""
 LARGEST_SEED = 2**53 - 1
-"""Largest seed of a case: all programs can represent this number exactly."""
+"""Largest seed of a case. Programs that read the results as floating-point numbers can represent it exactly."""
 _NUMBER_PATTERN = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 MOST_WRONG = 20
-"""Number of cases with mistakes after which the check of cases stops."""
+"""Number of cases with mistakes after which no further cases are checked."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A scene before the variation of keys."""
+    """The scene of a sweep, before keys are varied."""
 
     text: str
     """The scene as TOML."""
     name: str
     folder: Path | None = None
-    """Folder of the files that the scene names."""
+    """Folder in which files named in the scene are sought first."""
     overrides: tuple[str, ...] = ()
-    """Items `section.key=value`, for all cases."""
+    """Items `section.key=value` for all cases."""
 
     @classmethod
     def of(cls, scene: str | Path, overrides: Iterable[str] = ()) -> Source:
-        """Return a scene by name or file; SceneError if there is none."""
+        """Return the scene with a name or path; raise SceneError if there is none."""
         path = find_scene(str(scene))
         return cls(read_text(path), path.stem, path.parent, tuple(overrides))
 
@@ -57,7 +57,10 @@ class Source:
         return self._draft.checked(overrides)
 
     def base(self) -> Scene:
-        """Return the scene, whose keys must each be valid; the scene may be possible only with varied keys."""
+        """Return the scene without varied keys.
+
+        Each key must be valid on its own, but the keys need not fit together, since varied keys may change this.
+        """
         try:
             return self.parse()
         except ImpossibleError as error:
@@ -77,20 +80,20 @@ class Case:
     key: str
     seed: int
     packed: bytes
-    """The resolved scene as TOML, compressed."""
+    """The scene with all defaults as TOML, compressed."""
     refused: str = ""
-    """Reason why the case is impossible, although each key is valid; empty for a possible case."""
+    """Reason why the case is impossible, although each key is valid on its own; empty for a possible case."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A design whose cases have all been checked; impossible cases are refused, not run."""
+    """A design with the checked scenes of all cases. Impossible cases are part of the plan, but will not be run."""
 
     base: Scene
     """Scene whose keys are varied."""
     design: Design
     cases: tuple[Case, ...]
-    """Cases in the order of the design; cases with the same scene have the same key."""
+    """Cases in the order of the design. Cases with the same scene have the same key."""
 
 
 def planned(
@@ -101,7 +104,9 @@ def planned(
     listed: Sequence[Mapping[str, Any]] = (),
     watch: Callable[[int, int], None] = lambda done, total: None,
 ) -> Plan:
-    """Return the plan of a sweep; with no varied keys, the plan of the scene's section [sweep].
+    """Return the plan of a sweep.
+
+    If `vary` and `listed` are empty, the section [sweep] of the scene says what to vary.
 
     Parameters
     ----------
@@ -109,13 +114,13 @@ def planned(
     vary, random, listed
         The same as in `scenes.sweep.vary.design_of`.
     watch : callable
-        Called with the number of checked cases, and the number of all cases.
+        Function that is called with the number of checked cases and the number of all cases.
 
     Raises
     ------
     SceneError
-        A key is wrong on its own, or all cases are refused. The error has one line for each mistake, with the values of
-        the first case with this mistake.
+        If a key of a case is wrong on its own, or all cases are impossible. The error has a line for each mistake, with
+        the values of the first case that has this mistake.
     """
     base = source.base()
     if not vary and not listed:
@@ -154,7 +159,10 @@ def planned(
 
 
 def _explained(design: Design, scene: Scene) -> Design:
-    """Return a design with units and meanings of keys that only a case's scene has, such as keys of parts."""
+    """Return a design with the units and meanings of keys that the base scene does not have.
+
+    For example, the scene of a case may have a user's own part, whose parameters are keys.
+    """
     if all(each.title for each in design.varied):
         return design
     schema = scene.model.schema
@@ -167,21 +175,21 @@ def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:
 
 
 def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, Any]) -> Scene:
-    """Return a case's scene with a seed that depends only on the seed of the sweep and the values of the case."""
+    """Return the scene of a case with a seed that depends on the seed of the sweep and the values of the case only."""
     said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
     return replace(scene, settings=replace(scene.settings, **{SEED_KEY: seed}))
 
 
 class _Mistakes:
-    """Mistakes of the cases; mistakes that differ only in numbers are reported once."""
+    """Collected mistakes of the cases. Mistakes whose texts differ only in numbers are reported once."""
 
     def __init__(self, keys: Sequence[str]) -> None:
         self.number = 0
         """Number of cases with mistakes."""
         self._keys = keys
         self._found: dict[str, tuple[str, str, int]] = {}
-        """Kind of mistake -> values of the first such case, the line of this case, and the number of such cases."""
+        """For each kind of mistake: the values of the first case with it, its text, and the number of such cases."""
 
     def add(self, values: Mapping[str, Any], lines: Iterable[str]) -> list[str]:
         """Record the mistakes of a case, and return their texts."""
@@ -197,7 +205,10 @@ class _Mistakes:
         return texts
 
     def report(self, total: int, checked: int) -> Iterator[str]:
-        """Yield a line for each kind of mistake; a mistake in every checked case is reported without values."""
+        """Yield a line for each kind of mistake, with the values of the first case that has it.
+
+        If all checked cases have the same mistake, the values are left out.
+        """
         for kind, (first, line, number) in self._found.items():
             more = f" (and {counted(number - 1, 'case')} more)" if number > 1 else ""
             in_all = number == checked > 1 and "#" not in kind
