@@ -11,10 +11,10 @@ mu = mu_forward for y > 0 and mu_backward for y < 0, the potential of friction i
     h = mu y^2/(2 b)  while |y| <= b,   else mu (|y| - b/2),   b = r/max(mu, mu_0)     (G2)
 
 The terms 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n come from a damper parallel to the anchor's spring. The sum of the
-two forces is at most N mu. rho_b is the displacement at which the contact breaks away, times mu. It is the same number
-for all contacts. Contacts with mu below mu_0 = `Ground.least`, including mu = 0, break away at the same displacement as
-with mu_0; otherwise their anchors would stay far behind. If the apex slides in a step, the anchor moves after the step
-until the friction is at its limit again:
+two forces is at most N mu. rho_b is the displacement at which a contact breaks away, times its mu. It is the same
+number for all contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 =
+`Ground.least`, including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay
+far behind. If the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
 
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 

@@ -33,8 +33,8 @@ def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
 def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> Regimes:
     """Return the regimes for the next round, shape (N, 2), given the solution q for the regimes in `now`.
 
-    If q obeys the law, the regimes do not change. A contact that slides against its friction becomes stuck first, then
-    changes its direction while stuck, and only then slides in the other direction. `turn` is the number of the round.
+    If q obeys the law, the regimes do not change. A contact that slides although its friction is below the limit
+    becomes stuck. Only a stuck contact can change its direction or begin to slide. `turn` is the number of the round.
     """
     (_, y, limit), load = gauge(q, a, ground, now), _load(q, a, ground, now)
     old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)

@@ -136,7 +136,7 @@ class Stepper(ABC):
         )
 
     def _corrected(self, predicted: Solution, pushed: Now) -> Solution:
-        """Return the solution with the friction of a prediction, which is the force `pushed` contains.
+        """Return the solution for `pushed`, which contains the friction computed from a prediction.
 
         `iterations` counts prediction and correction, and `converged` is true if both have converged.
         """

@@ -16,8 +16,8 @@ CASE_LIMIT = 3600.0
 limit, long cases would fail on slow machines. With twice this limit, a case that never ends would delay the sweep
 longer."""
 LONGEST_CASE_LIMIT = 1e7
-"""Largest value that the time limit of a case can have [s], which is 16 weeks. The timers of the operating system
-overflow at some hundred times this value. For sweeps, half or twice this value would make no difference."""
+"""Largest value that the time limit of a case can have [s], which is 16 weeks. Timers overflow at some hundred times
+this value. For sweeps, half or twice this value would make no difference."""
 
 
 class Sweep(Section):

@@ -68,7 +68,7 @@ def sources() -> str:
 def machine() -> dict[str, Any]:
     """Return the processor, the number of cores, the system, the date and the versions.
 
-    The name of the machine and paths are left out, since they are private.
+    The result contains neither the name of the machine nor any path.
     """
     return {
         "cpu": cpu_name(),

@@ -106,7 +106,7 @@ def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
 
 @cache
 def _usual_strains(segments: int, wave: Wave) -> StrainModel | None:
-    """Return the strain model of the default worm with another number of segments, or None if it tips over."""
+    """Return the strain model of the default worm with another number of segments, or None if it cannot stand."""
     found = kept.load(worm3d.Worm(), schedule=WAVE_SCHEDULES[wave])
     assert found is not None  # the map is shipped
     return strain_model(
