@@ -1,4 +1,4 @@
-"""The planar worm drawn frame by frame as linkages, to GIF or, if ffmpeg is found, to MP4."""
+"""Animations of the planar worm as a chain of linkages. GIF is always available, MP4 only if ffmpeg is installed."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from worm3d.values.arrays import FloatArray
 
 
 class Movie:
-    """A planar worm ready to be drawn at any instant.
+    """An animation of a planar worm.
 
     Parameters
     ----------
     time : ndarray, shape (T,)
-        Evenly spaced [s].
+        Evenly spaced instants [s].
     main, top, bottom : ndarray, shape (T, n + 1, 2), (T, n, 2), (T, n, 2)
-        Corners of the rhombi [m].
+        Corners of the rhombi [m]: the joints between the segments, the upper apexes and the lower apexes.
     activation : ndarray, shape (T, n)
-        Colours the segments: white at 0, red at 1, blue at -1.
+        Activation of each segment, which sets the colour: white at 0, red at 1, blue at -1.
     ground : float, optional
-        Height of the ground [m]; not drawn if left out.
+        Height of the ground [m]. If left out, no ground is drawn.
     """
 
     def __init__(
@@ -70,10 +70,10 @@ class Movie:
         self._title = axes.set_title("", fontsize=9, loc="left")
 
     def _view(self, ground: float | None) -> tuple[FloatArray, FloatArray]:
-        """Return the lower left and upper right corner of the first view.
+        """Return the lower left and the upper right corner of the first view [m].
 
-        The view is at most three body lengths wide, and then follows the worm; the height is at most 0.6 of the width,
-        whatever flies off.
+        The view is at most three body lengths wide. If the worm crawls further, the view moves with it (`_follow`). The
+        height is at most 0.6 of the width, even if a diverging run throws nodes far away.
         """
         low, high = self.corners.min(axis=(0, 1, 2)), self.corners.max(axis=(0, 1, 2))
         if ground is not None:
@@ -96,7 +96,7 @@ class Movie:
             self._axes.set_xlim(middle - half, middle + half)
 
     def draw(self, frame: int) -> Figure:
-        """Draw one instant and return the figure."""
+        """Draw the worm at the instant number `frame` and return the figure."""
         corners = self.corners[frame]
         self._follow(corners)
         self._bodies.set_verts(list(corners))
@@ -108,17 +108,17 @@ class Movie:
         return self.figure
 
     def save(self, path: Path, fps: int = 20) -> None:
-        """Write the movie in real time; `.gif` by Pillow, `.mp4` by ffmpeg.
+        """Write the movie, which plays in real time, to a `.gif` file (with Pillow) or an `.mp4` file (with ffmpeg).
 
         Raises
         ------
         ValueError
-            Another ending than .gif or .mp4.
+            The file name does not end in .gif or .mp4.
         FileNotFoundError
-            MP4 wanted, but no ffmpeg on this machine.
+            The file name ends in .mp4, but ffmpeg is not installed.
         """
         suffix = path.suffix.lower()
-        # A GIF counts delays in hundredths of a second.
+        # The delay between two frames of a GIF is a whole number of hundredths of a second.
         interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1 / fps
         writer = _writer(path, suffix, interval)
         with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path), dpi=100):

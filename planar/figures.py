@@ -1,4 +1,4 @@
-"""Figures of planar runs from plain arrays; each returns (figure, axes) and never shows a window."""
+"""Figures of planar runs, drawn from plain arrays. No function opens a window."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def centre_of_mass(
     Parameters
     ----------
     time : ndarray, shape (T,)
-        [s].
+        Instants [s].
     curves : mapping of label to ndarray, shape (T,)
-        Centre of mass along x [m]; each curve is drawn relative to its start.
+        Position of the centre of mass along x [m]. Each curve is drawn relative to its first value.
     axes : Axes, optional
-        Where to draw; a new figure if left out.
+        Axes to draw in; a new figure if left out.
     """
     moved = {label: com - com[0] for label, com in curves.items()}
     return _over_time(time, moved, title, "displacement of the centre of mass [m]", axes)
@@ -37,9 +37,10 @@ def cumulative_cost(
     axes: Axes | None = None,
     logarithmic: bool = False,
 ) -> tuple[Figure, Axes]:
-    """Draw the cumulative cost of transport, shape (S,) [J/m], at the end of each step; see `centre_of_mass`.
+    """Draw the cumulative cost of transport at the end of each step.
 
-    The axis is `logarithmic` if the curves are decades apart.
+    The parameters are the same as in `centre_of_mass`, but the curves have the shape (S,) and the unit J/m.
+    `logarithmic=True` gives the cost a logarithmic axis, for curves of very different magnitude.
     """
     figure, axes = _over_time(time, curves, title, "cumulative cost of transport [J/m]", axes)
     if logarithmic:
@@ -55,18 +56,18 @@ def activation(
     unit: str = "",
     axes: Axes | None = None,
 ) -> tuple[Figure, Axes]:
-    """Draw the command to each segment over time, the segments one above the other, the head on top.
+    """Draw the command to each segment over time, one curve above the other, with the head at the top.
 
     Parameters
     ----------
     time : ndarray, shape (S,)
-        [s].
+        End of each step [s].
     values : ndarray, shape (S, n)
-        Activation or force of each segment; zero is drawn at the height of the segment's number.
+        Activation or force of each segment. The zero of segment i is drawn at the height i.
     quantity, unit : str
         Name and unit of the values.
     axes : Axes, optional
-        Where to draw; a new figure if left out.
+        Axes to draw in; a new figure if left out.
     """
     segments = values.shape[1]
     figure, axes = _prepared(axes, title, "segment (0 = tail)")
@@ -94,7 +95,7 @@ def energy_ledger(
     time : ndarray, shape (S,)
         End of each step [s].
     incoming, stored, lost : mapping of label to ndarray, shape (S,)
-        Energy summed over the steps so far [J].
+        Cumulative energy at the end of each step [J].
     """
     figure, axes = _prepared(None, title, "energy [J]")
     for style, what, curves in (("-", "in", incoming), ("--", "stored", stored), (":", "lost", lost)):
@@ -107,15 +108,23 @@ def energy_ledger(
 def space_time(
     panels: Mapping[str, tuple[FloatArray, FloatArray]], ylabel: str, title: str = "Space and time"
 ) -> tuple[Figure, Axes]:
-    """Draw quantities as colours over time and place, a panel for each quantity; return the last axes.
+    """Draw quantities as colours over time and place, one panel for each quantity.
+
+    The colour scale ends at the 99.5th percentile of the absolute values, so that a short impact does not make the rest
+    of the panel pale.
 
     Parameters
     ----------
     panels : mapping of label to (time, values)
-        Name of the quantity with its unit; ndarray, shape (T,) [s]; ndarray, shape (T, n). The colours end at the
-        99.5th percentile, so that a short impact does not hide the rest.
+        The label is the name of a quantity with its unit. `time` has the shape (T,) [s], and `values`, a column for
+        each place, the shape (T, n).
     ylabel : str
-        Name of the places.
+        Label of the vertical axis, which counts the places (for example segments).
+
+    Returns
+    -------
+    figure, axes
+        The figure and the axes of the lowest panel.
     """
     figure = Figure(figsize=(6.4, 2.6 * len(panels)), layout="constrained", dpi=120)
     rows = np.ravel(figure.subplots(len(panels), 1, sharex=True))
@@ -134,7 +143,10 @@ def space_time(
 
 
 def case_panel(axes: Axes, parameter: FloatArray, values: FloatArray, xlabel: str, ylabel: str) -> None:
-    """Draw a figure of merit over the varied parameter, both of shape (C,); gaps are named "none"."""
+    """Draw a figure of merit over the varied parameter; cases without a value are marked with the word "none".
+
+    `parameter` and `values` have the shape (C,), one entry for each case.
+    """
     order = np.argsort(parameter)
     axes.plot(parameter[order], values[order], "o-")
     for x in parameter[~np.isfinite(values)]:

@@ -1,9 +1,10 @@
-"""Friction (P10), and work and cost of transport, (P11) to (P14), shared by the planar models.
+"""Friction (P10), work (P11), (P13) and cost of transport (P12), (P14), as used by both planar models.
 
     W^(n) = F . (q^{n+1} - q^n)                (P11) with F_contract, (P13) with F_friction
     CoT^(n) = W^(n) / dx_COM^(n)               (P12), (P14)
 
-Source: the paper, section IV. The versions with correct units are dimensionless: W / (m g d).
+Source: the paper, section IV. This cost of transport has the unit J/m. The corrected worm has a dimensionless one,
+W / (m g d), with the mass m, gravity g and the distance d.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def p11_work(force: FloatArray, displacement: FloatArray) -> FloatArray:
 
 
 def p12_cost_of_transport(work: FloatArray, com_x: FloatArray, threshold: float = 0.0) -> FloatArray:
-    """Return the cost of transport of each step, (P12) and (P14) [J/m]; zero where the step is too short.
+    """Return the cost of transport of each step, (P12) and (P14), shape (S,) [J/m].
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ def p12_cost_of_transport(work: FloatArray, com_x: FloatArray, threshold: float 
     com_x : ndarray, shape (S + 1,)
         Centre of mass along x [m].
     threshold : float
-        Steps with |dx| <= threshold [m] count as zero (the quotient would be noise).
+        The cost of steps with |dx| <= threshold [m] is 0, since the quotient would be dominated by rounding errors.
     """
     dx = np.diff(com_x)
     far = np.abs(dx) > threshold
@@ -49,6 +50,16 @@ def p10_friction(
     mu: tuple[float | FloatArray, float | FloatArray],
     threshold: float,
 ) -> FloatArray:
-    """Return the friction (P10) of contacts with the given loads and velocities towards the head [N]."""
+    """Return the friction forces (P10) of contacts, positive towards the head [N].
+
+    Parameters
+    ----------
+    load, velocity : ndarray
+        Normal load [N] and velocity, positive towards the head [m/s], of each contact.
+    mu : tuple
+        Coefficients for motion towards the head and towards the tail.
+    threshold : float
+        Speed [m/s] up to which there is no friction.
+    """
     forward, backward = mu
     return np.select([velocity > threshold, velocity < -threshold], [-forward * load, backward * load], 0.0)

@@ -1,10 +1,12 @@
-"""The paper's results, number for number: a reproduction of the author's program.
+"""A reproduction of the author's program, which gives the numbers of the paper.
 
-The module is a regression target, not physics: the program differs from the paper's text (`worm3d study paper` lists
-the differences and measures the effect). The module was written from a description of the program's computations.
+The module is a reference for comparison and does not have correct physics. The author's program ("the program" below)
+differs from the paper's text; `worm3d study paper` lists the differences and their effects. The module was written from
+a description of the program's computations.
 
 The worm of n segments has 3 n + 1 nodes, stored segment by segment: main 0, top 0, bottom 0, main 1, ...,
-main n. Five springs a segment (main to main, and the four links of the rhombus), each with the energy
+main n. Each segment has five springs, one between its two main nodes and four along the links of the rhombus. The
+energy of a spring is
 
     E = k l0/2 (1 - l/l0)^2                                                         (P7)
 
@@ -13,8 +15,10 @@ One step of implicit Euler solves, on the free coordinates,
     f = M/dt ((q - q_k)/dt - u_k) + s gradE - F_friction - F_contract = 0,          (P1), (P3), (P4)
     J = M/dt^2 + s HessE,   q <- q - J^-1 f,                                        (P1), (P2)
 
-with s = -1: the sign of the elastic force is inverted, as printed in (P1) and (P3); s = +1 is mechanics. Friction acts
-along x on the main nodes, from the velocity v at the start of the step, with N_i = m_i g:
+where M are the masses, q_k and u_k positions and velocities at the start of the step, and E the sum over all springs.
+The program has s = -1, which inverts the sign of the elastic force, as (P1) and (P3) do in print. Correct mechanics has
+s = +1. Friction acts along x on the main nodes. It depends on the velocity v at the start of the step, and on the
+normal load N_i = m_i g:
 
     F = -mu_forward N if v > eps,  +mu_backward N if v < -eps,  else 0.             (P10)
 """
@@ -40,14 +44,17 @@ from worm3d.values.spelling import spelled
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]
 
 Activation = Callable[[float], FloatArray]
-"""Time [s] -> activation of each segment, ndarray of shape (n,); 1 means the full `contraction_force`."""
+"""Function of the time [s] that returns the activation of each segment, shape (n,).
+
+The activation 1 means the full `Parameters.contraction_force`.
+"""
 
 Observer = Callable[[int], bool]
-"""Called with the number of finished steps; returning False ends the run there."""
+"""Function that is called with the number of finished steps after each step. If it returns False, the run ends."""
 
 
 def bytes_per_step(segments: int) -> float:
-    """Return the memory that a step takes until the run is a record, as measured [byte]."""
+    """Return the memory of one step from the simulation to the written record [byte]; the numbers are measured."""
     return 1000.0 + 12.0 * (3 * segments + 1) * 2 * 8
 
 
@@ -70,8 +77,8 @@ def _free_band(held: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _solve_free(J: FloatArray, f: FloatArray, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> FloatArray:
-    """Return J^-1 f on the free coordinates, zero on the held ones; LinAlgError if J is singular."""
-    matrix = np.zeros((3 * NET_HALF_BANDWIDTH + 1, len(f)))  # LAPACK's band has room for the fill-in of pivoting on top
+    """Return J^-1 f on the free coordinates and 0 on the held coordinates; raise LinAlgError if J is singular."""
+    matrix = np.zeros((3 * NET_HALF_BANDWIDTH + 1, len(f)))  # the first rows are for LAPACK's pivoting
     matrix[NET_HALF_BANDWIDTH:] = np.where(free, J, 0.0)
     matrix[2 * NET_HALF_BANDWIDTH, held] = 1.0
     _, _, step, info = dgbsv(NET_HALF_BANDWIDTH, NET_HALF_BANDWIDTH, matrix, np.where(held, 0.0, f), overwrite_ab=True)
@@ -119,7 +126,10 @@ class _Worm:
         return force
 
     def held(self) -> NDArray[np.bool_]:
-        """Return which flat coordinates are held, (D,): y of the main and of the touching nodes."""
+        """Return which coordinates are held: y of the main nodes and of the nodes that touch the ground.
+
+        The D = 2 (3 n + 1) coordinates are in the order (x0, y0, x1, y1, ...), and the result has the shape (D,).
+        """
         held = np.zeros(self.q.size, dtype=bool)
         held[2 * self.net.main + 1] = True
         held[2 * np.flatnonzero(self.contact) + 1] = True
@@ -131,7 +141,11 @@ class _Worm:
         return np.asarray((self.contact | entering) & ~leaving)
 
     def _p2_newton(self, q_k: FloatArray, force: FloatArray) -> _Solution:
-        """Iterate (P2) from q_k; the last tested residual is returned, after one more update."""
+        """Iterate (P2) from q_k.
+
+        As in the program, the residual is tested before each update, so that the returned residual belongs to the
+        iterate before the last update.
+        """
         p, dt, held = self.parameters, self.dt, self.held()
         mass, free = np.repeat(self.net.mass, 2), _free_band(held)
         q = q_k.copy()
@@ -142,14 +156,18 @@ class _Worm:
             J[NET_HALF_BANDWIDTH] += mass / dt**2
             norm = float(np.linalg.norm(f[~held]))
             if not np.isfinite(norm):
-                break  # before the solve spreads the value over the worm
+                break  # otherwise the linear solver would spread the invalid value over the whole worm
             q -= _solve_free(J, f, held, free)
             if norm < p.tolerance:
                 break
         return _Solution(q, f, norm, iteration)
 
     def step(self, t: float) -> _Step | None:
-        """Advance to time t by predictor and corrector; None if the gait returns an invalid activation."""
+        """Advance to the time t by a predictor and, if needed, a corrector.
+
+        Return None if the activation is invalid. The corrector follows if contacts change, or if the normal load comes
+        from the residual.
+        """
         activation = np.array(self.activation(t), dtype=float)
         if activation.shape != self.net.top.shape or not np.isfinite(activation).all():
             return None
@@ -208,21 +226,22 @@ def simulate(
     steps : int
         Number of steps, at least 1.
     activation : callable, optional
-        Time [s] -> activation of each segment, shape (n,); the program's travelling wave if left out.
+        Function of the time [s] that returns the activation of each segment, shape (n,). The program's travelling wave
+        if left out.
     parameters : Parameters, optional
         The program's constants if left out.
     observer : callable, optional
-        Called after every step with the number of finished steps; returning False ends the run.
+        Function that is called with the number of finished steps after each step. If it returns False, the run ends.
 
     Returns
     -------
     Run
-        Run with all computed results, however the run ended: see `Run.stop`.
+        The run with all finished steps. `Run.stop` says how the run ended.
 
     Raises
     ------
     ValueError
-        A number out of range, or an activation of the wrong shape.
+        If a number is out of range, or the activation has the wrong shape.
     """
     arguments.whole("n", n, le=10_000)  # a step solves a band matrix of six times as many rows
     arguments.whole("steps", steps)

@@ -123,7 +123,7 @@ class Net:
         return np.asarray((0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1))
 
     def p7_gradient(self, x: FloatArray) -> FloatArray:
-        """Return the gradient of (P7) [N] at positions of shape (T, 3n+1, 2), in the same shape."""
+        """Return the gradient of (P7) at the positions x [N]; both have the shape (T, 3n+1, 2)."""
         e = x[:, self.b] - x[:, self.a]
         length = np.linalg.norm(e, axis=-1, keepdims=True)
         pull = -(self.k * (1.0 - length[..., 0] / self.l0))[..., None] * e / length

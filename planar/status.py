@@ -40,16 +40,16 @@ class Stop:
     step: int
     """Number of the last step that was attempted; the number of finished steps if the run is done."""
     time: float
-    """Time at the end of that step [s]."""
+    """Time at the end of this step [s]."""
     residual: float
     """Norm of the residual force in the last tested iterate of Newton's method, without the constrained directions
     [N]."""
     segment: int
-    """Segment with the largest residual, 0 at the tail."""
+    """Number of the segment with the largest residual, 0 at the tail."""
 
     @property
     def sentence(self) -> str:
-        """One line: what happened, when, and where."""
+        """How the run ended; after a failure also when and where. One line."""
         if not self.status.diverged:
             return self.status.value
         return (

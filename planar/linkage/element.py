@@ -1,17 +1,21 @@
-"""Potential, gradient and exact Hessian of one time step, compiled; equations in the docstring of `planar.linkage`.
+"""Potential, gradient and exact Hessian of one time step, as compiled functions.
 
-With R = [[0, -1], [1, 0]] and e = p_{i+1} - p_i, s = e.e, the apexes of segment i are
+The docstring of `planar.linkage` has the potential. With the joints p_i, e = p_{i+1} - p_i, s = e.e and
+R = [[0, -1], [1, 0]], the apexes of segment i are
 
     X = (p_i + p_{i+1})/2 +- w(s) R e,   w = sqrt(a^2/s - 1/4) = h/l                (K1)
 
-so that for any force f on an apex, with w' = dw/ds,
+where a is the length of the links, l = |e|, and h is half of the diagonal between the apexes. For any force f on an
+apex, with w' = dw/ds,
 
     d(f.wRe)/de  = w R^T f + 2 w' (f.Re) e
     d2(f.wRe)/de2 = 2 w' (R^T f e^T + e f^T R + (f.Re) I) + 4 w'' (f.Re) e e^T.      (K2)
 
-The angle of a segment has the derivatives n/l and -(n t^T + t n^T)/l^2, and cross = sin(angle_2 - angle_1).
+The angle of a segment with the unit tangent t and the unit normal n = R t has the derivatives n/l and
+-(n t^T + t n^T)/l^2 with respect to e. The cross product of two neighbouring tangents is sin(angle_2 - angle_1).
 
-The band of the Hessian is stored as LAPACK's general band with kl = ku = 5: entry (i, j) at [10 + i - j, j].
+The Hessian is stored as LAPACK's general band matrix with kl = ku = 5: entry (i, j) of the matrix is at [10 + i - j,
+j].
 """
 
 from __future__ import annotations
@@ -26,17 +30,21 @@ from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 HALF_BANDWIDTH = 5
-"""Half bandwidth of the Hessian: a joint couples with itself and two joints on each side."""
+"""Half bandwidth of the Hessian. A joint (two coordinates) couples with itself and with two joints on each side."""
 ROWS = 3 * HALF_BANDWIDTH + 1
-"""Rows of the Hessian's band, with room for the fill-in of pivoting."""
+"""Rows of the stored band, which include the rows that LAPACK's pivoting fills."""
 
 BY_LAW, OPEN, STICK, SLIDE = 0, 1, 2, 4
-"""Regimes of a contact (`planar.linkage.regimes`); stuck and sliding contacts are towards the head, plus 1 towards the
-tail."""
+"""Regimes of a contact (`planar.linkage.regimes`). STICK and SLIDE are for displacements towards the head; STICK + 1
+and SLIDE + 1 are for displacements towards the tail."""
 
 
 class Body(NamedTuple):
-    """The worm's constants; shapes (N,), (N-1,), (N+1,) or (N, 2) [bottom, top]."""
+    """The worm's constants, as in `planar.linkage.Linkage`.
+
+    The shapes are (N,) for segments, (N-1,) for pairs of neighbouring segments, (N+1,) for joints and (N, 2) for apexes
+    [bottom, top].
+    """
 
     k_spring: FloatArray
     l0: float
@@ -52,7 +60,7 @@ class Body(NamedTuple):
 
 
 class Now(NamedTuple):
-    """Known values at the start of a step; _n marks values at t_n."""
+    """Known values at the start of the step from t_n to t_{n+1}. The ending _n marks values at t_n."""
 
     dt: float
     l_cmd: FloatArray
@@ -79,18 +87,18 @@ class Now(NamedTuple):
     slide_n: FloatArray
     """(N, 2) displacement from the anchor at t_n."""
     cap: FloatArray
-    """(N, 2) static_ratio where stuck, 1 where kinetic."""
+    """(N, 2) limit of friction over the kinetic limit: static_ratio where the contact is stuck, 1 where it slides."""
     load: FloatArray
-    """(N, 2) normal loads for friction, used if `coupled` is false."""
+    """(N, 2) given normal loads, which set the friction if `coupled` is false (`evaluate`)."""
     push: FloatArray
     """(N, 2) constant forces on the apexes along x."""
     regime: NDArray[np.int64]
-    """(N, 2) BY_LAW, or the given regime of each contact."""
+    """(N, 2) regime in which each contact is held, or BY_LAW if the law decides."""
 
 
 @njit
 def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> float:
-    """(G1): the normal force of one contact [N]."""
+    """Return the normal force (G1) of one contact [N]."""
     stiff = k + c / dt
     load: float = stiff * max(0.0, max(0.0, depth) - c / dt * depth_n / stiff)
     return load
@@ -122,19 +130,20 @@ def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[floa
 def evaluate(
     q: FloatArray, body: Body, ground: Ground, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
-    """Return the potential of a step (infinite if a rhombus cannot reach), and fill gradient and Hessian.
+    """Return the potential of a step, and fill the gradient and the Hessian.
 
-    With `coupled` the friction uses the normal loads of `q` itself: `grad` is then the true residual, `band` its
-    unsymmetric Jacobian, and the return value has no meaning.
+    The potential is infinite if a segment would have to be longer than its links allow. If `coupled` is true, friction
+    uses the normal loads at `q` instead of `now.load`. Then `grad` is the residual of the step, `band` is the
+    unsymmetric Jacobian of the residual, and the returned potential has no meaning.
 
     Parameters
     ----------
     q : ndarray, shape (2 (N+1),)
         x, z of each joint [m].
     grad : ndarray, shape (2 (N+1),)
-        Filled [N].
+        Gradient [N], overwritten.
     band : ndarray, shape (16, 2 (N+1)) or (0, 0)
-        Filled [N/m] unless empty.
+        Hessian [N/m], overwritten; not computed if the array is empty.
     """
     grad[:] = 0.0
     band[:, :] = 0.0
@@ -158,7 +167,7 @@ def evaluate(
 
 @njit
 def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray) -> float:
-    """Inertia (P4), weight, viscous medium (P8) and external force of the joints."""
+    """Add the inertia (P4), weight, viscous medium (P8) and external force of the joints; return their potential."""
     phi = 0.0
     for i in range(len(body.joint_mass)):
         mass, drag = body.joint_mass[i] / now.dt**2, body.joint_drag[i] / now.dt
@@ -177,7 +186,7 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
 def _segment(
     i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
-    """Strains of segment i: spring (P7), the two apex hinges, and their Kelvin-Voigt dampers."""
+    """Add the spring (P7), the two apex hinges and the Kelvin-Voigt dampers of segment i; return their potential."""
     k, a, l_cmd, tau = body.k_spring[i], body.link_length[i], now.l_cmd[i], body.kelvin_voigt_time / now.dt
     h = np.sqrt(a * a - 0.25 * length * length)
     stretch, damper, rate = 1.0 - length / l_cmd, tau * k / body.l0, length - now.length_n[i]
@@ -215,7 +224,10 @@ def _apex(
     grad: FloatArray,
     band: FloatArray,
 ) -> float:
-    """Inertia, weight, contact and friction of apex j (0 bottom, 1 top) of segment i, through (K1) and (K2)."""
+    """Add the forces on apex j (0 bottom, 1 top) of segment i through (K1) and (K2), and return their potential.
+
+    The forces are inertia, weight, contact and friction.
+    """
     base, side, a, s = 2 * i, 2.0 * j - 1.0, body.link_length[i], length * length
     ex, ez = q[base + 2] - q[base], q[base + 3] - q[base + 1]
     w = np.sqrt(a * a / s - 0.25)
@@ -278,7 +290,7 @@ def _point(
 
 @njit
 def _friction(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
-    """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
+    """Return the potential h of (G2) and its derivatives dh/dx and d2h/dx2, per unit of normal load."""
     d = now.direction[i]
     y, mu, b = apex_gauge(i, j, x, ground, now)
     cap, regime = now.cap[i, j], now.regime[i, j]
@@ -294,7 +306,7 @@ def _friction(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float
 def _torsion(
     j: int, length: FloatArray, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
-    """Torsion (P6) at joint j between segments j-1 and j, and its Kelvin-Voigt damper."""
+    """Add the torsion (P6) and its damper at joint j, between segments j-1 and j; return their potential."""
     cross = t[j - 1, 0] * t[j, 1] - t[j - 1, 1] * t[j, 0]
     cosine = t[j - 1, 0] * t[j, 0] + t[j - 1, 1] * t[j, 1]
     k, tau = body.k_torsion[j - 1], body.kelvin_voigt_time / now.dt
@@ -331,4 +343,4 @@ def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> N
 
 
 NO_BAND: Any = np.empty((0, 0))
-"""Placeholder for a Hessian that is not wanted."""
+"""Empty array for `evaluate`, which then computes no Hessian."""

@@ -1,31 +1,34 @@
-"""Contact of the apexes with the ground, and set-valued friction with anchors.
+"""Contact of the apexes with the ground, and Coulomb friction with anchors.
 
 Normal contact is a stiff quadratic penalty on the penetration d = max(0, -z), with a damper that never pulls:
 
     N = (k + c/dt) max(0, d - d*),   d* = (c/dt) d_n / (k + c/dt)                   (G1)
 
-Friction keeps an anchor per touching apex; s is the displacement from the anchor along the ground, positive towards the
-head, and y = s - s*. With mu = mu_forward for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
+An anchor is a point on the ground to which friction ties a touching apex, as with a spring. s is the displacement of
+the apex from its anchor along the ground, positive towards the head, and y = s - s* (s* is defined below). With
+mu = mu_forward for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
 
     h = mu y^2/(2 b)  while |y| <= b,   else mu (|y| - b/2),   b = r/max(mu, mu_0)     (G2)
 
-1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n put a damper beside the anchor's spring, both capped together by N mu.
-rho_b, the breakaway displacement times mu, is one number for all contacts, so that all contacts yield together for any
-load. The exception is mu below mu_0 = `Ground.least`, including mu = 0: such contacts yield as with mu_0, since the
-anchor would otherwise be dragged far behind. After the step the anchor moves until the force is back on the yield
-surface:
+The terms 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n come from a damper parallel to the anchor's spring. The sum of the
+two forces is at most N mu. rho_b is the displacement at which a contact breaks away, times its mu. It is the same
+number for all contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 =
+`Ground.least`, including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay
+far behind. If the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
 
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
-While a contact is stuck, the cap is N x static_ratio instead of N, with the same stiffness.
+The limit of friction is cap N mu, where cap = static_ratio while the contact is stuck and cap = 1 otherwise. The
+stiffness is the same.
 
-Breakaway (G4): the step is solved with cap = static_ratio for all contacts that are stuck at the start of the step. All
-of these contacts whose friction reaches the limit in the solution,
+A step is solved first with cap = static_ratio for all contacts that are stuck at the start of the step. Then all stuck
+contacts whose friction has reached the limit in the solution,
 
-    |y| > cap b (1 - 1e-9),
+    |y| > cap b (1 - 1e-9),                                                           (G4)
 
-break away together: they get cap = 1, and the step is solved again from the start. This repeats until no contact
-reaches the limit. A contact that has broken away does not stick again in the same step, so that the repetition ends.
+break away together. They get cap = 1, and the step is solved again from the start. This repeats until no further
+contact reaches the limit. A contact that has broken away does not stick again in the same step; therefore the
+repetition ends.
 """
 
 from __future__ import annotations
@@ -42,35 +45,39 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5
-"""Penetration under the mean load, as a fraction of the segment length."""
+"""Penetration of an apex under the weight of one segment, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
-"""Yield displacement of the contact with the smallest coefficient, as a fraction of the segment length."""
+"""Displacement at which the contact with the smallest coefficient breaks away, as a fraction of the segment length."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Coefficients below this fraction of the largest, including 0, do not set the breakaway displacement: other contacts
-would become so stiff that rounding shows."""
+"""Coefficients below this fraction of the largest coefficient, including 0, do not set the breakaway displacement.
+Otherwise the other contacts would become so stiff that rounding errors would be visible."""
 
 LEAST_BESIDE_SMALL = 0.1
-"""Greatest fraction of the largest coefficient that sets the breakaway displacement if a coefficient is smaller than
-`SMALLEST_COEFFICIENT`; the same as in `worm3d`."""
+"""If a coefficient is below the fraction `SMALLEST_COEFFICIENT`, mu_0 is at most this fraction of the largest
+coefficient. `worm3d` uses the same value."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Damping ratio of the contact with the smallest coefficient and its mass; other contacts are damped more.
+"""Damping ratio of the contact with the smallest coefficient and the mass that it carries; others are damped more.
 
-The damper shares the cap with the spring, so that the effects are only micrometres and milliseconds. With too little
-damping (1) a suddenly applied load overshoots and breaks loose early; with more damping the contact carries the full
-load sooner, and a rigid contact carries the full load at once. The distance that a worm crawls does not depend on the
-damping ratio.
+Since the limit of friction applies to the sum of spring and damper, the damper changes the motion only by micrometres
+and for milliseconds. With a damping ratio of 1, a contact under a suddenly applied load overshoots and breaks away too
+early. With a large damping ratio the contact carries the full load almost at once, as a rigid contact would. The
+distance that a worm crawls does not depend on the damping ratio.
 """
 
 WEIGHTLESS = 0.075
-"""Substitute for the weight of a weightless worm, as a fraction of the mean stiffness of the springs; the same as in
-`worm3d`."""
+"""Weight that scales the contacts of a worm without gravity, as a fraction of the mean stiffness of the springs.
+`worm3d` uses the same value."""
 
 LIMIT_TOLERANCE = 1e-9
-"""Relative distance to a limit of friction below which a contact breaks away (G4), an anchor stays, so that rounding
-causes no creep, and a given regime agrees with the law."""
+"""Relative tolerance of the limit of friction.
+
+A contact breaks away if its friction is closer to the limit than this (G4). An anchor moves only if the friction
+exceeds the limit by more than this, so that rounding does not make the anchor creep. A given regime agrees with the law
+if it violates the law by no more than this.
+"""
 
 
 @documented
@@ -100,7 +107,7 @@ class Friction(ReadOnly):
         check(self)
 
     def coefficients(self, segments: int) -> tuple[FloatArray, FloatArray]:
-        """Return forward and backward coefficients of each segment, each of shape (N,)."""
+        """Return the forward and the backward coefficients of the segments, each of shape (N,)."""
         for name in ("forward", "backward"):
             arguments.require_count(name, getattr(self, name), segments)
         forward, backward = (
@@ -137,7 +144,7 @@ class Ground(NamedTuple):
 
     @classmethod
     def of(cls, worm: Linkage, friction: Friction, gravity: float) -> Ground:
-        """Return the constants scaled to a worm's weight, or to `natural_gravity` without one."""
+        """Return the constants, scaled to the weight of a worm under `natural_gravity`."""
         g = natural_gravity(worm, gravity)
         share = worm.total_mass / worm.segments
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
@@ -156,12 +163,15 @@ class Ground(NamedTuple):
             mu_backward=backward,
             least=mu,
             yield_gauge=yield_gauge,
-            # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
+            # The contact carries the mass N/g. Critical damping is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
             gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),
             static_ratio=float(friction.static_ratio),
         )
 
 
 def natural_gravity(worm: Linkage, gravity: float) -> float:
-    """Return the acceleration that scales the contacts [m/s^2]: gravity, or from `WEIGHTLESS` if gravity is 0."""
+    """Return the acceleration that scales the contacts [m/s^2].
+
+    It is `gravity`, or, if `gravity` is 0, the acceleration that gives the worm the weight of `WEIGHTLESS`.
+    """
     return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.total_mass

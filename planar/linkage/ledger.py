@@ -1,22 +1,27 @@
-"""Energy ledger of implicit Euler, every term computed on its own.
+"""Energy ledger of implicit Euler, in which every term is computed separately.
 
-Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the first-order motion of a mass point,
+Multiplying the residual of a step by dq = q_{n+1} - q_n gives the balance
 
-    work of the actuators + of external forces + change of the anchors' energy by the loads
+    work of the actuators + work of external forces + change of the anchors' energy by changed loads
     = change of kinetic, elastic, potential, penetration and anchor energy
       + friction loss + viscous loss + impact + numerical loss - residual.dq
 
-* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, by the trapezoidal rule: the mean of
-  E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}. The difference from the value at l_n is numerical loss, of either
-  sign.
-* Friction: N rho(motion of the anchor), (P10) as -F.dq for the clamped worm.
-* Viscous: Kelvin-Voigt c (ds)^2/dt, medium (P8), the dampers of friction.
-* Impact: the loss in the damper of the normal contact. In a step with an apex that strikes the ground (`_lands`),
-  impact is instead the impulse N dt times the mean of the normal velocities before and after, less the energy stored in
-  the contact; the impulse of friction counts in the same way, since N rho contains half the velocity after; the term
-  -m g.(dt (V + V_n)/2 - J dq) removes the work of the weight in this time.
-* Numerical: m |dV|^2/2; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q) are not
-  linear, force times (J dq - dX) for inertia, contact, friction and dampers; less the part that is impact.
+X are the positions of the mass points (joints and apexes), V their velocities, J = dX/dq, E an energy, s a strain.
+
+* Work of the actuators is the integral of (dE/dl_cmd) dl_cmd over the change of the command by the trapezoidal rule,
+  that is, the mean of E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}. The difference between this mean and the value
+  at l_n is a numerical loss, which may be negative.
+* Friction loss is the limit of friction times the distance that the anchor moves. For the friction law (P10) it is
+  -F.dq.
+* Viscous loss is c (ds)^2/dt in the Kelvin-Voigt dampers, and the loss in the medium (P8) and in the dampers of
+  friction.
+* Impact is the loss in the damper of the normal contact. In a step in which an apex strikes the ground (`_lands`), it
+  is instead the impulse N dt times the mean of the normal velocities before and after the step, less the energy stored
+  in the contact. The impulse of friction is treated in the same way. The term -m g.(dt (V + V_n)/2 - J dq) removes the
+  work of the weight during the impact.
+* Numerical loss is m |dV|^2/2, and E_n - E_{n+1} + gradE_{n+1}.dq for every energy. Since X(q) and s(q) are not linear,
+  it also contains force times (J dq - dX) for inertia, contact, friction and dampers. The part that counts as impact is
+  subtracted.
 """
 
 from __future__ import annotations
@@ -37,11 +42,14 @@ if TYPE_CHECKING:
     from planar.linkage.step import Step
 
 STRIKE = 2.0
-"""Smallest speed of an apex that counts as a strike, as a multiple of gravity times the time step."""
+"""An apex strikes the ground if its downward speed exceeds this multiple of gravity times the time step."""
 
 
 def _stacked(parts: Sequence[Any]) -> Any:
-    """Return arrays stacked along a new first axis, of length P; for dataclasses, a dataclass of such arrays."""
+    """Return the arrays of P parts stacked along a new first axis of length P.
+
+    If the parts are dataclasses, return a dataclass whose fields are the stacked fields.
+    """
     if not is_dataclass(parts[0]):
         return np.array(parts)
     kind: Any = type(parts[0])
@@ -55,13 +63,15 @@ class Ledger:
     Attributes
     ----------
     work_contract, work_external, load_change : ndarray
-        Supplied energy: actuators, external forces, and stored anchor energy changed by the loads.
+        Supplied energy: work of the actuators, work of external forces, and the change of the energy stored at the
+        anchors that is due to changed normal loads.
     work_contract_p11, work_friction_p13 : ndarray
-        The paper's F.dq of the contraction and of the friction force; not part of the sum.
+        The paper's work F.dq of the contraction force (P11) and of the friction force (P13). They are not part of the
+        balance.
     kinetic, elastic, potential, penetration, anchor : ndarray
-        Changes of energy.
+        Changes of stored energy. `penetration` is stored in the normal contacts, `anchor` in the springs of friction.
     friction_loss, viscous_loss, impact, numerical_loss : ndarray
-        Lost energy; the first two are >= 0 in contact, the third is 0 in flight.
+        Lost energy. In contact, friction_loss and viscous_loss are >= 0; in flight, impact is 0.
     """
 
     work_contract: FloatArray
@@ -81,7 +91,7 @@ class Ledger:
 
     @property
     def uses(self) -> dict[str, float]:
-        """Uses of the work of actuators and external forces, by name; the sum equals this work [J]."""
+        """Where the work of the actuators and of external forces goes [J], by name; the sum equals this work."""
         stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
         parts = {
             "friction": self.friction_loss,
@@ -94,20 +104,20 @@ class Ledger:
 
     @property
     def residual(self) -> FloatArray:
-        """Supplied energy less stored and lost energy, shape (S,) [J]: zero up to Newton's residual."""
+        """Supplied energy less stored and lost energy, shape (S,) [J]; zero up to the residual of Newton's method."""
         stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
         lost = self.friction_loss + self.viscous_loss + self.impact + self.numerical_loss
         return self.work_contract + self.work_external + self.load_change - stored - lost
 
     @property
     def balance_error(self) -> float:
-        """|Residual of the run| over the sum of its absolute terms; NaN if a term is NaN."""
+        """|Sum of `residual`| over the sum of the absolute values of all terms; NaN if a term is NaN."""
         terms = [f.name for f in fields(self) if not f.name.endswith(("_p11", "_p13"))]
         scale = sum(float(np.abs(getattr(self, name)).sum()) for name in terms)
         return 0.0 if scale == 0.0 else abs(float(self.residual.sum())) / scale
 
     def summed(self, owner: NDArray[np.int64], steps: int) -> Ledger:
-        """Return the ledger with the parts of each step added up."""
+        """Return the ledger of the steps, given this ledger of parts of steps; `owner` is the step of each part."""
         return Ledger(**{f.name: np.bincount(owner, getattr(self, f.name), steps).astype(float) for f in fields(self)})
 
     @classmethod
@@ -119,7 +129,10 @@ class Ledger:
     def of(
         cls, parts: Sequence[Step], worm: Linkage, ground: Ground | None, gravity: FloatArray, *, anchored: bool
     ) -> Ledger:
-        """Compute the ledger of all parts (at least one) at once; `anchored` says whether friction has anchors."""
+        """Return the ledger of `parts`, at least one, which are steps or parts of halved steps.
+
+        `anchored` says whether friction has anchors.
+        """
         return cls(**_Terms(_stacked(parts), worm, ground, gravity, anchored).all())
 
 
@@ -140,7 +153,10 @@ class _Terms:
         self.tau = worm.kelvin_voigt_time / p.dt[:, None]
 
     def _first_order_apex_motion(self, a: FloatArray) -> FloatArray:
-        """J dq of the apexes: dX = dm -+ (dh n + h dn), with dh = -l dl/(4 h) and dn = -t (n.de)/l."""
+        """Return J dq of the apexes, dm -+ (dh n + h dn), with dh = -l dl/(4 h) and dn = -t (n.de)/l.
+
+        m is the middle between the two joints, and h is half of the diagonal between the apexes.
+        """
         n = self.t @ R.T
         h = np.sqrt(a**2 - self.l**2 / 4.0)
         dh = -self.l * self.stretch / (4.0 * h)
@@ -150,7 +166,7 @@ class _Terms:
         return np.stack([middle - reach, middle + reach], axis=-2)
 
     def _lands(self) -> FloatArray:
-        """Return 1 for each part with an apex that strikes the ground, as in `worm3d.solver.ledger`, else 0."""
+        """Return 1 for each part in which an apex strikes the ground, else 0; the rule is that of `worm3d.solver`."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
         return np.asarray(strikes.any(axis=(1, 2)).astype(float))
@@ -165,7 +181,7 @@ class _Terms:
         return total
 
     def _external(self) -> dict[str, FloatArray]:
-        """External forces, the friction (P10) of clamped worms and of the threshold law, and the medium (P8)."""
+        """Return the terms of external forces, of the friction law (P10), and of the medium (P8)."""
         friction = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
         friction += np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0])
         return {
@@ -191,7 +207,10 @@ class _Terms:
         return {"kinetic": change, "numerical_loss": loss}
 
     def _weight(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-        """Return the change of -m g.X, its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX), and impact."""
+        """Return the change of E = -m g.X with its numerical loss, and the part of impact that is due to the weight.
+
+        The numerical loss is E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX).
+        """
         g, p, joints, tips = self.gravity, self.p, self.worm.joint_mass, self.worm.apex_mass
         change = -_weighted(joints, self.dq @ g) - _weighted(tips, self.dx @ g)
         mean = _per(p.dt, self.dq) * 0.5 * (p.start.joint_velocity + p.end.joint_velocity)
@@ -229,7 +248,7 @@ class _Terms:
         across = np.sum((self.t @ R.T) * self.de, axis=-1) / self.l
         turning = joint_cosines(p.end.joints) * (across[:, 1:] - across[:, :-1])
         joints = cross_products(p.start.joints), cross_products(p.end.joints), turning, np.asarray(worm.cross0)
-        # Energies k/2 (s - rest)^2 with dampers; `first_order` is ds/dq . dq. A rhombus has two hinges.
+        # Energies k/2 (s - rest)^2 with dampers; `first_order` is ds/dq . dq. The factor 2: a rhombus has two hinges.
         stiffness = 2.0 * np.asarray(worm.k_apex), np.asarray(worm.k_torsion)
         for k, (s_n, s, first_order, rest) in zip(stiffness, (hinges, joints), strict=True):
             ds = s - s_n
@@ -275,10 +294,10 @@ class _Terms:
         s_n, load_n, load = p.start.slide, p.start.load, p.end.load
         touching = load > 0.0
         ds = towards_head * self.dx[..., 0]
-        left = np.where(touching, s_n + ds - p.slip, s_n)  # displacement from the moved anchor
+        left = np.where(touching, s_n + ds - p.slip, s_n)  # displacement from the anchor after the anchor has moved
         r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
         y = left - ground.gauge_damping / dt * r * s_n
-        share = np.where(p.slip != 0.0, p.cap, np.minimum(elastic(y) / r, p.cap))  # slipped contacts are on the surface
+        share = np.where(p.slip != 0.0, p.cap, np.minimum(elastic(y) / r, p.cap))  # contacts that slid are at the limit
         force = load * share * slope(np.where(p.slip != 0.0, p.slip, y))
         stored, stored_n = load * spring_energy(left), load * spring_energy(s_n)
         spring = load * elastic(left) / ground.yield_gauge * slope(left)

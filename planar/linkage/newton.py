@@ -1,11 +1,14 @@
 """Newton-Raphson (P1), (P2) with an exact Jacobian and a line search.
 
-Each pass minimises the potential of a step for given normal loads (every search direction descends), then polishes with
-the loads of the iterate itself; this Jacobian is exact too, but unsymmetric. If the polish does not converge, the loads
-are updated and the next pass begins. After the last pass, the solver polishes with given regimes of the contacts, and
-changes the regimes until the law confirms them. A first attempt changes all denied regimes in the first rounds and one
-regime in later rounds; a second attempt changes one regime from the first round on. Both start from the last iterate,
-from the first guess, and from the free motion of the joints.
+Each pass has two parts. The first part minimises the potential of a step for given normal loads. Its Hessian is
+symmetric, and every search direction descends. The second part, the polish, takes full Newton steps in which the loads
+depend on the iterate. Its Jacobian is exact, but unsymmetric. If the polish does not converge, the given loads are
+updated and the next pass begins.
+
+If no pass converges, the solver polishes with given regimes of the contacts (`planar.linkage.regimes`), and changes the
+regimes until they agree with the law. A first attempt changes all wrong regimes in the first rounds and a single one in
+later rounds. A second attempt changes a single regime in every round. Each attempt is made from the last iterate, then
+from the initial guess, and then from the positions X_n + dt V_n of joints that move freely.
 """
 
 from __future__ import annotations
@@ -25,9 +28,9 @@ from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
-"""Fraction of the update of the loads after each pass that did not converge."""
+"""Fraction of the change of the loads that is applied after each pass without convergence (under-relaxation)."""
 EXTRAPOLATION_FRACTION = 1e-4
-"""Fraction of a step for extrapolating the motion of a stuck contact."""
+"""Fraction of a step over which the motion of a stuck contact is measured, to extrapolate it over the whole step."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Solution:
 
 
 class Newton:
-    """Solver for the steps of one worm; holds the work arrays."""
+    """Solver for the steps of one worm. An instance owns the work arrays, which all steps reuse."""
 
     def __init__(self, body: Body, ground: Ground, length: float, held: NDArray[np.bool_]) -> None:
         self.body, self.ground, self.length = body, ground, length
@@ -53,7 +56,7 @@ class Newton:
         self.band = np.zeros((ROWS, len(held)))
 
     def solve(self, q: FloatArray, now: Now) -> Solution:
-        """Return the state that solves the step, from the guess q; `now.load` is updated on the way."""
+        """Return the solution of the step from the initial guess q. The solver changes `now.load`."""
         iterations, guess = 0, q
         for relaxation in RELAXATIONS:
             q, used, descended = self._descend(q, now)
@@ -74,7 +77,7 @@ class Newton:
         return Solution(q, self.gradient.copy(), False, iterations)
 
     def residual(self, q: FloatArray, now: Now) -> FloatArray:
-        """Return the residual with the forces of held coordinates left in, shape (2 (N+1),) [N]."""
+        """Return the residual, shape (2 (N+1),) [N]; on held coordinates it is minus the force that holds them."""
         gradient = np.empty_like(q)
         evaluate(q, self.body, self.ground, now, True, gradient, NO_BAND)
         return gradient
@@ -103,10 +106,10 @@ class Newton:
         return q, iteration, False
 
     def _search(self, q: FloatArray, phi: float, direction: FloatArray, now: Now) -> FloatArray | None:
-        """Search along a direction of descent, first at the places on the way at which contacts come to rest.
+        """Search along a direction of descent, first at the points where contacts come to rest.
 
-        The slope of friction jumps within the tiny displacement of a stuck contact; bisection alone takes very long to
-        find this place.
+        Return None if no point of the direction lowers the potential. The slope of friction changes abruptly within the
+        tiny displacement of a stuck contact. Plain bisection would need very many evaluations to find such a point.
         """
         slope, scratch, noise = float(self.gradient @ direction), np.empty_like(q), 1e-14 * abs(phi)
         kinks = np.empty(2 * len(self.body.link_length))
@@ -128,12 +131,13 @@ class Newton:
         return best
 
     def _by_regimes(self, q: FloatArray, now: Now, first: int) -> tuple[FloatArray, int, bool]:
-        """Polish with given regimes, at first by the law at q, until the law at the solution confirms the regimes.
+        """Polish with given regimes until the regimes agree with the law at the solution.
 
-        Rounds count from `first`; from round `regimes.AT_ONCE` on, one contact changes in each round.
+        The first regimes are those that the law gives at q. Rounds are numbered from `first`. From the round number
+        `regimes.AT_ONCE` on, a single contact changes in each round.
         """
         if not np.isfinite(self._evaluate(q, now, coupled=False)):
-            return q, 1, False  # no shape of the worm
+            return q, 1, False  # the worm cannot take this shape
         regime, iterations = regimes.of_law(q, self.body.link_length, self.ground, now), 0
         for turn in range(first, 60):
             taken = now._replace(regime=regime)
@@ -179,10 +183,11 @@ def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
 def _resting_points(
     q: FloatArray, direction: FloatArray, body: Body, ground: Ground, now: Now, steps: FloatArray
 ) -> int:
-    """Write the step lengths in (0, 1) at which contacts come to rest, to first order, and return their number.
+    """Write the step lengths in (0, 1) at which contacts come to rest into `steps`, and return their number.
 
-    A stuck contact comes to rest at the change from its softer to its stiffer direction. The step goes just beyond this
-    place, so that the next step includes the stiffness that will hold the contact.
+    The step lengths are exact to first order. A stuck contact comes to rest where it passes from its softer to its
+    stiffer direction. The step ends just beyond this point, so that the next Hessian contains the stiffness that holds
+    the contact.
     """
     n, found = len(body.link_length), 0
     for i in range(n):
@@ -211,7 +216,10 @@ def _resting_points(
 
 
 def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | None:
-    """Solve with the Hessian, shifted until it is positive definite; None if no shift suffices."""
+    """Return the Newton direction with a Hessian that is shifted until it is positive definite.
+
+    Return None if no shift suffices.
+    """
     upper = band[HALF_BANDWIDTH : 2 * HALF_BANDWIDTH + 1]
     scale = float(np.abs(upper[HALF_BANDWIDTH]).max())
     shift = 0.0

@@ -1,8 +1,9 @@
-"""Regimes of the contacts: Newton solves with given regimes if the law's kinks prevent convergence.
+"""Regimes of the contacts, for steps in which the kinks of the contact law prevent convergence of Newton's method.
 
-A contact is open, or it is stuck or slides, towards the head or the tail. With given regimes a step is smooth: an open
-contact has no load even at a positive depth, another contact has its linear load even if the load would pull, and
-friction is one branch of (G2). A solution whose regimes agree with the law solves the step itself.
+A contact is open, stuck, or sliding. A stuck or sliding contact is displaced towards the head or towards the tail. With
+given regimes the equations of a step are smooth. An open contact has no load even if it penetrates the ground, a closed
+contact has its linear load even if this load pulls, and friction is a single branch of (G2). If the regimes agree with
+the law at the solution, this is the solution of the step.
 """
 
 from __future__ import annotations
@@ -18,21 +19,22 @@ from worm3d.values.arrays import FloatArray
 Regimes = NDArray[np.int64]
 
 AT_ONCE = 10
-"""Rounds that change all regimes denied by the law; later rounds change only the most denied regime, so that no two
-regimes alternate without end."""
+"""Number of first rounds, which change all regimes that disagree with the law. Later rounds change only the regime that
+violates the law most, so that two regimes do not alternate forever."""
 
 
 def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
-    """Return the regimes at q by the law itself, shape (N, 2); `a` is the length of the links."""
+    """Return the regimes that the law gives at q, shape (N, 2); `a` is the length of the links."""
     _, y, limit = gauge(q, a, ground, now)
     slides = np.abs(y) > limit
     return np.where(_load(q, a, ground, now) > 0.0, np.where(slides, SLIDE, STICK) + (y <= 0.0), OPEN)
 
 
 def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> Regimes:
-    """Return the regimes after the regimes in `now`, for which q solves the step; the same if q obeys the law.
+    """Return the regimes for the next round, shape (N, 2), given the solution q for the regimes in `now`.
 
-    A sliding contact comes to rest before the direction reverses, and reverses before the contact slides the other way.
+    If q obeys the law, the regimes do not change. A contact that slides although its friction is below the limit
+    becomes stuck. Only a stuck contact can change its direction or begin to slide. `turn` is the number of the round.
     """
     (_, y, limit), load = gauge(q, a, ground, now), _load(q, a, ground, now)
     old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)
@@ -48,7 +50,7 @@ def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> 
 
 
 def gauge(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return s*, y = s - s* and cap b of (G2) at q by the law, each of shape (N, 2) [m]."""
+    """Return s*, y = s - s* and cap b of (G2) at q, whatever the given regimes are; each of shape (N, 2) [m]."""
     x = apexes(q.reshape(-1, 2), a)[..., 0]
     r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / now.dt)
     centre = ground.gauge_damping / now.dt * r * now.slide_n
@@ -58,6 +60,6 @@ def gauge(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> tuple[Float
 
 
 def _load(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> FloatArray:
-    """Return the linear load, negative where a contact is apart, shape (N, 2) [N]."""
+    """Return the linear load of the contacts, shape (N, 2) [N]; it is negative where an apex is above the ground."""
     z = apexes(q.reshape(-1, 2), a)[..., 1]
     return np.asarray(-(ground.stiffness + ground.damping / now.dt) * z - ground.damping / now.dt * now.depth_n)

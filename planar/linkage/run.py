@@ -1,4 +1,4 @@
-"""Results of a run of the corrected worm, and the paper's figures of merit (P11) to (P13) with correct units."""
+"""Results of a run of the corrected planar worm, and the paper's figures of merit (P11) to (P13) in correct units."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from worm3d.values.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run; S finished steps, T = S + 1 instants, N segments."""
+    """A run of S finished steps, with T = S + 1 instants and N segments."""
 
     worm: Linkage
     ground: Ground | None
@@ -33,7 +33,7 @@ class Run:
     first: State
     """State at t = 0."""
     steps: list[list[Step]] = field(repr=False)
-    """Finished steps, each as a list of parts; a halved step has several parts."""
+    """Finished steps, each as a list of parts. A step that was halved, once or several times, has several parts."""
     stop: Stop
 
     @property
@@ -93,7 +93,7 @@ class Run:
 
     @cached_property
     def slip(self) -> FloatArray:
-        """Metres slid by each apex [bottom, top] in each step, >= 0, shape (S, N, 2) [m]."""
+        """Distance that each apex [bottom, top] slides in each step, >= 0, shape (S, N, 2) [m]."""
         n = self.worm.segments
         return np.array([sum(np.abs(part.slip) for part in parts) for parts in self.steps]).reshape(-1, n, 2)
 
@@ -114,12 +114,12 @@ class Run:
 
     @cached_property
     def halved_steps(self) -> int:
-        """Number of steps that had to be taken in parts."""
+        """Number of steps that were halved because Newton's method did not converge."""
         return sum(len(parts) > 1 for parts in self.steps)
 
     @cached_property
     def ledger(self) -> Ledger:
-        """Energy of each step, term by term."""
+        """Energy balance of each step."""
         flat = [part for parts in self.steps for part in parts]
         if not flat:
             return Ledger.empty()
@@ -145,6 +145,6 @@ class Run:
 
     @property
     def cost_of_transport(self) -> float:
-        """Dimensionless (P12), work_contract / (m g distance); NaN without way forward or weight."""
+        """Dimensionless (P12), work_contract / (m g distance); NaN without weight or without motion forward."""
         scale = self.worm.total_mass * float(np.hypot(*self.gravity)) * self.distance
         return self.work_contract / scale if scale > 0.0 else float("nan")

@@ -1,4 +1,7 @@
-"""Shape of the chain from its joints: lengths, apexes, angles; for one or many instants at once."""
+"""Shape of the chain (lengths, apexes, angles) from its joints.
+
+The leading dimensions "..." of the arrays are empty for a single instant, or for example (T,) for T instants.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,24 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 R = np.array([[0.0, -1.0], [1.0, 0.0]])
-"""Turns a vector by 90 degrees to the left."""
+"""Matrix that turns a vector by 90 degrees to the left."""
 
 
 def diagonals(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return lengths (..., N) [m] and unit tangents (..., N, 2) of the segments of joints (..., N+1, 2)."""
+    """Return the lengths and the unit tangents of the segments.
+
+    The joints have the shape (..., N+1, 2) [m], the lengths (..., N) [m] and the tangents (..., N, 2).
+    """
     e = joints[..., 1:, :] - joints[..., :-1, :]
     length = np.sqrt(e[..., 0] ** 2 + e[..., 1] ** 2)
     return length, e / length[..., None]
 
 
 def apexes(joints: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the apexes [bottom, top] (..., N, 2, 2) [m] of joints (..., N+1, 2) and links a (N,): midpoint -+ h n."""
+    """Return the apexes [bottom, top] of each segment, midpoint -+ h n, shape (..., N, 2, 2) [m].
+
+    The joints have the shape (..., N+1, 2) [m], and the lengths a of the links the shape (N,) [m].
+    """
     tail, head = joints[..., :-1, :], joints[..., 1:, :]
     e = head - tail
     w = np.sqrt(a**2 / (e[..., 0] ** 2 + e[..., 1] ** 2) - 0.25)  # h/l, as in (K1)
@@ -43,5 +52,5 @@ def joint_cosines(joints: FloatArray) -> FloatArray:
 
 
 def hinge_angles(length: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the angle of the apex hinges, 2 asin(l / 2a), shape as `length` [rad]."""
+    """Return the angles of the apex hinges, 2 asin(l / 2a) [rad], in the shape of `length`."""
     return np.asarray(2.0 * np.arcsin(length / (2.0 * a)))

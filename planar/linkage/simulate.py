@@ -1,4 +1,4 @@
-"""Run the corrected planar worm."""
+"""Simulation of the corrected planar worm."""
 
 from __future__ import annotations
 
@@ -30,14 +30,17 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 
 Gait = Callable[[float], FloatArray]
-"""Time [s] -> contraction of each segment, shape (N,): the commanded rest length is l0 (1 - contraction)."""
+"""Function of the time [s] that returns the contraction of each segment, shape (N,).
+
+The commanded rest length of a segment is l0 (1 - contraction).
+"""
 
 Force = Callable[[float], FloatArray]
-"""Time [s] -> force on each joint, shape (N+1, 2) [N]."""
+"""Function of the time [s] that returns the force on each joint, shape (N+1, 2) [N]."""
 
 
 def bytes_per_step(segments: int) -> float:
-    """Return the memory that a step takes until the run is a record, as measured [byte]."""
+    """Return the memory of one step from the simulation to the written record [byte]; the numbers are measured."""
     return 2000.0 + 1200.0 * segments
 
 
@@ -66,45 +69,48 @@ def simulate(
     ----------
     worm : Linkage
     gait : callable
-        Time [s] -> contraction of each segment, shape (N,).
+        Function of the time [s] that returns the contraction of each segment, shape (N,).
     duration, dt : float
         Simulated time and time step [s].
     ground : str
-        "contact": nothing is held, the apexes touch the ground z = 0, set-valued friction. "clamped": the z of
-        the joints is held, loads by (P9), friction by (P10).
+        With "contact", the worm is free and its apexes stand on the ground z = 0. With "clamped", the heights z of the
+        joints are held, the normal loads are (P9), and the friction is (P10).
     friction : Friction, optional
-        Friction of the ground; `Friction()` if left out. The clamped worm has kinetic coefficients only.
+        Friction of the ground; `Friction()` if left out. The clamped worm uses the kinetic coefficients only.
     friction_law : str
-        In contact: "anchored" is the set-valued law, "threshold" the paper's (P10) on the touching apexes.
+        Law of friction for ground="contact". "anchored" is Coulomb friction with anchors (`planar.linkage.ground`),
+        "threshold" is the paper's (P10), applied to the touching apexes.
     gravity : float
-        [m/s^2]
+        Acceleration of gravity [m/s^2].
     slope : float
-        Angle of the ground, rising towards +x [rad]; x and z are along and normal to the ground.
+        Slope of the ground [rad], positive if the ground rises towards +x. The axis x is along the ground, z normal to
+        it.
     external_force : callable, optional
-        Time [s] -> force on each joint, shape (N+1, 2) [N].
+        Function of the time [s] that returns the force on each joint, shape (N+1, 2) [N].
     start : ndarray, shape (N+1, 2), optional
-        Joints at the start [m]; the straight rest shape, in contact standing on the ground, if left out.
+        Joints at the start [m]. If left out, the worm is straight and at rest, and for ground="contact" it stands on
+        the ground.
     held : ndarray of bool, shape (N+1, 2), optional
-        Coordinates that stay constant (contact only).
+        Coordinates that stay constant; only for ground="contact".
     settle : bool, optional
-        In contact: whether to start from the equilibrium under the weight normal to the ground. By default true if an
-        apex touches the ground; a worm in mid-air falls.
+        Whether the run starts from the equilibrium under the weight normal to the ground; only for ground="contact". By
+        default true if an apex touches the ground at the start; a worm that starts in the air falls.
     velocity_threshold : float
         eps of (P10) [m/s].
     observer : callable, optional
-        Called with the number of finished steps; returning False ends the run there.
+        Function that is called with the number of finished steps after each step. If it returns False, the run ends.
 
     Returns
     -------
     Run
-        With all finished steps, however the run ended: see `Run.stop`.
+        The run with all finished steps. `Run.stop` says how the run ended.
 
     Raises
     ------
     planar.linkage.LimitPointError
-        The weight would flatten the rhombi (in contact).
+        For ground="contact", if the weight would flatten the rhombi.
     ValueError
-        Another argument out of range or of the wrong shape.
+        If an argument is out of range or has the wrong shape.
     """
     arguments.instance("worm", worm, Linkage, "a planar.linkage.Linkage")
     arguments.instance("friction", friction, Friction | None, "a planar.linkage.Friction, or None")
@@ -169,7 +175,7 @@ class _Simulation:
     def steps(
         self, state: State, dt: float, steps: int, observer: Callable[[int], bool] | None
     ) -> tuple[list[list[Step]], Stop]:
-        """Return the finished steps from a state, each as a list of parts, and the reason for the end."""
+        """Return the finished steps after a state, each as a list of parts, and the reason for the end."""
         done: list[list[Step]] = []
         for k in range(1, steps + 1):
             parts, status = self._advance(state, (k - 1) * dt, dt, halvings=6)
@@ -182,7 +188,10 @@ class _Simulation:
         return done, _stop(Status.DONE, steps, dt, done[-1])
 
     def _advance(self, state: State, t: float, dt: float, halvings: int) -> tuple[list[Step], Status]:
-        """Return the step from t to t + dt, in halves if necessary, and the status."""
+        """Return the parts of the step from t to t + dt, and the status.
+
+        If Newton's method does not converge, the step is halved, recursively at most `halvings` times.
+        """
         contraction, force = self.gait(t + dt), self.force(t + dt)
         if contraction is None or force is None or (contraction >= 1.0).any():
             return [], Status.BAD_COMMAND

@@ -1,4 +1,4 @@
-"""Conditions for the start of a run, and the worm's equilibrium on the ground."""
+"""Checks before the start of a run, and the worm's equilibrium on the ground."""
 
 from __future__ import annotations
 
@@ -17,31 +17,32 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 FLATTENED_HEIGHT = 0.02
-"""Height below which a rhombus counts as flattened, as a fraction of the rest height."""
+"""A rhombus counts as flattened if its height is below this fraction of its height at rest."""
 
 SETTLING_TIME = float(np.sqrt(9.81))
-"""Pseudo time step of settling, in units of the time for a fall of half the worm's length: 1 s for a worm of 1 m."""
+"""Time step for settling, in units of sqrt(worm length / gravity). For a worm of 1 m under 9.81 m/s^2 it is 1 s."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
-"""Greatest penetration of an apex at the start, as a fraction of the segment length."""
+"""Largest allowed penetration of an apex at the start, as a fraction of the segment length."""
 
 
 class LimitPointError(ValueError):
-    """The worm's weight would flatten its rhombi: there is no equilibrium to start from."""
+    """The worm's weight would flatten its rhombi, so that there is no equilibrium to start from."""
 
 
 def require_shape(name: str, got: object, shape: tuple[int, ...], meaning: str) -> None:
-    """Raise ValueError if an array, or the result of a callable, has another shape."""
+    """Raise ValueError if an array (or the result of a callable) does not have the given shape."""
     found = np.asarray(got, dtype=object).shape if name == "held" else arguments.floats(name, got).shape
     if found != shape:
         raise ValueError(f"{name}: got shape {found}, must be {shape}: {meaning}")
 
 
 def require_equilibrium(worm: Linkage, gravity: float) -> None:
-    """Raise LimitPointError if the rhombi cannot carry the weight with any distribution.
+    """Raise LimitPointError if the rhombi cannot carry the weight, however it is distributed over them.
 
-    The check holds for the uncommanded worm; lengthening lowers the limit (`Linkage.flattening_weight`), and a wave may
-    put the weight on few segments. Collapse during the run then ends the run with a separate reason.
+    The check applies to the worm without commands. During a run, lengthened segments carry less
+    (`Linkage.flattening_weight`), and a wave may put the weight on few segments. If a segment collapses during the run,
+    the run ends with the status FLATTENED.
     """
     load, limit = worm.apex_load(gravity), worm.flattening_weight()
     if load.sum() >= limit.sum():
@@ -53,7 +54,7 @@ def require_equilibrium(worm: Linkage, gravity: float) -> None:
 
 
 def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
-    """Return DONE for a valid shape of the model, else the status of the failure."""
+    """Return DONE if the model is valid for the shape of the worm, else the status that names the failure."""
     if not np.isfinite(joints).all():
         return Status.NOT_FINITE
     length, _ = diagonals(joints)
@@ -68,7 +69,10 @@ def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
 
 
 def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> FloatArray:
-    """Return the joints at the start, shape (N+1, 2) [m]; ValueError for an impossible or overlapping shape."""
+    """Return the joints at the start, shape (N+1, 2) [m].
+
+    Raise ValueError if the links do not reach, or if an apex is inside the ground.
+    """
     if start is None:
         height = float(worm.rest_half_height.max()) if on_ground else 0.0
         return np.asarray(worm.rest() + np.array([0.0, height]))
@@ -89,12 +93,15 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
 
 
 def touches(worm: Linkage, joints: FloatArray) -> bool:
-    """Return whether an apex touches the ground z = 0; a gap may be rounding."""
+    """Return whether an apex touches the ground z = 0, up to rounding."""
     return float(apexes(joints, worm.link_length)[..., 1].min()) <= 1e-6 * worm.length
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
-    """Return the worm at rest under the weight normal to the ground, and DONE or the reason for a failure."""
+    """Return the state of the worm at rest under the weight normal to the ground, and the status.
+
+    The status is DONE or names the failure.
+    """
     state, load = State.at_rest(joints, worm), np.zeros((worm.segments, 2))
     stepper = ContactStepper(
         worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held
@@ -117,7 +124,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
 def shape_checked(
     function: Callable[[float], FloatArray], shape: tuple[int, ...]
 ) -> Callable[[float], FloatArray | None]:
-    """Return a callable with the result of `function`, or None if the result has another shape or is not finite."""
+    """Return a function of the time that returns `function(t)`, or None if that has another shape or is not finite."""
 
     def checked(t: float) -> FloatArray | None:
         value = np.array(function(t), dtype=float)

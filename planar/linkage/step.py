@@ -21,12 +21,12 @@ from worm3d.values.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Complete state at the start of a step."""
+    """Complete state of the worm between two steps."""
 
     joints: FloatArray
-    """Shape (N+1, 2) [m]."""
+    """Positions of the joints, shape (N+1, 2) [m]."""
     joint_velocity: FloatArray
-    """Shape (N+1, 2) [m/s]."""
+    """Velocities of the joints, shape (N+1, 2) [m/s]."""
     apex_velocity: FloatArray
     """Velocity of the apexes [bottom, top], shape (N, 2, 2) [m/s]."""
     l_cmd: FloatArray
@@ -36,13 +36,13 @@ class State:
     slide: FloatArray
     """Displacement of each apex from its anchor towards the head, shape (N, 2) [m]."""
     stuck: NDArray[np.bool_]
-    """Whether the static coefficient holds, shape (N, 2)."""
+    """Whether the static coefficient applies to each apex, shape (N, 2)."""
     load: FloatArray
     """Normal load of each apex, shape (N, 2) [N]."""
 
     @classmethod
     def at_rest(cls, joints: FloatArray, worm: Linkage) -> State:
-        """Return the worm at rest and uncommanded, without stored friction."""
+        """Return the state of a worm at rest, without commands and without forces of friction."""
         n = worm.segments
         positions = apexes(joints, worm.link_length)
         return cls(
@@ -67,9 +67,9 @@ class Step:
     end: State
     solution: Solution
     slip: FloatArray
-    """Signed motion of the anchors towards the head, shape (N, 2) [m]."""
+    """Displacement of the anchors, positive towards the head, shape (N, 2) [m]."""
     cap: FloatArray
-    """Static over kinetic coefficient if stuck, else 1, shape (N, 2)."""
+    """Limit of friction over the kinetic limit, shape (N, 2): the static ratio if the contact is stuck, else 1."""
     joint_force: FloatArray
     """External force on the joints, shape (N+1, 2) [N]."""
     joint_friction: FloatArray
@@ -81,12 +81,12 @@ class Step:
 
 
 def body_of(worm: Linkage) -> Body:
-    """Return the worm's constants in the format of the kernel."""
+    """Return the worm's constants in the format of the compiled functions."""
     return Body(*[getattr(worm, name) for name in Body._fields])
 
 
 class Stepper(ABC):
-    """Advances a state by a step of implicit Euler, (P4), on one kind of ground."""
+    """Solver of one step of implicit Euler (P4); each subclass is for one kind of ground."""
 
     def __init__(self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_]) -> None:
         self.worm, self.gravity, self.ground = worm, gravity, ground
@@ -95,7 +95,10 @@ class Stepper(ABC):
 
     @abstractmethod
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Return the step to the commanded lengths `l_cmd` under the joint forces `force`, converged or not."""
+        """Return the step of length `dt` from `state`, whether or not Newton's method converged.
+
+        `l_cmd` are the commanded lengths at the end of the step, and `force` the external forces on the joints.
+        """
 
     def _now(self, state: State, l_cmd: FloatArray, force: FloatArray, cap: FloatArray, dt: float) -> Now:
         positions = apexes(state.joints, self.body.link_length)
@@ -133,7 +136,10 @@ class Stepper(ABC):
         )
 
     def _corrected(self, predicted: Solution, pushed: Now) -> Solution:
-        """Solve with the friction of a prediction; the solution counts the iterations of both."""
+        """Return the solution for `pushed`, which contains the friction computed from a prediction.
+
+        `iterations` counts prediction and correction, and `converged` is true if both have converged.
+        """
         corrected = self.newton.solve(predicted.q, pushed)
         return replace(
             corrected,
@@ -142,17 +148,17 @@ class Stepper(ABC):
         )
 
     def _finished(self, state: State, end: State, solution: Solution, now: Now, **own: FloatArray) -> Step:
-        """Return a step with the given slip, friction and loads; unnamed arrays are zero."""
+        """Return a step with the slip, friction and loads in `own`; arrays that are left out are zero."""
         apex, joint = np.zeros_like(state.load), np.zeros(len(state.joints))
         given: dict[str, Any] = {"slip": apex, "apex_friction": apex, "joint_friction": joint, "joint_load": joint}
         return Step(now.dt, state, end, solution, cap=now.cap, joint_force=now.force, **{**given, **own})
 
 
 class ContactStepper(Stepper):
-    """Apexes touch the ground; friction is set-valued with anchors (`planar.linkage.ground`)."""
+    """Steps with contact of the apexes, and Coulomb friction with anchors (`planar.linkage.ground`)."""
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Solve with the static limit for stuck contacts; make contacts at the limit kinetic, and repeat (G4)."""
+        """Solve with the static limit for stuck contacts, release the contacts that reach it, and repeat (G4)."""
         stuck, guess, iterations = state.stuck.copy(), state.joints.ravel(), 0
         while True:
             now = self._now(state, l_cmd, force, np.where(stuck, self.ground.static_ratio, 1.0), dt)
@@ -178,7 +184,7 @@ class ContactStepper(Stepper):
         return self._finished(state, end, replace(solution, iterations=iterations), now, slip=slip)
 
     def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(G3): return the signed motion of the anchors and the remaining displacement from the anchors."""
+        """Return the displacement of the anchors (G3), and the displacement of the apexes from the moved anchors."""
         centre, y, limit = gauge(q, self.body.link_length, self.ground, now)
         yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + LIMIT_TOLERANCE))
         left = centre + np.where(yields, np.sign(y) * limit, y)
@@ -186,7 +192,11 @@ class ContactStepper(Stepper):
 
 
 class ClampedStepper(Stepper):
-    """The paper's ground: the joints' z are held, (P9) loads from a predictor, (P10) friction in the corrector."""
+    """Steps on the paper's ground.
+
+    The heights z of the joints are held. A predictor without friction gives the loads (P9), and the corrector includes
+    the friction (P10).
+    """
 
     def __init__(self, worm: Linkage, gravity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float) -> None:
         held = np.zeros((worm.segments + 1, 2), dtype=bool)
@@ -196,7 +206,7 @@ class ClampedStepper(Stepper):
         self.threshold = threshold
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Predict without friction, read the loads, and correct with friction."""
+        """Predict without friction, compute the loads from the prediction, and correct with friction."""
         now = self._now(state, l_cmd, force, np.ones_like(state.load), dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
         load = np.abs(self.newton.residual(predicted.q, now)[1::2])  # (P9)
@@ -210,7 +220,11 @@ class ClampedStepper(Stepper):
 
 
 class ThresholdStepper(Stepper):
-    """Apexes touch the ground, but friction is the paper's (P10): predictor's loads and directions, a threshold."""
+    """Steps with contact of the apexes, and the paper's friction (P10).
+
+    A predictor without friction gives the loads and the velocities. There is no friction below a threshold of the
+    speed.
+    """
 
     def __init__(
         self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_], threshold: float
@@ -221,7 +235,7 @@ class ThresholdStepper(Stepper):
         self.threshold = threshold
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Predict without friction, read loads and directions, and correct with friction."""
+        """Predict without friction, compute loads and velocities from the prediction, and correct with friction."""
         now = self._now(state, l_cmd, force, np.ones_like(state.load), dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
         before, after = (apexes(q.reshape(-1, 2), self.body.link_length)[..., 0] for q in (state.joints, predicted.q))
@@ -237,5 +251,5 @@ class ThresholdStepper(Stepper):
 
 
 def _at_joints(per_segment: FloatArray) -> FloatArray:
-    """Return values of the joints from the segments' values: the mean of both sides, shape (N+1,)."""
+    """Return values for the joints, shape (N+1,), as means of the adjacent segments; at an end, of the end segment."""
     return 0.5 * (np.append(per_segment[:1], per_segment) + np.append(per_segment, per_segment[-1:]))

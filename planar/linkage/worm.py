@@ -1,8 +1,8 @@
 """The corrected planar worm: parameters, rest shape, and the weight that would flatten the worm.
 
-Segment i is a rhombic four-bar linkage with rigid links of length a (their axial stiffness k_link is infinite) on the
-horizontal diagonal l_i; half of the vertical diagonal is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. An
-active segment shortens and so widens.
+Segment i is a rhombus of four rigid links of length a (the paper's axial stiffness k_link is infinite here). Its
+diagonal l_i lies between two joints of the chain. Half of the other diagonal, between the apexes, is
+h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. A segment that shortens becomes wider.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
 MOST_SEGMENTS = 10_000
-"""Greatest number of segments, which bounds the memory of a step."""
+"""Largest number of segments, which limits the memory of a step."""
 
 
 @documented
 @dataclass(frozen=True, eq=False)
 class Linkage(ReadOnly):
-    """A chain of N rhombic linkages in the plane (x, z); frozen, validated, with read-only arrays."""
+    """A chain of N rhombic linkages in the plane (x, z). Instances are validated and cannot be changed."""
 
     segments: int = parameter(6, "number of segments, N", ge=1, le=MOST_SEGMENTS, aka=("n", "n_segments"))
     length: float = parameter(1.0, "length at rest; segments are equally long, l0 = length / N", "m", gt=0)
@@ -137,10 +137,10 @@ class Linkage(ReadOnly):
     def flattening_weight(self, contraction: float = 0.0) -> FloatArray:
         """Return the weight on each segment's bottom apex that flattens the segment (limit point), shape (N,) [N].
 
-        A segment that carries the vertical load w on its apexes (joints at height h, top apex at 2 h) is in
-        equilibrium where dE/dl = w l/(4 h), since dh/dl = -l/(4 h). The greatest w with a solution in
-        l_cmd < l < 2 a is the limit point: with a larger w the rhombus collapses. `contraction` applies to all
-        segments.
+        A segment that stands on its bottom apex has its joints at the height h and its top apex at 2 h. Since
+        dh/dl = -l/(4 h), it carries the load w in equilibrium if dE/dl = w l/(4 h), where E is its elastic energy. The
+        limit point is the largest w for which this equation has a solution in l_cmd < l < 2 a. Under a larger load the
+        rhombus collapses. `contraction` is the command to all segments.
         """
         shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)
         return np.array([self._limit_point(*shape, contraction) for shape in shapes])
@@ -155,7 +155,7 @@ class Linkage(ReadOnly):
             return np.asarray(tension * 4.0 * h / length)
 
         low, high = l_cmd, 2 * a * (1 - 1e-12)
-        for _ in range(5):  # each time between the neighbours of the best: to 1e-7 of the length
+        for _ in range(5):  # each round searches between the neighbours of the best length, in the end to 1e-7 of it
             place = np.linspace(low, high, 65)
             carried = weight(place)
             best = int(np.argmax(carried))
@@ -163,9 +163,10 @@ class Linkage(ReadOnly):
         return float(carried[best])
 
     def apex_load(self, gravity: float = 9.81) -> FloatArray:
-        """Return the weight on each rhombus if all rhombi share the load, shape (N,) [N].
+        """Return the load of each rhombus under its own weight, shape (N,) [N], for `flattening_weight`.
 
-        The joints enter with once, the top apex with twice their height.
+        When the rhombus is pressed flat, the top apex sinks twice as far as the joints. Therefore the weight of the top
+        apex counts twice.
         """
         joints = (self.joint_mass[:-1] + self.joint_mass[1:]) / 2.0
         ends = np.zeros(self.segments)

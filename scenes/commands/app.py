@@ -1,4 +1,4 @@
-"""The commands of `worm3d`; slow imports are inside the commands that need them."""
+"""The commands of `worm3d`. Imports that take long are inside the commands that need them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SECTIONS = {
     "Results": ("plot", "view", "export", "compare"),
     "Many runs": ("sweep", "study", "fit", "learn"),
 }
-"""Commands in the groups of the help."""
+"""Groups of commands in the help, by title."""
 
 
 class _Grouped(TyperGroup):
@@ -102,10 +102,10 @@ def run(
 ) -> None:
     """Run a scene, or continue a run.
 
-    Writes result.nc, summary.json, overview.png and viewer.html, a page that plays the run in any browser; for planar
-    worms, writes an animation (of the first 30 s) instead of the page. Ctrl-C keeps the computed part. A scene with a
-    section [sweep] is run in the same way as by 'worm3d sweep'. With --resume, the whole run including the first part
-    is written into a new folder, as if the run had not been stopped.
+    Writes result.nc, summary.json, overview.png and viewer.html, a page that plays the run in any browser. For planar
+    worms, writes an animation of the first 30 s instead of the page. After Ctrl-C, the computed part is written. A
+    scene with a section [sweep] is run in the same way as by 'worm3d sweep'. With --resume, the whole run including the
+    first part is written into a new folder, as if the run had not been stopped.
     """
     if resume is not None:
         if scene is not None or o or accuracy is not None:
@@ -148,7 +148,7 @@ def go_on(
 def check(scene: SceneArgument, o: Overrides = None, no_code: NoCode = False) -> None:
     """Check a scene without running it.
 
-    All mistakes are listed at once, one line each.
+    All mistakes are listed, with one line for each mistake.
     """
     from scenes.models.loading import load_scene
     from scenes.running.terminal import counted
@@ -335,13 +335,16 @@ def info() -> None:
 
 
 def _home(result: Path) -> Path:
-    """Return the folder for pictures: the folder of the result, or a separate folder for a case of a sweep."""
+    """Return the folder for the pictures of a result.
+
+    It is the folder of the result. For a case of a sweep, it is a separate folder with the name of the case.
+    """
     case = result.suffix == ".nc" and result.parent.name == "cases"
     return result if result.is_dir() else result.with_suffix("") if case else result.parent
 
 
 def _former_names() -> None:
-    """Keep the former names of the studies as hidden commands."""
+    """Add the studies under their former names as hidden commands."""
     bench, gait = (typer.Typer(no_args_is_help=True, rich_markup_mode=None) for _ in range(2))
     for group, name, command in (
         (app, "paper", studies.paper),

@@ -1,4 +1,4 @@
-"""Arguments that several commands of `worm3d` take."""
+"""Arguments and options that several commands of `worm3d` have."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 
 def path_of(text: str) -> Path:
-    """Return a path; an empty text is refused, because it would mean the current folder."""
+    """Return a text as a path. An empty text is an error, since as a path it would mean the current folder."""
     if not text.strip():
         raise typer.BadParameter("got an empty name: must name a file or folder, '.' is this folder")
     return Path(text)
@@ -29,7 +29,7 @@ Overrides = Annotated[
     list[str] | None, typer.Option("-o", metavar="KEY=VALUE", help="Override, e.g. gait.period_s=3; repeatable.")
 ]
 file_option = partial(typer.Option, metavar="FILE", parser=path_of)
-"""Function that returns an option with the path of a file."""
+"""Function that returns an option whose value is the path of a file."""
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=path_of, help="Folder to write to.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 NoCode = Annotated[
@@ -38,7 +38,7 @@ NoCode = Annotated[
         "--no-code", callback=_refuse_code, help="Refuse a scene that names a module (module:NAME), which it would run."
     ),
 ]
-"""Option that takes effect while the command runs, without code in the command."""
+"""Option whose callback does everything. Commands that have it need not use its value."""
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
 RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Run cases again that failed before.")]
 Workers = Annotated[int | None, typer.Option("--workers", metavar="N", help="Run on N processes of this machine.")]

@@ -1,4 +1,7 @@
-"""The commands of `worm3d` that run a scene many times, or compare runs; slow imports are inside the functions."""
+"""The commands of `worm3d` that run a scene many times or compare runs.
+
+Imports that take long are inside the functions.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from scenes.commands.arguments import (
 )
 
 batch = typer.Typer(rich_markup_mode=None)
-"""Commands on the same level as `run`."""
+"""Commands that `scenes.commands.app` adds to the program beside `run`."""
 
 Vary = Annotated[
     list[str] | None,
@@ -64,9 +67,9 @@ def sweep(
 ) -> None:
     """Run a scene many times with varied keys.
 
-    Several --vary make a grid. Each case is stored in a file: started again with the same --out, only missing cases
-    run. Writes sweep.csv, sweep.nc, summary.json and figures. Each case has a different seed; vary seed for other
-    seeds, or fix seed with -o to give all cases the same noise. The exit code is 5 if cases failed.
+    Several --vary make a grid. Each case is stored in a file. If the sweep is started again with the same --out, only
+    missing cases are run. Writes sweep.csv, sweep.nc, summary.json and figures. Each case has a different seed; vary
+    seed for other seeds, or fix seed with -o to give all cases the same noise. The exit code is 5 if cases failed.
     """
     from scenes.sweep.command import Options, run
 
@@ -145,9 +148,9 @@ def learn(
 ) -> None:
     """Train a controller by reinforcement learning (PPO).
 
-    Trains on many worms at once. For each episode, with the duration of the scene, new values of the keys in --vary are
-    drawn. Prints the mean reward during the training. Needs the optional part 'learn'; the trained policy needs only
-    numpy (see control/README.md for use). Ctrl-C ends the training early, and keeps the trained policy.
+    Trains on many worms at once. Each episode has the duration of the scene, and random values of the keys in --vary.
+    Prints the mean reward during the training. Needs the optional part 'learn'; the trained policy needs only numpy
+    (see control/README.md for use). Ctrl-C ends the training early, and keeps the trained policy.
     """
     from scenes.studies.learn.command import run
     from scenes.studies.learn.task import Task

@@ -1,6 +1,6 @@
-"""Entry point of the command line `worm3d`: errors become a sentence and an exit code.
+"""Entry point of the command line `worm3d`. Errors of the user are printed as sentences, with an exit code.
 
-No slow module is imported before the handler for Ctrl-C is set.
+Modules whose import takes long are imported only after the handler for Ctrl-C has been set.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ INTERRUPTED_CODE = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: the entry point of the console script."""
+    """Run the command line and exit. This is the entry point of the console script."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # but not a replacement in a test
-            stream.reconfigure(errors="backslashreplace")  # characters outside the encoding are escaped
+        if isinstance(stream, io.TextIOWrapper):  # tests replace the streams by other classes
+            stream.reconfigure(errors="backslashreplace")  # characters that the terminal cannot show are escaped
     with _listening() as pressed:
         try:
             from scenes.running.packages import require_own_packages
@@ -33,10 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             from scenes.commands.app import app
 
             app(args=arguments)
-        except KeyboardInterrupt:  # during the imports; while a command runs, typer ends with the same code
+        except KeyboardInterrupt:  # during the imports; later, typer handles Ctrl-C and uses the same exit code
             sys.exit(INTERRUPTED_CODE)
         except Exception as error:
-            if pressed:  # compiled libraries, such as CasADi, raise a RuntimeError or SystemError
+            if pressed:  # compiled libraries, such as CasADi, turn Ctrl-C into a RuntimeError or SystemError
                 sys.exit(INTERRUPTED_CODE)
             if not isinstance(error, SceneError):
                 raise
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 @contextmanager
 def _listening() -> Iterator[list[int]]:
-    """Raise KeyboardInterrupt at Ctrl-C, as Python does, and append the signal to the yielded list."""
+    """Context in which Ctrl-C raises KeyboardInterrupt, as usual, and also adds an item to the yielded list."""
     pressed: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:

@@ -1,1 +1,1 @@
-"""The language of scene files: parsing, checks, overrides and explanations, without any knowledge of worms."""
+"""The language of scene files: parsing, checks, overrides and error messages. This package knows nothing of worms."""

@@ -1,7 +1,7 @@
-"""Checks across keys, for scenes whose keys are each valid but do not fit together.
+"""Checks that involve several keys, for scenes in which each key is valid on its own.
 
-A check declares the keys that it reads. The check therefore still runs when other keys are wrong, and stays silent when
-a declared key is wrong.
+A check declares the keys that it reads. If one of these keys is wrong, the check is skipped. If only other keys are
+wrong, the check runs, so that a user sees as many mistakes as possible at once.
 """
 
 from __future__ import annotations
@@ -19,21 +19,27 @@ from scenes.language.toml import KeyPath, path_of
 from worm3d.values import named
 
 Found = str | Mapping[str, str] | None
-"""Finding of a check: a text about the first key, or texts by key, of which only one is reported, or nothing."""
+"""Result of a check: an error text about the first key, or error texts by key, or None if there is no error.
+
+Of several texts only one is reported (see `Check.test`).
+"""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One rule that ties keys together."""
+    """A rule about the values of several keys."""
 
     needs: tuple[str, ...]
-    """Dotted keys or sections that the check reads, the key to blame first. Sections are passed as objects."""
+    """Dotted keys or sections that the check reads. A section is passed to `test` as an object. The first key is the
+    key at which an error is reported if `test` returns a single text."""
     test: Callable[..., Found]
-    """Function of the values of these keys, in order; returns the error, or None. If the function returns texts by key,
-    the error is the text of the first key that the user wrote: in an override, or else in the file."""
+    """Function of the values of these keys, in this order, that returns the error or None. If the function returns
+    texts by key, the reported text is that of the first key that the user wrote in an override, or, if there is none,
+    in the file."""
     builds: bool = False
-    """Whether the test builds an object from whole sections. Wrong keys of these sections are replaced by their
-    defaults. Each refused key is replaced too, and the test is repeated until no key is refused."""
+    """Whether the test builds an object from whole sections. If keys of these sections are wrong, the test still runs,
+    with the defaults of these keys. If the test reports a key, it is repeated with the default of this key, until it
+    reports no further key."""
 
     @cached_property
     def paths(self) -> tuple[tuple[str, ...], ...]:
@@ -42,7 +48,7 @@ class Check:
 
     @cached_property
     def sections(self) -> tuple[str, ...]:
-        """Sections that contain the keys, and keys outside all sections."""
+        """Names of the sections that contain these keys, and of keys outside all sections."""
         return tuple(dict.fromkeys(path[0] for path in self.paths))
 
 
@@ -50,7 +56,7 @@ LACKING = object()
 """Placeholder for a section in which a mandatory key is missing."""
 
 Passed = dict[Check, tuple[Any, ...]]
-"""Check -> the data of its sections for which the check passed."""
+"""For each check that found no error: the data of its sections when it ran."""
 
 
 def cross_mistakes(
@@ -62,12 +68,24 @@ def cross_mistakes(
     passed: Passed | None = None,
     filled: Mapping[str, Any] | None = None,
 ) -> Iterator[Mistake]:
-    """Yield the mistakes found by the checks; a check that reads a key already known to be wrong stays silent.
+    """Yield the mistakes that the checks find.
 
-    A check also stays silent if its written keys include all keys of another failing check: correcting the other
-    mistake may correct this one too. A check in `passed` is skipped as long as the data of its sections are the same
-    objects; a check that passes now is added to `passed`. `filled` are the data with the defaults of the chosen kinds
-    (`with_own_defaults`).
+    A check that reads a wrong key is skipped. A mistake is also left out if its written keys include all keys of
+    another mistake, since correcting the other mistake may correct this one too.
+
+    Parameters
+    ----------
+    checks, schema, data
+        The checks, the schema of the scene, and the data of the scene.
+    found
+        Mistakes that are already known.
+    overridden
+        Paths of the keys in overrides.
+    passed
+        Checks that found no error earlier. They are skipped if the data of their sections are still the same objects.
+        Checks that find no error now are added.
+    filled
+        Data with the defaults of the chosen kinds (`with_own_defaults`); `data` if left out.
     """
     filled = data if filled is None else filled
     passed = {} if passed is None else passed
@@ -89,7 +107,7 @@ def cross_mistakes(
         if any(blamed and blamed <= _written(data, paths) for blamed, _ in failing):
             continue
         if any(key_at(schema, path) is None for path in paths):
-            continue  # a key of a kind that the user's own part replaces
+            continue  # the key belongs to a shipped kind, but the scene chooses a user's own part instead
         told = [*_told(check, schema, data, filled, wrong, overrides)]
         if not (told or (check.builds and wrong)):
             passed[check] = read
@@ -109,14 +127,17 @@ def _told(
     wrong: set[KeyPath],
     overrides: tuple[KeyPath, ...],
 ) -> Iterator[tuple[frozenset[KeyPath], Mistake]]:
-    """Yield the mistakes that a check finds, each with the written keys that may cause the mistake (see `builds`)."""
+    """Yield the mistakes that a check finds, each with the written keys that may be its cause.
+
+    A check that builds an object may find several mistakes (`Check.builds`). `wrong` are the keys known to be wrong.
+    """
     known = _without(filled, wrong) if check.builds else filled
     partly = check.builds and any(path[:1] in check.paths for path in wrong)
     while (text := _tested(check, schema, known, data)) is not None:
         mistake = _mistake(text, check.paths, data, overrides)
         blamed = check.paths if isinstance(text, str) or not check.builds else [path_of(key) for key in text]
         if partly and (isinstance(text, str) or not (_is_written(known, mistake.path) and wrong.isdisjoint(blamed))):
-            return  # the cause is a default that replaces a wrong value
+            return  # the cause may be a default that was put in place of a wrong value
         yield _written(data, blamed), mistake
         if not check.builds or mistake.path in check.paths or not _is_written(known, mistake.path):
             return
@@ -136,9 +157,9 @@ def _without(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> dict[str, Any
 
 
 def _tested(check: Check, schema: type[Section], known: Mapping[str, Any], data: Mapping[str, Any]) -> Found:
-    """Return the finding of a check; an error raised by the user's own part in the check is a mistake.
+    """Return the result of a check, or None if a mandatory key of a section is missing.
 
-    If a mandatory key of a section is missing, the check finds nothing.
+    If a user's own part raises an error in the check, the error is the result.
     """
     values = [_value(schema, known, path) for path in check.paths]
     if LACKING in values:
@@ -158,7 +179,11 @@ def _written(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> frozenset[Key
 def _mistake(
     text: str | Mapping[str, str], paths: Sequence[KeyPath], data: Mapping[str, Any], overrides: Any
 ) -> Mistake:
-    """Return the mistake at the key that the user wrote: in an override, else in the file, else at the first key."""
+    """Return the mistake at the most likely key.
+
+    This is the first key with a text that the user wrote in an override, or if there is none, in the file, or if there
+    is none, the first key of the check.
+    """
 
     def rank(path: KeyPath) -> int:
         if not isinstance(text, str) and any(_touch(path, override) for override in overrides):
@@ -210,7 +235,7 @@ def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any
 
 
 def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
-    """Return the checks that each key set in a section is for the value of the section's key `by`."""
+    """Return the checks that each key of a section belongs to the kind of the section, the value of its key `by`."""
     return tuple(
         Check((f"{section}.{name}", f"{section}.{by}"), partial(of_this_kind, by=f"{section}.{by}", known=known))
         for name, known in keys_in(schema).items()
@@ -219,13 +244,16 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
 
 
 def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
-    """Report a key or a word that is for other kinds (values of the key `by`), unless a key is at its default."""
+    """Return an error if a key, or the chosen value of a key, belongs to other kinds than `kind`, the value of `by`.
+
+    A key with its default value is accepted.
+    """
     if known.is_for(kind):
-        allowed = known.words_for(kind)  # none for the user's own part, which allows all words
+        allowed = known.words_for(kind)  # empty for a user's own part, for which all words are allowed
         if not allowed or value in allowed or value not in known.choices:
             return None
         return f"got {value!r}: not for {by} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
-    defaults = (known.default, *known.defaults_by_kind.values())  # resolved scenes and templates hold all keys
+    defaults = (known.default, *known.defaults_by_kind.values())  # stored scenes and templates contain all keys
     if (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
     kinds = " or ".join(few([repr(each) for each in known.only])) or "others"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 
 def printable(text: str, most: int = 1000) -> str:
-    """Return a line of text made safe for a terminal: control characters are escaped, and long text is shortened.
+    """Return a line of text that is safe to print on a terminal.
 
-    The middle of a text of more than `most` characters is left out.
+    Control characters are escaped. If the text has more than `most` characters, its middle is left out.
     """
     shown = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
     return shown if len(shown) <= most else f"{shown[: most // 2]} ... {shown[-(most // 2) :]}"
@@ -20,7 +20,7 @@ class SceneError(Exception):
 
     def __init__(self, *lines: str) -> None:
         self.lines = tuple(map(printable, lines))
-        """Sentences to print. The function `printable` makes any file content in the sentences safe to print."""
+        """Sentences to print. They may quote the content of files; `printable` has made them safe to print."""
         super().__init__("\n".join(self.lines))
 
 

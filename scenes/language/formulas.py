@@ -37,7 +37,7 @@ def is_formula(value: object) -> bool:
 
 
 def names_in(formula: str) -> set[str]:
-    """Return the names in a formula, dotted names as a whole; SceneError if the formula cannot be read."""
+    """Return the names in a formula; a dotted name is a single name. Raise SceneError if the formula is invalid."""
     return set(_names(_parsed(formula)))
 
 
@@ -47,14 +47,15 @@ def evaluated(formula: str, value_of: Callable[[str], Any]) -> Any:
     Parameters
     ----------
     formula : str
-        With or without the leading mark.
+        The formula, with or without the leading "=".
     value_of : callable
-        Function that returns the value of a name: a number, or an array, for which the formula is evaluated by element.
+        Function that returns the value of a name. The value is a number or an array; arrays are evaluated by element.
 
     Raises
     ------
     SceneError
-        The formula cannot be read, or has no value: a division by 0, a number too large.
+        If the formula is invalid, or has no value, for example because of a division by 0 or a number that is too
+        large.
     """
     try:
         value = _value(_parsed(formula), value_of, formula)

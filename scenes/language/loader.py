@@ -1,4 +1,4 @@
-"""Files of scenes: where they are, and their text."""
+"""Finding and reading the files of scenes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def shipped_scenes() -> dict[str, Path]:
 
 
 def find_scene(name_or_path: str) -> Path:
-    """Return the file of a scene, given by name or path.
+    """Return the path of the file of a scene, given the name of a shipped scene or a path.
 
     Raises
     ------
     SceneError
-        There is no such scene.
+        If there is no such scene.
     """
     shipped, path = shipped_scenes(), Path(name_or_path)
     if name_or_path in shipped:
@@ -43,7 +43,7 @@ def find_scene(name_or_path: str) -> Path:
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether the path exists, or cannot be examined; in the latter case, reading the file raises the error."""
+    """Return whether the path exists. If this cannot be determined, return True; reading then raises the error."""
     try:
         os.stat(path)
     except (OSError, ValueError) as error:
@@ -52,18 +52,18 @@ def _is_there(path: Path) -> bool:
 
 
 def file_named(name: str) -> Path:
-    """Return the file of a name in a scene: the given path, or the shipped file of that name."""
+    """Return the path of a file that a scene names: `name` as a path if it exists, otherwise a shipped file."""
     path, shipped = Path(name), SHIPPED_FOLDER / name
     return shipped if not os.path.exists(path) and os.path.isfile(shipped) else path
 
 
 def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to start from") -> str:
-    """Return the text of a scene or of a file that a scene needs, without a byte order mark.
+    """Return the text of a scene, or of a file that a scene names, without a byte order mark.
 
-    If the file is empty, the error says what to do `instead`.
+    `instead` is the advice in the error message for an empty file.
     """
     try:
-        # The largest file is enough for a pipe through 50,000 points.
+        # The limit of 4 MB is enough for a pipe through 50,000 points.
         text = regular_file.read(path, 4_000_000).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not a text in UTF-8 (byte {error.start + 1}); save it as UTF-8") from error
@@ -76,5 +76,5 @@ def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to s
 
 
 def says(path: Path) -> str:
-    """Return the line of a scene file that describes the scene, without checking the scene."""
+    """Return the value of the key `says` of a scene file, a line that describes the scene, without other checks."""
     return str(tomllib.loads(read_text(path)).get("says", ""))

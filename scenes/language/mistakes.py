@@ -1,4 +1,4 @@
-"""Mistakes in a scene, each reported as one line."""
+"""Mistakes in a scene, and their report with one line for each mistake."""
 
 from __future__ import annotations
 
@@ -14,41 +14,43 @@ from worm3d.values.spelling import did_you_mean, unknown
 S = TypeVar("S", bound=Section)
 
 MOST_LINES = 100
-"""Largest number of mistakes that are explained; a file with more is not a scene, or repeats one mistake."""
+"""Largest number of mistakes that are reported in full. A file with more mistakes is probably not a scene, or has the
+same mistake many times."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake."""
+    """A mistake in a scene."""
 
     path: KeyPath
     """Wrong key or section."""
     text: str
     """The value found, and the values allowed."""
     suspects: tuple[KeyPath, ...] = ()
-    """Further keys that may cause the mistake; the report points to one if `path` is not written in the scene."""
+    """Further keys that may be the cause. If `path` is not written in the scene, the report gives the line of one of
+    them."""
     intended: KeyPath = ()
-    """Key that the user probably meant by a misspelt key."""
+    """For a misspelt key, the key that the user probably meant."""
 
     @property
     def untrusted(self) -> KeyPath:
-        """The key whose value is not reliable."""
+        """The key whose value cannot be used in further checks."""
         return self.intended or self.path
 
 
 Models = Callable[[str], Sequence[str]]
-"""Name of a section -> names of the models with this section."""
+"""Function that returns the names of the models that have the section of the given name."""
 
 
 def schema_mistakes(schema: type[Section], data: Mapping[str, Any], models: Models = lambda name: ()) -> list[Mistake]:
-    """Return the mistakes of each key on its own: unknown, missing, of the wrong type, or out of range."""
+    """Return the mistakes that concern a single key: it is unknown, missing, of the wrong type, or out of range."""
     return validated(schema, data, models)[1]
 
 
 def validated(
     schema: type[S], data: Mapping[str, Any], models: Models = lambda name: ()
 ) -> tuple[S | None, list[Mistake]]:
-    """Return the data as a section, and the mistakes of each key on its own (`schema_mistakes`)."""
+    """Return the data as a section, or None if there are mistakes, and the mistakes as in `schema_mistakes`."""
     section, wrong = read(schema, data)
     explained = [_explained(schema, each, models) for each in wrong[:MOST_LINES]]
     return section, explained + [Mistake(each.path, "wrong too") for each in wrong[MOST_LINES:]]
@@ -85,7 +87,7 @@ def meant_key(schema: type[Section], path: KeyPath) -> str | None:
 
 
 def _home(schema: type[Section], path: KeyPath) -> type[Section]:
-    """Return the section at a path, or the whole scene if the path has no section."""
+    """Return the class of the section at a path, or of the whole scene if there is no section at the path."""
     known = key_at(schema, path) if path else None
     return (known and (known.section or known.table)) or schema
 
@@ -111,7 +113,11 @@ def _header(path: KeyPath) -> str:
 
 
 def report(mistakes: Iterable[Mistake], lines: Mapping[KeyPath, int], overridden: Iterable[KeyPath]) -> tuple[str, ...]:
-    """Return one line per mistake: first the file by line number, then the overrides; at most `MOST_LINES` of them."""
+    """Return a line of text for each mistake, at most `MOST_LINES` and a line with the number of the others.
+
+    Mistakes in the file come first, by line number, then mistakes in overrides. `lines` are the line numbers of the
+    keys in the file, and `overridden` the paths of the keys in overrides.
+    """
     overrides, found = list(overridden), list(mistakes)
     placed = [(*_place(mistake, lines, overrides), mistake) for mistake in found[:MOST_LINES]]
     told = [_line(label, mistake) for _, label, mistake in sorted(placed, key=lambda item: item[0])]
@@ -130,7 +136,11 @@ def _place(mistake: Mistake, lines: Mapping[KeyPath, int], overrides: list[KeyPa
 
 
 def _stems_from(path: KeyPath, override: KeyPath, lines: Mapping[KeyPath, int]) -> bool:
-    """Return whether an override set `path` or a section around it, or created a section missing in the file."""
+    """Return whether the mistake at `path` comes from an override.
+
+    It does if the override sets this key or a section that contains it, or if `path` is a section that is not in the
+    file and exists only because of the override.
+    """
     sets_it = path[: len(override)] == override
     made_it = override[: len(path)] == path and path not in lines
     return sets_it or made_it

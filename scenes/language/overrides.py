@@ -15,13 +15,12 @@ from worm3d.values.named import is_own
 def apply_overrides(
     data: Mapping[str, Any], overrides: Iterable[str], most: int = 1000
 ) -> tuple[dict[str, Any], list[KeyPath], list[Mistake]]:
-    """Return a copy of the data with the overrides applied, the paths of the overrides, and the unusable overrides.
+    """Return a copy of the data with the overrides applied, the paths of the overrides, and mistakes in them.
 
     Raises
     ------
     SceneError
-        There are more overrides than `most` (larger changes belong in the scene file), or an override is nested too
-        deeply for a scene.
+        If there are more than `most` overrides, or the value of an override is nested too deeply.
     """
     overrides = tuple(overrides)
     if len(overrides) > most:
@@ -67,5 +66,8 @@ def _with(data: Mapping[str, Any], path: tuple[str, ...], value: Any) -> dict[st
 
 
 def _is_switch(key: str | int, value: Any) -> bool:
-    """Return whether the value switches on a user's own part without parameters, which now gets parameters."""
+    """Return whether `key = value` switches on a user's own part without parameters.
+
+    An override of a parameter of this part then replaces the switch by a section.
+    """
     return value is True and is_own(str(key))

@@ -1,8 +1,10 @@
-"""Users' own parts in a scene, `module:NAME`: the schema extended by their keys, and the scene without the parts.
+"""Users' own parts in a scene, which the scene names as `module:NAME`.
 
-If a key names one part, such as gait.kind, the parameters of the part are keys of the section. If a section lists
-several parts, such as cost.parts, or contains the parts directly, such as [fault], each part has a sub-section,
-[fault."my_robot:Slip"]; such a part may also be a switch, fault."my_robot:Slip" = true.
+This module extends the schema of a scene by the keys of such parts (`completed`), or removes such parts from a scene
+(`without`). There are two cases. If a key names a single part, such as gait.kind, the parameters of the part are keys
+of the same section. If a section lists several parts, such as cost.parts, or contains the parts themselves, such as
+[fault], each part has a sub-section, [fault."my_robot:Slip"]. Without parameters the sub-section may be written as a
+switch, fault."my_robot:Slip" = true.
 """
 
 from __future__ import annotations
@@ -23,16 +25,16 @@ from worm3d.values.named import Kind
 S = TypeVar("S", bound=Section)
 
 Extended = tuple[type[Section], Mapping[str, Any], list[Mistake]]
-"""A section with the keys of users' own parts, the data of the section, and the mistakes."""
+"""Class of a section with the keys of users' own parts, data of the section, and mistakes."""
 
 
 class _Named(NamedTuple):
     """A user's own part that a section names."""
 
     key: str
-    """Key of `PartSection.holds`."""
+    """Key of the section that names the part, as in `PartSection.holds`."""
     name: str
-    """`module:NAME`."""
+    """Name of the part, `module:NAME`."""
     kind: Kind
     parts: tuple[Any, ...] = ()
     """The imported part, in a tuple; empty before the import."""
@@ -41,14 +43,14 @@ class _Named(NamedTuple):
         return hash((self.key, self.name, *map(id, self.parts)))
 
     def in_a_section(self, section: type[Section]) -> bool:
-        """Return whether the part has a sub-section for the parameters, since the section can have several parts."""
+        """Return whether the part has a sub-section. It has one if the section may have several parts."""
         return self.key == ITSELF or isinstance(keys_in(section)[self.key].default, tuple)
 
 
 def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[str, Any], list[Mistake]]:
-    """Return the schema of a scene extended by the keys of the named parts, the data of the scene, and the mistakes.
+    """Return the schema extended by the keys of the user's own parts in a scene, the data of the scene, and mistakes.
 
-    The modules of the parts are imported. In the data, a switch becomes a sub-section.
+    The modules of the parts are imported. In the data, a switch that is true becomes an empty sub-section.
     """
     filled, mistakes, changed = dict(data), list[Mistake](), dict[str, type[Section]]()
     for name, declared in keys_in(schema).items():
@@ -62,7 +64,7 @@ def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[s
 
 
 def _with_parts(name: str, section: type[Section], given: Mapping[str, Any]) -> Extended:
-    """Return a section with the keys of the parts that it names."""
+    """Return a section with the keys of the user's own parts that its data name."""
     asked, mistakes = _asked(section, given), list[Mistake]()
     if not asked:
         return section, given, mistakes
@@ -73,7 +75,7 @@ def _with_parts(name: str, section: type[Section], given: Mapping[str, Any]) -> 
     asked_for = {each.name: given.get(each.name, True) for each in found if each.in_a_section(section)}
     kept = {key: value for key, value in given.items() if key not in lost | off}
     kept |= {each: {} if value is True else value for each, value in asked_for.items()}
-    if lost:  # the keys of these parts are not known
+    if lost:  # without the parts, their keys would be reported as unknown
         kept = {key: value for key, value in kept.items() if key in {*keys_in(section), *asked_for}}
     if not found:
         return section, kept, mistakes
@@ -84,7 +86,7 @@ def _with_parts(name: str, section: type[Section], given: Mapping[str, Any]) -> 
 
 
 def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> Iterator[_Named]:
-    """Yield the parts of a section, imported; names without a part are added to the mistakes."""
+    """Yield the imported parts of a section. Names without a part are added to the mistakes."""
     for each in asked:
         try:
             yield each._replace(parts=(named.own(each.name, each.kind),))
@@ -95,7 +97,7 @@ def _found(name: str, asked: list[_Named], mistakes: list[Mistake]) -> Iterator[
 def _of_other_kinds(
     name: str, section: type[Section], extended: type[Section], own: _Named, kept: dict[str, Any]
 ) -> Iterator[Mistake]:
-    """Remove from a section's data the keys that only shipped kinds have; yield a mistake for each key that is set."""
+    """Remove the keys of shipped kinds from the data of a section, and yield mistakes for those set by the user."""
     for key in keys_in(section).keys() - keys_in(extended).keys() & kept.keys():
         known = keys_in(section)[key]
         known = replace(known, only=known.only or keys_in(section)[own.key].choices)
@@ -105,7 +107,7 @@ def _of_other_kinds(
 
 
 def _with_tables(name: str, section: type[Section], given: Mapping[str, Any]) -> Extended:
-    """Return a section with the keys of the parts named in its arrays of tables."""
+    """Return a section with the keys of the user's own parts that its arrays of tables name."""
     mistakes = list[Mistake]()
     for key, by, kind, items in _tables(section, given):
         parts, lost = dict[str, Any](), set[int]()
@@ -115,7 +117,7 @@ def _with_tables(name: str, section: type[Section], given: Mapping[str, Any]) ->
             except ValueError as error:
                 lost.add(n)
                 mistakes.append(Mistake((name, key, n, by), str(error)))
-        if lost:  # the keys of these parts are not known
+        if lost:  # without the parts, their keys would be reported as unknown
             given = {**given, key: [item for n, item in enumerate(items) if n not in lost]}
         if parts:
             section = _with_table(section, key, tuple(parts.items()))
@@ -123,7 +125,10 @@ def _with_tables(name: str, section: type[Section], given: Mapping[str, Any]) ->
 
 
 def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[str, str, Kind, list[Any]]]:
-    """Yield each key of a section with tables of parts, the key that names the part, the kind, and the tables."""
+    """Yield the arrays of tables of a section in which each table describes a part.
+
+    Each item has the key of the array, the key of a table that names the part, the kind of the parts, and the tables.
+    """
     for key, known in keys_in(section).items():
         items = given.get(key)
         for by, kind in getattr(known.table, "holds", {}).items() if isinstance(items, list | tuple) else ():
@@ -133,8 +138,7 @@ def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[
 def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Any]:
     """Return the data of a scene without users' own parts; no module is imported.
 
-    If a key of a section names such a part, the section is dropped. The sections of `but` are kept without the part's
-    keys.
+    A section with a key that names such a part is removed. Sections in `but` are kept, without the keys of the part.
     """
     filled = dict(data)
     for name, known in keys_in(schema).items():
@@ -152,7 +156,7 @@ def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str]
 
 
 def _asked(section: type[Section], given: Mapping[str, Any]) -> list[_Named]:
-    """Return the users' own parts that a section names."""
+    """Return the user's own parts that the data of a section name."""
     kinds = section.holds if issubclass(section, PartSection) else {}
     return [_Named(key, each, kind) for key, kind in kinds.items() for each in _own_names(given, key)]
 
@@ -169,7 +173,7 @@ def _own_names(given: Any, key: str) -> list[str]:
 def _extended(
     section: type[PartSection], own: tuple[_Named, ...]
 ) -> tuple[type[Section], tuple[tuple[_Named, str], ...]]:
-    """Return a section with the keys of users' own parts, and the parts whose keys clash with other keys."""
+    """Return a section with the keys of a user's own parts, and errors for parts whose keys clash with other keys."""
     first = next(iter(section.holds))
     is_chosen = any(each.key == first and not each.in_a_section(section) for each in own)
     keys: Keys = {
@@ -196,7 +200,7 @@ def _extended(
 
 
 def _section_of(name: str, keys: Keys, doc: str | None, base: type[Section] = PartSection) -> Any:
-    """Return a section class with the given keys in addition to the keys of the base class."""
+    """Return a new class of a section with the given keys, derived from `base`."""
     space: dict[str, Any] = {
         "__annotations__": {key: known.hint for key, known in keys.items()},
         "__doc__": doc or "Parameters of a part.",
@@ -206,14 +210,17 @@ def _section_of(name: str, keys: Keys, doc: str | None, base: type[Section] = Pa
 
 
 def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
-    """Return the keys of the parameters of a user's own part, named in the same way as for shipped parts."""
+    """Return the keys for the parameters of a user's own part. They are named as for shipped parts."""
     made = section.source({each.name: part}) if hasattr(section, "source") else keys_of({each.name: part})
     return {key: declared for key, declared in made.items() if key not in section.holds}
 
 
 @cache
 def _with_table(section: type[Section], key: str, parts: tuple[tuple[str, Any], ...]) -> type[Section]:
-    """Return a section whose array of tables has the keys of users' own parts, given by `module:NAME`."""
+    """Return a section in which the array of tables `key` also has the keys of a user's own parts.
+
+    `parts` are pairs of `module:NAME` and the part.
+    """
     known = keys_in(section)[key]
     table: Any = known.table
     ((by, kind),) = table.holds.items()

@@ -9,11 +9,12 @@
     worm = part_of(worm3d.Worm, scene.worm)
     gait = part_of(gaits.GAITS[scene.gait.kind], scene.gait)
 
-A registry (a mapping of names to dataclasses) makes the key `by`, which names a dataclass, and the keys of all
-dataclasses. A key of only some dataclasses is refused if the scene chooses another one
-(`scenes.language.checks.kind_checks`). A key of several dataclasses is declared by the first, or has the default of
-each kind (`own_defaults`). Keys end in their unit, and angles are in degrees; a parameter that may be infinite, or
-None, is left out instead. `prefix` adds a word before each key, for several parts of one class in one section.
+A registry is a mapping of names to dataclasses. From a registry, `keys_of` makes the key `by`, whose value is one of
+the names, and the keys of all dataclasses. A key that only some dataclasses have is an error if the scene chooses
+another dataclass (`scenes.language.checks.kind_checks`). If several dataclasses have the same key, the first one
+declares it; with `own_defaults` its default depends on the chosen dataclass. The names of keys end in their unit, and
+angles are in degrees. A parameter that is infinite or None by default has a key that may be left out. With `prefix`,
+each key begins with a word, so that a section can have several parts of the same class.
 """
 
 from __future__ import annotations
@@ -40,28 +41,29 @@ Keys = dict[str, Key]
 EMPTY_MAPPING: Mapping[str, Any] = MappingProxyType({})
 
 ITSELF = ""
-"""Key in `PartSection.holds` for a section that contains the parts themselves."""
+"""Key in `PartSection.holds` for a section that does not name parts in a key, but contains the parts themselves."""
 
 KEY_UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
-"""Units that can end a key."""
+"""Units that may be part of the name of a key."""
 
 
 Source = Callable[[Mapping[str, Any]], Keys]
-"""Function from classes by name to the keys of a section."""
+"""Function that returns the keys of a section, given the classes of the parts by name."""
 
 
 class PartSection(Section):
-    """A section with the keys written in the class, `keys` and `more`; the written keys take precedence.
+    """A section with the keys written in the class, and the keys in the class arguments `keys` and `more`.
 
-    `holds` maps keys of the section to the kinds of parts that they name (`control.parts`): one key names a part, or a
-    key with a list names several. A section that `holds` a kind without a key contains the parts themselves, as
-    sub-sections or switches. If the argument `keys` is a function, the function makes the keys of the shipped parts,
-    and in `scenes.language.own` the keys of users' own parts.
+    If a key is in several of them, the key written in the class is used. The class argument `holds` maps keys of the
+    section to the kinds of parts (`control.parts`) that these keys name. The value of such a key is the name of a part,
+    or a list of names. A section that `holds` a kind under the key `ITSELF` contains the parts themselves, as
+    sub-sections or switches. If `keys` is a function, it makes the keys of the shipped parts, and in
+    `scenes.language.own` the keys of a user's own parts.
     """
 
     holds: ClassVar[Mapping[str, Kind]] = EMPTY_MAPPING
     source: ClassVar[Source]
-    """Function that makes the keys of the first kind in `holds`."""
+    """Function that makes the keys for parts of the first kind in `holds`."""
     of_parts: ClassVar[frozenset[str]] = frozenset()
     """Keys made by `source` for the shipped parts."""
 
@@ -117,20 +119,22 @@ def keys_of(
     parts : type or mapping
         A dataclass, or several dataclasses by name.
     by, meaning, aka : str
-        For several dataclasses: the key that names one (the first by default), its meaning, and its aliases.
+        For several dataclasses: the key that chooses a dataclass (by default the first), the meaning of this key, and
+        its aliases.
     these, without : collection of str
-        Parameters that get a key (if empty, all), and parameters that do not.
+        Parameters that get a key (all if empty), and parameters that get no key.
     bounds, defaults, units : mapping
-        Ranges (in the units of the section), defaults and units that replace the values of the dataclass, by parameter.
+        Ranges, defaults and units by the name of the parameter, in place of those of the dataclass. The ranges are in
+        the units of the section.
     prefix, about : str
-        Text before each key, and before each meaning.
+        Text before each key, and text before each meaning.
     only : tuple of str
-        Kinds of the section with these keys; empty for all.
+        Kinds of the section that have these keys; all if empty.
     own_defaults : bool
-        Whether a key whose default differs among the kinds has the default of the chosen kind instead of the first
-        kind.
+        Whether a key whose default differs between the dataclasses has the default of the chosen dataclass. If false,
+        it has the default of the first dataclass.
     own : bool
-        Whether the key `by` also names users' own parts, `module:NAME`.
+        Whether the key `by` may also name a user's own part, `module:NAME`.
     """
     registry = parts if isinstance(parts, Mapping) else {"": parts}
     found: dict[str, dict[str, Parameter]] = {}
@@ -151,7 +155,7 @@ def keys_of(
 
 
 chosen: Callable[..., Keys] = partial(keys_of, by="kind", own=True)
-"""Return the keys of a section that chooses a part, shipped or the user's own."""
+"""Function that returns the keys of a section that chooses a shipped or a user's own part in the key `kind`."""
 
 
 def meanings(registry: Mapping[str, type]) -> str:
@@ -167,7 +171,7 @@ def head(part: Any) -> str:
 def part_of(
     part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = EMPTY_MAPPING, **given: Any
 ) -> T:
-    """Return the part described by a section, or by several sections together.
+    """Return the part that a section describes, or several sections together.
 
     Parameters
     ----------
@@ -176,12 +180,12 @@ def part_of(
     prefix, units
         The same as in `keys_of`.
     given
-        Fields that are given directly; fields that the dataclass does not have are ignored.
+        Values of fields that are not in the sections. Fields that the dataclass does not have are ignored.
 
     Raises
     ------
     ValueError
-        The dataclass refuses the values.
+        If the values are invalid for the dataclass.
     """
     own: Any = part
     names = {field.name for field in fields(own)} if is_dataclass(own) else ()
@@ -190,7 +194,7 @@ def part_of(
 
 
 def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, str] = EMPTY_MAPPING) -> dict[str, Any]:
-    """Return the values of the parameters of a part in the sections; the arguments are those in `part_of`."""
+    """Return the values that the sections give for the parameters of a part. The arguments are as in `part_of`."""
     values: dict[str, Any] = {}
     for name, said in declared(part).items():
         known = _replaced(said, _changes(name, unit=units))
@@ -202,17 +206,17 @@ def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, s
 
 
 def class_named(kind: Kind, name: str) -> Any:
-    """Return a class, or an object, by name; ValueError if there is none."""
+    """Return the class or object of a kind with the given name; raise ValueError if there is none."""
     return kind.registry[name] if name in kind.registry else named.own(name, kind)
 
 
 def part_named(kind: Kind, name: str, *sections: Any, **how: Any) -> Any:
-    """Return a part by name: shipped, or the user's own as `module:NAME`; see `part_of` for the other arguments.
+    """Return a part by the name of a shipped part, or by `module:NAME`. The other arguments are as in `part_of`.
 
     Raises
     ------
     ValueError
-        There is no such part, or the part refuses its parameters.
+        If there is no such part, or its parameters are invalid.
     """
     if name in kind.registry:
         return part_of(kind.registry[name], *sections, **how)
@@ -220,7 +224,11 @@ def part_named(kind: Kind, name: str, *sections: Any, **how: Any) -> Any:
 
 
 def key_of(known: Parameter) -> str:
-    """Return the key of a parameter in a section: the name and the unit, if all its parts are in `KEY_UNITS`."""
+    """Return the key of a parameter in a section.
+
+    By default it is the name of the parameter followed by the unit. The unit is left out if `KEY_UNITS` lacks a part of
+    it.
+    """
     unit = in_degrees(known).unit
     words = unit.replace("/", " ").split()
     if known.key or not all(word in KEY_UNITS for word in words):
@@ -247,7 +255,7 @@ def _is_value(default: Any) -> bool:
 
 
 def _of_kinds(owners: Mapping[str, Parameter]) -> str:
-    """Return the words for a default that depends on the kind: up to four values, each with its kinds."""
+    """Return a text for a default that depends on the kind. It lists the values, if there are at most four."""
     kinds: dict[str, list[str]] = {}
     for owner, own in owners.items():
         text = f"{own.default:.4g}" if type(own.default) is float else toml.shown(own.default)
@@ -257,7 +265,7 @@ def _of_kinds(owners: Mapping[str, Parameter]) -> str:
 
 
 def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> Key:
-    """Return the key of a parameter, combined from the declarations in all parts with this parameter."""
+    """Return the key of a parameter, combined from its declarations in all dataclasses that have the parameter."""
     known = next(iter(owners.values()))
     agree = not own_defaults or len({own.default for own in owners.values()}) == 1
     is_finite = agree and _is_value(known.default)
@@ -281,7 +289,7 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaul
 
 
 def _hint(known: Parameter, words: tuple[str, ...], *, optional: bool) -> Any:
-    """Return the type of the key of a parameter; the choices of all parts with this parameter are allowed."""
+    """Return the type of the key of a parameter. `words` are the choices of all dataclasses that have the parameter."""
     if words:
         return Literal[words]
     each: Any = Each

@@ -1,7 +1,8 @@
-"""Conversion of scene data to sections: each value is checked against the type of its key, and errors are collected.
+"""Conversion of the data of a scene to sections. Each value is checked against the type of its key.
 
-No value is converted, and no unknown key is accepted: True is no number, 1 is not true, "1" is no number. A whole
-number is accepted as any number, and a list becomes a tuple, so that a scene is immutable.
+All errors are collected. Unknown keys are errors. Values are not converted to other types; for example, the values true
+and "1" are not accepted as numbers, and 1 is not accepted as true. There are two exceptions. A whole number is accepted
+for a real number, and a list becomes a tuple, so that a scene cannot be changed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from worm3d.values import named
 S = TypeVar("S", bound=Section)
 
 UNKNOWN, MISSING = "unknown", "missing"
-"""Error texts for keys that a section does not have, and for missing mandatory keys."""
+"""Error texts for unknown keys, and for missing mandatory keys."""
 
 RULES = {"gt": "greater than", "ge": "greater than or equal to", "lt": "less than", "le": "less than or equal to"}
 
@@ -29,11 +30,11 @@ TYPES: Mapping[Any, tuple[Any, str]] = {
     bool: (bool, "a valid boolean"),
     str: (str, "a valid string"),
 }
-"""Python types of TOML values, and their names in an error."""
+"""For each type of a key: the accepted Python types of the value, and the name of the type in error messages."""
 
 
 class Wrong(NamedTuple):
-    """A value that is invalid on its own."""
+    """A value that is invalid whatever the other keys are."""
 
     path: KeyPath
     found: Any
@@ -41,21 +42,21 @@ class Wrong(NamedTuple):
 
 
 def read(schema: type[S], data: Any) -> tuple[S | None, list[Wrong]]:
-    """Return the data as a section, or None if there are errors, and the errors."""
+    """Return the data as a section, and the errors. The section is None if there are errors."""
     reader = _Reader()
     found = reader.section(schema, data, ())
     return (None if reader.wrong else found), reader.wrong
 
 
 def trusted(schema: type[S], data: Any) -> S:
-    """Return data as a section, without checks; the data have been checked before."""
+    """Return the data as a section. The data must have been checked before."""
     found, wrong = read(schema, data)
     assert found is not None, wrong
     return found
 
 
 class _Reader:
-    """Reader that walks over data and collects the errors."""
+    """Converter of data to sections that collects the errors in `wrong`."""
 
     def __init__(self) -> None:
         self.wrong: list[Wrong] = []

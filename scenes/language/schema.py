@@ -1,4 +1,4 @@
-"""Declaration of sections: frozen dataclasses, each field a `Parameter` with unit, range, default and meaning.
+"""Declaration of sections. A section is a frozen dataclass, and each field is a key with unit, range and meaning.
 
     class Push(Section):
         \"\"\"A force on one joint.\"\"\"
@@ -26,18 +26,20 @@ from worm3d.values.parameters import EACH, PARAMETER, Parameter, parameter, para
 N = TypeVar("N")
 
 OWN_KINDS = "module:NAME"
-"""Entry of `only` for all of a user's own kinds."""
+"""Entry of `Key.only` that means all kinds of a user's own."""
 
 Each = Union[N, tuple[N, ...]]  # noqa: UP007  # `|` takes no type variable here
-"""One number for all, or a list with a number for each."""
+"""Type of a key whose value is a single number for all items (for example all segments), or a list with one for
+each."""
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 Points = tuple[Triple, ...]
-"""A list of positions, [x, y, z] each."""
+"""Type of a key whose value is a list of positions [x, y, z]."""
 
 Tables = tuple[N, ...]
-"""An array of tables: `Tables[Patch]` are sections under headers [[world.patches]]."""
+"""Type of a key whose value is an array of tables. For example, `Tables[Patch]` is written as sections under headers
+[[world.patches]]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,17 +47,18 @@ class Key(Parameter):
     """A parameter as a key of a section."""
 
     only: tuple[str, ...] = ()
-    """Kinds of the section that have the key; empty for all."""
+    """Kinds of the section that have the key; all kinds if empty. The kind is the value of the section's key `kind`."""
     defaults_by_kind: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    """Default for each kind of the section, where the kinds differ."""
+    """Default for each kind of the section, if it differs between the kinds."""
     kinds_by_word: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
-    """Kinds of the section that accept a given choice; a choice without an entry is accepted by every kind."""
+    """For each possible value of a key with choices: the kinds of the section that accept this value. A value without
+    an entry is accepted by every kind."""
     names: tuple[str, ...] | None = None
-    """Names of the shipped parts that the key accepts besides `module:NAME`; None if the key does not name parts."""
+    """Names of the shipped parts that the key accepts in addition to `module:NAME`. None if the key names no parts."""
     is_file: bool = False
     """Whether the value is the path of a file."""
     parameters: tuple[str, ...] = ()
-    """Names of the part parameters that the key sets."""
+    """Names of the parameters of parts that the key sets."""
 
     @property
     def is_required(self) -> bool:
@@ -64,7 +67,7 @@ class Key(Parameter):
 
     @property
     def choices(self) -> tuple[Any, ...]:
-        """The values of a choice, or the names of shipped parts; empty for other keys."""
+        """The possible values of a key with choices, or the names of shipped parts; empty for other keys."""
         return self.names or super().choices
 
     @property
@@ -80,7 +83,7 @@ class Key(Parameter):
 
     @property
     def is_number(self) -> bool:
-        """Whether the value is a number, or several."""
+        """Whether the value is a number or a list of numbers."""
         return _innermost(self.hint) in (float, int)
 
     @property
@@ -105,28 +108,28 @@ class Key(Parameter):
 
     @property
     def default_text(self) -> str:
-        """The default, or the text that describes a missing value."""
+        """The default as text, or the text that says what happens if the key is left out."""
         return self.left_out or toml.shown(self.default)
 
     @property
     def meaning_in_section(self) -> str:
-        """The meaning, preceded by the kinds of the section that have the key, unless all kinds have the key."""
+        """The meaning. If only some kinds of the section have the key, the text begins with these kinds."""
         only = ", ".join(few(self.only))
         return f"{only} only: {self.meaning}" if only else self.meaning
 
     def described(self, *, with_default: bool = True) -> str:
-        """Return unit, range and default for an error line: ` [m], 0 < … <= 100 (default 1.0)`."""
+        """Return unit, range and default as text for an error line, for example ` [m], 0 < … <= 100 (default 1.0)`."""
         text = (f" [{self.unit}]" if self.unit else "") + (f", {self.span}" if self.span else "")
         text += f", {EACH[self.each][2]}" if self.each else ""
         known = with_default and not self.is_required and self.section is None
         return text + (f" (default {self.default_text})" if known else "")
 
     def words_for(self, kind: str) -> tuple[Any, ...]:
-        """Return the choices that a kind of the section allows."""
+        """Return the choices that the given kind of the section accepts."""
         return tuple(word for word in self.choices if kind in self.kinds_by_word.get(word, (kind,)))
 
     def is_for(self, kind: Any) -> bool:
-        """Return whether a kind of the section has the key."""
+        """Return whether the given kind of the section has the key."""
         return (
             not self.only
             or kind in self.only
@@ -142,7 +145,7 @@ class Key(Parameter):
 
 
 class Section:
-    """A section of a scene, as a frozen dataclass of keys; creating a section checks nothing."""
+    """A section of a scene, as a frozen dataclass of keys. Creating an instance does not check the values."""
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -183,14 +186,14 @@ def keys_in(schema: type[Section]) -> Mapping[str, Key]:
 
 
 def setting(default: Any = None, *, only: str | tuple[str, ...] = (), **said: Any) -> Any:
-    """Return a field of a section; the key is mandatory without a default or `left_out`.
+    """Return a field of a section. The key is mandatory if it has neither a default nor `left_out`.
 
     Parameters
     ----------
     default : object, optional
-        Default.
+        Default value of the key.
     only : str or tuple of str
-        The `kind`, or kinds, of the section that have the key; empty for all.
+        Kind or kinds of the section that have the key; all if empty.
     said
         Bounds (gt, ge, lt, le) and attributes of `Key`: `meaning`, `unit`, `aka`, `left_out`, `each` and others.
     """
@@ -199,26 +202,26 @@ def setting(default: Any = None, *, only: str | tuple[str, ...] = (), **said: An
 
 
 def new_key(default: Any = None, **said: Any) -> Key:
-    """Return a key without a field in a class; the arguments are those in `setting`, and the type as `hint`."""
+    """Return a key that is not written as a field of a class. The arguments are as in `setting`; `hint` is the type."""
     known: Key = parameter(made=Key, **said).metadata[PARAMETER]
     return dataclasses.replace(known, default=default)
 
 
 def part_key(names: Sequence[str], **said: Any) -> Key:
-    """Return a key that names a part: an item of `names` (by default the first), or `module:NAME`.
+    """Return a key whose value names a part, either a name in `names` (by default the first) or `module:NAME`.
 
-    See `worm3d.values.named`. If `only` contains `OWN_KINDS`, users' own kinds also have the key.
+    See `worm3d.values.named`. The other arguments are as in `new_key`.
     """
     return new_key(names[0], hint=str, names=tuple(names), **said)
 
 
 def parts_key(names: Sequence[str], **said: Any) -> Key:
-    """Return a key that lists parts, by default all of `names`. See `part_key`."""
+    """Return a key whose value is a list of names of parts, by default all of `names`. See `part_key`."""
     return new_key(tuple(names), hint=tuple[str, ...], names=tuple(names), **said)
 
 
 def key_at(schema: type[Section], path: KeyPath) -> Key | None:
-    """Return the key or section at a path, or None if there is none; indices in the path are ignored."""
+    """Return the key or section at a path, or None if there is none. Indices of arrays in the path are ignored."""
     names = [name for name in path if isinstance(name, str)]
     known = keys_in(schema).get(names[0])
     if known is None or len(names) == 1:
@@ -228,22 +231,22 @@ def key_at(schema: type[Section], path: KeyPath) -> Key | None:
 
 
 def names(schema: type[Section]) -> Iterator[tuple[str, str]]:
-    """Yield each name that a user may try for a key, with the key."""
+    """Yield each name that a user may write for a key, the key itself and its aliases, with the key."""
     for name, known in keys_in(schema).items():
         yield name, name
         yield from ((other, name) for other in known.aka)
 
 
 def few(words: Sequence[str]) -> list[str]:
-    """Return the words; of more than four words, the first two and the number of the others."""
+    """Return the words, or if there are more than four, the first two and the number of the others."""
     return [*words] if len(words) <= 4 else [*words[:2], f"{len(words) - 2} others"]
 
 
 def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the data of a scene with the defaults of the kinds that its sections choose.
+    """Return the data of a scene, with the defaults that depend on the chosen kinds filled in.
 
-    A user's own kind has the defaults of `OWN_KINDS`, if there are any. An invalid kind, which other checks report,
-    counts as the first kind.
+    A user's own kind has the defaults under `OWN_KINDS`, if there are any. An invalid kind, which other checks report,
+    is treated as the first kind.
     """
     filled = dict(data)
     for name, declared in keys_in(schema).items():
@@ -263,7 +266,7 @@ def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[st
 
 
 def _innermost(hint: Any) -> Any:
-    """Return the item type of a type, or the type itself."""
+    """Return the type of the items of a (nested) list type, or the type itself if it is not a list type."""
     inner = [each for each in get_args(hint) if each not in (NoneType, Ellipsis)]
     return _innermost(inner[0]) if inner and get_origin(hint) is not Literal else hint
 

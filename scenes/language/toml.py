@@ -1,6 +1,7 @@
-"""TOML: parsing, the line of each key, pictures of syntax errors, and writing of settings and values.
+"""TOML: parsing, the line number of each key, messages for syntax errors, and writing of settings and values.
 
-An error line needs a position, but tomllib keeps none: `key_lines` splits texts that tomllib has accepted.
+Error messages need the line numbers of keys, which tomllib does not return. `key_lines` finds them in a text that
+tomllib has accepted.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from typing import Any
 from scenes.language.errors import SceneError
 
 KeyPath = tuple[str | int, ...]
-"""Path to a key, including the index in an array of tables: ("obstacle", 1, "radius_m")."""
+"""Path of a key, which includes the index in an array of tables. Example: ("obstacle", 1, "radius_m")."""
 
 _DOT = re.compile(r"""\.(?=(?:[^"']*(?:"[^"]*"|'[^']*'))*[^"']*$)""")
-"""A dot outside of quotes."""
+"""Pattern of a dot that is not within quotation marks."""
 _TOKEN = re.compile(
     r'"""(?:\\.|(?!""")[^\\])*"{3,5}'
     r"|'''(?:(?!''').)*'{3,5}"
@@ -34,11 +35,11 @@ _TOKEN = re.compile(
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 _KEY_TUPLE = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
-"""A path in the messages of tomllib: a tuple in Python notation."""
+"""Pattern of a path of keys in the messages of tomllib, which is a tuple in Python notation."""
 
 
 MAX_NESTING = 20
-"""Largest nesting depth of sections, tables and lists; no scene needs more than 5."""
+"""Largest allowed nesting depth of sections, tables and lists. No scene needs more than 5."""
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -47,8 +48,8 @@ def parse(text: str) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        The TOML is invalid, or nested deeper than `MAX_NESTING`. The error shows the source line and a caret under
-        the column.
+        If the TOML is invalid, or nested deeper than `MAX_NESTING`. For invalid TOML, the error shows the source line
+        and a caret under the column.
     """
     try:
         data = tomllib.loads(text)
@@ -63,7 +64,7 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def require_shallow(data: Any) -> None:
-    """Raise SceneError if data are nested deeper than `MAX_NESTING`, as functions walk through data by recursion."""
+    """Raise SceneError if data are nested deeper than `MAX_NESTING`, since other functions process them recursively."""
     level = [data]
     for _ in range(MAX_NESTING):
         level = [item for outer in level for item in _items(outer)]
@@ -77,7 +78,10 @@ def _items(outer: Any) -> Iterator[Any]:
 
 
 def _picture(text: str, message: str, most: int = 160) -> tuple[str, str, str]:
-    """Return an error of tomllib in words, `most` characters of the source line, and a caret under the column."""
+    """Return the three lines of an error message for an error of tomllib.
+
+    They are the error in words, at most `most` characters of the source line, and a caret under the column.
+    """
     lines = text.replace("\r\n", "\n").split("\n")
     place = _PLACE.search(message)
     if place and place[1]:
@@ -100,7 +104,7 @@ def _dotted(keys: str) -> str:
 
 
 def key_lines(text: str) -> dict[KeyPath, int]:
-    """Return the line, counted from 1, of every table, key and element of an array of tables."""
+    """Return the line number, counted from 1, of every table, every key and every element of an array of tables."""
     lines: dict[KeyPath, int] = {}
     last: dict[KeyPath, int] = {}
     """Index of the last element of each array of tables so far."""
@@ -123,7 +127,7 @@ def key_lines(text: str) -> dict[KeyPath, int]:
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
-    """Yield the line and the text of each header and each `key = value`, without comments."""
+    """Yield the line number and the text of each header and each `key = value`, without comments."""
     line, first, depth = 1, 1, 0
     tokens: list[str] = []
     for token in _TOKEN.findall(f"{text}\n"):
@@ -139,7 +143,7 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
 
 
 def _keys_of(data: Any) -> KeyPath:
-    """Return the path of the only key in data, or of the first key."""
+    """Return the path of the first key in nested data; a statement has only one key."""
     if not isinstance(data, dict) or not data:
         return ()
     key, inner = next(iter(data.items()))
@@ -147,7 +151,7 @@ def _keys_of(data: Any) -> KeyPath:
 
 
 def _resolved(keys: KeyPath, last: Mapping[KeyPath, int]) -> KeyPath:
-    """Insert the index of the last element after each array of tables in a header."""
+    """Return a path with the index of the last element inserted after each array of tables."""
     path: KeyPath = ()
     for key in keys:
         path = (*path, key)
@@ -156,17 +160,17 @@ def _resolved(keys: KeyPath, last: Mapping[KeyPath, int]) -> KeyPath:
 
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
-    """Return the line of `path`, or of the nearest enclosing table with a line; 1 if there is none."""
+    """Return the line number of `path`, or of the innermost table around it that has one, or 1."""
     return next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), 1)
 
 
 def path_of(dotted: str) -> tuple[str, ...]:
-    """Return the path of a key in the user's notation, `gait.period_s` or `fault."my.robot:Slip".begin_s`."""
+    """Return the path of a key in a user's notation, such as `gait.period_s` or `fault."my.robot:Slip".begin_s`."""
     return tuple(part.strip().strip("\"'") for part in _DOT.split(dotted))
 
 
 def key(name: str) -> str:
-    """Return a name in TOML: quoted, unless the name consists of letters, digits, _ and - only."""
+    """Return a name as a key in TOML. It is quoted, unless it has only letters, digits, _ and -."""
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else value(name)
 
 
@@ -182,18 +186,18 @@ def value(item: Any) -> str:
         case dict():
             return f"{{{', '.join(f'{key(name)} = {value(inner)}' for name, inner in item.items())}}}"
         case _:
-            # TOML accepts the escapes of JSON, and needs an escape for one control character that JSON does not escape.
+            # TOML has the same escapes as JSON, but requires one for the control character U+007F.
             return json.dumps(str(item), ensure_ascii=False).replace("\x7f", "\\u007F")
 
 
 def shown(item: Any) -> str:
-    """Return a value for an error line: shortened, with strings in single quotes."""
+    """Return a value as text for an error message. It is shortened, and strings are in single quotes."""
     text = repr(item) if isinstance(item, str) else value(item)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def document(settings: Any) -> str:
-    """Return all settings as TOML text, with every default; keys without a value (None) are left out."""
+    """Return all settings as TOML text, including defaults. Keys whose value is None are left out."""
     return "\n".join(_lines(settings, "")).strip() + "\n"
 
 

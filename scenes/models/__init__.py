@@ -25,7 +25,7 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> Model[Any]:
-    """Return a model by name; KeyError if there is none."""
+    """Return the model with the given name; raise KeyError if there is none."""
     module, attribute = _PLACES[name]
     model: Model[Any] = getattr(import_module(module), attribute)
     return model

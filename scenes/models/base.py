@@ -1,4 +1,4 @@
-"""Models as the command line uses them: schema, checks, runs and pictures."""
+"""The interface between the models and the command line: schema, checks, runs and pictures of a model."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ Rows = NDArray[np.bool_] | slice
 """Selection of the stored instants of a record."""
 
 MOVIE_S = 30.0
-"""Longest part of a run in an animation [s]."""
+"""Longest time of a run that an animation shows [s]."""
 
 Observer = Callable[[int], bool]
-"""Function of the number of finished steps; the run ends when the function returns False."""
+"""Function that is called with the number of finished steps; the run ends when the function returns False."""
 
 Status = Literal["done", "interrupted", "diverged"]
 
@@ -47,7 +47,7 @@ class Movie(Protocol):
     """An animation, ready for writing."""
 
     def save(self, path: Path, fps: int = 20) -> None:
-        """Write a GIF or MP4; FileNotFoundError if a required program is missing."""
+        """Write a GIF or MP4 file; raise FileNotFoundError if a required program is missing."""
 
 
 class View(Protocol):
@@ -62,35 +62,36 @@ class Watch:
     """Options for watching a run live."""
 
     speed: float
-    """Simulated time over real time [1]."""
+    """Speed of the display, simulated time over real time [1]."""
     began: Callable[[str], None]
     """Function that is called with the address of the page as soon as the page can be opened."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run, complete up to the last finished step, also after an early end."""
+    """Outcome of a run. If the run ended early, it contains all finished steps."""
 
     status: Status
     sentence: str
-    """End of the run, in a word and in a sentence (with step, time and place of a divergence)."""
+    """How the run ended, as a sentence. For a run that diverged, the sentence contains the step, time and place."""
     variables: tuple[Variable, ...]
     """Variables of the record; solver statistics of each step have the dimension "step"."""
     summary: Mapping[str, Metric]
-    """Entries of `summary.json`; None, NaN and infinity need a reason."""
+    """Entries of `summary.json`. An entry without a value (None, NaN or infinity) needs a reason in `reasons`."""
     reasons: Mapping[str, str]
-    """Reasons for entries of the summary without a value."""
+    """Reason why an entry of the summary has no value, by the name of the entry."""
     wall_s: float
-    """Wall time of the simulation alone [s]."""
+    """Wall time of the simulation, without checks, files and pictures [s]."""
     checkpoint: tuple[Variable, ...] = ()
     """State from which the run can be continued; empty if the model does not support this."""
     timing: tuple[Variable, ...] = ()
     """Further wall-clock values; single numbers are written to `summary.json`."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """Errors of entries of the summary, by name; empty for a run without a given accuracy."""
+    """Estimated errors of entries of the summary, by name; empty if no accuracy was requested."""
     run: str = ""
+    """Description of the worm, the world and the end of the run as JSON, as in `Record`."""
     parts: tuple[Variable, ...] = ()
-    """Worm, world and end of the run (`run`), and their arrays, as in `Record`."""
+    """Arrays that belong to the description `run`, as in `Record`."""
 
 
 def status_word(status: worm3d.Status | planar.status.Status) -> Status:
@@ -101,7 +102,11 @@ def status_word(status: worm3d.Status | planar.status.Status) -> Status:
 
 
 def pictures(module: str, *stems: str) -> dict[str, Draw]:
-    """Return functions that draw pictures, by their name, the file stem; the first picture imports the module."""
+    """Return functions that draw pictures, by name.
+
+    A stem is the name of the function in `module`, and of the picture's file without its ending. The module is imported
+    when the first picture is drawn.
+    """
 
     def draw(function: str, record: Record) -> tuple[Picture, Axes]:
         drawn: tuple[Picture, Axes] = getattr(import_module(module), function)(record)
@@ -116,18 +121,18 @@ class Pictures:
 
     name: str
     title: str
-    """Noun phrase for users; `name` is the value of a scene's `model`."""
+    """Title of the model as users read it. `name` is the value of the key `model` in a scene."""
     figures: Mapping[str, Draw]
-    """File stem -> function that draws the figure from a record."""
+    """Functions that draw a figure from a record, by the name of the figure's file without its ending."""
     overview: Callable[[Record], Image] | None
     """Function that draws the figure written by every run (`scenes.records.overview`)."""
     animate: Callable[[Record], Movie] | None = None
     """Function that returns the movie of a record."""
     view: View | None = None
-    """Function that writes the page of a record for a browser to a path; with `skin=True`, the worm has a smooth skin.
-    A run then writes no animation, which would show less and take longer."""
+    """Function that writes a page, on which a browser shows the run. If a model has this function, a run writes the
+    page instead of an animation. With `skin=True`, the worm has a smooth skin."""
     mesh: Callable[[Record, float | None], bytes] | None = None
-    """Function that returns a mesh of a record at an instant [s] (None: the end), as a GLB file."""
+    """Function that returns a mesh of the worm at an instant [s] as the content of a GLB file. None means the end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,24 +142,28 @@ class Model(Pictures, Generic[S]):
     schema: type[S]
     """Schema of the whole scene."""
     checks: tuple[Check, ...]
-    """Checks across keys."""
+    """Checks of the scene that involve several keys."""
     run: Callable[[S, Observer], Outcome]
     """Function that simulates a scene, and calls the observer after each step."""
     advice: str
     """Advice for a run that diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
-    """Entries of the summary at the end of a run's report, in addition to those for every moving worm."""
+    """Entries of the summary that a run prints at its end, each with the label and the unit. They are printed in
+    addition to the entries that are printed for every moving worm."""
     moves: bool = True
-    """Whether a worm moves."""
+    """Whether the model has a worm that moves."""
     inputs: tuple[str, ...] = ()
-    """Variables of a record that a scene prescribes: a fit ignores these variables in a measurement."""
+    """Variables of a record that the scene prescribes. A fit does not compare them with a measurement."""
     abscissa: str = "time"
-    """Variable of a record, one number per instant, for the horizontal axis of the figures of fits."""
+    """Variable of a record for the horizontal axis in the figures of fits. It has one number per instant."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
-    """Function that continues from a record's checkpoint to the end of the scene; the outcome covers the whole run."""
+    """Function that continues a run from the checkpoint of a record to the end of the scene. The outcome contains the
+    whole run, not only the continuation."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
-    """Function that runs a scene in a live view."""
+    """Function that runs a scene while a browser shows the run."""
     beside: Callable[[S, Record, Rows], Mapping[str, Any]] | None = None
-    """Function that returns arguments of `worm3d.results.pictures.arrays`: the period, and objects beside the worm."""
+    """Function that returns arguments of `worm3d.results.pictures.arrays`: the period of the gait, and what is drawn in
+    addition to the worm."""
     refers_to: Callable[[S], object] | None = None
-    """Function that returns the dependencies of a run outside the scene and its named files, as data for JSON."""
+    """Function that returns the data on which a run depends in addition to the scene and the files named in it. The
+    data can be written as JSON."""

@@ -27,7 +27,7 @@ BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
 """Keys that determine the reach of the links of a chamber."""
 
 CHECKING_METHODS = {"worm.segments": "require_body", "run.dt_s": "require_steps", "worm.stroke": "require_stroke"}
-"""Methods of a gait that raise an error about the value of a key."""
+"""Methods of a gait that raise an error if the gait does not fit the value of a key."""
 
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:
@@ -74,7 +74,7 @@ def too_much_memory(
     segments: int,
     remedy: str = "a shorter run.duration_s, a longer run.dt_s or fewer worm.segments",
 ) -> Found:
-    """Report a scene that would not fit into memory; `needed` in bytes."""
+    """Return an error if a run needs more memory than allowed; `needed` is the memory of the run in bytes."""
     if needed <= MOST_MEMORY:
         return None
     text = (
@@ -86,7 +86,7 @@ def too_much_memory(
 
 
 def memory_check(bytes_per_step: Callable[[int], float]) -> Check:
-    """Return the check that a run fits into memory, if every step is kept until the end of the run."""
+    """Return the check that a run fits into memory, for a model that keeps every step until the end of the run."""
 
     def fits(dt_s: float, duration_s: float, segments: int) -> Found:
         steps = duration_s / dt_s
@@ -105,9 +105,10 @@ Refusals = tuple[type[Exception], ...]
 
 
 def building(make: Callable[..., object], *needs: str, refusals: Refusals = (ValueError,)) -> Check:
-    """Return the check that an object can be made of sections and keys.
+    """Return the check that the function `make` accepts the values of the sections and keys `needs`.
 
-    An error is reported at the keys that the sentence names, or else at the first key of `needs`.
+    `make` raises an error of a type in `refusals` if it does not. The error is reported at the keys that its message
+    names, or at the first key of `needs` if the message names none.
     """
     return Check(needs, partial(_refused, make=make, needs=needs, refusals=refusals), builds=True)
 
@@ -119,14 +120,17 @@ def _refused(*values: Any, make: Callable[..., object], needs: tuple[str, ...], 
     except refusals as error:
         own = any(named.is_own(str(getattr(value, "kind", ""))) for value in values)
         if own and str(error).partition(":")[0] not in _keys(zip(needs, values, strict=True)):
-            raise  # the error of a user's own part names the part
+            raise  # the caller adds the name of the user's own part
         single = [need for need, value in zip(needs, values, strict=True) if not isinstance(value, Section)]
         return by_key(str(error), _keys(zip(needs, values, strict=True)), single)
     return None
 
 
 def _keys(needed: Iterable[tuple[str, Any]]) -> dict[str, str]:
-    """Return the key of each parameter, by `name` and by `section.name`, without names that mean several keys."""
+    """Return the key of the scene for each parameter of a part.
+
+    A parameter is listed by its name and as `section.name`. A name is left out if several keys of a section have it.
+    """
     keys: dict[str, str] = {}
     for need, value in needed:
         if isinstance(value, Section):
@@ -142,9 +146,16 @@ def _keys(needed: Iterable[tuple[str, Any]]) -> dict[str, str]:
 def gait_checks(
     gait: type[Section], worm: type[Section], *, unlimited: tuple[str, ...] = (), can_sense: bool = True
 ) -> tuple[Check, ...]:
-    """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow.
+    """Return the checks that the section [gait] describes a valid gait, and that the worm of [worm] can perform it.
 
-    The model itself limits the numbers `unlimited`. `can_sense` says whether the model has sensor signals.
+    Parameters
+    ----------
+    gait, worm : type
+        Schemas of the two sections.
+    unlimited : tuple of str
+        Keys of the gait whose limits the model checks itself; the checks ignore their values.
+    can_sense : bool
+        Whether the model has sensor signals for the gait.
     """
 
     def ask(limit: Any, section: Any, *, method: str) -> None:
@@ -166,14 +177,14 @@ def gait_checks(
 
 
 def _asked(section: Any) -> Gait | None:
-    """Return the gait of a section; None if the gait is refused, which the first of `gait_checks` reports."""
+    """Return the gait of a section, or None if the gait is invalid, which another of the `gait_checks` reports."""
     with suppress(ValueError):
         return gait_from(section, dt=1.0)
     return None
 
 
 def _senses_nothing(section: Any) -> Found:
-    """Report a gait that needs sensor signals, in a model without sensors."""
+    """Return an error for a gait that needs sensor signals, in a model without sensors."""
     gait = _asked(section)
     if not isinstance(gait, FeedbackGait) or not gait.senses:
         return None
@@ -181,7 +192,7 @@ def _senses_nothing(section: Any) -> Found:
 
 
 def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
-    """Report a gait that lengthens a chamber beyond the reach of its links."""
+    """Return an error for a gait that lengthens a chamber to more than its links allow."""
     given = dict(zip(body, values, strict=False))
     half_height_m, length_m, segments = (given[key] for key in BODY)
     gait = _asked(values[-1])
@@ -210,7 +221,10 @@ def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
 
 
 def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
-    """Return the sentence of a part with parameters replaced by the keys of the scene."""
+    """Return a message in which the names of parameters are replaced by the keys of the scene.
+
+    Only names with an underscore are replaced, since other names may be ordinary words.
+    """
     for parameter, key in keys.items():
         if "_" in parameter:
             sentence = sentence.replace(parameter, key)
@@ -218,9 +232,10 @@ def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
 
 
 def by_key(sentence: str, keys: Mapping[str, str], single: Collection[str] = ()) -> Found:
-    """Return an error of a part, `parameter: got ...`, at the key of each parameter that the sentence names.
+    """Return an error message of a part, `parameter: got ...`, for the key of each parameter that the message names.
 
-    If the parameter belongs to a section, only other keys of the section and `single` keys are considered.
+    If the message does not begin with a parameter in `keys`, return it as a text. If the first parameter belongs to a
+    section, the other parameters are sought only among the keys of this section and among the keys `single`.
     """
     subject, _, rest = sentence.partition(": ")
     if subject not in keys:

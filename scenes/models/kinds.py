@@ -1,4 +1,4 @@
-"""Parts by kind, for `worm3d list KIND`: the shipped parts, and the keys of scenes that name a part."""
+"""The output of `worm3d list KIND`: the shipped parts of a kind, and the keys of scenes that name such a part."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def lines(name: str) -> list[str]:
     Raises
     ------
     SceneError
-        There is no such kind.
+        If there is no kind of this name.
     """
     if name not in PART_KINDS:
         raise SceneError(unknown("kind of parts", name, [(each, each) for each in PART_KINDS]))
@@ -42,7 +42,10 @@ def lines(name: str) -> list[str]:
 
 
 def _keys(schema: type, kind: Kind) -> Iterator[tuple[str, Key | None]]:
-    """Yield the notation of a part of a kind in a scene, and the key; None if a section contains the parts."""
+    """Yield how a scene names a part of a kind, and the key that contains the name.
+
+    The key is None if the names of the parts are themselves keys of a section.
+    """
     for name, declared in keys_in(schema).items():
         if declared.section is None:
             continue

@@ -1,4 +1,4 @@
-"""Loading of scenes by name or path: read, override and check; all mistakes are reported together."""
+"""Loading of scenes by name or path. All mistakes in a scene and its overrides are reported together."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from worm3d.values.spelling import did_you_mean
 
 @dataclass(frozen=True)
 class Scene:
-    """A checked scene: name, model and settings, with every default filled in."""
+    """A checked scene, in which every key that was left out has its default."""
 
     name: str
     model: Model[Any]
@@ -36,12 +36,12 @@ class Scene:
     """The section [study], if the scene has one."""
 
     def to_toml(self) -> str:
-        """Return the resolved scene as TOML that can be loaded again, without [sweep] and [study]."""
+        """Return the scene with all defaults as TOML, without [sweep] and [study]; it can be loaded again."""
         return toml.document(self.settings)
 
 
 class ImpossibleError(SceneError):
-    """A scene whose keys are each valid, but do not fit together or are refused by the plant."""
+    """An error of a scene in which each key is valid on its own, but the keys do not fit together."""
 
     def __init__(self, scene: Scene, lines: Iterable[str]) -> None:
         super().__init__(*lines)
@@ -54,9 +54,9 @@ def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene
     Parameters
     ----------
     name_or_path : str or Path
-        Name of a shipped scene, or a TOML file. Files named in a TOML file are first looked up in the same folder.
+        Name of a shipped scene, or path of a TOML file. Files named in a TOML file are first sought in its folder.
     overrides : iterable of str
-        Items of the form `section.key=value`; the value is TOML, and a bare word is a text.
+        Items of the form `section.key=value`. The value is written as in TOML, but a text needs no quotation marks.
 
     Raises
     ------
@@ -68,20 +68,20 @@ def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene
 
 
 def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
-    """Check a scene given as TOML text; see `load_scene`. Files named in the text are first looked up in `folder`."""
+    """Check a scene given as TOML text, as `load_scene` does. Files named in the text are first sought in `folder`."""
     return Draft(text, name, overrides, folder).checked()
 
 
 def trusted_scene(data: Mapping[str, Any], name: str) -> Scene:
-    """Return a resolved scene from data that have been checked before; many times as fast as `parse_scene`."""
+    """Return the scene of data that have been checked before; this is many times faster than `parse_scene`."""
     model, data, _ = with_own_parts(models.get(data["model"]), data)
     return Scene(name, model, trusted(model.schema, data))
 
 
 class Draft:
-    """A scene as written, to be checked with many sets of overrides; checks that the overrides do not affect run once.
+    """A scene as written, which can be checked with many sets of overrides.
 
-    The parameters are the same as in `parse_scene`.
+    Checks that do not depend on the overrides run only once. The parameters are the same as in `parse_scene`.
     """
 
     def __init__(self, text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> None:
@@ -93,16 +93,19 @@ class Draft:
         self._passed: dict[type[Section], Passed] = {}
 
     def checked(self, overrides: Iterable[str] = ()) -> Scene:
-        """Return the scene with further overrides; SceneError with one line per mistake.
+        """Return the checked scene with further overrides.
 
-        The error is an ImpossibleError if each key is valid on its own.
+        Raises
+        ------
+        SceneError
+            One line per mistake. The error is an ImpossibleError if each key is valid on its own.
         """
         data, overridden, mistakes = apply_overrides(self._data, overrides)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
         outside = {name: data.pop(name) for name in keys_in(Outside) if name in data}
         mistakes += schema_mistakes(Outside, outside)
         model, model_mistakes = _model_of(data)
-        # Every section, so that each missing mandatory key is reported by name.
+        # Add all missing sections as empty sections, so that each missing mandatory key is reported by its name.
         sections: dict[str, Any] = {name: {} for name, known in keys_in(model.schema).items() if known.section}
         model, data, own_mistakes = with_own_parts(model, {**sections, **data, "model": model.name})
         schema: type[Section] = model.schema
@@ -120,14 +123,17 @@ class Draft:
 
 
 def with_own_parts(model: Model[Any], data: Mapping[str, Any]) -> tuple[Model[Any], dict[str, Any], list[Mistake]]:
-    """Return a model extended by the keys of the user's own parts in a scene; see `own.completed` for the rest."""
+    """Return a model with the keys of the user's own parts in a scene, the completed scene, and mistakes.
+
+    See `scenes.language.own.completed`.
+    """
     schema, filled, mistakes = own.completed(model.schema, data)
     return model if schema is model.schema else replace(model, schema=schema), filled, mistakes
 
 
 @cache
 def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
-    """Return the checks that each key set in a section is for the kind that the section chooses."""
+    """Return the checks that each key of a section belongs to the kind that the section chooses."""
     checks: list[Check] = []
     for name, known in keys_in(schema).items():
         key = next(iter(getattr(known.section, "holds", ())), "")
@@ -136,13 +142,13 @@ def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
 
 
 def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:
-    """Return whether a key is wrong whatever the other keys are: no other key is suspected, or the file is wrong."""
+    """Return whether a mistake is independent of other keys: only one key can be wrong, or the key names a file."""
     key = key_at(schema, mistake.path)
     return not mistake.suspects or key is None or key.is_file
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:
-    """Replace each file name in a scene by the full path of the file in a folder, if the folder contains the file."""
+    """Replace each file name in a scene by the full path, if the given folder contains the file."""
     for name, known in keys_in(schema).items():
         given = data.get(name)
         if isinstance(given, dict) and known.section is not None:
@@ -152,7 +158,10 @@ def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> N
 
 
 def _model_of(data: Mapping[str, Any]) -> tuple[Model[Any], list[Mistake]]:
-    """Return the scene's model; if the name is wrong, the likeliest model, so that the rest can be checked."""
+    """Return the model of the scene, and mistakes.
+
+    If the name of the model is wrong, return the most likely model, so that the rest of the scene can be checked.
+    """
     given, known = data.get("model"), models.names()
     if isinstance(given, str) and given in known:
         return models.get(given), []

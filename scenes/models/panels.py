@@ -15,11 +15,15 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 ALWAYS = ("work_contract", "kinetic")
-"""Terms of the energy ledger that are drawn even if they are always zero."""
+"""Terms of the energy balance that are drawn even if they are zero during the whole run."""
 
 
 def stacked(height: float, ratios: tuple[float, ...] = (1,), *, shared: bool = True) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure of a height [inch], and panels one above the other, over time if they share the axis."""
+    """Return a figure and its panels, one above the other.
+
+    `height` is the height of the figure [inch], `ratios` are the relative heights of the panels. If `shared` is true,
+    all panels have the same time axis.
+    """
     figure = Figure(figsize=(6.6, height), layout="constrained", dpi=120)
     rows = np.ravel(figure.subplots(len(ratios), 1, sharex=shared, height_ratios=ratios))
     for axes in rows:
@@ -29,14 +33,14 @@ def stacked(height: float, ratios: tuple[float, ...] = (1,), *, shared: bool = T
 
 
 def at_least(axes: Axes, span: float) -> None:
-    """Widen the vertical range, so that noise does not fill the picture."""
+    """Widen the vertical axis to at least `span`, so that tiny variations do not look large."""
     low, high = axes.get_ylim()
     if high - low < span:
         axes.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
 
 
 def from_above(axes: Axes) -> None:
-    """Show places from above, to one scale; a narrow strip is widened, so that the picture is not a line."""
+    """Give a view from above the same scale on both axes; a narrow view is widened."""
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     span = np.ptp(limits, axis=1)
     half = 0.5 * np.maximum(span, 0.35 * span.max())
@@ -52,7 +56,11 @@ def ends(axes: Axes, joints: FloatArray) -> None:
 
 
 def energy_ledger(record: Record, time: str, *terms: Iterable[str]) -> tuple[Figure, Axes]:
-    """Draw the supply and the use of energy, summed over the run: the terms supplied, stored and lost."""
+    """Draw the energy balance of a record, cumulative over the run.
+
+    `time` is the variable for the horizontal axis; `terms` are the names of the supplied, the stored and the lost
+    terms.
+    """
     drawn = ([name for name in names if name in ALWAYS or np.any(record[name])] for names in terms)
     supplied, stored, lost = ({name.replace("_", " "): np.cumsum(record[name]) for name in names} for names in drawn)
     title = f"{record.title}: energy, summed over the run"

@@ -13,7 +13,7 @@ from scenes.language.schema import Section, setting
 WAVE = "travelling_wave"
 
 BODY_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
-"""Ranges that are narrower in a scene than in Python."""
+"""Ranges of parameters of the body, which are narrower in a scene than in Python."""
 
 
 class Run(Section):
@@ -34,9 +34,10 @@ class Run(Section):
 
 
 def gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defaults: Any) -> Keys:
-    """Return the keys of gaits, without some parameters; a dirac pulse lasts one time step.
+    """Return the keys of the gaits in a registry.
 
-    The default gait is the paper's wave. A key whose default differs among gaits has the default of the chosen gait.
+    The parameters `without` and the length of an impulse have no key; an impulse lasts one time step (`gait_from`). The
+    default gait is the paper's wave. If the default of a key differs between gaits, it is that of the chosen gait.
     """
     return keys_of(
         {WAVE: registry[WAVE], **registry} if WAVE in registry else registry,
@@ -51,13 +52,13 @@ def gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defa
 
 
 def planar_gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defaults: Any) -> Keys:
-    """Return the keys of gaits for a worm that cannot turn, without some parameters."""
+    """Return the keys of gaits for a worm that cannot turn; the parameters `without` have no key."""
     turning = {name for gait in registry.values() for name in getattr(gait, "turning", ())}
     return gait_keys(registry, (*turning, *without), **defaults)
 
 
 def gait_from(section: Any, dt: float, **given: Any) -> Gait:
-    """Return the gait of a section; `given` are parameters outside the section, and dt is the time step [s]."""
+    """Return the gait of a section; `given` are parameters that are not in the section, and dt is the time step [s]."""
     gait: Gait = part_named(GAIT, section.kind, section, impulse=dt, **given)
     return gait
 

@@ -1,4 +1,4 @@
-"""Keys for the quality of sensors, channel by channel, and the sensors described by the keys."""
+"""Keys for the quality of each sensor channel, and the channels that these keys describe."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def _units(quantity: Quantity) -> dict[str, str]:
 
 
 def channel_keys(*, exact: bool = False) -> Keys:
-    """Return the keys of all channels, with the defaults of usual sensors or, with `exact`, of exact sensors.
+    """Return the keys of all channels. The defaults are those of usual sensors, or of exact sensors if `exact` is true.
 
-    A usual sensor that a robot need not have is switched on by name.
+    Among usual sensors, a channel that not every robot has is switched on by a key with its name.
     """
     keys: Keys = {}
     for name, what in QUANTITIES.items():
@@ -38,21 +38,21 @@ class ChannelSection(PartSection, holds={ITSELF: CHANNEL}):
 
     @classmethod
     def each(cls, name: str, part: Any) -> Keys:
-        """Return the keys of the sub-section of a user's own channel; the name of the channel is registered."""
+        """Return the keys of the sub-section of a user's own channel, and register the channel under its name."""
         QUANTITIES.setdefault(own_name(name), part)
         return keys_of(Channel, defaults=asdict(part.default), units=_units(part))
 
 
 def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
-    """Return the named channels as described by a section, and the user's own channels in the section.
+    """Return the channels `names` as a section describes them, and the user's own channels in the section.
 
-    A channel without keys in the section is a usual sensor. Such a channel was added to `QUANTITIES` by a module that
-    was imported later, for example the module of a controller.
+    A channel for which the section has no keys is a usual sensor. This happens if a module that was imported after the
+    section was defined, for example the module of a controller, added the channel to `QUANTITIES`.
 
     Raises
     ------
     ValueError
-        A name is not the name of a channel.
+        If a name is not the name of a channel.
     """
     own = own_channels(section)
     require_known(names)
@@ -69,14 +69,14 @@ def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
 
 
 def own_channels(section: Any) -> dict[str, str]:
-    """Return the name of each user's own channel in a section, by `module:NAME`; the name is NAME alone.
+    """Return the user's own channels in a section, as a dictionary from `module:NAME` to NAME.
 
-    Controllers use this name for the channel; the name is registered in `QUANTITIES`.
+    Controllers use NAME for the channel, and the channel is registered under NAME in `QUANTITIES`.
 
     Raises
     ------
     ValueError
-        Another channel has the same name.
+        If another channel has the same NAME.
     """
     found = {}
     for name in (name for name, _ in section if is_own(name)):

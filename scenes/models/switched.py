@@ -1,4 +1,8 @@
-"""Sections that switch on parts of a registry by name: `name = true`, and keys that begin with the name."""
+"""Sections that switch on parts of a registry.
+
+For each part, the section has a key with the name of the part, which switches it on, and a key for each parameter,
+which begins with this name.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +27,15 @@ def switched_keys(registry: Mapping[str, type]) -> Keys:
 
 
 def switched_parts(kind: Kind, section: Any) -> list[Any]:
-    """Return the parts that a section switches on: shipped parts in the order of the registry, then users' own.
+    """Return the parts that a section switches on, first the shipped parts and then the user's own parts.
 
-    A part that was registered after the section was made has no key in the section.
+    The shipped parts are in the order of the registry. A part that was registered after the section was defined has no
+    key in the section, and is off.
 
     Raises
     ------
     ValueError
-        A part refuses its keys.
+        If the parameters of a part are invalid.
     """
     asked = [name for name in kind.registry if getattr(section, name, False)]
     own = [name for name, _ in section if is_own(name)]
@@ -38,7 +43,10 @@ def switched_parts(kind: Kind, section: Any) -> list[Any]:
 
 
 def parts_listed(kind: Kind, section: Any) -> list[Any]:
-    """Return the parts that a section lists as `parts`; ValueError as in `switched_parts`."""
+    """Return the parts listed in the key `parts` of a section.
+
+    Raise ValueError if the parameters of a part are invalid.
+    """
     return [_part(kind, name, section) for name in section.parts]
 
 
@@ -49,7 +57,10 @@ def _part(kind: Kind, name: str, section: Any) -> Any:
 
 
 def switched_checks(names: Iterable[str], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:
-    """Return the checks that keys are set only for switched-on parts; `what` is a word for a part."""
+    """Return the checks that no parameter is set for a part that is off.
+
+    `what` is the word for a part in error messages.
+    """
     return tuple(
         Check(
             (f"{section}.{each}", f"{section}.{name}"),
@@ -62,5 +73,8 @@ def switched_checks(names: Iterable[str], section: str, schema: type[Section], w
 
 
 def _is_asked_for(value: Any, asked: bool, *, key: str, default: Any, what: str) -> Found:
-    """Report a parameter of a part that is not switched on, unless at its default, as in resolved scenes."""
+    """Return an error if a parameter is set for a part that is not switched on.
+
+    A parameter with its default value is accepted, since stored scenes contain all parameters.
+    """
     return None if asked or value == default else f"there is no such {what}: set {key} = true, or leave it out"

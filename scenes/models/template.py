@@ -17,14 +17,14 @@ from scenes.models.loading import with_own_parts
 
 
 def template(model: Model[Any], overrides: Iterable[str] = ()) -> str:
-    """Return a scene of a model with every key at its default, and with meaning, unit and range as comments.
+    """Return a scene of a model in which every key has its default and a comment with its meaning, unit and range.
 
-    Overrides, `section.key=value`, replace defaults; the overrides may name users' own parts.
+    `overrides` are items `section.key=value` that replace defaults. They may name a user's own parts.
 
     Raises
     ------
     SceneError
-        One line for each mistake in the overrides.
+        If there are mistakes in the overrides, with one line for each mistake.
     """
     data, paths, mistakes = apply_overrides({}, overrides)
     model, given, wrong = with_own_parts(model, data)

@@ -1,1 +1,1 @@
-"""Results on disc: records, their store, figures and exports."""
+"""Results of runs: records, measurements, their files, and the overview picture."""

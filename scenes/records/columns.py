@@ -1,7 +1,8 @@
-"""Columns of tables of measurements: `name[_index...][_axis][_unit]`, such as `joints_0_x_m` or `force_N`.
+"""Names of the columns of measurements: `name[_index...][_axis][_unit]`, such as `joints_0_x_m` or `force_N`.
 
-The names are the same as in `worm3d export --csv`, with more units: all numbers are converted to SI units. A
-dimensionless number has no unit (or `1`), an axis is x, y or z, and an index counts from 0.
+`worm3d export --csv` uses the same names. A measurement may have other units than the units of an export, and is
+converted to SI units. A dimensionless number has no unit, or the unit `1`. An axis is x, y or z, and an index counts
+from 0.
 """
 
 from __future__ import annotations
@@ -31,15 +32,16 @@ COLUMN_UNITS = {
     **{unit.replace("/", "_per_").replace("^", ""): (unit, 1.0) for unit in ("kg m/s", "kg m^2/s", "J/m", "Hz", "kg")},
     "percent": ("1", 0.01),
 }
-"""SI unit and factor of each unit that can end the name of a column."""
+"""For each unit at the end of the name of a column: the SI unit, and the factor that converts to it."""
 
 MOST_NUMBERS = 20_000_000
-"""Largest number of entries in the array of a quantity; missing indices also count as entries."""
+"""Largest number of entries in the array of a quantity. Indices without a column count as entries, too."""
 
 PURE = {"strain", "waves"} | {name for name, series in series_of(Recorded).items() if series.unit == "1"}
 """Dimensionless quantities, whose columns do not need a unit."""
 INDEXED = {"strain"} | {name for name, series in series_of(Recorded).items() if set(series.dims) - {"time", "axis"}}
-"""Quantities with an index, so that `strain_1` is the strain of segment 1 and not a dimensionless number."""
+"""Quantities with an index. In their names, a final 1 is an index and not the unit: `strain_1` is the strain of segment
+1."""
 
 MARKER = "marker_"
 """Prefix of the name of a marker's position."""
@@ -47,7 +49,7 @@ MARKER = "marker_"
 
 @dataclass(frozen=True)
 class Column:
-    """Content of a column."""
+    """What a column contains."""
 
     title: str
     """Name of the column in the file."""
@@ -55,15 +57,15 @@ class Column:
     """Name of the quantity."""
     index: tuple[int, ...]
     axis: int | None
-    """0, 1, 2 for x, y, z; None for a column without an axis."""
+    """Axis of the component, 0, 1 or 2 for x, y or z; None for a column without an axis."""
     unit: str
-    """SI unit."""
+    """SI unit of the quantity."""
     factor: float
-    """SI units per unit of the column."""
+    """Factor that converts the numbers of the column to the SI unit."""
 
 
 def parsed(title: str) -> Column:
-    """Return the column described by a name; SceneError if the unit is unknown or the quantity has no name."""
+    """Return the content of a column with the given name; raise SceneError if the name is invalid."""
     suffix = max((each for each in COLUMN_UNITS if title.endswith(f"_{each}")), key=len, default="")
     unit, factor = COLUMN_UNITS[suffix] if suffix else ("1", 1.0)
     tokens = title.removesuffix(f"_{suffix}").split("_")
@@ -87,14 +89,15 @@ def parsed(title: str) -> Column:
 
 
 def variables_of(titles: Sequence[str], table: FloatArray) -> tuple[Variable, ...]:
-    """Return the quantities in the columns of a table, shape (T, K), as variables in SI units, including `time`.
+    """Return the quantities of a table as variables in SI units, including `time`.
 
-    Entries without a column are NaN, such as z if only x and y of a quantity were measured, but z of another quantity.
+    The table has T rows and K columns, shape (T, K). Entries of a variable that have no column are NaN. For example, if
+    a column has the z of one quantity, all quantities with an axis get a z.
 
     Raises
     ------
     SceneError
-        A column name cannot be parsed, appears twice, or does not fit the other columns of the quantity.
+        If the name of a column is invalid, occurs twice, or does not fit the other columns of the quantity.
     """
     columns = [parsed(title.strip()) for title in titles]
     axes = 3 if any(column.axis == 2 for column in columns) else 2
@@ -105,7 +108,7 @@ def variables_of(titles: Sequence[str], table: FloatArray) -> tuple[Variable, ..
 
 
 def _variable(name: str, group: Mapping[int, Column], table: FloatArray, axes: int) -> Variable:
-    """Return the variable for the columns of one quantity, given by their positions in the table."""
+    """Return a quantity as a variable; `group` are its columns by their number in the table."""
     first = next(iter(group.values()))
     seen: dict[tuple[int, ...], Column] = {}
     for column in group.values():

@@ -1,4 +1,4 @@
-"""Tables in CSV files: lines `# name: text`, a row of column names, and rows of numbers."""
+"""Reading of CSV files that have header lines `# name: text`, a row of column names, and rows of numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LARGEST_FILE = 1_000_000_000
 """Largest size of a file that can be read [byte]."""
 
 LARGEST_NUMBER = 1e100
-"""Largest number in a cell: the square and products with units are finite."""
+"""Largest number in a cell. Its square, and its product with the factor of a unit, do not overflow."""
 
 PACKED = ".gz"
 """Suffix of gzip files."""
@@ -27,18 +27,18 @@ PACKED = ".gz"
 _HEADER_LINE = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
 
 Rows = list[tuple[int, list[str]]]
-"""Cells of rows, each with a line number."""
+"""Rows of a table, each with the line number in the file and the cells."""
 
 
 def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
-    """Return the header by name, the column names, and the rows with line numbers.
+    """Return the texts of the header lines by name, the column names, and the rows with their line numbers.
 
     Raises
     ------
     SceneError
-        The file does not exist, is not text, or has no row of column names.
+        If the file does not exist, is not text, or has no row of column names.
     DiscError
-        The file cannot be read.
+        If the file cannot be read.
     """
     try:
         text = _unpacked(regular_file.read(path, LARGEST_FILE), path).decode("utf-8-sig")
@@ -67,7 +67,10 @@ def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
 
 
 def _unpacked(data: bytes, path: Path) -> bytes:
-    """Return data, unpacked if the name ends in .gz; SceneError if the data are damaged or too large."""
+    """Return the data of a file, unpacked if the name of the file ends in .gz.
+
+    Raise SceneError if the data are damaged or too large.
+    """
     if path.suffix.lower() != PACKED:
         return data
     try:
@@ -86,7 +89,7 @@ def table(titles: list[str], rows: Rows) -> FloatArray:
     Raises
     ------
     SceneError
-        There are fewer than two rows, a row has a different length, or a cell is not a number.
+        If there are fewer than two rows, a row has the wrong number of cells, or a cell is not a number.
     """
     if len(rows) < 2:
         raise SceneError(f"got {len(rows)} rows of numbers, must be two or more")

@@ -1,7 +1,8 @@
-"""The folder of a run: path, checks before writing, and writing of files.
+"""The folder of a run: its path, checks before writing, and writing of files.
 
-Files are written completely or not at all, and one process at a time writes to a folder. The lock belongs to an open
-file and ends with the process, even if the process is killed; a lock file left by a killed process locks nothing.
+Files are written completely or not at all. Only one process at a time can write to a folder, since it locks a file in
+the folder. The operating system releases the lock when the process ends, even if the process is killed. Therefore a
+lock file that a killed process has left behind does not block the folder.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ from pathlib import Path
 from scenes.language.errors import DiscError, SceneError
 
 RUNS = Path("runs")
-"""Folder for runs without --out."""
+"""Folder in which runs without the option --out create their folders."""
 
 RESULT = "result.nc"
 SUMMARY = "summary.json"
 OVERVIEW = "overview.png"
 ANIMATION = "animation.gif"
-"""Animation of a planar worm; for 3D worms, `worm3d export --film` makes an animation."""
+"""Animation, which runs of planar worms write. For 3D worms, `worm3d export --film` writes an animation."""
 VIEWER = "viewer.html"
-"""Page of a 3D worm that plays in any browser without a network."""
+"""Page that plays the run in a browser without a network, which runs of 3D worms write."""
 
 TEMPORARY_PREFIX = ".worm3d-"
-"""Prefix of the names of temporary files."""
+"""Beginning of the names of temporary files."""
 LOCK = f"{TEMPORARY_PREFIX}lock"
 
 if sys.platform == "win32":
@@ -49,14 +50,15 @@ else:
 
 @contextmanager
 def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path]:
-    """Yield the folder to write to, created, checked and locked before the computation starts.
+    """Yield the folder for a run. It is created, checked and locked, and unlocked at the end of the context.
 
     Raises
     ------
     SceneError
-        The path is a file, the folder is not empty and `force` is not set, or another process writes to the folder.
+        If the path is a file, if the folder is not empty and `force` is false, or if another process writes to the
+        folder.
     DiscError
-        The folder cannot be created or written.
+        If the folder cannot be created or written.
     """
     folder = out if out is not None else _fresh(scene_name)
     _require_empty(folder, force=force)
@@ -71,14 +73,14 @@ def _require_empty(folder: Path, *, force: bool) -> None:
 
 
 def is_used(folder: Path) -> bool:
-    """Return whether a folder contains files other than temporary ones; DiscError if the folder cannot be read."""
+    """Return whether a folder contains files other than temporary files; raise DiscError if it cannot be read."""
     with disc_errors(folder):
         return folder.is_dir() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir())
 
 
 @contextmanager
 def disc_errors(path: Path) -> Iterator[None]:
-    """Raise a `DiscError` about a path in place of errors of the file system."""
+    """Convert errors of the file system to a `DiscError` about a path."""
     try:
         yield
     except OSError as error:
@@ -86,20 +88,20 @@ def disc_errors(path: Path) -> Iterator[None]:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, if the file exists; DiscError if the file cannot be removed."""
+    """Remove a file if it exists; raise DiscError if it cannot be removed."""
     with disc_errors(path):
         path.unlink(missing_ok=True)
 
 
 def made(folder: Path) -> Path:
-    """Return a folder, created if necessary.
+    """Create a folder if it does not exist, check that it can be written, and return it.
 
     Raises
     ------
     SceneError
-        The path is a file.
+        If the path is a file.
     DiscError
-        The folder cannot be created or written.
+        If the folder cannot be created or written.
     """
     with disc_errors(folder):
         if folder.exists() and not folder.is_dir():
@@ -110,12 +112,13 @@ def made(folder: Path) -> Path:
 
 
 def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
-    """Check that files can be written, before the computation starts.
+    """Check that the files `targets` can be written without loss. `result` is the file or folder that is read.
 
     Raises
     ------
     SceneError
-        Two targets are the same file, a target is the result itself, or a target exists and `force` is not set.
+        If two targets are the same file, if a target is the file that is read, or if a target exists and `force` is
+        false.
     """
     source = (result / RESULT if result.is_dir() else result).resolve()
     real = [target.resolve() for target in targets]
@@ -130,12 +133,12 @@ def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yield a unique path ending in `.part` to write to, which becomes `path` only after success.
+    """Yield the path of a temporary file to write to. After success, the file is renamed to `path`.
 
     Raises
     ------
     DiscError
-        The file system reported an error; the previous file, if any, is unchanged.
+        If the file cannot be written. An existing file at `path` then stays as it is.
     """
     part = path.with_name(f"{TEMPORARY_PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
@@ -172,14 +175,14 @@ def _fresh(scene_name: str) -> Path:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Prevent other processes, and threads, from writing to a folder.
+    """Lock a folder, so that no other process or thread that also locks it can write to it.
 
-    Without support for locks, on some file systems or in a read-only folder, no lock is set.
+    If the file system does not support locks, or the folder is read-only, no lock is set.
 
     Raises
     ------
     SceneError
-        Another process holds the lock.
+        If another process has locked the folder.
     """
     handle = _acquired(folder)
     try:
@@ -192,7 +195,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _acquired(folder: Path) -> int | None:
-    """Return the handle of the locked file, or None if locks are not supported."""
+    """Return the handle of the locked file, or None if no lock can be set."""
     while True:
         try:
             handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)

@@ -1,4 +1,8 @@
-"""Markers on the body of a robot: positions on the line of joints, from the header of a measurement."""
+"""Markers on the body of a measured robot.
+
+The header of a measurement says where on the body each marker is. Positions are on the line of joints, the polygon
+through the joints from tail to head.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +18,13 @@ _PLACE = re.compile(r"(?P<kind>joint|body)\s+(?P<number>\d+(\.\d*)?([eE][-+]?\d+
 
 
 class Place(NamedTuple):
-    """A position on the line of joints."""
+    """A position on the line of joints, as the header gives it."""
 
     kind: str
-    """`joint`, or `body` for a position given as the share of the segments behind the marker."""
+    """`joint` for a position at a joint, or `body` for a position given as a fraction of the body."""
     number: float
-    """Number of the joint, with 0 for the tail; or the share, with 0 for the tail and 1 for the head."""
+    """Number of the joint, 0 at the tail; or fraction of the segments that lie behind the marker, 0 at the tail and 1
+    at the head."""
 
 
 def places(header: Mapping[str, str]) -> dict[str, Place]:
@@ -28,7 +33,7 @@ def places(header: Mapping[str, str]) -> dict[str, Place]:
     Raises
     ------
     SceneError
-        A line cannot be parsed.
+        If a line about a marker is invalid.
     """
     return {
         match["name"]: _place(match["name"], text) for name, text in header.items() if (match := _LINE.fullmatch(name))
@@ -47,7 +52,10 @@ def _place(name: str, text: str) -> Place:
 
 
 def require_same(said: Mapping[str, Place], columns: set[str]) -> None:
-    """Raise an error for markers without a position on the body, and for positions without columns."""
+    """Raise an error if a marker with columns has no line in the header, or a marker in the header has no columns.
+
+    `said` are the positions from the header, and `columns` the names of the markers with columns.
+    """
     for name in sorted(columns - said.keys()):
         raise SceneError(
             f"marker {name}: not said where on the body it sits, must have a line such as '# marker {name}: joint 0' "
@@ -58,12 +66,14 @@ def require_same(said: Mapping[str, Place], columns: set[str]) -> None:
 
 
 def positions(joints: FloatArray, place: Place) -> FloatArray:
-    """Return the position of a marker, shape (T, D) [m], on the line of joints, shape (T, N+1, D) [m].
+    """Return the position of a marker at each instant, shape (T, D) [m].
+
+    `joints` are the positions of the N + 1 joints in D dimensions, shape (T, N+1, D) [m].
 
     Raises
     ------
     SceneError
-        The joint does not exist.
+        If the worm has no joint of this number.
     """
     last = joints.shape[1] - 1
     if place.kind == "joint" and place.number > last:

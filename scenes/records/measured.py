@@ -1,9 +1,8 @@
-"""Measured trajectories: CSV files as records, and values of a simulation at the instants of a measurement.
+"""Measurements: reading them from CSV files, and values of a simulation at the instants of a measurement.
 
-A file begins with lines `# name: text`, such as title, source and licence, and a line for each marker on the body, such
-as `# marker head: joint 6` or `# marker m2: body 0.5` (the share of the segments behind the marker: tail 0, head 1). A
-row of column names follows (`scenes.records.columns`), and then a row for each instant. Blank cells and `nan` are
-missing values.
+A file begins with lines `# name: text`, such as title, source and licence. Each marker on the body has a line such as
+`# marker head: joint 6` or `# marker m2: body 0.5` (`scenes.records.markers`). Then follow a row of column names
+(`scenes.records.columns`) and a row of numbers for each instant. Blank cells and `nan` are missing values.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ from worm3d.values.variable import Variable
 MEASURED_MODEL = "measured"
 """Value of `Record.model` for a measurement."""
 ENDING = ".csv"
-"""Suffix of the file name of a measurement."""
+"""Ending of the file name of a measurement."""
 
 JOINTS = ("joints", "joint", "main_node")
-"""Variables with the joints of a worm, from tail to head, in the records of different models."""
+"""Names that the records of different models use for the variable with the joints, from tail to head."""
 
 TIME_TOLERANCE = 1e-9
-"""Fraction of the duration by which an instant may lie outside the simulation."""
+"""Fraction of the duration of a simulation by which an instant of a measurement may lie outside it."""
 
 
 def load(path: Path) -> Record:
@@ -41,9 +40,10 @@ def load(path: Path) -> Record:
     Raises
     ------
     SceneError
-        Not a table of numbers with names and units, fewer than two instants, or instants not in ascending order.
+        If the file is not a table of numbers with valid column names, or has fewer than two instants, or if the
+        instants are not in ascending order.
     DiscError
-        The file cannot be read.
+        If the file cannot be read.
     """
     header, titles, rows = csv_file.split(path)
     try:
@@ -72,11 +72,11 @@ def is_measured(record: Record) -> bool:
 
 
 def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]:
-    """Return the values of a simulation for each measured quantity and instant, in arrays like the measurement's.
+    """Return the values of a simulation that correspond to the values of a measurement.
 
-    Between stored instants, the simulation is interpolated linearly. Markers are positions on the line of joints, and
-    `strain` is the strain of each segment between its joints. Whole turns are added to a heading to bring it nearest to
-    the measured heading.
+    Between its stored instants, the simulation is interpolated linearly. Markers are positions on the line of joints,
+    and `strain` is the strain of each segment, measured between its joints. A heading is shifted by whole turns to be
+    nearest to the measured heading.
 
     Parameters
     ----------
@@ -85,13 +85,14 @@ def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]
     Returns
     -------
     dict of str to ndarray
-        Arrays by measured quantity, with the measured shapes, in SI units; NaN at instants outside the simulation.
-        Quantities that the simulation does not have are left out (`unmatched` gives the reasons).
+        For each measured quantity, an array of the shape of the measurement, in SI units. Values at instants outside
+        the simulation are NaN. Quantities that the simulation does not have are left out (`unmatched` gives the
+        reasons).
 
     Raises
     ------
     SceneError
-        The records have no quantity in common.
+        If the records have no quantity in common.
     """
     found, reasons = matched(simulated, measured)
     if not found:
@@ -102,12 +103,12 @@ def simulated_like(simulated: Record, measured: Record) -> dict[str, FloatArray]
 
 
 def unmatched(simulated: Record, measured: Record) -> dict[str, str]:
-    """Return the reasons for measured quantities without a counterpart in a simulation, by name."""
+    """Return, by name, the reasons why measured quantities have no counterpart in a simulation."""
     return matched(simulated, measured)[1]
 
 
 def matched(simulated: Record, measured: Record) -> tuple[dict[str, FloatArray], dict[str, str]]:
-    """Return the results of `simulated_like` and of `unmatched`; both may be empty."""
+    """Return the results of `simulated_like` and of `unmatched`. Each of the two dictionaries may be empty."""
     found: dict[str, FloatArray] = {}
     reasons: dict[str, str] = {}
     for name, variable in series_of(measured).items():
@@ -122,14 +123,17 @@ def matched(simulated: Record, measured: Record) -> tuple[dict[str, FloatArray],
 
 
 def series_of(record: Record) -> dict[str, Variable]:
-    """Return the variables of a record over the stored instants, by name; for a simulation, also segment strains."""
+    """Return the variables of a record that have a value for each stored instant, by name.
+
+    For a simulation, this includes the strains of the segments.
+    """
     names = [v.name for v in record.variables if _is_series(v)]
     own = {name: one_series(record, name) for name in (*names, "strain")}
     return {name: variable for name, variable in own.items() if variable is not None}
 
 
 def one_series(record: Record, name: str) -> Variable | None:
-    """Return an entry of `series_of`, or None if no entry has this name."""
+    """Return the entry of `series_of` with the given name, or None if there is none."""
     own = {v.name: v for v in record.variables if _is_series(v)}
     if name in own or name != "strain" or is_measured(record) or not any(each in own for each in JOINTS):
         return own.get(name)
@@ -142,7 +146,10 @@ def _is_series(variable: Variable) -> bool:
 
 
 def counterpart(simulated: Record, measured: Record, variable: Variable) -> FloatArray:
-    """Return the simulated counterpart of a measured quantity, at the simulation's instants; SceneError if none."""
+    """Return the values of a simulation for a measured quantity, at the instants of the simulation.
+
+    Raise SceneError if the simulation does not have the quantity.
+    """
     name = variable.name
     if (own := one_series(simulated, name)) is not None:
         values, unit = own.values, own.units
@@ -164,7 +171,11 @@ def counterpart(simulated: Record, measured: Record, variable: Variable) -> Floa
 
 
 def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatArray) -> FloatArray:
-    """Return a series, shape (T, ...), from ascending times, (T,), at instants, (K,); NaN outside, shape (K, ...)."""
+    """Return the values of a series at other instants, interpolated linearly, shape (K, ...).
+
+    `time` are the ascending times of the series, shape (T,), `values` its values, shape (T, ...), and `instants` the
+    other instants, shape (K,). Values outside the range of `time` are NaN.
+    """
     if np.array_equal(time, instants):
         return values.astype(float)
     slack = TIME_TOLERANCE * float(time[-1] - time[0])
@@ -173,7 +184,7 @@ def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatA
     after = np.minimum(k + 1, len(time) - 1)
     span = np.where(after > k, time[after] - time[k], 1.0)
     share = ((t - time[k]) / span).reshape(-1, *(1,) * (values.ndim - 1))
-    # At a stored instant the other interpolation point does not matter, even if the value there is NaN.
+    # At a stored instant only its own value is used, so that a NaN at the neighbouring instant has no effect.
     found = np.where(
         share == 0.0,
         values[k],
@@ -184,7 +195,10 @@ def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatA
 
 
 def segment_strain(record: Record) -> FloatArray:
-    """Return the distance of neighbouring joints divided by the rest length l0 of a segment, minus 1, shape (T, N)."""
+    """Return the strains of the segments, shape (T, N).
+
+    The strain is the distance between the two joints of a segment, divided by its length at rest, minus 1.
+    """
     joints = next(record[name] for name in JOINTS if name in record)
     if record.scene:
         length = tomllib.loads(record.scene)["worm"]["length_m"]
@@ -195,7 +209,7 @@ def segment_strain(record: Record) -> FloatArray:
 
 
 def _fitted(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return the leading part of an array in another shape, with NaN for missing axes and indices."""
+    """Return an array that is cut to another shape, and filled with NaN where the array is smaller."""
     fitted = np.full(shape, np.nan)
     part = tuple(slice(0, min(sizes)) for sizes in zip(values.shape, shape, strict=True))
     fitted[part] = values[part]
@@ -203,14 +217,14 @@ def _fitted(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def _turned(heading: FloatArray, towards: FloatArray) -> FloatArray:
-    """Return a heading, shifted by whole turns to be nearest to another heading [rad]."""
+    """Return a heading [rad] that is shifted by whole turns to be nearest to another heading."""
     turns = np.round((towards - heading) / (2.0 * np.pi))
     turned: FloatArray = heading + 2.0 * np.pi * np.where(np.isfinite(turns), turns, 0.0)
     return turned
 
 
 def _instants(variables: tuple[Variable, ...], lines: list[int]) -> FloatArray:
-    """Return the instants, shape (T,) [s]; `lines` are the numbers of their lines in the file."""
+    """Return the instants of a measurement, shape (T,) [s]; `lines` are their line numbers in the file."""
     found = next((v for v in variables if v.name == "time"), None)
     if found is None or found.dims != ("time",) or found.units != "s":
         raise SceneError("no column of time, must have one named time_s (or time_ms)")
@@ -226,7 +240,7 @@ def _instants(variables: tuple[Variable, ...], lines: list[int]) -> FloatArray:
 
 
 def _scene(header: dict[str, str]) -> str:
-    """Return the header as TOML, in place of the scene of a record."""
+    """Return the header of a measurement as TOML, which is stored in place of the scene of a record."""
     title = [f"title = {toml_value(header['title'])}"] if "title" in header else []
     lines = (f"{toml_value(name)} = {toml_value(text)}" for name, text in header.items())
     return "\n".join([f"model = {toml_value(MEASURED_MODEL)}", *title, "", "[header]", *lines]) + "\n"

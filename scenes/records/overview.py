@@ -1,7 +1,7 @@
-"""The figure that every run draws: the worm and the distance covered.
+"""The overview, a picture of the worm and of its displacement that every run draws.
 
-The figure is drawn with Pillow only, since importing matplotlib takes longer than a run of ten seconds; `worm3d plot`
-draws all figures of a result.
+The overview is drawn with Pillow, since importing matplotlib would take longer than a run of ten seconds. `worm3d plot`
+draws the other figures of a result.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from worm3d.viewer import colours
 Colour = tuple[int, int, int] | str
 
 SCALE = 3
-"""Factor by which pictures are drawn larger and then averaged down, since the edges of Pillow are not smooth."""
+"""Factor by which a picture is drawn larger and then reduced, which smooths the edges. Pillow itself does not."""
 
 INK, GRID = "#333333", "#dddddd"
 
@@ -38,7 +38,7 @@ SHORTER_COLOUR, REST_COLOUR, LONGER_COLOUR = (
 )
 START_COLOUR = "#a8a8a8"
 INVALID = "white"
-"""Colour for values that are not numbers because the run diverged."""
+"""Colour of polygons whose shortening is not a number, because the run diverged."""
 
 LINE_COLOURS = ("#1f6fb4", "#e08214", "#3a923a", "#8c2d83")
 
@@ -51,15 +51,18 @@ class Side:
     along: str
     """Label of the horizontal axis."""
     bodies: FloatArray
-    """Corners of the polygons at the start and at the end, shape (2, K, C, 2) [m]."""
+    """Corners of the K polygons of the body at the start and at the end of the run, shape (2, K, C, 2) [m]."""
     shortening: FloatArray
-    """Shortening of each polygon at the end, from -1 to 1, shape (K,)."""
+    """Shortening of each polygon at the end of the run, shape (K,), from -1 to 1, which sets its colour."""
     trail: FloatArray
     """Path of the centre of mass, shape (T, 2) [m]."""
 
 
 def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArray]) -> Image.Image:
-    """Return the overview of a run: views, and curves [m], each of shape (T,), over time."""
+    """Return the overview of a run, with views of the body and below them a panel with curves over time.
+
+    The curves are displacements, each of shape (T,) [m], by their label.
+    """
     heights = [_height(side) for side in sides]
     canvas = headed(
         record, record.sentence, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (TOP_MARGIN + BOTTOM_MARGIN)
@@ -73,12 +76,14 @@ def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArra
 
 
 def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArray) -> Image.Image:
-    """Return the overview of a planar worm; `names` are the names of joints, top apexes and bottom apexes.
+    """Return the overview of a run of a planar worm.
 
     Parameters
     ----------
+    names : tuple of str
+        Names of the variables with the joints, the top apexes and the bottom apexes.
     activation : ndarray, shape (N,)
-        Activation of each segment at the end.
+        Activation of each segment at the end of the run.
     """
     joints, top, bottom = (record[name][[0, -1]] for name in names)
     bodies = np.stack([joints[:, :-1], top, joints[:, 1:], bottom], axis=2)
@@ -88,7 +93,10 @@ def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArra
 
 
 def headed(record: Record, sentence: str, height: int) -> Canvas:
-    """Return a canvas with the title and a sentence above panels with a total height [pixels]."""
+    """Return a canvas with the title of a record and a sentence, and empty space below.
+
+    `height` is the height of the space for panels [pixels].
+    """
     canvas = Canvas(PICTURE_WIDTH, HEADER_HEIGHT + height)
     canvas.text(12, 16, record.title, size=15, width=PICTURE_WIDTH - 24)
     canvas.text(12, 36, sentence, width=PICTURE_WIDTH - 24)
@@ -96,11 +104,11 @@ def headed(record: Record, sentence: str, height: int) -> Canvas:
 
 
 def _window(side: Side) -> tuple[FloatArray, FloatArray]:
-    """Return the lower left and upper right corner of the visible part of a view."""
+    """Return the lower left and the upper right corner of the visible part of a view [m]."""
     places = side.bodies.reshape(2, -1, 2)
     with np.errstate(invalid="ignore"):
         length = float(np.ptp(places[0, :, 0]))
-        far = not np.ptp(places[:, :, 0]) <= 4.0 * length  # then only the end is shown
+        far = not np.ptp(places[:, :, 0]) <= 4.0 * length  # if true, only the body at the end is visible
     shown = places[1:] if far else places
     x, y = (limits(shown[..., axis], 1.1 * length if axis == 0 else 0.2 * length, 0.08) for axis in (0, 1))
     return np.array([x[0], y[0]]), np.array([x[1], y[1]])
@@ -112,7 +120,7 @@ def _height(side: Side) -> int:
 
 
 def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
-    """Draw a view to one scale; the panel is made narrower if the view would be too high."""
+    """Draw a view with the same scale on both axes. If the view would be too high, the panel is made narrower."""
     low, high = _window(side)
     scale = min(PANEL_WIDTH / (high[0] - low[0]), height / (high[1] - low[1]))
     right = LEFT_MARGIN + scale * float(high[0] - low[0])
@@ -124,7 +132,7 @@ def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
 
 
 def _shade(share: float) -> Colour:
-    """Return red for a shortened polygon, blue for a lengthened polygon, and the skin colour at rest."""
+    """Return the colour of a polygon, from blue (lengthened) over the skin colour (at rest) to red (shortened)."""
     if not math.isfinite(share):
         return INVALID
     far, size = (SHORTER_COLOUR, min(share, 1.0)) if share > 0.0 else (LONGER_COLOUR, min(-share, 1.0))
@@ -147,14 +155,17 @@ def _draw_curves(canvas: Canvas, time: FloatArray, curves: Mapping[str, FloatArr
 
 
 class Canvas:
-    """A white picture with a width and a height in pixels."""
+    """A picture on a white background; `width` and `height` are in pixels."""
 
     def __init__(self, width: int, height: int) -> None:
         self._image = Image.new("RGB", (SCALE * width, SCALE * height), "white")
         self.draw = ImageDraw.Draw(self._image)
 
     def text(self, x: float, y: float, words: str, *, size: int = 11, anchor: str = "lm", width: float = 0.0) -> None:
-        """Write a line of text with Pillow's `anchor`; with a width [pixels], a longer line gets a smaller font."""
+        """Write a line of text.
+
+        `anchor` is as in Pillow. If `width` [pixels] is given, the font is made small enough for the line to fit.
+        """
         font = ImageFont.load_default(SCALE * size)
         while width and size > 1 and font.getlength(words) > SCALE * width:
             size -= 1
@@ -163,7 +174,7 @@ class Canvas:
 
     @property
     def image(self) -> Image.Image:
-        """The current picture."""
+        """The picture, reduced to its final size."""
         return self._image.reduce(SCALE)
 
 
@@ -175,12 +186,12 @@ class Panel:
     box: tuple[float, float, float, float]
     """Left, top, right and bottom [pixels]."""
     low: FloatArray
-    """Coordinates of the lower left corner, shape (2,)."""
+    """Coordinates of the lower left corner in the units of the axes, shape (2,)."""
     high: FloatArray
-    """Coordinates of the upper right corner, shape (2,)."""
+    """Coordinates of the upper right corner in the units of the axes, shape (2,)."""
 
     def frame(self, title: str, xlabel: str = "") -> None:
-        """Draw border, grid and numbers, the title above, and the label of the x axis below."""
+        """Draw the border, the grid, the numbers of the axes, the title and the label of the horizontal axis."""
         left, top, right, bottom = self.box
         for x, number in ticks(self.low[0], self.high[0]):
             self._segment([[x, self.low[1]], [x, self.high[1]]], GRID, 1.0)
@@ -193,7 +204,7 @@ class Panel:
         self.canvas.text(right, bottom + 24, xlabel, anchor="rm")
 
     def line(self, points: ArrayLike, colour: Colour, width: float = 1.5) -> None:
-        """Draw a line through points, shape (P, 2), with gaps at points that are not finite or outside."""
+        """Draw a line through points, shape (P, 2). It is interrupted at points that are not finite or are outside."""
         places = np.asarray(points, dtype=float)
         seen = self._inside(places)
         for run in np.split(np.arange(len(places)), np.flatnonzero(~seen)):
@@ -202,7 +213,7 @@ class Panel:
                 self._segment(places[inside], colour, width)
 
     def areas(self, corners: ArrayLike, fills: Iterable[Colour | None], edge: Colour = INK) -> None:
-        """Draw polygons, shape (K, C, 2), one after the other; polygons with a corner outside are left out."""
+        """Draw polygons with the given corners, shape (K, C, 2). Polygons with a corner outside are left out."""
         polygons = np.asarray(corners, dtype=float)
         for polygon, fill in zip(polygons, fills, strict=True):
             if self._inside(polygon).all():
@@ -225,7 +236,10 @@ class Panel:
 
 
 def limits(values: ArrayLike, least: float, margin: float = 0.06) -> tuple[float, float]:
-    """Return a range that contains all finite values, with a margin and a minimum width."""
+    """Return the limits of an axis that contains all finite values.
+
+    The range is enlarged by the fraction `margin` on both sides, and to at least the width `least`.
+    """
     finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
@@ -234,7 +248,7 @@ def limits(values: ArrayLike, least: float, margin: float = 0.06) -> tuple[float
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[tuple[float, str]]:
-    """Return round numbers between two limits, at most `most`, each as text with the digits needed."""
+    """Return about `most` round numbers between two limits, each as a number and as text."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * nice for nice in (1.0, 2.0, 5.0, 10.0) if power * nice >= rough * (1.0 - 1e-9))

@@ -1,4 +1,4 @@
-"""Results of a run: metrics, named arrays with dimensions and units, and the origin of the results."""
+"""The record of a run: metrics, arrays with dimensions and units, the scene, and the versions of the programs."""
 
 from __future__ import annotations
 
@@ -18,26 +18,27 @@ from worm3d.values.variable import Variable
 Cell = float | int | str | None
 
 Metric = Cell | list[dict[str, Cell]]
-"""A number of the summary, or a table, such as the faults of a run."""
+"""Value of an entry of the summary: a number, a text, or a table (for example the faults of a run) as a list of
+rows."""
 
 
 def fault_row(time: float, kind: str, what: str, advice: str) -> dict[str, Cell]:
-    """Return a fault of a run, detected at a time [s], as a row of the summary."""
+    """Return a fault, detected at the given time [s], as a row of the table of faults in the summary."""
     return {"time_s": time, "kind": kind, "what": what, "advice": advice}
 
 
 class MissingVariableError(SceneError, KeyError):
-    """A result does not contain a variable."""
+    """A record does not contain a variable of the requested name."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Metrics of a run by name; a metric that is None, NaN or infinite becomes None and needs a reason."""
+    """Metrics of a run by name. NaN and infinite values are replaced by None. For None, a reason must be given."""
 
     metrics: Mapping[str, Metric]
     reasons: Mapping[str, str] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
-    """Errors of the metrics by name, if known."""
+    """Estimated errors of metrics by name, for the metrics whose errors are known."""
 
     def __post_init__(self) -> None:
         metrics = {name: metric if _has_value(metric) else None for name, metric in self.metrics.items()}
@@ -49,17 +50,17 @@ class Summary:
         object.__setattr__(self, "reasons", MappingProxyType({name: self.reasons[name] for name in absent}))
 
     def __getitem__(self, name: str) -> Metric:
-        """Return a metric by name."""
+        """Return the metric with the given name."""
         return self.metrics[name]
 
     @property
     def faults(self) -> list[dict[str, Cell]]:
-        """Faults of a run in the order of detection, each as in `fault_row`."""
+        """Faults of the run, sorted by time, as rows of `fault_row`."""
         found = self.metrics.get("faults")
         return found if isinstance(found, list) else []
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the metrics, the reasons under `reasons` and any errors under `errors`, as data for JSON."""
+        """Return the metrics, with the reasons under the key `reasons` and any errors under `errors`, for JSON."""
         return {**self.metrics, "reasons": dict(self.reasons), **({"errors": dict(self.errors)} if self.errors else {})}
 
 
@@ -69,16 +70,16 @@ def _has_value(metric: Metric) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A finished run; when the scene is run again, all fields but `timing` are the same, bit for bit."""
+    """The record of a run. If the same scene is run again, all fields except `timing` are the same, bit for bit."""
 
     name: str
     """Name of the scene."""
     model: str
     scene: str
-    """The resolved scene as TOML, with every default."""
+    """The scene as TOML, with all overrides and defaults filled in."""
     status: str
     sentence: str
-    """Sentence about the end of the run."""
+    """Sentence that says how the run ended."""
     seed: int
     versions: Mapping[str, str]
     """Versions of the programs that made the record."""
@@ -86,13 +87,14 @@ class Record:
     variables: tuple[Variable, ...]
     """Variables with unique names; a dimension has the same length in all variables."""
     timing: tuple[Variable, ...] = ()
-    """Wall-clock values."""
+    """Computing times."""
     checkpoint: tuple[Variable, ...] = ()
-    """State from which the run can be continued, bit for bit."""
+    """State at the end of the run. A run continued from it is the same, bit for bit, as a run without interruption."""
     run: str = ""
-    """Worm, world and end of the run, in the format of `worm3d.load`; empty for a planar worm."""
+    """Description of the worm, the world and the end of the run as JSON, in the format that `worm3d.load` reads. Empty
+    for models without a 3D worm."""
     parts: tuple[Variable, ...] = ()
-    """Arrays of worm and world."""
+    """Arrays that belong to the description `run`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))
@@ -108,7 +110,7 @@ class Record:
         return any(variable.name == name for variable in self.variables)
 
     def variable(self, name: str) -> Variable:
-        """Return a variable; the sentence of the KeyError lists the existing variables."""
+        """Return the variable with the given name; raise MissingVariableError if there is none."""
         for variable in self.variables:
             if variable.name == name:
                 return variable
@@ -129,7 +131,7 @@ class Record:
 
 
 def _require_consistent(variables: tuple[Variable, ...]) -> None:
-    """Raise an error for variables with the same name, or with different lengths of one dimension."""
+    """Raise ValueError if two variables have the same name, or if a dimension has different lengths in two of them."""
     names = [variable.name for variable in variables]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ValueError(f"variables: {', '.join(twice)} given more than once, names must be unique")

@@ -1,4 +1,4 @@
-"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, CSV for spreadsheets, and NPZ for NumPy."""
+"""Files of records: NetCDF4 in the format of `worm3d.values.netcdf`, CSV for spreadsheets, and NPZ for NumPy."""
 
 from __future__ import annotations
 
@@ -17,25 +17,28 @@ from worm3d.values.variable import write_csv
 
 
 def save(record: Record, path: Path) -> None:
-    """Write a record as NetCDF4, completely or not at all.
+    """Write a record as a NetCDF4 file, completely or not at all.
 
     Raises
     ------
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     write_bytes(path, netcdf.packed(netcdf.signed(content_of(record))))
 
 
 def load(path: Path) -> Record:
-    """Read a record; for a folder, the file `result.nc` in the folder; a file ending in .csv is a measurement.
+    """Read a record from a file, or from the file `result.nc` in a folder.
+
+    A file whose name ends in .csv is read as a measurement.
 
     Raises
     ------
     SceneError
-        The file does not exist, is not a worm3d file, or is cut short, damaged, or changed by another program.
+        If the file does not exist, is not a file of worm3d, is incomplete or damaged, or was changed by another
+        program.
     DiscError
-        The file cannot be read.
+        If the file cannot be read.
     """
     if path.suffix.lower() == measured.ENDING and not path.is_dir():
         return measured.load(path)
@@ -55,14 +58,15 @@ def load(path: Path) -> Record:
 
 
 def export_csv(record: Record, path: Path) -> None:
-    """Write one row per stored instant and one column per number at this instant: `com_x_m`, `main_node_3_y_m`.
+    """Write a CSV file with a row for each stored instant.
 
-    Values without an instant are left out: statistics of solver steps, single numbers, wall-clock values and all text.
+    There is a column for each number at an instant, such as `com_x_m` and `main_node_3_y_m`. Values that do not belong
+    to an instant are left out: statistics of steps, single numbers, computing times, and texts.
 
     Raises
     ------
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     timed = [v for v in record.variables if v.dims[:1] == ("time",)]
     with written_whole(path) as part:
@@ -70,12 +74,14 @@ def export_csv(record: Record, path: Path) -> None:
 
 
 def export_npz(record: Record, path: Path) -> None:
-    """Write every variable by name, and the resolved scene as the text `scene`; without pickles.
+    """Write an NPZ file with all variables by name, and the scene with all defaults as the text `scene`.
+
+    The file has no pickled objects.
 
     Raises
     ------
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     arrays = {variable.name: variable.values for variable in record.variables}
     with written_whole(path) as part, part.open("wb") as file:

@@ -1,4 +1,4 @@
-"""Reports as text: tables for terminals and Markdown, CSV and JSON."""
+"""Tables as text for terminals and Markdown, and tables and data as CSV and JSON."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ Cells = tuple[str, ...]
 
 
 class Column(NamedTuple):
-    """A quantity of each row, and its format."""
+    """A column of a table: an attribute of the objects in the rows, and the format of its values."""
 
     attribute: str
-    """Attribute of a row, which may be an attribute of an attribute: `own.speed`."""
+    """Name of the attribute, which may be an attribute of an attribute, such as `own.speed`."""
     form: str = ""
-    """Format specification of numbers, as after the colon in an f-string."""
+    """Format specification of the values, as after the colon in an f-string."""
     scale: float = 1.0
-    """Factor of the value."""
+    """Factor by which the values are multiplied."""
     none: str = ""
     """Text for None and NaN."""
     name: str = ""
-    """Title in CSV files; the attribute if left out."""
+    """Title of the column in CSV files; the name of the attribute if left out."""
 
     def value(self, row: object) -> Any:
         """Return the value of a row."""
@@ -41,12 +41,12 @@ class Column(NamedTuple):
 
 
 def table(columns: Mapping[str, Column], rows: Iterable[object]) -> tuple[Cells, list[Cells]]:
-    """Return the header and the rows of a table; the keys of `columns` are the titles."""
+    """Return the header and the rows of a table as texts; the keys of `columns` are the titles."""
     return tuple(columns), [tuple(column.cell(row) for column in columns.values()) for row in rows]
 
 
 def aligned(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a table for a terminal."""
+    """Yield the lines of a table for a terminal, with aligned columns."""
     body = list(rows)
     widths = [max(map(len, column)) for column in zip(header, *body, strict=True)]
     for cells in (header, *body):
@@ -61,7 +61,10 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iter
 
 
 def csv_bytes(rows: Iterable[Iterable[Any]]) -> bytes:
-    """Return rows, including titles, as the bytes of a CSV file; None and non-finite numbers are empty."""
+    """Return rows, the first of which has the titles, as the bytes of a CSV file.
+
+    Cells with None or a number that is not finite are empty.
+    """
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(map(finite, row) for row in rows)
     return text.getvalue().encode()
@@ -75,13 +78,16 @@ def csv_table(columns: Iterable[Column], rows: Iterable[object]) -> bytes:
 
 
 def json_bytes(content: Any, indent: int | None = 2) -> bytes:
-    """Return content as the bytes of a JSON file; non-finite numbers become null."""
+    """Return content as the bytes of a JSON file. Numbers that are not finite become null."""
     text = json.dumps(finite(content), indent=indent, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode()
 
 
 def finite(content: Any) -> Any:
-    """Return content as data for JSON: mappings as dicts, sequences as lists, None for non-finite numbers."""
+    """Return content as data for JSON.
+
+    Mappings become dictionaries, sequences become lists, and numbers that are not finite become None.
+    """
     if isinstance(content, Mapping):
         return {key: finite(item) for key, item in content.items()}
     if isinstance(content, list | tuple):

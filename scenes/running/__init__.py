@@ -1,1 +1,1 @@
-"""Runs of a scene: progress, report at a terminal, and pictures."""
+"""Running a scene: its progress, the report on the terminal, and pictures of the result."""

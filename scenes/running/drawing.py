@@ -1,4 +1,4 @@
-"""Figures, animation, page and mesh of a record, written as files."""
+"""Writing the figures, the animation, the page and the mesh of a record to files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def model_of(record: Record) -> Model[Any]:
     Raises
     ------
     SceneError
-        This version of the program does not know the model, or the record is a measurement or a whole sweep.
+        If this version of the program does not have the model, or if the record is not the run of a scene.
     """
     if measured.is_measured(record):
         raise SceneError(f"{record.name}: a measurement, not a run; 'worm3d plot' and 'worm3d compare' draw it")
@@ -48,26 +48,26 @@ def model_of(record: Record) -> Model[Any]:
 
 
 def pictures_of(record: Record) -> Pictures:
-    """Return the pictures for records of this kind; the errors are those in `model_of`."""
+    """Return the pictures that can be drawn of a record. The errors are the same as in `model_of`."""
     if measured.is_measured(record):
         return measured_pictures(record)
     return model_of(record)
 
 
 def is_drawable(record: Record) -> bool:
-    """Return whether at least one step was finished, or the record is a measurement."""
+    """Return whether a record can be drawn: it is a measurement, or at least one step was finished."""
     return record.sizes.get("step", 0) > 0 or measured.is_measured(record)
 
 
 def plot(record: Record, model: Pictures, folder: Path) -> list[Path]:
-    """Write the overview, if any, and all figures of the model as PNG into a folder, and return the paths.
+    """Write the overview, if there is one, and all figures of a record as PNG files, and return their paths.
 
     Raises
     ------
     SceneError
-        The record has no finished step.
+        If no step was finished.
     DiscError
-        The folder cannot be written.
+        If the folder cannot be written.
     """
     _require_steps(record)
     paths = [] if model.overview is None else [draw_overview(record, model, folder)]
@@ -80,7 +80,7 @@ def plot(record: Record, model: Pictures, folder: Path) -> list[Path]:
 
 
 def draw_overview(record: Record, model: Pictures, folder: Path) -> Path:
-    """Write the figure that every run draws into a folder, and return the path; the errors are those in `plot`."""
+    """Write the overview of a record into a folder, and return its path. The errors are the same as in `plot`."""
     _require_steps(record)
     assert model.overview is not None
     path = folder / OVERVIEW
@@ -90,16 +90,16 @@ def draw_overview(record: Record, model: Pictures, folder: Path) -> Path:
 
 
 def animate(record: Record, model: Pictures, path: Path, fps: int = 20) -> Path:
-    """Write the animation as GIF or MP4, chosen by the suffix of `path`, and return the path.
+    """Write the animation of a record to `path`, a GIF or MP4 file according to the ending, and return the path.
 
     Raises
     ------
     MissingPartError
-        MP4 needs ffmpeg, which is missing.
+        If `path` is an MP4 file and ffmpeg is missing.
     SceneError
-        The suffix is different, no step was finished, or the model has no animation.
+        If the name has another ending, no step was finished, or the model has no animation.
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     _require_steps(record)
     if model.animate is None:
@@ -116,9 +116,9 @@ def view(record: Record, model: Pictures, path: Path, *, skin: bool = True) -> P
     Raises
     ------
     SceneError
-        The model has no page, or no step was finished.
+        If the model has no page, or no step was finished.
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     if model.view is None:
         instead = "'worm3d plot' draws its figures" if model.animate is None else "'worm3d export' makes a film"
@@ -130,14 +130,17 @@ def view(record: Record, model: Pictures, path: Path, *, skin: bool = True) -> P
 
 
 def mesh(record: Record, model: Pictures, at: float | None, path: Path) -> Path:
-    """Write the worm and the world at an instant [s] (None: the end) as a GLB file, and return the path.
+    """Write the worm and the world at an instant [s] as a GLB file, and return the path.
+
+    If `at` is None, the instant is the end of the run.
 
     Raises
     ------
     SceneError
-        The suffix is different, the instant is not in the run, no step was finished, or the model has no mesh.
+        If the name does not end in .glb, the instant is outside the run, no step was finished, or the model has no
+        mesh.
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     _require_steps(record)
     if model.mesh is None:
@@ -153,15 +156,17 @@ def mesh(record: Record, model: Pictures, at: float | None, path: Path) -> Path:
 
 
 def clear_pictures(folder: Path) -> None:
-    """Remove the summary and pictures of an earlier run, of any model, and unfinished files; keep other files.
+    """Remove the files of an earlier run of any model: summary, pictures and unfinished files.
+
+    The result and other files are kept.
 
     Raises
     ------
     DiscError
-        A file cannot be removed.
+        If a file cannot be removed.
     """
     found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
-    # Only if there are pictures, since this imports every model.
+    # The names of the figures are needed only if there are PNG files. Finding them imports every model.
     stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
     unfinished = [path.name for path in folder.glob(f"{TEMPORARY_PREFIX}*.part*")]
     for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
@@ -169,7 +174,7 @@ def clear_pictures(folder: Path) -> None:
 
 
 def cut_short(record: Record) -> str | None:
-    """Return a line for the user if the animation does not show the whole run."""
+    """Return a line for the user if the animation does not show the whole run, else None."""
     simulated = float(record["time"][-1])
     if not is_drawable(record) or pictures_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
         return None
@@ -181,21 +186,21 @@ def save_figure(figure: Picture, path: Path) -> None:
     for title in (*figure.texts, *(axes.title for axes in figure.axes)):
         title.set_wrap(True)  # the names of scenes can be long
     with written_whole(path) as part:
-        # Without the version of matplotlib in the file, the file is the same on every machine.
+        # The version of matplotlib is left out, so that the file does not depend on it.
         figure.savefig(part, format="png", metadata={"Software": None})
 
 
 def save_movie(movie: Movie, path: Path, fps: int = 20) -> None:
-    """Write a movie in the format given by the suffix of `path`, completely or not at all.
+    """Write a movie in the format given by the ending of `path`, completely or not at all.
 
     Raises
     ------
     MissingPartError
-        MP4 needs ffmpeg, which is missing.
+        If `path` is an MP4 file and ffmpeg is missing.
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
-    # The writers choose the format by the suffix, so the unfinished file has the same suffix.
+    # The writers choose the format by the ending of the name. Therefore the unfinished file has the same ending.
     with written_whole(path) as part:
         unfinished = part.with_name(f"{part.name}{path.suffix}")
         try:

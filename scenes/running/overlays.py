@@ -1,7 +1,7 @@
-"""Figures that compare several records; for a single measurement, the figures show only the measurement.
+"""Figures that compare several records, which may be simulations or measurements, or show a single measurement.
 
-Each function takes records by label and returns (figure, axes), or None if no record has data for the figure.
-Simulations are drawn as lines, measurements as dots; the first record is the reference.
+The argument of each function is a dictionary of records by label. A function returns None if no record has data for its
+figure. Simulations are drawn as lines, and measurements as dots.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 Records = Mapping[str, Record]
 Overlay = Callable[[Records], "tuple[Figure, Axes] | None"]
 Curves = dict[str, tuple[FloatArray, FloatArray]]
-"""Curves by the label of the record: instants, shape (T,) [s], and values, shape (T,)."""
+"""Curves by the label of the record. Each has the instants, shape (T,) [s], and the values, shape (T,)."""
 
 MOST_ROWS = 12
-"""Largest number of panels one above the other."""
+"""Largest number of panels in a figure."""
 LEAST_RANGE = 1e-11
-"""Smallest range of an axis over time: smaller ranges are rounding errors, in all drawn units."""
+"""Smallest range of a vertical axis, in its unit. Smaller variations are rounding errors for all drawn quantities."""
 DRAWN_ENERGIES = (
     "work_contract",
     "work_external",
@@ -43,9 +43,9 @@ DRAWN_ENERGIES = (
     "impact",
     "numerical_loss",
 )
-"""Drawn terms of the energy ledger, summed over the run."""
+"""Terms of the energy balance that are drawn, cumulative over the run."""
 SEPARATE_QUANTITIES = ("strain", "heading", "com", *DRAWN_ENERGIES)
-"""Quantities with separate figures."""
+"""Quantities that have their own figures."""
 
 
 def path(records: Records) -> tuple[Figure, Axes] | None:
@@ -77,7 +77,7 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def centre_of_mass_and_heading(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw the centre of mass, relative to the first position in each record, and the heading over time."""
+    """Draw the centre of mass, relative to its first position, and the heading over time."""
     com, heading = _series(records, "com"), _series(records, "heading")
     rows: dict[str, Curves] = {
         f"centre of mass,\n{name} from the start [m]": {
@@ -109,7 +109,7 @@ def markers(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def energy(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw the main terms of the energy ledger, summed over the run."""
+    """Draw the main terms of the energy balance, cumulative over the run."""
     known = {name: _series(records, name) for name in DRAWN_ENERGIES}
     rows = {
         f"{name.replace('_', ' ')} [J]": {label: (time, np.cumsum(each)) for label, (time, each) in found.items()}
@@ -120,7 +120,7 @@ def energy(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def single_numbers(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw quantities that are one number per instant of a measurement, such as a force, for all records with them."""
+    """Draw all quantities that have a single number per instant in a measurement, such as a force."""
     rows = {
         f"{name.replace('_', ' ')} [{unit}]": {
             label: (time, each) for label, (time, each) in _series(records, name).items() if each.ndim == 1
@@ -153,18 +153,18 @@ OVERLAYS: dict[str, Overlay] = {
     each.__name__: each
     for each in (path, centre_of_mass_and_heading, strain, markers, energy, single_numbers, force_and_cable)
 }
-"""Figures by file stem."""
+"""Functions that draw the figures, by the name of the file without its ending."""
 
 
 def drawn(records: Records) -> Iterator[tuple[str, Figure]]:
-    """Yield the figures for which the records have data, by file stem."""
+    """Yield the figures for which the records have data, each with the name of its file without the ending."""
     for stem, draw in OVERLAYS.items():
         if (found := draw(records)) is not None:
             yield stem, found[0]
 
 
 def measured_pictures(record: Record) -> Pictures:
-    """Return the figures of a measurement for which the measurement has data."""
+    """Return the figures for which a measurement has data."""
     present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
     figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
     return Pictures(name=measured.MEASURED_MODEL, title="a measurement", figures=figures, overview=None)
@@ -177,19 +177,19 @@ def _of_one(draw: Overlay, record: Record) -> tuple[Figure, Axes]:
 
 
 def _values(record: Record, name: str) -> FloatArray | None:
-    """Return the values of a quantity at the stored instants of a record."""
+    """Return the values of a quantity at the stored instants of a record, or None if it does not have the quantity."""
     found = measured.series_of(record).get(name)
     return None if found is None else np.asarray(found.values, dtype=float)
 
 
 def _series(records: Records, name: str) -> Curves:
-    """Return a quantity over time, with values of shape (T, ...), for the records with this quantity."""
+    """Return a quantity over time for the records that have it. The values have the shape (T, ...)."""
     found = {label: _values(record, name) for label, record in records.items()}
     return {label: (records[label]["time"], values) for label, values in found.items() if values is not None}
 
 
 def _component(curves: Curves, k: int) -> Curves:
-    """Return a component of curves with values of shape (T, K), for curves with known values of this component."""
+    """Return component k of curves with values of shape (T, K). Curves without finite values of it are left out."""
     return {
         label: (time, values[:, k])
         for label, (time, values) in curves.items()
@@ -198,7 +198,7 @@ def _component(curves: Curves, k: int) -> Curves:
 
 
 def _numbers(records: Records) -> dict[str, str]:
-    """Return the quantities that are one number per instant of a measurement, with units."""
+    """Return the quantities that have a single number per instant in a measurement, with their units."""
     return {
         name: variable.units
         for record in records.values()
@@ -209,7 +209,10 @@ def _numbers(records: Records) -> dict[str, str]:
 
 
 def _tracks(record: Record, records: Records) -> dict[str, FloatArray]:
-    """Return the positions over time, shape (T, 2 or 3) [m], of a record's centre of mass and measured markers."""
+    """Return the positions of the centre of mass and the markers of a record, by name.
+
+    They have the shape (T, 2) or (T, 3) [m]. For a simulation, the markers are those of the measurements in `records`.
+    """
     own = measured.series_of(record)
     found = {"com": np.asarray(own["com"].values, dtype=float)} if "com" in own else {}
     for other in records.values():
@@ -230,7 +233,7 @@ def _figure(wide: float, high: float) -> tuple[Figure, Axes]:
 
 
 def _style(record: Record, number: int) -> dict[str, Any]:
-    """Return the line style of the curves of a record, by the number of the record."""
+    """Return the style of the curves of a record. The colour depends on the number of the record in the figure."""
     dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3} if measured.is_measured(record) else {"lw": 1.4}
     return {"color": f"C{number}", **dots}
 
@@ -238,7 +241,10 @@ def _style(record: Record, number: int) -> dict[str, Any]:
 def _rows(
     records: Records, rows: Mapping[str, Curves], title: str, *, same: bool = False
 ) -> tuple[Figure, Axes] | None:
-    """Draw curves over time, a panel for each label of an axis; with `same`, all panels have the same range."""
+    """Draw curves over time, with a panel for each entry of `rows`, by the label of its vertical axis.
+
+    If `same` is true, all panels have the same vertical range.
+    """
     from matplotlib.figure import Figure
 
     filled = {label: curves for label, curves in rows.items() if curves}

@@ -1,7 +1,7 @@
 """The environment of the program: a check of the imported packages, the versions of packages, and the machine.
 
-The import name `control` is also the name of python-control, and pip installs both into the same folder without a
-warning; then `import control` imports the other package, or a mixture.
+The package python-control has the import name `control`, too. If both are installed, pip writes them to the same folder
+without a warning, and `import control` imports the other package or a mixture of both.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from scenes.language.errors import SceneError
 LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "h5netcdf", "h5py", "matplotlib")
 OURS = ("control", "planar", "worm3d")
 OWN_CONTROL_LINE = 'DISTRIBUTION = "worm3d"'
-"""Line that only our `control` contains."""
+"""Line of `control/__init__.py` that only the package of worm3d contains."""
 HOME = Path(__file__).resolve().parents[2]
 
 
 def require_own_packages() -> None:
-    """Check, without importing them, that our import names lead to our packages.
+    """Check that the import names of worm3d lead to the packages of worm3d. The packages are not imported.
 
     Raises
     ------
     SceneError
-        Another file was found; the sentence names the file and the remedy.
+        If a name leads to another file. The message names the file and says what to do.
     """
     for name in OURS:
         found, own = _found(name), HOME / name / "__init__.py"
@@ -46,18 +46,18 @@ def require_own_packages() -> None:
 
 
 _version = cache(metadata.version)
-"""Function that returns the version of a package; cached, because the search would take longer than a short run."""
+"""Function that returns the version of a package. It is cached, since each search takes longer than a short run."""
 
 
 def versions() -> dict[str, str]:
-    """Return the version of worm3d, of Python and of the libraries that results depend on."""
+    """Return the versions of worm3d, of Python, and of the libraries on whose versions results may depend."""
     packages = {name: _version(name) for name in ("worm3d", *LIBRARIES)}
     return {"python": platform.python_version(), **packages}
 
 
 @cache
 def sources() -> str:
-    """Return a digest of all modules of the program."""
+    """Return a hash of the source code of all modules of the program."""
     digest = hashlib.sha256()
     for name in ("worm3d", "control", "planar", "scenes"):
         for path in sorted((HOME / name).rglob("*.py")):
@@ -66,7 +66,10 @@ def sources() -> str:
 
 
 def machine() -> dict[str, Any]:
-    """Return processor, cores, system, date and versions, without the machine's name or any path."""
+    """Return the processor, the number of cores, the system, the date and the versions.
+
+    The result contains neither the name of the machine nor any path.
+    """
     return {
         "cpu": cpu_name(),
         "cores": os.cpu_count() or 1,
@@ -77,7 +80,7 @@ def machine() -> dict[str, Any]:
 
 
 def cpu_name(listing: Path = Path("/proc/cpuinfo")) -> str:
-    """Return the name of the processor, as given by the system."""
+    """Return the name of the processor as the operating system gives it."""
     with suppress(OSError):
         for line in listing.read_text().splitlines():
             key, _, value = line.partition(":")

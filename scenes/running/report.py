@@ -1,8 +1,9 @@
 """The report of a study: blocks of text, tables and pictures, as a page in Markdown and as lines for a terminal.
 
-A study computes a `Report`; `report_study` prepares the folder, writes the files, and prints the lines. Every study
-behaves alike therefore: the folder is checked before the computation starts, a file is written completely or not at
-all, Ctrl-C leaves a sentence and an exit code, and the last line names the files.
+A study computes a `Report`. `report_study` prepares the folder, calls the study, writes the files, and prints the
+lines. Therefore all studies behave in the same way: the folder is checked before the computation starts, a file is
+written completely or not at all, Ctrl-C ends the study with a message and an exit code, and the last line names the
+files.
 """
 
 from __future__ import annotations
@@ -29,47 +30,47 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HANGING_INDENT = "    "
-"""Indentation of the second and further lines of a paragraph at a terminal."""
+"""Indentation of the second and further lines of a paragraph on a terminal."""
 
 
 class Heading(NamedTuple):
-    """Title of a page, at level 1, or of a part of the page."""
+    """Heading. Level 1 is the title of a page, level 2 the title of a part of the page."""
 
     text: str
     level: int = 2
 
 
 class Items(NamedTuple):
-    """List of sentences, an item each."""
+    """List in which each item is a sentence."""
 
     sentences: Sequence[str]
 
 
 class Table(NamedTuple):
-    """Table of texts."""
+    """Table whose cells are texts."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
     @classmethod
     def of(cls, columns: Mapping[str, Column], rows: Iterable[object]) -> Table:
-        """Return the table of some columns, by title, of rows."""
+        """Return the table with the given columns, by title, for the objects `rows`."""
         return cls(*table(columns, rows))
 
 
 class Picture(NamedTuple):
-    """Picture in the folder of the page; a terminal does not show it."""
+    """Picture, a file in the folder of the page. On a terminal it is left out."""
 
     file: str
     text: str
 
 
 Block = str | Heading | Items | Table | Picture
-"""Part of a report; a text is a paragraph."""
+"""Part of a report. A `str` is a paragraph."""
 
 
 def markdown(blocks: Iterable[Block]) -> str:
-    """Return blocks as a page in Markdown."""
+    """Return the blocks as a page in Markdown."""
     texts = ["\n".join(_markdown_lines(block)) for block in blocks]
     return "\n\n".join(text for text in texts if text) + "\n"
 
@@ -88,7 +89,7 @@ def _markdown_lines(block: Block) -> Iterable[str]:
 
 
 def terminal_lines(blocks: Iterable[Block], width: int | None = None) -> Iterator[str]:
-    """Yield blocks as lines; `width` is the width of the terminal, to which paragraphs and items are wrapped."""
+    """Yield the blocks as lines of text. Paragraphs and items are wrapped to the width of the terminal, if given."""
     previous: Block = Heading("")
     for block in blocks:
         if not isinstance(previous, Heading) and (isinstance(block, Heading | Table) or isinstance(previous, Table)):
@@ -121,7 +122,7 @@ class Report:
     Parameters
     ----------
     said : sequence of Block
-        Blocks for the terminal.
+        Blocks that are printed on the terminal.
     pages : mapping
         Blocks of each page in Markdown, by file name.
     files : mapping
@@ -129,7 +130,7 @@ class Report:
     pictures : mapping
         Figures (PNG) and movies (GIF), by file name.
     warnings : sequence of str
-        Reasons to doubt the results, for standard error.
+        Reasons to doubt the results, which are printed to standard error.
     exit_code : int
         Exit code of the command.
     """
@@ -160,7 +161,7 @@ class Report:
 
 
 class StudyStoppedError(Exception):
-    """Ctrl-C stopped a study that keeps nothing of an unfinished computation."""
+    """Ctrl-C has stopped a study that stores nothing before it is finished."""
 
 
 def report_study(
@@ -171,18 +172,20 @@ def report_study(
     Parameters
     ----------
     name : str
-        Name of the study; the default folder is `runs/<name>-<time>`.
+        Name of the study.
     study : callable
-        Computes the report; the argument is the folder, for files of an unfinished study.
-    out, force, quiet
-        Options of the command.
+        Function that computes the report. Its argument is the folder, in which it may store intermediate results.
+    out : Path, optional
+        Folder for the files. The default is `runs/<name>-<time>`.
+    force, quiet : bool
+        The options --force and --quiet of the command.
 
     Raises
     ------
     SceneError
-        The folder cannot be used.
+        If the folder cannot be used.
     DiscError
-        The disc refused a file.
+        If a file cannot be written.
     """
     with folders.prepared(out, name, force=force) as folder:
         try:

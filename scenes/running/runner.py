@@ -1,4 +1,4 @@
-"""Runs of a scene, or of the rest of a run, into a folder of results, also after errors."""
+"""Running a scene, or the rest of a stored run, and writing the results to a folder."""
 
 from __future__ import annotations
 
@@ -24,33 +24,45 @@ from worm3d.values import named
 from worm3d.values.variable import Variable
 
 EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
-"""Exit code of the program for each status of a run; a sweep is incomplete if a case failed."""
+"""Exit code of the program for each status of a run or a sweep. A sweep is incomplete if a case failed."""
 
 
 def run_scene(
     scene: Scene, out: Path | None = None, *, force: bool = False, quiet: bool = False, earlier: Record | None = None
 ) -> int:
-    """Run a scene, or the rest of a run, write all computed results, and return the exit code.
+    """Run a scene, or the rest of a run, write the results, and return the exit code.
 
-    The default folder is `runs/<scene>-<time>`; `earlier` is the first part of this run, from which the run continues
-    (`lengthened`); the other options are those of the command.
+    If the run fails or is interrupted, the results up to then are written.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; for the rest of a run, the result of `lengthened`.
+    out : Path, optional
+        Folder for the results. The default is `runs/<scene>-<time>`.
+    force, quiet : bool
+        The options --force and --quiet of the command.
+    earlier : Record, optional
+        First part of the run, which the run continues.
 
     Raises
     ------
     SceneError
-        The folder cannot be used, or a file could not be written.
+        If the folder cannot be used, or a file cannot be written.
     """
     with folders.prepared(out, scene.name, force=force) as folder:
         return _run_into(folder, scene, earlier, quiet=quiet)
 
 
 def lengthened(earlier: Record, more: float | None = None) -> Scene:
-    """Return the scene of a run that continues after the first part, for `more` seconds or to the planned end.
+    """Return the scene for the continuation of a run, for `more` seconds or to the planned end.
+
+    The scene includes the first part of the run, `earlier`.
 
     Raises
     ------
     SceneError
-        The run cannot be continued, or is already complete.
+        If the run cannot be continued, or `more` is None and the run has reached its planned end.
     """
     model = model_of(earlier)
     if model.resume is None or not earlier.checkpoint:
@@ -77,7 +89,7 @@ def lengthened(earlier: Record, more: float | None = None) -> Scene:
         raise SceneError(f"--duration: got {more} s, must be finite and above 0")
     if round(more / run.dt_s) < 1:
         raise SceneError(f"--duration: got {more} s, must be at least a time step (run.dt_s = {run.dt_s} s)")
-    total = float(f"{done * run.dt_s + more:.12g}")  # 0.1 s + 0.2 s is 0.3 s
+    total = float(f"{done * run.dt_s + more:.12g}")  # without rounding errors, such as in 0.1 + 0.2
     return parse_scene(earlier.scene, earlier.name, [f"run.duration_s={total!r}"])
 
 
@@ -100,7 +112,7 @@ def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool
 
 
 def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) -> Record:
-    """Simulate until the end or the first Ctrl-C; a second Ctrl-C raises KeyboardInterrupt."""
+    """Simulate to the end or to the first Ctrl-C. A second Ctrl-C raises KeyboardInterrupt."""
     steps = scene.settings.steps - (earlier.sizes["step"] if earlier else 0)
     with Interruption() as interruption, progress(scene.name, steps, quiet=quiet) as show:
 
@@ -112,7 +124,7 @@ def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) ->
 
 
 def _keep(record: Record, folder: Path) -> None:
-    """Write the result, and only then remove the files of an earlier run."""
+    """Write the result, then remove other files of an earlier run in the folder, and write the summary."""
     save(record, folder / RESULT)
     clear_pictures(folder)
     write_bytes(folder / folders.SUMMARY, json_bytes({**record.summary.to_dict(), **terminal.timing(record)}))
@@ -121,19 +133,26 @@ def _keep(record: Record, folder: Path) -> None:
 def simulate(
     scene: Scene, observer: Observer = lambda done: True, earlier: Record | None = None, how: Watch | None = None
 ) -> Record:
-    """Run a scene and return the record; the observer is called with the number of finished steps.
+    """Run a scene and return the record.
 
-    With a first part of the run, the simulation continues from the end of this part, and the record covers the whole
-    run. With `how`, the run is shown in a live view, if the model has one.
+    Parameters
+    ----------
+    scene : Scene
+    observer : callable
+        Function that is called with the number of finished steps. If it returns False, the run ends.
+    earlier : Record, optional
+        First part of the run. The simulation continues from its end, and the returned record contains the whole run.
+    how : Watch, optional
+        If given, a browser shows the run live.
 
     Raises
     ------
     SceneError
-        The plant or the user's own part refuses the scene.
+        If the scene cannot be simulated, or a user's own part raises an error.
     """
     try:
         outcome = _outcome(scene, observer, earlier, how)
-    except SystemExit as error:  # a mistake in the user's own part: our programs never exit during a run
+    except SystemExit as error:  # must come from a user's own part, since worm3d never exits during a run
         raise SceneError(f"{scene.name}: a part of your own raised SystemExit({error.code!r})") from error
     except Exception as error:
         own = [] if isinstance(error, SceneError) else named.names_in(tomllib.loads(scene.to_toml()))
@@ -183,7 +202,7 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
     if not is_drawable(record):
         return
     draw_overview(record, scene.model, folder)
-    if record.status != "interrupted":  # after Ctrl-C users do not want to wait; see `worm3d export --film`
+    if record.status != "interrupted":  # after Ctrl-C, users do not want to wait for an animation
         if scene.model.view is not None:
             view(record, scene.model, folder / folders.VIEWER)
         elif scene.model.animate is not None:

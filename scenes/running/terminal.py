@@ -1,4 +1,4 @@
-"""A run at a terminal: progress, Ctrl-C, and the report at the end."""
+"""A run on a terminal: the display of the progress, Ctrl-C, and the report at the end."""
 
 from __future__ import annotations
 
@@ -32,27 +32,30 @@ HEADLINES = (
 )
 
 USES = ("friction", "hysteresis", "damping", "impact", "numerical", "gained")
-"""Uses of the work, by their names in the summary: `work_friction_J` and so on."""
+"""What the work of the actuators is used for. The summary has an entry for each, such as `work_friction_J`."""
 
 NOT_IN_ALL = "hysteresis"
-"""Use of the work that some models do not have and that is zero for most worms."""
+"""Entry of `USES` that is printed only if it is not zero. Some models do not have it."""
 
 DOUBTS = {
     "unconverged_steps": "Newton's iteration left {} above its tolerance: try a smaller run.dt_s",
     "inverted_steps": "a segment is inside out after {}: these are shapes that no worm has",
 }
-"""Counts in the summary that must be 0, and the warnings if they are not."""
+"""Warnings for numbers of steps in the summary that should be 0, by the name of the entry."""
 
 
 @contextmanager
 def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
-    """Yield a function of the number of finished steps, or other items; the progress is written to standard error."""
+    """Yield a function that is to be called with the number of finished items, and display the progress.
+
+    The display is written to standard error. `total` is the number of items, and `what` the word for an item.
+    """
     if quiet or not sys.stderr.isatty():
         if not quiet:
             typer.echo(f"{title}: {counted(total, what)}", err=True)
         yield lambda done: None
         return
-    from rich.console import Console  # takes as long as a short run
+    from rich.console import Console  # this import takes as much time as a short run
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -62,7 +65,10 @@ def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iter
 
 
 def each(title: str, keys: Iterable[K], go: Callable[[K], R], what: str, *, quiet: bool) -> dict[K, R]:
-    """Return the results of a function for each key, computed one after the other with a display of the progress."""
+    """Return the results of the function `go` for each key, by key. The progress is displayed.
+
+    `what` is the word for a key in the display.
+    """
     wanted, found = list(keys), {}
     with progress(title, len(wanted), quiet=quiet, what=what) as show:
         for done, key in enumerate(wanted, start=1):
@@ -72,12 +78,12 @@ def each(title: str, keys: Iterable[K], go: Callable[[K], R], what: str, *, quie
 
 
 def counted(number: int, what: str) -> str:
-    """Return `1 step`, `2 steps`."""
+    """Return a number with a noun in the singular or plural, such as `1 step` or `2 steps`."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
-    """Show on a terminal that a task takes a while; without a terminal, show nothing."""
+    """Return a context in which a terminal shows that the task `what` is going on."""
     if quiet or not sys.stderr.isatty():
         return nullcontext()
     from rich.console import Console
@@ -86,7 +92,7 @@ def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
 
 
 class Interruption:
-    """Context in which the first SIGINT or SIGTERM only sets `requested`, and a second one has the usual effect."""
+    """Context in which the first SIGINT or SIGTERM sets `requested` only. A second signal has its usual effect."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -108,7 +114,7 @@ class Interruption:
         self._restore()
 
     def _restore(self) -> None:
-        # An ignored SIGINT (in a background job) would make the second Ctrl-C ineffective.
+        # In a background job, SIGINT is ignored by default. It is made effective, so that a second one ends the run.
         for number, handler in self._previous.items():
             ignored = number == signal.SIGINT and handler in (signal.SIG_IGN, None)
             signal.signal(number, signal.default_int_handler if ignored else handler or signal.SIG_DFL)
@@ -116,7 +122,7 @@ class Interruption:
 
 
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
-    """Return the lines at the end of a run: the most important metrics, and the location of the files."""
+    """Return the lines that are printed at the end of a run: the main metrics, and where the files are."""
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
@@ -129,7 +135,7 @@ def ending(record: Record, model: Model[Any], folder: Path) -> str:
 
 
 def failure(record: Record, model: Model[Any]) -> str:
-    """Return the line about a failed run: the failure, the time and place, and the advice of the model."""
+    """Return the line about a failed run: how, when and where it failed, and the advice of the model."""
     return f"{record.status}: {record.sentence}; {model.advice}"
 
 
@@ -139,7 +145,7 @@ def failed(record: Record) -> bool:
 
 
 def warnings(record: Record) -> list[str]:
-    """Return reasons why the results of a finished run are doubtful, including the faults of the run."""
+    """Return the reasons why the results of a run are doubtful, including its faults."""
     found = ((record.summary.metrics.get(name), text) for name, text in DOUBTS.items())
     doubts = [text.format(counted(number, "step")) for number, text in found if isinstance(number, int) and number]
     return [*doubts, *map(_fault, record.summary.faults)]
@@ -157,7 +163,10 @@ def _metrics(record: Record, model: Model[Any]) -> list[str]:
 
 
 def _error(record: Record) -> list[tuple[str, str, str]]:
-    """Return the headline with the error of the distance, if there is an error or if single distances mean little."""
+    """Return the headline for the error of the distance, as a list with at most one item.
+
+    The list is empty if the run has no error estimate, unless the reason is that the ground is uneven.
+    """
     from worm3d.measures.spread import UNEVEN_GROUND_ADVICE
 
     name = "distance_error_m"
@@ -166,7 +175,7 @@ def _error(record: Record) -> list[tuple[str, str, str]]:
 
 
 def _uses(record: Record) -> list[str]:
-    """Return a line with the shares of the work, and thus of the cost of transport; no line if there is no work."""
+    """Return a line with the share of each use in the work; an empty list if the work is not positive."""
     parts = {name: record.summary.metrics.get(f"work_{name}_J") for name in USES}
     joules = {name: float(part) for name, part in parts.items() if isinstance(part, float | int)}
     work = sum(joules.values())
@@ -177,7 +186,7 @@ def _uses(record: Record) -> list[str]:
 
 
 def timing(record: Record) -> dict[str, float]:
-    """Return the wall-clock values that are single numbers."""
+    """Return the computing times of a run that are single numbers, by name."""
     return {v.name: float(v.values) for v in record.timing if not v.dims}
 
 
@@ -189,7 +198,7 @@ def _sentence(record: Record) -> str:
 
 
 def _metric(record: Record, key: str, unit: str) -> str:
-    from worm3d.values.metrics import written  # not needed for the check of a scene
+    from worm3d.values.metrics import written  # imported here, since most commands do not need it
 
     value = record.summary[key]
     return (

@@ -18,7 +18,10 @@ from scenes.running.terminal import Interruption
 
 
 def open_in_browser(address: str) -> bool:
-    """Open an address if there is a screen; a browser in the terminal would be a nuisance."""
+    """Open an address in the browser if there is a screen, and return whether it was opened.
+
+    Without a screen, a browser would open in the terminal, which users do not want.
+    """
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     if sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in screens):
         return webbrowser.open(address, new=2)
@@ -26,12 +29,20 @@ def open_in_browser(address: str) -> bool:
 
 
 def watch(scene: Scene, *, speed: float, opens: bool) -> int:
-    """Run a scene in a live view without storing the run, and return the exit code.
+    """Run a scene while a browser shows it, without storing the run, and return the exit code.
+
+    Parameters
+    ----------
+    scene : Scene
+    speed : float
+        Speed of the display, simulated time over real time.
+    opens : bool
+        Whether to open the browser.
 
     Raises
     ------
     SceneError
-        The model has no live view, or the view does not start.
+        If the model has no live view, or the view cannot be started.
     """
     if scene.model.watch is None:
         raise SceneError(f"{scene.name}: the model '{scene.model.name}' cannot be watched; 'worm3d run' animates it")

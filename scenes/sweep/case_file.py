@@ -1,8 +1,7 @@
-"""The file of a case: the results, and the data needed to run the case again.
+"""The file of a case of a sweep. It contains the results, and the scene to run the case again.
 
-The file is `<key>.json` in the folder `cases`, small and readable. If whole records are stored, the file is `<key>.nc`,
-identical to the `result.nc` of `worm3d run`. A case without a record, because the plant refused the scene, always has
-the JSON file.
+The file is `<key>.json` in the folder `cases` of the sweep. If whole records are stored, it is `<key>.nc` instead, with
+the same content as the `result.nc` of `worm3d run`. A case that failed without a record has a JSON file in both cases.
 """
 
 from __future__ import annotations
@@ -25,43 +24,43 @@ from scenes.running.terminal import timing
 from worm3d.values import netcdf
 
 CASES = "cases"
-"""Folder of the files of the cases, in the folder of a sweep."""
+"""Name of the folder with the files of the cases, in the folder of a sweep."""
 CASE_FORMAT = "worm3d case 1"
 FAILED_STATUS = "failed"
-"""Status of a case without a record: refused by the plant, or ended by an error or the death of the worker."""
+"""Status of a case that has no record, because the scene is impossible, an error occurred, or the worker died."""
 NOT_RUN = "not run"
-"""Status of a case without a file: the sweep was interrupted before the case."""
+"""Status of a case that has no file, because the sweep was interrupted before the case ended."""
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """Result of a case."""
+    """Result of a case, without the series over time."""
 
     key: str
-    """Key of the job, which is the stem of the file."""
+    """Key of the case (`scenes.sweep.key`), which is the name of its file without the ending."""
     name: str
     """Name of the scene."""
     model: str
     status: str
-    """`done`, `diverged`, `failed`; `not run` if there is no file."""
+    """`done`, `diverged` or `failed`, or `not run` if there is no file."""
     sentence: str
-    """Sentence about the end of the case."""
+    """Sentence that says how the case ended."""
     seed: int
     summary: Mapping[str, Metric] = field(default_factory=dict)
     """Entries of `summary.json` by name; empty if the case failed."""
     reasons: Mapping[str, str] = field(default_factory=dict)
-    """Reasons for missing values."""
+    """Reasons why entries of the summary have no value, by name."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """Errors of the entries by name, if known."""
+    """Estimated errors of entries of the summary by name, for entries whose errors are known."""
     timing: Mapping[str, float] = field(default_factory=dict)
-    """Wall-clock values, which differ when the case is run again."""
+    """Computing times, which are different if the case is run again."""
     versions: Mapping[str, str] = field(default_factory=dict)
     scene: Mapping[str, Any] = field(default_factory=dict)
-    """The resolved scene as data: section -> key -> value."""
+    """The scene with all defaults, as nested dictionaries: the sections by name, and in them the values by key."""
 
 
 def result_of(key: str, record: Record, scene: Mapping[str, Any]) -> CaseResult:
-    """Return the result of a case, given the record of the run and the resolved scene as data."""
+    """Return the result of a case, given the record of its run and its scene (`CaseResult.scene`)."""
     return CaseResult(
         key=key,
         name=record.name,
@@ -84,7 +83,7 @@ def write(result: CaseResult, path: Path) -> None:
     Raises
     ------
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     """
     content = finite({"format": CASE_FORMAT, **vars(result)})
     text = json.dumps({**content, "digest": _digest(content)}, indent=1, ensure_ascii=False)
@@ -92,7 +91,10 @@ def write(result: CaseResult, path: Path) -> None:
 
 
 def read(path: Path) -> CaseResult | None:
-    """Return the content of a case file, JSON or NetCDF; None if the file is missing, damaged or not a case file."""
+    """Return the result in the file of a case, JSON or NetCDF.
+
+    Return None if the file is missing, is damaged, or is not the file of a case.
+    """
     with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, SceneError):
         result = _of_record(path) if path.suffix == ".nc" else _of_json(path)
         return result if result.key == path.stem else None

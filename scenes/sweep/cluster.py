@@ -1,4 +1,4 @@
-"""The workers of a sweep: processes of this machine, or the workers of a running Dask scheduler."""
+"""Executors that run the cases of a sweep in new processes on this machine, or on the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scenes.sweep.flight import WORKER_TIMEOUT_S, Flight
 from scenes.sweep.job import Ended, Job
 
 CONNECT = 5.0
-"""Longest time for the response of a scheduler [s]."""
+"""Longest time to wait for the response of a scheduler [s]."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # `scenes.sweep.flight` decides which cases are tried again
     "distributed.deploy.lost-worker-timeout": f"{WORKER_TIMEOUT_S}s",  # on a busy machine a worker is slow to return
@@ -34,7 +34,10 @@ SETTINGS = {
 }
 """Settings of the scheduler and the workers that this program starts."""
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-"""Code that each worker runs at the start: a terminal's Ctrl-C reaches all processes, but is meant for the driver."""
+"""Code that each worker runs at its start, so that it ignores Ctrl-C.
+
+Ctrl-C on a terminal reaches all processes. Only the driver, the process that distributes the cases, handles it.
+"""
 WARNING = (
     "warning: the scheduler listens on {}: whoever reaches that address can run programs as you do; use it only in a "
     "network that you trust"
@@ -43,11 +46,11 @@ WARNING = (
 
 @dataclass(frozen=True)
 class Local:
-    """Worker processes on this machine, started for the sweep; an `Executor`."""
+    """`Executor` that starts worker processes on this machine for a sweep."""
 
     workers: int
     bind: str = LOOPBACK
-    """Listening address of the scheduler and the workers."""
+    """Network address at which the scheduler and the workers listen."""
 
     def __post_init__(self) -> None:
         if self.workers < 1:
@@ -86,7 +89,7 @@ class Local:
 
 @dataclass(frozen=True)
 class Remote:
-    """Workers of a running scheduler; an `Executor`."""
+    """`Executor` that uses the workers of a running scheduler."""
 
     address: str
 
@@ -117,7 +120,7 @@ class Remote:
 
 
 def _require_single(threads: dict[str, int]) -> None:
-    """Check that workers have one thread, since only one case runs at a time in a process."""
+    """Raise SceneError if a worker has several threads, since a process can run only one case at a time."""
     if many := sorted(address for address, number in threads.items() if number != 1):
         raise SceneError(
             f"the worker at {many[0]} has {threads[many[0]]} threads, must have 1: start workers by 'dask worker "
@@ -126,7 +129,7 @@ def _require_single(threads: dict[str, int]) -> None:
 
 
 def _require_folder(client: Client, folder: Path) -> None:
-    """Check that all workers have worm3d, and access to the folder of the cases."""
+    """Raise an error if a worker cannot import worm3d, or cannot read and write the folder of the cases."""
     probe = folder / f"{TEMPORARY_PREFIX}{secrets.token_hex(8)}.part"
     try:
         with disc_errors(folder):
@@ -145,7 +148,7 @@ def _require_folder(client: Client, folder: Path) -> None:
 
 
 def _sees(probe: str) -> bool:
-    """Return whether this process sees a file of the driver, in a writable folder."""
+    """Return whether this process can read the file `probe`, which the driver wrote, and write to its folder."""
     path = Path(probe)
     with suppress(OSError), tempfile.TemporaryFile(dir=path.parent):
         return path.read_text() == path.name

@@ -1,4 +1,4 @@
-"""`worm3d sweep`: from a scene and varied keys to a folder with the cases and the outputs of the sweep."""
+"""The command `worm3d sweep`: check, run and report of a sweep."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from scenes.sweep.table import Table
 from scenes.sweep.vary import cases_of, texts
 
 QUICKLY_CHECKED = 500
-"""Number of cases from which on the check shows the progress."""
+"""Smallest number of cases for which the progress of the checks is displayed. Fewer cases take only a moment."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,20 @@ def run(
 ) -> int:
     """Run a sweep, or the missing cases of a sweep, write the outputs, and return the exit code.
 
-    The default folder is `runs/<scene>-<time>`. The function `then` is not called if the sweep was stopped.
+    Parameters
+    ----------
+    scene, overrides
+        Name or path of the scene, and items `section.key=value` for all cases.
+    out : Path, optional
+        Folder of the sweep. The default is `runs/<scene>-<time>`.
+    options : Options
+    then : callable
+        Function that is called at the end, unless the sweep was stopped.
 
     Raises
     ------
     SceneError
-        There is a mistake in the scene, the varied keys or the options, the folder cannot be used, or a package is
+        If there is a mistake in the scene, the varied keys or the options, the folder cannot be used, or a package is
         missing.
     """
     executor = chosen(options.workers, options.scheduler, options.bind)
@@ -74,7 +82,7 @@ def run(
 
 
 def checked(source: Source, options: Options) -> Plan:
-    """Return the plan of a sweep; the check of many cases shows the progress."""
+    """Return the plan of a sweep, with all cases checked. For many cases, the progress is displayed."""
     listed = cases_of(options.listed) if options.listed else ()
     with ExitStack() as stack:
         shows: list[Callable[[int], None]] = []
@@ -124,7 +132,7 @@ def _run_and_write(
 
 
 def failures(design: Design, table: Table) -> Iterator[str]:
-    """Yield a line for each failed case; if there are many, only for the first cases."""
+    """Yield a line for each failed case. If there are many, the last line says how many more have failed."""
     failed = [(row, values) for row, values in enumerate(design.cases()) if table.failed[row]]
     for row, values in failed[:MOST_LINES]:
         yield f"with {told(values)}: {table.status[row]}: {table.reasons[row]}"

@@ -1,4 +1,4 @@
-"""`worm3d.sweep`: a sweep from Python, with a data set as the result."""
+"""The function `worm3d.sweep`, which runs a sweep from Python and returns a data set."""
 
 from __future__ import annotations
 
@@ -41,47 +41,48 @@ def sweep(
     Parameters
     ----------
     scene : str or Path
-        Name of a shipped scene, or a TOML file.
+        Name of a shipped scene, or path of a TOML file.
     vary : mapping, optional
-        Values by key of the scene: a sequence, or a text in the format of the command line, such as "1:3:5" (five
-        values from 1 to 3), "1:100:5:log", or with `random` "1:3" for random values. Several sequences make a grid.
-        Default: the scene's section [sweep].
+        Values of each varied key, by key. The values are a sequence, or a text in the format of the command line, such
+        as "1:3:5" (five values from 1 to 3), "1:100:5:log" (five values with equal ratios), or "1:3" (a range for
+        `random`). Several keys make a grid. The default is the section [sweep] of the scene.
     random : int, optional
         Number of random cases.
     cases : sequence of mappings, or a CSV file, optional
-        List of cases: values by key, with the same keys in each case.
+        List of cases. Each case has values by key, and all cases have the same keys.
     overrides : iterable of str
-        Items `section.key=value`, for all cases.
+        Items `section.key=value` for all cases.
     workers : int, optional
-        Number of processes; by default, the cases run one after the other in the current process.
+        Number of processes to start. By default, the cases run one after the other in the current process.
     scheduler : str, optional
         Address of a Dask scheduler whose workers run the cases.
     bind : str
-        Listening address of the scheduler of `workers`.
+        Network address at which the scheduler for `workers` listens.
     case_limit_s : float, optional
-        Time limit of a case, counted from the first step [s]; a case that exceeds the limit fails. Default: the limit
-        in the section [sweep], or an hour.
+        Time limit of a case [s], counted from the first step. A case that exceeds the limit fails. The default is the
+        limit in the section [sweep], or an hour.
     out : str or Path, optional
-        Folder for the cases and the outputs of the sweep, as in `worm3d sweep`; with an existing folder, only missing
-        cases run. By default, nothing is stored.
+        Folder for the cases and the outputs of the sweep, as in `worm3d sweep`. If the folder contains the sweep
+        already, only missing cases are run. By default, nothing is stored.
     results : bool
-        Whether whole records are stored, as in `worm3d run`.
+        Whether the whole record of each case is stored, as by `worm3d run`.
     retry_failed : bool
-        Whether cases that failed before are run again.
+        Whether cases in the folder that failed are run again.
 
     Returns
     -------
     xarray.Dataset
-        The dimensions are the varied keys, and `case` (or `sample`, in addition to other dimensions) for random or
-        listed cases; the variables are the entries of the summary, `status`, `reason` and `seed`. Entries of failed
-        cases are NaN.
+        The variables are the entries of the summary, `status`, `reason` and `seed`. In failed cases the entries of the
+        summary are NaN. The dimensions are the varied keys. Random or listed cases have the dimension `case`, or
+        `sample` if there are other dimensions.
 
     Raises
     ------
     SceneError
-        There are mistakes in the scene or the varied keys, with one line each, or the folder cannot be used.
+        If there are mistakes in the scene or the varied keys, with one line for each mistake, or if the folder cannot
+        be used.
     MissingPartError
-        xarray is not installed.
+        If xarray is not installed.
     """
     try:
         import xarray

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 CASE, SAMPLE = "case", "sample"
-"""Dimension of random or listed values: alone, or in addition to the dimensions of a grid."""
+"""Names of the dimension of random or listed cases: `case` if it is the only dimension, `sample` beside a grid."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,10 @@ class Varied:
     key: str
     """Dotted name, such as `gait.period_s`."""
     dim: str
-    """Dimension along which the key varies: the key itself in a grid, else the shared `case` or `sample`."""
+    """Dimension along which the key varies. In a grid it has the name of the key; otherwise it is `case` or `sample`,
+    which several keys share."""
     values: tuple[Any, ...]
-    """Value at each position along the dimension, as in TOML: numbers, texts, truth values, lists, tables."""
+    """Values along the dimension, of any type that TOML has: numbers, texts, truth values, lists, or tables."""
     unit: str = ""
     """Unit of the values, "1" for dimensionless numbers; empty if the values are not numbers."""
     title: str = ""
@@ -30,7 +31,7 @@ class Varied:
 
 @dataclass(frozen=True)
 class Design:
-    """Varied keys; the cases are all combinations of the positions along the dimensions."""
+    """Varied keys and their values. The cases are all combinations of positions along the dimensions."""
 
     scene: str
     """Name of the scene."""
@@ -38,7 +39,7 @@ class Design:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Length of each dimension, in order; the last dimension varies fastest from case to case."""
+        """Length of each dimension, in the order of the dimensions; the last dimension varies fastest."""
         return {each.dim: len(each.values) for each in self.varied}
 
     def __len__(self) -> int:
@@ -54,7 +55,7 @@ class Design:
 
 
 def told(values: Mapping[str, Any]) -> str:
-    """Return the values of a case as text for users: `gait.period_s = 3, worm.segments = 5`."""
+    """Return the values of a case as text for users, such as `gait.period_s = 3, worm.segments = 5`."""
     from scenes.language.toml import shown
 
     return ", ".join(f"{key} = {value if isinstance(value, str) else shown(value)}" for key, value in values.items())

@@ -1,4 +1,4 @@
-"""Engine of a sweep: finds the missing cases in a folder, runs them, and returns the results of all cases."""
+"""Running a sweep in a folder: find the cases without results, run them, and return the results of all cases."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ class Progress:
     """Progress of a sweep."""
 
     total: int
-    """Number of cases, without duplicates."""
+    """Number of different cases."""
     kept: int
-    """Number of cases that were already in the folder."""
+    """Number of cases whose results were in the folder before."""
     ran: int = 0
-    """Number of cases that have ended since."""
+    """Number of cases that were run and have ended."""
     failed: int = 0
-    """Number of cases that diverged or failed, including earlier and refused cases."""
+    """Number of cases that diverged or failed, including cases of earlier runs and impossible cases."""
     refused: int = 0
-    """Number of impossible cases, which failed without a run; these count as neither kept nor run."""
+    """Number of impossible cases, which fail without being run. They are counted neither in `kept` nor in `ran`."""
 
     @property
     def ended(self) -> int:
-        """Number of cases that do not need a run any more."""
+        """Number of cases that need not be run any more."""
         return self.kept + self.refused + self.ran
 
 
@@ -50,7 +50,7 @@ class Sweep:
     limit_s: float = CASE_LIMIT
     """Time limit of a case, counted from the first step [s]."""
     _lost: dict[str, str] = field(default_factory=dict)
-    """Reasons why cases without a file failed, by key."""
+    """Reasons why cases failed in this run, by key."""
 
     def run(
         self,
@@ -61,22 +61,24 @@ class Sweep:
         anew: bool = False,
         retry_failed: bool = False,
     ) -> Progress:
-        """Run the cases that are missing in the folder, and return the progress.
+        """Run the cases without results in the folder, and return the final progress.
 
         Parameters
         ----------
         executor : Executor
         stopped : callable
-            Called now and then; after the function returns True, no further case is started.
+            Function that is called regularly. When it returns True, no further case is started.
         watch : callable
-            Called at the beginning and after each case.
-        anew, retry_failed : bool
-            Run all cases again, or the cases that diverged or failed.
+            Function that is called with the progress, at the beginning and after each case.
+        anew : bool
+            Whether to run all cases again.
+        retry_failed : bool
+            Whether to run cases again that diverged or failed.
 
         Raises
         ------
         SceneError
-            A file could not be written, or a package is missing in a worker.
+            If a file cannot be written, or a package is missing in a worker.
         """
         made(self.cases_folder)
         self._remove_parts()
@@ -112,7 +114,10 @@ class Sweep:
         return Job(case.key, self.plan.base.name, case.packed, str(path), self.results, self.limit_s)
 
     def _missing(self, jobs: Sequence[Job], *, anew: bool, retry_failed: bool) -> tuple[list[Job], int]:
-        """Return the jobs to run, and the number of other jobs that failed; remove outdated files."""
+        """Return the jobs to run, and the number of failed cases among the others.
+
+        Existing files of the jobs to run are removed.
+        """
         missing, failed = [], 0
         for job in jobs:
             earlier = found(job)
@@ -143,21 +148,21 @@ class Sweep:
         return CaseResult(case.key, self.plan.base.name, self.plan.base.model.name, status, sentence, case.seed)
 
     def _remove_parts(self) -> None:
-        """Remove unfinished files of killed workers."""
+        """Remove the unfinished files that killed workers have left behind."""
         with suppress(OSError):
             for path in self.cases_folder.glob(f"{TEMPORARY_PREFIX}*.part"):
                 remove(path)
 
 
 def require_place(folder: Path, *, force: bool) -> None:
-    """Check that a folder can hold a sweep: the folder is missing, empty or a sweep's, or `force` is set.
+    """Check that a folder can be used for a sweep: it does not exist, is empty, or contains a sweep.
 
     Raises
     ------
     SceneError
-        The folder contains other files.
+        If the folder contains other files and `force` is false.
     DiscError
-        The folder cannot be read.
+        If the folder cannot be read.
     """
     if is_used(folder) and not force and not (folder / CASES).is_dir():
         raise SceneError(
@@ -166,21 +171,22 @@ def require_place(folder: Path, *, force: bool) -> None:
 
 
 def chosen(workers: int | None = None, scheduler: str | None = None, bind: str = LOOPBACK) -> Executor:
-    """Return the executor that the user chose; by default, this process.
+    """Return the executor for the options of the user. By default, the cases run in this process.
 
     Parameters
     ----------
     workers : int, optional
-        Number of processes to start on this machine, managed by Dask.
+        Number of processes to start on this machine with Dask.
     scheduler : str, optional
         Address of a running Dask scheduler, such as tcp://127.0.0.1:8786.
     bind : str
-        Listening address of the scheduler started for `workers`. An address other than 127.0.0.1 is open to others.
+        Network address at which the scheduler for `workers` listens. Other machines can reach it, unless it is
+        127.0.0.1.
 
     Raises
     ------
     SceneError
-        Both `workers` and `scheduler` are given, or a value is invalid.
+        If both `workers` and `scheduler` are given, or a value is invalid.
     """
     if workers is not None and scheduler is not None:
         raise SceneError(
@@ -190,6 +196,6 @@ def chosen(workers: int | None = None, scheduler: str | None = None, bind: str =
         raise SceneError("--bind is the address of the scheduler that --workers starts: give --workers too")
     if workers is None and scheduler is None:
         return InProcess()
-    from scenes.sweep import cluster  # imports Dask, which takes as long as a short run
+    from scenes.sweep import cluster  # imports Dask, which takes as much time as a short run
 
     return cluster.Remote(scheduler) if scheduler is not None else cluster.Local(workers or 0, bind)

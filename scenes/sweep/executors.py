@@ -1,4 +1,4 @@
-"""Executors of the cases of a sweep: this process, new processes, or the workers of a Dask scheduler."""
+"""Interface of the executors, which run the cases of a sweep, and the executor that runs them in this process."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from scenes.sweep.job import INTERRUPTED_STATUS, Ended, Job
 Stopped = Callable[[], bool]
 
 LOOPBACK = "127.0.0.1"
-"""Address that is reachable only from the same machine."""
+"""Network address that only programs on the same machine can reach."""
 
 
 class Perform(Protocol):
-    """Function that runs a job without a file, and may end the job early when stopped (`scenes.sweep.job.perform`)."""
+    """Type of `scenes.sweep.job.perform`, which runs a job and writes its file.
+
+    If `stopped` returns True during the job, the job ends early, without a file.
+    """
 
     def __call__(self, job: Job, stopped: Stopped = ...) -> Ended:
         """Return how the job ended."""
@@ -22,18 +25,18 @@ class Perform(Protocol):
 
 
 class Executor(Protocol):
-    """Executor of jobs, in any order and place."""
+    """Runs jobs, in any order and in any process."""
 
     def run(self, jobs: Sequence[Job], perform: Perform, stopped: Stopped) -> Iterator[Ended]:
-        """Yield how each job ended, as soon as the job ends; no new jobs start after `stopped` returns True.
+        """Run the jobs, and yield how each job ended as soon as it ends.
 
-        `perform` is a function in a module, so that all workers can import the function. Jobs that are running at a
-        stop may finish without being yielded; the files of the jobs show this.
+        After `stopped` has returned True, no further job is started. Jobs that are running then may finish and write
+        their files without being yielded. `perform` must be a function of a module, so that workers can import it.
 
         Raises
         ------
         SceneError
-            The executor cannot continue, or `perform` raised the error, for example because a disc is full.
+            If the executor cannot continue, or `perform` raises the error, for example because the disc is full.
         """
         ...
 

@@ -1,11 +1,11 @@
 """Running cases on the workers of a Dask scheduler, with retries if a worker dies.
 
-If a worker dies, the running case and the waiting cases of the worker are lost. Further tries show which case killed
-the worker, if any did. The lost cases wait until the others have ended; then they run one at a time on each worker, and
-in the last try one at a time on all workers together. A case that has lost its worker in every try is reported as
-failed.
+If a worker dies, the case that it was running and the cases that were waiting on it are lost. One of these cases may
+have killed the worker. The lost cases are tried again after all other cases, with a single case at a time on each
+worker, and a last time with a single case at a time on all workers together. A case whose worker has died in every try
+fails.
 
-A worker reports the end of a case by an event of the scheduler, which costs two thirds as much as fetching a result.
+A worker reports the end of cases as an event of the scheduler. This takes two thirds of the time of fetching a result.
 """
 
 from __future__ import annotations
@@ -31,28 +31,30 @@ from scenes.sweep.job import Ended, Job, too_late
 from scenes.sweep.limit import ended_when_stuck
 
 COMPANY = (2, 1, 0)
-"""Number of running cases for each worker, in the first and in the further tries; 0 is one on all workers together."""
+"""Number of tasks that are submitted for each worker at a time, in the first, second and third try. 0 means a single
+task for all workers together."""
 POLL = 0.2
 """Longest time until the program notices that the user stopped the sweep [s]."""
 TASK = 0.5
-"""Approximate duration of a task [s]: short cases are sent together, since a task costs as much as a short case."""
+"""Intended duration of a task [s]. Several short cases are submitted as one task, since the overhead of a task takes as
+long as a short case."""
 LOOK = 1.0
 """Time between two counts of the workers [s]."""
 NOTICE = 10.0
-"""Time without a worker after which the user is notified [s]."""
+"""Time without a worker after which the user gets a message [s]."""
 WORKER_TIMEOUT_S = 600.0
 """Time without a worker after which the sweep ends [s]."""
 DEATH = f"its worker died in each of {len(COMPANY)} tries: killed, out of memory, or a crash of compiled code"
 RESUME_ADVICE = "finished cases are kept, the same command runs the rest"
 
 Batch = tuple[Job, ...]
-"""Jobs of one task."""
+"""Jobs that are submitted as one task."""
 
 _alone = threading.Lock()
 
 
 class SchedulerError(SceneError):
-    """The scheduler has ended, or has no worker."""
+    """The scheduler has ended, or has had no worker for too long."""
 
     exit_code = 1
 
@@ -69,7 +71,17 @@ class _Report(NamedTuple):
 
 
 class Flight:
-    """Runner of jobs on the workers of a client; the hint tells the user how to start a worker, if necessary."""
+    """Runs jobs on the workers of a scheduler.
+
+    Parameters
+    ----------
+    client : Client
+        Connection to the scheduler.
+    perform, stopped
+        The same as in `Executor.run`.
+    hint : str
+        Advice on how to start a worker, which is printed if there is none.
+    """
 
     def __init__(self, client: Client, perform: Perform, stopped: Stopped, hint: str = "") -> None:
         self._client, self._perform, self._stopped, self._hint = client, perform, stopped, hint
@@ -83,14 +95,14 @@ class Flight:
         client.subscribe_topic(self._topic, lambda event: self._news.put(_Report(*event[1])))
 
     def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
-        """Yield how each job ended, as soon as the job ends.
+        """Run the jobs, and yield how each job ended as soon as it ends.
 
         Raises
         ------
         SchedulerError
-            The scheduler has ended, or there is no worker for `WORKER_TIMEOUT_S`.
+            If the scheduler has ended, or there has been no worker for `WORKER_TIMEOUT_S`.
         SceneError
-            A worker raised the error.
+            If a worker raises the error.
         """
         rest = jobs
         for number, company in enumerate(COMPANY):
@@ -101,7 +113,7 @@ class Flight:
             yield from (Ended(job.key, FAILED_STATUS, DEATH) for job in rest)
 
     def wait_for_workers(self) -> bool:
-        """Wait for the first worker; return False if the user stops the sweep before a worker is there."""
+        """Wait for the first worker. Return False if the user stops the sweep before there is a worker."""
         while not self._stopped():
             self._look()
             if self._workers:
@@ -110,12 +122,12 @@ class Flight:
         return False
 
     def _try(self, number: int, jobs: Sequence[Job], company: int) -> Iterator[Ended]:
-        waiting, left = iter(jobs), len(jobs)  # all jobs at once may not fit into memory
+        waiting, left = iter(jobs), len(jobs)  # jobs are submitted bit by bit, since all may not fit into memory
         while (left or self._under_way) and not self._stopped():
             self._look()
             places = max(1, company * self._workers)
             while left and len(self._under_way) < places:
-                size = 1 if number else max(1, min(self._size, left // (2 * places)))  # at the end all have work
+                size = 1 if number else max(1, min(self._size, left // (2 * places)))  # small batches at the end
                 batch = tuple(islice(waiting, size))
                 self._send(batch, number)
                 left -= len(batch)
@@ -124,14 +136,14 @@ class Flight:
             self._client.cancel(list(self._under_way.values()))
 
     def _send(self, batch: Batch, number: int) -> None:
-        """Submit jobs; jobs that a killed driver has submitted before are awaited, not run a second time."""
+        """Submit jobs as a task. If a killed driver has submitted the same task before, it is not run a second time."""
         key = ("case", number, *(job.path for job in batch))
         future = self._client.submit(_perform, self._perform, batch, self._topic, key=key)
         self._under_way[batch[0].key] = future
         future.add_done_callback(lambda future: self._news.put((batch, future)))
 
     def _arrived(self) -> Iterator[Ended]:
-        """Yield the cases that have ended; if there are none, wait no longer than `POLL`."""
+        """Yield the cases that have ended. If there are none, wait for at most `POLL`."""
         with suppress(Empty):
             news = self._news.get(timeout=POLL)
             while True:
@@ -143,7 +155,10 @@ class Flight:
                 news = self._news.get_nowait()
 
     def _verdict(self, batch: Batch, future: Future) -> _Report | None:
-        """Return the scheduler's report about jobs; None if a report came before, or the jobs are tried again."""
+        """Return the report about the jobs of a finished task.
+
+        Return None if the worker has reported before, or if the jobs are to be tried again.
+        """
         if batch[0].key not in self._under_way:
             return None
         if future.status == "finished":
@@ -153,14 +168,14 @@ class Flight:
         error = future.exception()
         if isinstance(error, SceneError):
             raise error
-        if isinstance(error, KilledWorker) or len(batch) > 1:  # one of the jobs is the cause
+        if isinstance(error, KilledWorker) or len(batch) > 1:  # the next try shows which job is the cause
             del self._under_way[batch[0].key]
             self._lost.extend(batch)
             return None
         return _Report(batch[0].key, TASK, [(batch[0].key, FAILED_STATUS, f"{type(error).__name__}: {error}")])
 
     def _look(self) -> None:
-        """Count the workers now and then."""
+        """Count the workers, if the last count is older than `LOOK`, and raise an error if there have been none."""
         now = time.monotonic()
         if now < self._looked + LOOK:
             return
@@ -179,7 +194,7 @@ class Flight:
 
 
 def _perform(perform: Perform, batch: Batch, topic: str) -> _Report:
-    """Run jobs on a worker, one at a time in a process, and report to the driver."""
+    """Run jobs on a worker, one after the other, and report to the driver."""
     with _alone:
         begun = time.monotonic()
         ended = [astuple(_performed(perform, job)) for job in batch]
@@ -189,6 +204,9 @@ def _perform(perform: Perform, batch: Batch, topic: str) -> _Report:
 
 
 def _performed(perform: Perform, job: Job) -> Ended:
-    """Run a job, and end this process if the job never ends; a job that ended a process before is not tried again."""
+    """Run a job, and end this process if the job never ends.
+
+    If the process of an earlier try was ended for this reason, the job is not run again.
+    """
     with ended_when_stuck(Path(job.path), job.limit_s) as was_stuck:
         return too_late(job) if was_stuck else perform(job)

@@ -1,4 +1,4 @@
-"""One case of a sweep in a worker of any kind: the input is a text, the output is a file."""
+"""Running a case of a sweep in any process. The input is a `Job`, and the output a file."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ INTERRUPTED_STATUS = "interrupted"
 
 @dataclass(frozen=True)
 class Job:
-    """Input of a worker for a case: plain texts."""
+    """The data that a worker needs to run a case."""
 
     key: str
     """Key of the case (`scenes.sweep.key`)."""
     name: str
     """Name of the scene."""
     packed: bytes
-    """The resolved and checked scene as TOML, compressed, since the scenes of many cases would fill the memory."""
+    """The checked scene with all defaults as TOML. It is compressed, since many scenes would need much memory."""
     path: str
-    """Absolute path of the case's file, `<key>.json`, or `<key>.nc` if the whole record is stored."""
+    """Absolute path of the file of the case, `<key>.json`, or `<key>.nc` if the whole record is stored."""
     results: bool = False
     """Whether the file contains the whole record."""
     limit_s: float = CASE_LIMIT
@@ -41,38 +41,38 @@ class Job:
 
     @property
     def scene(self) -> str:
-        """The resolved and checked scene as TOML."""
+        """The checked scene with all defaults as TOML."""
         return zlib.decompress(self.packed).decode()
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a case ended, for the driver."""
+    """How a case ended, as a worker reports it to the driver."""
 
     key: str
     status: str
-    """`done`, `diverged` or `failed`; `interrupted` if the case was stopped and has no file."""
+    """`done`, `diverged` or `failed`, or `interrupted` if the case was stopped and has no file."""
     reason: str = ""
-    """Reason why the case is not done."""
+    """Reason if the status is not `done`."""
 
 
 def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
-    """Run a case and write the file, completely or not at all; a case with a file is not run again.
+    """Run a case and write its file, completely or not at all. A case that has a file already is not run again.
 
     Parameters
     ----------
     job : Job
     stopped : callable
-        Called now and then while the case runs; if the function returns True, the case ends without a file.
+        Function that is called regularly while the case runs. If it returns True, the case ends without a file.
 
     Raises
     ------
     DiscError
-        The file cannot be written.
+        If the file cannot be written.
     MissingPartError
-        A package is missing.
+        If a package is missing.
     SceneError
-        The programs, or the data that the scene refers to, differ from the driver's.
+        If the versions of the programs, or data on which the scene depends, are not the same as for the driver.
     """
     if (earlier := found(job)) is not None:
         return _ended(earlier)
@@ -88,7 +88,7 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
         record = simulate(scene, lambda done: clock.looks() and not stopped())
     except (DiscError, MissingPartError):
         raise
-    except Exception as error:  # the other cases continue after any error
+    except Exception as error:  # any error of a case must not stop the other cases
         return _failed(job, scene, data, error)
     if record.status == INTERRUPTED_STATUS:
         return too_late(job) if clock.is_over else Ended(job.key, INTERRUPTED_STATUS)
@@ -101,12 +101,18 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
 
 
 def too_late(job: Job) -> Ended:
-    """Return how a case ended that exceeded the limit: without a file, since the case may be in time elsewhere."""
+    """Return the report about a case that exceeded its time limit.
+
+    The case has no file, so that it is run again, since it may be fast enough on another machine.
+    """
     return Ended(job.key, FAILED_STATUS, told(job.limit_s))
 
 
 def found(job: Job) -> CaseResult | None:
-    """Return the result of an earlier run of a case; None if the file is missing, damaged or incomplete."""
+    """Return the result of an earlier run of a case, or None if it has to be run.
+
+    It has to be run if its file is missing or damaged, or has no whole record although the job needs one.
+    """
     whole, short = Path(job.path).with_suffix(".nc"), Path(job.path).with_suffix(".json")
     if (earlier := read(whole)) is not None:
         return earlier
@@ -115,7 +121,7 @@ def found(job: Job) -> CaseResult | None:
 
 
 def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -> Ended:
-    """Write the file of a case without a record."""
+    """Write the file of a case that raised an error, and return how the case ended."""
     kind, words = type(error).__name__, " ".join(str(error).split())
     explained = bool(words) and isinstance(error, ValueError | SceneError)
     sentence = printable(words if explained else f"{kind}: {words}".removesuffix(": "))
@@ -123,7 +129,7 @@ def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -
 
 
 def refused(job: Job, model: str, seed: int, scene: Mapping[str, Any], sentence: str) -> CaseResult:
-    """Write the file of a case that failed without a record, and return the result of the case."""
+    """Write the file of a case that failed without a record, and return its result."""
     result = CaseResult(job.key, job.name, model, FAILED_STATUS, sentence, seed, versions=versions(), scene=scene)
     write(result, Path(job.path).with_suffix(".json"))
     return result

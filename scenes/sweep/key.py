@@ -1,4 +1,4 @@
-"""Key of a case: a digest of everything that affects the result."""
+"""Key of a case, a hash of everything that affects its result."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from scenes.running.packages import sources, versions
 from worm3d.values import named
 
 KEY_LENGTH = 20
-"""Number of characters of a key: 80 bits, so that two of a million cases hardly ever have the same key."""
+"""Number of hexadecimal digits of a key. With 80 bits, it is very unlikely that two of a million cases have the same
+key."""
 
 
 def key_of(scene: Scene, *, possible: bool = True) -> str:
-    """Return the key of a checked scene: a digest of settings with seed, of referenced data, and of the programs.
+    """Return the key of a checked scene.
 
-    A scene refers to the content of files and to additions of the model (`Model.refers_to`), such as the identified map
-    of a controller. A scene that is not `possible` refers to nothing.
+    It is a hash of the settings including the seed, of the files that the scene names, of the modules of a user's own
+    parts, of further data on which the run depends (`Model.refers_to`), and of the programs. For a scene that is not
+    `possible`, the further data are left out.
     """
     refers = scene.model.refers_to if possible else None
     basis = {
@@ -40,7 +42,7 @@ def key_of(scene: Scene, *, possible: bool = True) -> str:
 
 
 def _modules(text: str) -> list[Path]:
-    """Return the files of the modules of users' own parts in a scene."""
+    """Return the files of the modules of a user's own parts in a scene; `text` is the scene as TOML."""
     modules = [
         sys.modules.get(name.partition(":")[0]) for name in named.names_in(tomllib.loads(text) if ":" in text else {})
     ]
@@ -48,7 +50,7 @@ def _modules(text: str) -> list[Path]:
 
 
 def _files(section: Section) -> Iterator[Path]:
-    """Yield the files that a scene names, including shipped files."""
+    """Yield the files that a scene names. They may be shipped files."""
     for path in _named(type(section)):
         value: Any = section
         for name in path:
@@ -76,5 +78,5 @@ def _digest_of(path: Path) -> str:
 
 @cache
 def _digest_at(path: Path, changed: int, size: int) -> str:
-    """Return a digest of a file; cached for the same time of change and size."""
+    """Return a hash of a file. It is cached; the time of the last change and the size are part of the cache's key."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,9 +1,9 @@
 """Time limit of a case, so that a case that never ends does not block the other cases.
 
-A case that exceeds the limit is ended between two steps. On a worker, even a step that never ends is ended, by ending
-the process, which Dask replaces: `faulthandler` does this in a thread that works without Python. The file written
-before shows the next try of the case that the time has been used up. The time counts from the first step on, so that
-compilation is not included.
+A case that exceeds the limit is ended after its current step. If the step does not end, a worker process ends itself,
+and Dask starts a new one. This is done by a thread of `faulthandler`, which works even if the Python interpreter is
+blocked. It writes a file before, from which the next try of the case learns that the case has used up its time. The
+time is counted from the first step, so that it does not include compilation.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from scenes.language.sweep_section import CASE_LIMIT, LONGEST_CASE_LIMIT
 from scenes.records.folder import TEMPORARY_PREFIX, disc_errors
 
 LONGEST_START = 600.0
-"""Time from the beginning of a case to the first step after which a worker counts as stuck [s]: compiling all kernels
-takes up to 120 s on a busy machine. With half this time slow machines fail, with double stuck cases block a worker
-longer."""
+"""Longest time from the beginning of a case to its first step on a worker [s]. After this time the worker counts as
+stuck. Compiling all functions takes up to 120 s on a busy machine. With half this time, cases could fail on slow
+machines. With twice this time, a stuck case would block a worker longer."""
 LONGEST_STEP = 5.0
-"""Time beyond the limit for a case on a worker to finish a step and write the file [s]. With half this time large files
-on a slow disc fail, with double a stuck case blocks a worker longer."""
+"""Time after the limit in which a case on a worker may finish its step and write its file [s]. With half this time, a
+case with a large file on a slow disc could fail. With twice this time, a stuck case would block a worker longer."""
 
 _witness: IO[Any] | None = None
-"""File of the case on this worker, to be written when the process is ended."""
+"""Open file of the current case on this worker, to which `faulthandler` writes if it ends the process."""
 
 
 class Clock:
@@ -39,11 +39,11 @@ class Clock:
 
     @property
     def is_over(self) -> bool:
-        """Whether the time has exceeded the limit [s]."""
+        """Whether the time has exceeded the limit."""
         return bool(self._begun) and time.monotonic() > self._begun + self._limit
 
     def looks(self) -> bool:
-        """Record a step, and return whether the case may continue."""
+        """Return whether the case may continue. It is called after each step, and the first call starts the clock."""
         if not self._begun:
             self._begun = time.monotonic()
             _end_process_after(self._limit + LONGEST_STEP)
@@ -56,12 +56,12 @@ def told(limit_s: float) -> str:
 
 
 def limit_of(sweep: Any, asked: float | None) -> float:
-    """Return the time limit of the cases [s]: the given limit, or the limit in the section [sweep].
+    """Return the time limit of the cases [s]: `asked` if given, otherwise the limit in the section [sweep].
 
     Raises
     ------
     SceneError
-        The limit is not above 0, or too long.
+        If the limit is not positive, or is too long.
     """
     limit = float(sweep.get("case_limit_s", CASE_LIMIT) if asked is None else asked)
     if not 0.0 < limit <= LONGEST_CASE_LIMIT:
@@ -71,9 +71,10 @@ def limit_of(sweep: Any, asked: float | None) -> float:
 
 @contextmanager
 def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
-    """End this process if the case with the file `path` never ends; yield whether an earlier try was ended.
+    """Context that ends this process if the case in it never ends; yield whether an earlier try was ended.
 
-    Only for worker processes that run one case at a time. DiscError if the folder is not writable.
+    `path` is the file of the case. The context may only be used in worker processes that run a single case at a time.
+    Raise DiscError if the folder is not writable.
     """
     global _witness
     witness = path.with_name(f"{TEMPORARY_PREFIX}{path.stem}.late.part")
@@ -93,6 +94,6 @@ def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
 
 
 def _end_process_after(seconds: float) -> None:
-    """End the worker's process after a time, which replaces the time set before."""
+    """Set the time after which the worker process is ended [s]. It replaces the time of an earlier call."""
     if _witness is not None:
         faulthandler.dump_traceback_later(seconds, exit=True, file=_witness)

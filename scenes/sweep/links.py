@@ -1,4 +1,7 @@
-"""Keys of a sweep that depend on other keys: choices, names for values of several keys, and keys given by formulas."""
+"""Keys of a sweep that are set together with varied keys.
+
+A choice is a name for values of several keys. Formulas compute the values of keys from other keys.
+"""
 
 from __future__ import annotations
 
@@ -17,30 +20,31 @@ from scenes.sweep.vary import DIGITS
 
 @dataclass(frozen=True)
 class Links:
-    """Content of a section [sweep] apart from the varied keys."""
+    """The choices and formulas of a section [sweep]."""
 
     choices: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    """Axis -> name of a choice -> keys and values; a text that begins with `=` is a formula."""
+    """Choices by the name of their axis. Each is a dictionary from the name of the choice to keys and their values. A
+    text that begins with `=` is a formula."""
     always: Mapping[str, Any]
-    """Keys and values or formulas for all cases; the choice of a case takes precedence."""
+    """Values or formulas of keys for all cases. If a choice sets the same key, the value of the choice is used."""
     settings: Section
-    """Settings of the scene, for names in formulas that are not varied."""
+    """Settings of the scene, from which formulas take the values of keys that are not varied."""
 
     def axes(self, vary: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all axes of the sweep: the varied keys, then the choices."""
+        """Return the values along all axes of the sweep, first of the varied keys and then of the choices."""
         if twice := [axis for axis in self.choices if axis in vary]:
             raise SceneError(f"sweep.choices.{twice[0]}: it is varied too; give one of the two another name")
         return {**vary, **{axis: list(names) for axis, names in self.choices.items()}}
 
     def keys_of(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the keys and values of a case, given the position of the case along the axes.
+        """Return the keys that a case sets and their values, given its values along the axes.
 
-        A varied name that is not a key of the scene, but occurs in a formula, is a variable and not a key of the case.
+        A varied name that occurs in a formula and is not a key of the scene is a variable of formulas only.
 
         Raises
         ------
         SceneError
-            A formula cannot be read, or has a name that is not a number.
+            If a formula is invalid, or has a name whose value is not a number.
         """
         given = dict(self.always)
         for axis, choices in self.choices.items():
@@ -56,7 +60,7 @@ class Links:
 
     @cached_property
     def _variables(self) -> set[str]:
-        """Axes that are not keys of the scene: the choices, and names that occur only in formulas."""
+        """Names that are not keys of the scene: the axes of choices, and variables of formulas."""
         given = [*self.always.values()]
         for choices in self.choices.values():
             given += [value for keys in choices.values() for value in varied_keys(keys).values()]
@@ -64,7 +68,7 @@ class Links:
         return {*self.choices, *(name for name in named if _is_no_key(self.settings, path_of(name)[0]))}
 
     def _settled(self, value: Any, known: Mapping[str, Any]) -> Any:
-        """Return a value with formulas replaced by their results, also within a list."""
+        """Return a value in which formulas are replaced by their results. The value may be a list of formulas."""
         if isinstance(value, list):
             return [self._settled(item, known) for item in value]
         return _plain(evaluated(value, partial(self._number, known, value))) if is_formula(value) else value
@@ -78,20 +82,20 @@ class Links:
 
 
 def given_keys(sweep: Mapping[str, Any]) -> set[str]:
-    """Return the keys that a section [sweep] sets in the cases."""
+    """Return all keys that a section [sweep] sets in cases."""
     choices = [keys for axis in sweep.get("choices", {}).values() for keys in axis.values()]
     return set().union(*map(varied_keys, (sweep.get("vary", {}), sweep.get("set", {}), *choices)))
 
 
 def _names(value: Any) -> set[str]:
-    """Return the names in the formula, or in the formulas of a list."""
+    """Return the names in a formula or in a list of formulas; empty for other values."""
     if isinstance(value, list):
         return set().union(*map(_names, value))
     return names_in(value) if is_formula(value) else set()
 
 
 def value_at(settings: Section, key: str, otherwise: Any) -> Any:
-    """Return the resolved value of a key, so that 2 and 2.0 seconds are equal; `otherwise` if the key is unknown."""
+    """Return the value of a key in checked settings, or `otherwise` if there is no such key."""
     here: Any = settings
     for name in path_of(key):
         if _is_no_key(here, name):
@@ -105,6 +109,6 @@ def _is_no_key(section: Any, name: str) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a number as written: a whole number without a point, other numbers with `DIGITS` digits."""
+    """Return a number rounded to `DIGITS` digits, as an integer if it is whole."""
     number = float(f"{value:.{DIGITS}g}")
     return int(number) if number.is_integer() else number

@@ -1,8 +1,8 @@
 """Outputs of a sweep in addition to the cases: a table, a data set, a summary, and figures.
 
-`sweep.csv` has a row for each case, and `sweep.nc` has an array for each quantity over the varied keys (NetCDF4, in the
-format of `worm3d.values.netcdf`). Neither depends on the order or the place of the runs: wall-clock values are only in
-the group `timing` of `sweep.nc`.
+The table `sweep.csv` has a row for each case. The data set `sweep.nc` has an array over the varied keys for each
+quantity (NetCDF4, in the format of `worm3d.values.netcdf`). Their content does not depend on the order in which the
+cases ran, nor on the machine, except for the computing times in the group `timing` of `sweep.nc`.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from worm3d.values.variable import Variable
 
 CSV, DATASET = "sweep.csv", "sweep.nc"
 FIGURE = "sweep_{}.png"
-"""File name of the figure of a metric."""
+"""Pattern for the file name of the figure of a metric."""
 
 NOT_DRAWN = ("energy_balance_error",)
-"""Headlines about the numerical accuracy of a run; these have no figure."""
+"""Headlines for which no figure is drawn, since they only show the numerical accuracy of a run."""
 
 MOST_ROWS = 1000
-"""Largest number of cases, and of failures, that `summary.json` lists; `sweep.csv` lists all."""
+"""Largest number of cases, and of failed cases, that `summary.json` lists. `sweep.csv` lists all cases."""
 MOST_LINES = 20
-"""Largest number of cases in the report at the end, and of failures that are reported individually."""
+"""Largest number of cases in the report on the terminal, and of failed cases that are reported one by one."""
 REPORTED = ("distance_m", "cost_of_transport")
-"""Headlines in the report for every model."""
+"""Headlines that the report on the terminal shows for every model."""
 
 PER_CASE = "a sweep has one for each case: see sweep.csv"
 NONE_DONE = "no case came to its end"
@@ -53,7 +53,7 @@ NO_SINGLE_VALUE = (
     *("distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "work_friction_J"),
     *("cost_of_transport", "real_time_factor"),
 )
-"""Entries of every `summary.json` that a sweep has for each case."""
+"""Entries that every `summary.json` must have, but that have no single value for a sweep."""
 
 
 def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[CaseResult]) -> Table:
@@ -66,12 +66,13 @@ def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[C
         Scene whose keys are varied.
     design : Design
     results : iterable of CaseResult
-        Result of each case, in the order of `design.cases()`; cases without a file have the status `not run`.
+        Result of each case, in the order of `design.cases()`. A case without a file has a result with the status
+        `not run`.
 
     Raises
     ------
     DiscError
-        A file cannot be written.
+        If a file cannot be written.
     """
     table = Table.of(design, results)
     summary = _summary(table)
@@ -84,14 +85,14 @@ def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[C
 
 
 def headlines(base: Scene) -> dict[str, tuple[str, str]]:
-    """Return the most important entries of the summary by name: label and unit."""
+    """Return the label and the unit of the main entries of the summary, by name."""
     given = (*HEADLINES, *base.model.headlines)
     return {name: (label, unit) for name, label, unit in given if name not in NOT_DRAWN}
 
 
 def report(base: Scene, table: Table) -> list[str]:
-    """Return the lines of the first cases for a terminal: values and headlines."""
-    own = [name for name, _, _ in base.model.headlines][:3]  # further headlines, at most three
+    """Return a table for the terminal, as lines, with the varied values and the headlines of the first cases."""
+    own = [name for name, _, _ in base.model.headlines][:3]  # at most three, so that the table is not too wide
     known = {name for name, column in table.figures.items() if np.isfinite(column).any()}
     shown = {name: each for name, each in headlines(base).items() if name in {*REPORTED, *own} & known}
     keys = [varied.key for varied in table.design.varied]
@@ -115,14 +116,17 @@ def _write_csv(table: Table, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         keys = [varied.key for varied in table.design.varied]
         case, *others = OF_A_CASE
-        columns = dict.fromkeys([case, *keys, *others, *table.figures])  # the seed can be a varied key
+        columns = dict.fromkeys([case, *keys, *others, *table.figures])  # without duplicates, if the seed is varied
         writer = csv.DictWriter(file, list(columns), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table.rows())
 
 
 def _summary(table: Table) -> Summary:
-    """Return the status of the sweep, and the lists of cases and failures unless they are too long."""
+    """Return the summary of the sweep: its status, numbers of cases, and lists of cases and of failed cases.
+
+    The list of cases is left out if there are more than `MOST_ROWS`, and the list of failed cases is cut.
+    """
     done, failed, skipped = int(table.done.sum()), int(table.failed.sum()), table.status.count(NOT_RUN)
     rows = [dict(row) for row in table.rows()] if len(table) <= MOST_ROWS else None
     failures = [row for row, lost in zip(table.rows(), table.failed, strict=True) if lost][:MOST_ROWS]
@@ -154,7 +158,7 @@ def _merged(table: Table, name: str, merge: Any) -> float | None:
 
 
 def _content(base: Scene, table: Table, summary: Summary) -> Content:
-    """Return a sweep as the content of a file."""
+    """Return the results of a sweep as the content of a NetCDF4 file."""
     sizes = table.design.sizes
     keys = [varied.key for varied in table.design.varied]
     texts = {"case": "key of the case", "status": "how it ended", "reason": "why"}
@@ -192,7 +196,10 @@ def _figures(columns: dict[str, FloatArray], dims: tuple[str, ...], shape: tuple
 
 
 def _draw(folder: Path, base: Scene, table: Table) -> None:
-    """Draw the headlines that are not all zero over one or two varied keys; remove figures of an earlier sweep."""
+    """Draw the headlines over the varied keys, and remove the figures of an earlier sweep.
+
+    There are no figures for more than two varied keys, or for headlines that are zero in all cases.
+    """
     for path in folder.glob(FIGURE.format("*")):
         remove(path)
     if len(table.design.varied) > 2:

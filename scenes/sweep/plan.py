@@ -49,7 +49,7 @@ class Source:
 
     @classmethod
     def of(cls, scene: str | Path, overrides: Iterable[str] = ()) -> Source:
-        """Return a scene by name or file; SceneError if there is none."""
+        """Return the scene with a name or path; raise SceneError if there is none."""
         path = find_scene(str(scene))
         return cls(read_text(path), path.stem, path.parent, tuple(overrides))
 
@@ -82,7 +82,7 @@ class Case:
     """Identifier of the case, which depends on its scene."""
     seed: int
     packed: bytes
-    """The resolved scene as TOML, compressed."""
+    """The scene with all defaults as TOML, compressed."""
     refused: str = ""
     """Reason why the scene is impossible although each of its keys is valid; empty if the scene is possible."""
 
@@ -95,7 +95,7 @@ class Plan:
     """Scene whose keys are varied."""
     design: Design
     cases: tuple[Case, ...]
-    """Cases in the order of the design; cases with the same scene have the same key."""
+    """Cases in the order of the design. Cases with the same scene have the same key."""
 
 
 def planned(

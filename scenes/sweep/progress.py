@@ -1,4 +1,4 @@
-"""Progress of a sweep on standard error: a bar on a terminal, else a line now and then."""
+"""Display of the progress of a sweep on standard error: a bar on a terminal, otherwise a line every 30 s."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from scenes.sweep.engine import Progress
 Watch = Callable[[Progress], None]
 
 BETWEEN_LINES_S = 30.0
-"""Shortest time between two lines if there is no terminal [s]."""
+"""Shortest time between two lines if standard error is not a terminal [s]."""
 
 
 @contextmanager
 def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
-    """Yield a function that shows the progress at the beginning and after each case: rate, time left, failures."""
+    """Yield a function that displays the progress. It is to be called at the beginning and after each case."""
     if quiet:
         yield lambda progress: None
     elif sys.stderr.isatty():
@@ -30,7 +30,10 @@ def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
 
 
 def summed_up(progress: Progress, seconds: float) -> str:
-    """Return the progress of a sweep as text: `57 of 200 cases, 3 failed, 1.9 cases/s, 75 s left`."""
+    """Return the progress of a sweep as text, such as `57 of 200 cases, 3 failed, 1.9 cases/s, 75 s left`.
+
+    `seconds` is the time since the first case was started [s].
+    """
     done = progress.ended
     parts = [f"{done} of {counted(progress.total, 'case')}"]
     if progress.kept:
@@ -53,7 +56,7 @@ def _duration(seconds: float) -> str:
 
 
 def _lines(title: str) -> Watch:
-    """Return a function that prints a line, unless the previous line is recent."""
+    """Return a function that prints the progress as a line, if the last line is at least `BETWEEN_LINES_S` old."""
     begun, told = time.monotonic(), 0.0
 
     def show(progress: Progress) -> None:
@@ -68,7 +71,7 @@ def _lines(title: str) -> Watch:
 
 
 def _bar(title: str) -> Iterator[Watch]:
-    from rich.console import Console  # takes as long as a short run
+    from rich.console import Console  # this import takes as much time as a short run
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bars
 

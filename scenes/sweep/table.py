@@ -1,4 +1,4 @@
-"""Results of the cases of a sweep as columns: varied values, status, and every entry of the summaries."""
+"""Results of a sweep as a table. Its columns are the varied keys, the status, and the entries of the summaries."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ from worm3d.values.arrays import FloatArray
 DONE = "done"
 
 OF_A_CASE = ("case", "status", "reason", "seed")
-"""Columns of every table, in addition to the varied keys and the entries of the summaries."""
+"""Columns that every table has in addition to the varied keys and the entries of the summaries."""
 
 
 @dataclass
 class Table:
-    """A row for each of C cases, in the order of the design."""
+    """The results of the C cases of a sweep, with a row for each case in the order of the design."""
 
     design: Design
     keys: list[str] = field(default_factory=list)
-    """Key of each case, which is the stem of the file."""
+    """Key of each case (`scenes.sweep.key`)."""
     status: list[str] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
-    """Reason why a case did not finish, or why values are missing; empty if nothing is missing."""
+    """For each case, the reason why it failed, or why it lacks values; empty if it has all values."""
     seeds: list[int] = field(default_factory=list)
     figures: dict[str, FloatArray] = field(default_factory=dict)
-    """Numbers of the summaries by name, and lengths of lists, each of shape (C,), NaN for cases without a value."""
+    """Entries of the summaries that are numbers, by name, each of shape (C,). A list is represented by its length.
+    Cases without a value have NaN."""
     errors: dict[str, FloatArray] = field(default_factory=dict)
-    """Errors of these numbers, each of shape (C,), NaN for cases without a known error."""
+    """Estimated errors of these entries, by name, each of shape (C,). Cases without an estimate have NaN."""
     segments_per_wave: list[float] = field(default_factory=list)
-    """Commanded wavelength [segments], NaN for a gait without a wavelength."""
+    """Wavelength of the gait of each case [segments]. It is NaN for a gait without a wavelength."""
     timing: dict[str, FloatArray] = field(default_factory=dict)
-    """Wall-clock values, each of shape (C,): these differ when a case is run again."""
+    """Computing times by name, each of shape (C,). They are different if a case is run again."""
 
     @classmethod
     def of(cls, design: Design, results: Iterable[CaseResult]) -> Table:
-        """Return the table of results, one for each case of a design; the results are read one at a time."""
+        """Return the table of the given results, one for each case of the design in its order."""
         table = cls(design)
         for result in results:
             table._add(result)
@@ -79,30 +80,30 @@ class Table:
 
     @property
     def done(self) -> NDArray[np.bool_]:
-        """Whether each case finished, shape (C,)."""
+        """Whether each case has the status `done`, shape (C,)."""
         done: NDArray[np.bool_] = np.array(self.status) == DONE
         return done
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Whether each case was run and did not finish, shape (C,)."""
+        """Whether each case has diverged or failed, shape (C,)."""
         failed: NDArray[np.bool_] = ~self.done & (np.array(self.status) != NOT_RUN)
         return failed
 
     @property
     def ending(self) -> str:
-        """Status of the sweep: `done`, `incomplete` if a case failed, `interrupted` if a case was not run."""
+        """Status of the sweep: `interrupted` if a case was not run, else `incomplete` if a case failed, else `done`."""
         if NOT_RUN in self.status:
             return "interrupted"
         return "incomplete" if self.failed.any() else "done"
 
     def values(self) -> Iterator[dict[str, Cell]]:
-        """Yield the varied values of each case by key, converted by `cell`."""
+        """Yield the values of the varied keys of each case, by key, as cells of a table (`cell`)."""
         for case in self.design.cases():
             yield {key: cell(value) for key, value in case.items()}
 
     def rows(self) -> Iterator[dict[str, Cell]]:
-        """Yield each case: key, values, status, reason, seed and entries of the summary by name."""
+        """Yield the row of each case, with the cells by the names of the columns."""
         for row, values in enumerate(self.values()):
             yield {
                 "case": self.keys[row],
@@ -115,7 +116,7 @@ class Table:
 
 
 def cell(value: Any) -> Cell:
-    """Return a value of a scene for a table: a number or a text; lists become TOML text."""
+    """Return a value of a scene as a cell of a table. Values other than numbers and texts become TOML text."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return toml_value(value)
     return value

@@ -1,4 +1,9 @@
-"""Notation of varied keys: `v1,v2,...`, `lo:hi:n[:log]`, `lo:hi[:log]` for random values, and tables of cases."""
+"""The notation of varied keys, and the design of a sweep from it.
+
+The values of a key are a list `v1,v2,...`, or a range `lo:hi:n` of n values, or for random values the limits `lo:hi`.
+With `:log` at the end, a range has equal ratios, and random values are uniform on a logarithmic scale. Cases may also
+be listed in a CSV file.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +28,17 @@ from scenes.sweep.design import CASE, SAMPLE, Design, Varied
 from worm3d.values.spelling import did_you_mean
 
 MOST_CASES = 100_000
-"""Largest number of cases of a sweep, since each case has a file."""
+"""Largest number of cases of a sweep. It is limited because each case has a file."""
 DIGITS = 12
-"""Number of significant digits of values between two limits: a tenth of the way from 0 to 3 is 0.3."""
+"""Number of significant digits to which values of a range are rounded, so that rounding errors such as
+0.30000000000000004 do not appear."""
 
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _RANGE = re.compile(rf"{_NUMBER}:{_NUMBER}(?::\s*(\d+)\s*)?(?::\s*(log|lin)\s*)?")
 _ITEM = re.compile(r"""(?:"(?:\\.|[^"\\])*"|'[^']*'|[^,\[\]{}"'])+|[\[\]{},"']""")
 
 _NEARLY = re.compile(rf"{_NUMBER}:{_NUMBER}:\s*([^:,]*?)\s*(?::\s*([^:,]*?)\s*)?")
-"""Pattern of a text that was probably meant as a range; `_RANGE` is the pattern of valid ranges."""
+"""Pattern of a text that is probably meant as a range, but may be invalid. `_RANGE` is the pattern of valid ranges."""
 
 SPACINGS = (("log", "log"), ("lin", "lin"))
 LISTED = "write a row of keys, such as gait.period_s,seed, then a row of values for each case"
@@ -55,20 +61,20 @@ def design_of(
     scene : str
         Name of the scene.
     schema : type of Section
-        Schema of the model, with units and meanings.
+        Schema of the model, which has the units and the meanings of the keys.
     vary : mapping
-        Values by key: a text in the format of the command line, or a sequence.
+        Values of each varied key, by key. They are a text in the notation of the command line, or a sequence.
     random : int, optional
-        Number of random cases, for keys given as `lo:hi` or `lo:hi:log`.
+        Number of random cases, for keys whose values are given as `lo:hi` or `lo:hi:log`.
     listed : sequence of mappings
-        List of cases: values by key, with the same keys in each case.
+        List of cases. Each case has values by key, and all cases have the same keys.
     seed : int
-        Seed of the random values; with the same seed, a larger number of cases begins with the same cases.
+        Seed of the random values. With the same seed, a sweep with more random cases begins with the same cases.
 
     Raises
     ------
     SceneError
-        The values of a key cannot be read, there are no values, or there are too many cases.
+        If the values of a key are invalid, there is nothing to vary, or there are too many cases.
     """
     if random is not None and not 1 <= random <= MOST_CASES:
         raise SceneError(f"--random: got {random}, must be from 1 to {MOST_CASES}")
@@ -102,12 +108,12 @@ def design_of(
 
 
 def texts(given: Iterable[str]) -> dict[str, str]:
-    """Return the keys and values of the options `--vary key=values`.
+    """Return the texts of the values, by key, from the options `--vary key=values`.
 
     Raises
     ------
     SceneError
-        A key or its values are missing, or a key is varied twice.
+        If a key or its values are missing, or a key is given twice.
     """
     found: dict[str, str] = {}
     for text in given:
@@ -122,12 +128,12 @@ def texts(given: Iterable[str]) -> dict[str, str]:
 
 
 def cases_of(path: Path) -> list[dict[str, Any]]:
-    """Return the cases in a CSV file: a row of keys, then a row of values for each case.
+    """Return the cases in a CSV file, which has a row of keys and then a row of values for each case.
 
     Raises
     ------
     SceneError
-        The file cannot be read, has no cases, or has a row with too few or too many values.
+        If the file cannot be read, has no cases, or has a row with too few or too many values.
     """
     rows = [(n, row) for n, row in enumerate(csv.reader(io.StringIO(read_text(path, LISTED))), start=1) if any(row)]
     keys = [key.strip() for key in rows[0][1]] if rows else []
@@ -144,7 +150,7 @@ def cases_of(path: Path) -> list[dict[str, Any]]:
 
 
 def _columns(listed: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Return the values of each key for a list of cases."""
+    """Return the values of each key, given a list of cases."""
     keys = list(listed[0]) if listed else []
     for number, row in enumerate(listed, start=1):
         if set(row) != set(keys):
@@ -169,24 +175,27 @@ def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any])
 
 
 def with_meaning(varied: Varied, schema: type[Section]) -> Varied:
-    """Return a varied key with unit and meaning from the schema, if the schema has the key."""
+    """Return a varied key with its unit and meaning from the schema. A key that is not in the schema is unchanged."""
     known = key_at(schema, path_of(varied.key))
     return varied if known is None else replace(varied, unit=known.unit_or_one, title=known.meaning)
 
 
 def is_drawn(given: Any) -> bool:
-    """Return whether the values of a key are limits for random values, `lo:hi` or `lo:hi:log`."""
+    """Return whether the values of a key are given as limits for random values, `lo:hi` or `lo:hi:log`."""
     return _limits(given) is not None
 
 
 def _limits(given: Any) -> tuple[str, str, bool] | None:
-    """Return the limits for random values of a key, and whether the scale is logarithmic; None without limits."""
+    """Return the two limits for random values, and whether the scale is logarithmic.
+
+    Return None if the values are not given as limits.
+    """
     match = _RANGE.fullmatch(given) if isinstance(given, str) else None
     return (match[1], match[2], match[4] == "log") if match and not match[3] else None
 
 
 def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
-    """Return the values of a key of a grid."""
+    """Return the values of a key that is one dimension of a grid."""
     if isinstance(given, range | Sequence) and not isinstance(given, str):
         _require_few(key, len(given))
     values = _plain(given)
@@ -209,7 +218,7 @@ def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
 
 
 def _told_of_range(low: str, high: str, number: str, spacing: str | None) -> str:
-    """Return the error in a range, and the range that was probably meant."""
+    """Return the text of an error about an invalid range, with the range that was probably meant."""
     if not number.isdecimal() and (spacing is not None or did_you_mean(number, SPACINGS) is None):
         return f"the number of values must be a whole one, {low}:{high}:5"
     last = number if spacing is None else spacing
@@ -224,7 +233,7 @@ def _require_few(key: str, number: int) -> None:
 
 
 def _plain(given: Any) -> Any:
-    """Return Python or NumPy values as TOML values."""
+    """Return Python or NumPy values as values that TOML has."""
     if isinstance(given, np.ndarray | np.generic):
         return given.tolist()
     if isinstance(given, tuple | list | range):
@@ -233,7 +242,7 @@ def _plain(given: Any) -> Any:
 
 
 def _items(text: str) -> list[str]:
-    """Return the parts of a text between commas outside brackets and quotes."""
+    """Return the parts of a text between commas. Commas within brackets or quotes do not separate parts."""
     parts, depth = [""], 0
     for token in _ITEM.findall(text):
         depth += (token in ("[", "{")) - (token in ("]", "}"))
@@ -245,7 +254,7 @@ def _items(text: str) -> list[str]:
 
 
 def _value(text: str) -> Any:
-    """Return a TOML value; a text that is not TOML is returned as text."""
+    """Return the value of a TOML text. If it is not valid TOML, return the text itself."""
     try:
         parsed = tomllib.loads(f"value = {text.strip()}")
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""Wavelength of a case in segments, and whether the segments can carry the wave."""
+"""Wavelength of the gait of a case in segments, and the wavelength up to which segments cannot represent a wave."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from scenes.language.schema import key_at
 from scenes.sweep.case_file import CaseResult
 
 WAVELENGTHS = {"wavelength": "", "wavelength_m": "length_m"}
-"""Wavelength keys of [gait], and the key of [worm] that is the unit; body lengths if empty."""
+"""Keys of the section [gait] for the wavelength. The value is the key of [worm] by which the wavelength is divided to
+get body lengths, or empty if the wavelength is in body lengths."""
 ALIASED = 1.0 + math.sqrt(2.0)
-"""Wavelength up to which a wave is aliased [segments].
+"""Wavelength up to which a wave counts as aliased [segments].
 
-Each segment has one contraction, so that a wave of n segments has an alias, a wave of n / (n - 1) segments in the
-opposite direction with 1 / (n - 1) of the amplitude: equal amplitude at two segments, half the power at this limit, a
-quarter of the power at three segments.
+Since each segment has a single contraction, a wave of n segments contains a second wave, its alias. The alias has a
+wavelength of n / (n - 1) segments, the opposite direction, and 1 / (n - 1) of the amplitude. At n = 2 its amplitude is
+the same as that of the wave, at this limit it has half the power, and at n = 3 a quarter of the power.
 """
 
 
 def segments_per_wave(case: CaseResult) -> float:
-    """Return the commanded wavelength of a case [segments]; NaN for a gait without a wavelength."""
+    """Return the wavelength of the gait of a case [segments], or NaN for a gait without a wavelength."""
     gait, worm = (case.scene.get(name, {}) for name in ("gait", "worm"))
     for key, unit in WAVELENGTHS.items():
         if key in gait and "segments" in worm and _counts(case.model, key, gait):
@@ -31,7 +32,7 @@ def segments_per_wave(case: CaseResult) -> float:
 
 
 def _counts(model: str, key: str, gait: Mapping[str, Any]) -> bool:
-    """Return whether the gait of a scene uses a key of the section."""
+    """Return whether the kind of gait that the section `gait` chooses has the given key."""
     known = key_at(models.get(model).schema, ("gait", key))
     kinds = known.only if known else ()
     return not kinds or gait.get("kind") in kinds

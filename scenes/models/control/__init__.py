@@ -1,1 +1,1 @@
-"""Scenes of control: schema, checks, construction, records and figures."""
+"""The model `worm_control`, a worm with a controller: schema, checks, construction, records and figures."""

@@ -1,4 +1,4 @@
-"""Construction of reference, sensors and controller from the settings of a scene."""
+"""Construction of the controller, its sensors and its faults from the settings of a scene."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ def controller_of(scene: ControlScene) -> Driver:
     Raises
     ------
     SceneError
-        The worm is neither identified nor near the default worm, or a user's own part cannot be used.
+        If the worm has not been identified and differs too much from the default worm, or if a user's own part cannot
+        be used.
     """
     worm, found, asked = worm_of(scene), identified_of(scene), scene.controller
     told = sensors_of(scene).channels if asked.told else {}
@@ -58,17 +59,17 @@ def controller_of(scene: ControlScene) -> Driver:
         if not asked.inner_loop:
             driver.inner_loop = None
         if scene.world.kind in PIPES:
-            driver.descent.steepest = np.inf  # the walls hold the worm
+            driver.descent.steepest = np.inf  # on a steep descent the walls of the pipe hold the worm
     return driver
 
 
 def parts_of(scene: ControlScene) -> dict[str, Any]:
-    """Return the parts of the controller that differ from the default, by the argument names of its `of`.
+    """Return the parts of the controller that differ from their defaults, as arguments of the controller's method `of`.
 
     Raises
     ------
     ValueError
-        There is no such part.
+        If the scene names a part that does not exist.
     """
     asked, usual = scene.controller, Controller()
     parts = values_of(controller(asked.kind), asked) if named.is_own(asked.kind) else {}
@@ -85,9 +86,12 @@ def parts_of(scene: ControlScene) -> dict[str, Any]:
 
 
 def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
-    """Return the controller's knowledge of the worm, for the wave of the scene or for a given wave.
+    """Return the maps and lags of the worm that the controller uses, for a given wave or for the wave of the scene.
 
-    SceneError if the worm is neither identified nor near the default worm.
+    Raises
+    ------
+    SceneError
+        If the worm has not been identified and differs too much from the default worm.
     """
     wave, asked = wave or wave_of(scene), scene.controller
     found = loaded(scene, wave) or nearby(worm_of(scene), friction_of(scene), asked.mechanism, WAVE_SCHEDULES[wave])
@@ -102,7 +106,7 @@ def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
 
 @cache
 def _usual_strains(segments: int, wave: Wave) -> StrainModel | None:
-    """Return the strains of the default worm with another number of segments; None if this worm cannot stand."""
+    """Return the strain model of the default worm with another number of segments, or None if it cannot stand."""
     found = kept.load(worm3d.Worm(), schedule=WAVE_SCHEDULES[wave])
     assert found is not None  # the map is shipped
     return strain_model(
@@ -117,7 +121,10 @@ def waves_of(scene: ControlScene) -> tuple[Wave, ...]:
 
 
 def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = None) -> Wave:
-    """Return the wave that the controller uses; `known` identifies the worm for a wave (`identified_of`)."""
+    """Return the wave that the controller uses.
+
+    `known` returns the maps of the worm for a wave; `identified_of` if left out.
+    """
     first, *others = waves_of(scene)
     if not others:
         return first
@@ -127,7 +134,7 @@ def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = No
 
 
 def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
-    """Return the identified map that the controller would use for a wave; None if the default map is corrected."""
+    """Return the stored map that the controller uses for a wave, or None if it corrects the map of the default worm."""
     if scene.controller.map == "nearby":
         return None
     if scene.controller.map == "default":
@@ -136,7 +143,7 @@ def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
 
 
 def maps_of(scene: ControlScene) -> dict[Wave, Any]:
-    """Return the content of each identified map that the controller may use; None for a corrected map."""
+    """Return the content of each stored map that the controller may use, by wave; None for a corrected map."""
     found = {wave: loaded(scene, wave) for wave in waves_of(scene)}
     return {wave: each and each.as_dict() for wave, each in found.items()}
 
@@ -150,7 +157,7 @@ def map_name(scene: ControlScene) -> str:
 
 
 def faults_of(scene: ControlScene) -> list[Injected]:
-    """Return the injected faults; ValueError if a fault is not possible."""
+    """Return the injected faults; raise ValueError if the worm cannot have one of them."""
     own_channels(scene.sensor)  # registers the user's own channels, which a fault may name
     faults = switched_parts(FAULT, scene.fault)
     for fault in faults:
@@ -159,14 +166,15 @@ def faults_of(scene: ControlScene) -> list[Injected]:
 
 
 def sensors_of(scene: ControlScene) -> Sensors:
-    """Return the sensors; the scene's seed determines the sensor errors.
+    """Return the sensors. The seed of the scene determines their random errors.
 
-    A channel without a key in the section is present if every robot has this channel, or the controller `senses` it.
+    A channel that the section cannot switch on or off is present if it is standard, or if it is listed in the
+    controller's `senses`.
 
     Raises
     ------
     SceneError
-        The controller senses a channel that does not exist.
+        If the controller senses a channel that does not exist.
     """
     senses = getattr(controller(scene.controller.kind), "senses", ())
     kept = {name for name, each in QUANTITIES.items() if each.standard or name in senses}

@@ -1,4 +1,4 @@
-"""Checks across the keys of a scene of the controlled worm."""
+"""Checks that involve several keys of a scene with a controller."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def _there_is_such_a_path(*sections: Section) -> Found:
 
 
 def _faults(*sections: Section) -> None:
-    """Raise ValueError for faults that are not possible for the worm or the controller of a scene."""
+    """Raise ValueError if the worm or the controller of a scene cannot have one of the injected faults."""
     scene = scene_with(ControlScene, FAULTY, sections)
     known = [name for name in QUANTITIES if any(key.startswith(f"{name}_") for key in keys_in(Sensor))]
     known += own_channels(scene.sensor).values()
     for channel in (getattr(fault, "channel", known[0]) for fault in faults_of(scene)):
-        if channel not in known:  # from a scene that was checked before
+        if channel not in known:  # a user's own channel registered by another scene
             raise ValueError(f"channel: got {channel!r}, must be one of {', '.join(known)}")
     plans = getattr(controllers.controller(scene.controller.kind), "plans", False)
     if any(fault.of_plans for fault in faults_of(scene)) and not plans:
@@ -70,7 +70,7 @@ def _worm_has_it(asked: bool, *sections: Section, name: str) -> Found:
 
 
 def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
-    """Report a controller that needs a sensor that the scene does not switch on."""
+    """Return an error for a controller that needs a sensor which the scene does not switch on."""
     if asked or name not in getattr(controllers.controller(kind), "senses", ()):
         return None
     return {
@@ -149,7 +149,7 @@ OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
 """Sensor channels that a robot may lack."""
 
 FAULTY = ("fault", "controller", "sensor", "worm", *PARTS)
-"""Sections that decide which faults are possible."""
+"""Sections on which it depends which faults are possible."""
 STEP_KEYS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,

@@ -1,4 +1,4 @@
-"""Faults detected by a controller, as rows of the summary of a run."""
+"""Faults that were detected during a run with a controller, as rows of the summary."""
 
 from __future__ import annotations
 
@@ -22,18 +22,21 @@ from worm3d.values.arrays import FloatArray
 Row = dict[str, Cell]
 
 SOLVERS = {status.value for status in PlanStatus}
-"""Results of a search that the fallback covers; only a long series of such results is a fault."""
+"""Results of the planner without a plan. The fallback handles them, so that only a long series of them is a fault."""
 
 
 def of_controller(controller: Driver) -> list[Row]:
-    """Return the faults that a controller detected, and the refused measurements and plans."""
+    """Return rows for the faults that a controller detected, for its failed plans and for rejected measurements."""
     found = [fault_row(fault.time, fault.kind, fault.what, fault.advice) for fault in controller.faults]
     plans = [] if isinstance(controller, Guest) else _of_plans(controller.decisions)  # a guest has no fallback
     return [*found, *plans, *_of_gate(controller.gate)]
 
 
 def entered(result: worm3d.Result, outline: FloatArray | None, reference: Reference) -> list[Row]:
-    """Return a row if the body was inside an obstacle, judged by the true outline (T, C, 2)."""
+    """Return a row if the body was inside an obstacle.
+
+    `outline` are the C corners of the true outline of the body, shape (T, C, 2) [m], or None without obstacles.
+    """
     if outline is None:
         return []
     clear = clearances(outline, reference) / result.worm.length
@@ -45,12 +48,12 @@ def entered(result: worm3d.Result, outline: FloatArray | None, reference: Refere
 
 
 def in_turn(rows: list[Row]) -> list[Row]:
-    """Return rows in the order of time."""
+    """Return the rows sorted by time."""
     return sorted(rows, key=itemgetter("time_s"))
 
 
 def refused(controller: Driver) -> int:
-    """Return the number of samples that the gate and the estimator refused."""
+    """Return the number of measurements that the gate or the estimator rejected."""
     last = controller.decisions[-1].estimate if controller.decisions else None
     return controller.gate.refused.total() + (last.refused if last is not None else 0)
 

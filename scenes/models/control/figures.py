@@ -1,4 +1,4 @@
-"""Figures of a controlled run from a record; each function returns (figure, axes) and has the name of the file."""
+"""Figures of a run with a controller, drawn from its record. The name of each function is the name of the file."""
 
 from __future__ import annotations
 
@@ -23,14 +23,17 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 BOUND = 2.0
-"""Half width of the drawn bounds [standard deviations]."""
+"""Half of the width of the bounds around an estimate [standard deviations]."""
 
 STATE_UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s", "", "1", "deg")
-"""Units of the estimated state in the figures."""
+"""Unit of each entry of the estimated state in the figures."""
 
 
 def tracking(record: Record) -> tuple[Figure, Axes]:
-    """Draw the path of the worm and the reference path from above, and the offset and the heading error over time."""
+    """Draw the path of the worm and the desired path from above, and both errors over time.
+
+    The errors are the distance from the desired path and the heading error.
+    """
     seen, (figure, (way, aside, turned)) = _tracked(record), stacked(8.0, (2.2, 1, 1), shared=False)
     _from_above(way, record, seen)
     if seen is not None:
@@ -49,7 +52,11 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
 
 
 def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
-    """Draw the path with bounds, the centre of mass, the period mean, the estimate, and the body at both ends."""
+    """Draw the desired path with its bounds, and the motion of the worm.
+
+    The motion is shown by the centre of mass, its mean over a period, the estimated position, and the body at the start
+    and at the end.
+    """
     reference, com = reference_seen(record, _scene(record)), record["com"][:, :2]
     if reference.path is not None:
         line = path_points(reference.path, com)
@@ -68,7 +75,7 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 
 def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
-    """Draw the obstacles, and the corridor on both sides of the points (P, 2) of the path."""
+    """Draw the obstacles and the edges of the corridor around the path; `line` has the points of the path, (P, 2)."""
     for k, obstacle in enumerate(reference.obstacles):
         label = None if k else "obstacle"
         axes.fill(*obstacle.outline().T, color="C1", alpha=0.3, lw=0, label=label)
@@ -121,7 +128,7 @@ def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 
 def commands(record: Record) -> tuple[Figure, Axes]:
-    """Draw the commanded gait parameters, coloured by their source."""
+    """Draw the commanded parameters of the gait; the colour shows which part of the controller gave the command."""
     figure, rows = stacked(6.4, (2, 2, 2, 1))
     amplitude, frequency, bias, hinge = record["decision_parameters"].T
     steers = ("hinge [deg]", np.rad2deg(hinge)) if np.any(hinge) or not np.any(bias) else ("bias", bias)
@@ -141,7 +148,10 @@ def commands(record: Record) -> tuple[Figure, Axes]:
 
 
 def estimates(record: Record) -> tuple[Figure, Axes]:
-    """Draw the errors of the estimated pose, the other estimates, all with bounds, and the normalised innovations."""
+    """Draw the estimates with their bounds, and the normalised innovations.
+
+    For the pose (x, y and heading) the error of the estimate is drawn instead of the estimate.
+    """
     figure = Figure(figsize=(11.0, 7.0), layout="constrained", dpi=120)
     grid = figure.subplots(3, 4, sharex=True)
     if "estimate" not in record:
@@ -198,7 +208,10 @@ def _index(name: str) -> int:
 
 
 def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estimated: FloatArray) -> FloatArray:
-    """Return the true x, y or heading at instants, averaged over the surrounding period if possible."""
+    """Return entry k of the true pose (x, y or heading) at the given instants, averaged over the surrounding period.
+
+    Values for which no whole period is known are NaN. A heading is shifted by whole turns to be near `estimated`.
+    """
     if seen is None:
         return np.full(len(time), np.nan)
     middle = seen.time - 0.5 * (
@@ -210,7 +223,7 @@ def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estim
 
 
 def _same_turn(angle: FloatArray, other: FloatArray) -> FloatArray:
-    """Return angles [rad], shifted by whole turns to be near other angles."""
+    """Return the angles [rad], shifted by whole turns to be within half a turn of the other angles."""
     moved: FloatArray = angle - 2.0 * np.pi * np.round((angle - other) / (2.0 * np.pi))
     return moved
 
@@ -238,7 +251,7 @@ def _mark_faults(axes: Axes, record: Record) -> None:
 
 
 def _around(values: FloatArray, least: float = 1.0) -> tuple[float, float]:
-    """Return limits that show all values with some room."""
+    """Return limits of an axis that show all values, with a margin of at least `least`."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     room = 0.15 * (high - low) + max(least, 1e-6)

@@ -1,4 +1,8 @@
-"""Runs of the plant for the identification of a worm: steady waves with fitted maps, and steps and sines for lags."""
+"""Identification of a worm by simulated runs.
+
+Runs with steady waves give the map from the parameters of the gait to the motion. Runs in which the parameters step or
+vary as a sine give the lags of the motion.
+"""
 
 from __future__ import annotations
 
@@ -44,30 +48,36 @@ from worm3d.values.arrays import FloatArray
 DT = 0.01
 """Time step of the runs, the same as in the closed loop [s]."""
 TIPPED = np.deg2rad(20.0)
-"""Mean roll of the segments beyond which a worm no longer stands on its feet [rad]: at rest it tips at 31 degrees."""
+"""If the mean roll of the segments exceeds this angle, the worm counts as tipped over [rad]. A worm at rest tips over
+at 31 degrees."""
 BEFORE = 8
-"""Waves before and after a step of the parameters."""
+"""Number of waves before and after a step of the parameters."""
 SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
-"""Fractions of a wave at which the steps occur: the response depends on which feet stand at that moment."""
+"""Phases of the wave at which the parameters step. The response depends on which feet stand on the ground at the step;
+therefore it is averaged over these phases."""
 FREQUENCY = 0.875
-"""Frequency of the wave for the measurement of lags by steps, in the middle of the map [Hz]."""
+"""Frequency of the wave in the runs with steps [Hz]. It is in the middle of the range of the map."""
 EXCITED = 60
-"""Duration of the run for the fit of the strains [s]; the wave changes every second."""
+"""Duration of the run to which the strain model is fitted [s]. The parameters of the wave change every second."""
 SUFFICIENT_SHARE = 2.0 / 3.0
-"""Share of the turn of an intact worm that a worm with one segment held still has to reach with the same hinge angles.
-With segments 0, 2, 4 and 5 of the default worm held, the share is 0.87 or more. Separate hinge angles for these
-segments reduce the turn and change the offset from a line by -0.0002 to 0.003 body lengths (seed 10)."""
+"""Smallest sufficient turn of a worm with one segment held still, as a fraction of the turn of an intact worm.
+
+If the usual hinge angles reach it, no other hinge angles are sought for this segment. For segments 0, 2, 4 and 5 of the
+default worm the usual hinge angles give 0.87 or more. Other hinge angles for these segments would reduce the turn, and
+change the distance from a line by -0.0002 to 0.003 body lengths (seed 10). The same fraction is used for the shortest
+part of a run to which the strain model is fitted.
+"""
 WINDING = 0.1
-"""Frequency of the sines of the steering for the measurement of the steering lag [Hz]."""
+"""Frequency of the sine of the steering, in the runs for the lag of the turn rate [Hz]."""
 WINDING_WAVES = (0.6, 0.9, 1.1)
-"""Frequencies of the waves in the runs with sines [Hz]."""
+"""Frequencies of the gait in the runs with a sine of the steering [Hz]."""
 
 Gait = SteeredWave | TravellingWave
 Drive = Gait | PlannedWave | Callable[[float], worm3d.Command]
 
 
 class Subject(NamedTuple):
-    """The subject of an identification: a worm, the friction of level ground, and the schedule of a wave."""
+    """What is identified: a worm on level ground with the given friction, and the schedule of its wave."""
 
     worm: worm3d.Worm
     ground: worm3d.Friction
@@ -76,10 +86,10 @@ class Subject(NamedTuple):
 
 @dataclass(frozen=True)
 class Steady:
-    """Motion of a steady wave."""
+    """Motion of a worm with a wave whose parameters are constant."""
 
     motion: Motion | None
-    """Motion per wave; None if the run did not finish, or the worm has no heading."""
+    """Motion per wave, or None if the run did not finish."""
     slip: float
     """Sliding distance of the feet per wave, summed over all feet [body lengths]."""
     roll: float
@@ -92,7 +102,7 @@ class Steady:
 
 
 def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, skipped: int) -> Steady:
-    """Run waves with constant parameters on level ground, and evaluate the waves after the first `skipped`."""
+    """Simulate `waves` waves with constant parameters on level ground, and evaluate all but the first `skipped`."""
     rows = round(gait.period / DT)
     run = _simulated(worm, ground, gait, waves * rows)
     if run.status is not worm3d.Status.DONE:
@@ -106,15 +116,22 @@ def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, s
 def identify(
     subject: Subject, design: Design, watch: Callable[[int], None] = lambda done: None, most_held: int = 12
 ) -> Identified:
-    """Identify a worm on level ground; `watch` is called with the number of finished mechanisms.
+    """Identify a worm on level ground.
 
-    Steering with one segment held still is measured for at most `most_held` segments: the number of runs grows with
-    the square of the number of segments.
+    Parameters
+    ----------
+    subject, design
+        The worm, and the parameters of the runs.
+    watch : callable
+        Function that is called with the number of finished mechanisms of steering.
+    most_held : int
+        Largest number of segments for which steering with one segment held still is measured. For longer worms it is
+        left out, since the number of runs grows with the square of the number of segments.
 
     Raises
     ------
     SceneError
-        The worm does not crawl on its feet, even with little steering.
+        If the worm tips over even with little steering.
     """
     maps: dict[Mechanism, SteeringMap] = {}
     lags: dict[Mechanism, Lags] = {}
@@ -132,9 +149,12 @@ def identify(
 
 
 def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
-    """Return the map of one mechanism, or a corrected map of a similar worm; raises the errors of `identify`."""
+    """Return the map of one mechanism; if a map of a similar worm is given, this map is corrected.
+
+    The errors are the same as in `identify`.
+    """
     for attempt in range(4):
-        greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller while the worm tips
+        greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller after each attempt in which the worm tips over
         ranges = design.ranges(greatest)
         fitted = samples(subject, design, design.parameters(mechanism, greatest))
         checks = fitted and samples(subject, design, check_parameters(ranges, mechanism))
@@ -147,7 +167,7 @@ def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: Stee
 
 
 def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameters]) -> list[Sample] | None:
-    """Return the parameters and motions of waves; None if the worm tipped in a run."""
+    """Return the motions for the given parameters, or None if the worm tips over in one of the runs."""
     worm, ground, schedule = subject
     stood = []
     for given in sorted(parameters, key=_risk):
@@ -159,14 +179,17 @@ def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameter
 
 
 def _risk(given: GaitParameters) -> float:
-    """Return a number that is smaller for waves at which a worm tips sooner: strong waves with sharp steering."""
+    """Return a sort key that puts the waves at which a worm tips over most easily first.
+
+    These are waves with a large amplitude and sharp steering. If the worm tips over, the other runs are not needed.
+    """
     return -given.amplitude * (abs(given.hinge) + abs(given.bias))
 
 
 def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteering | None:
-    """Return how a worm steers while one segment is held still, (HS2).
+    """Return how a worm steers while one segment is held still, (HS2) in `control.identification`.
 
-    None if the worm needs no hinge angles other than an intact worm's, tips over, or cannot turn in this way.
+    Return None if the hinge angles of an intact worm suffice, if the worm tips over, or if it cannot turn.
     """
     worm, ground, schedule = subject
 
@@ -194,7 +217,10 @@ def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteerin
 
 
 def check_parameters(ranges: Ranges, mechanism: Mechanism, count: int = 12) -> list[GaitParameters]:
-    """Return random parameters for runs that check a map, with whole steps in a period; the same in each call."""
+    """Return random parameters of waves for runs that check a map.
+
+    Each period is a whole number of time steps. The parameters are the same in every call.
+    """
     random = np.random.default_rng([7, len(mechanism)])
     amplitudes = random.uniform(*ranges.amplitude, count)
     periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, count) / DT)
@@ -206,9 +232,10 @@ def check_parameters(ranges: Ranges, mechanism: Mechanism, count: int = 12) -> l
 
 
 def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straight: Lags | None = None) -> Lags:
-    """Measure how speed, turn rate and drift lag behind the gait parameters; `steering` is the amplitude of the sines.
+    """Measure how speed, turn rate and drift lag behind the parameters of the gait.
 
-    The lags of the speed are measured with a straight wave; `straight`, of another mechanism, already contains them.
+    `steering` is the amplitude of the sine of the steering. The lags of the speed are measured without steering, so
+    that they are the same for every mechanism. They are taken from `straight`, the lags of another mechanism, if given.
     """
     winding = [_winding(subject, mechanism, steering, frequency) for frequency in WINDING_WAVES]
     behind, swings = zip(*winding, strict=True)
@@ -221,18 +248,18 @@ def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straig
 
     def mean_lag(begin: GaitParameters, end: GaitParameters) -> float:
         rates = [step_response(subject, begin, end, shift)[0] for shift in SHIFTS]
-        # From mean to mean of two waves: the first rate after the step represents half a wave before it.
+        # A rate is the change between the means over two successive waves, and is therefore half a wave late.
         return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
     return Lags(mean_lag(slow, long), mean_lag(long, quick), turning, swing, rise)
 
 
 def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency: float) -> tuple[float, float]:
-    """Return the time constant T [s] of the turn rate's response to a sine of the applied steering, and the swing.
+    """Return the time constant T [s] of the turn rate, and the swing (`_swing`).
 
-    T is computed from the phase of the response. A first-order response lags behind a sine of w rad/s by arctan(w T),
-    and so does the applied steering behind the commanded steering with T = blend/f; the heading is the integral of the
-    turn rate.
+    Both are measured in a run with a sine of the steering. T is computed from the phase of the heading, the integral of
+    the turn rate. A first-order response with the time constant T lags behind a sine of w rad/s by arctan(w T). The
+    applied steering lags behind the commanded steering with the known time constant BLEND / f, which is subtracted.
     """
     w = 2.0 * np.pi * WINDING
     wave, generator = GaitParameters(0.28, frequency), WaveGenerator(subject.schedule, subject.worm)
@@ -247,9 +274,10 @@ def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency:
 
 
 def _swing(run: worm3d.Result, rows: int) -> float:
-    """Return D of (R1) [body lengths s] from a run with sines of the steering; a wave has about `rows` rows.
+    """Return D of (R1) in `control.identification` [body lengths s] from a run with a sine of the steering.
 
-    D is the part of the speed to the left in phase with the turn acceleration, -w^2 times the heading's sine.
+    D is the part of the speed to the left that is in phase with the angular acceleration. The angular acceleration is
+    -w^2 times the sine of the heading. A wave has about `rows` rows of the run.
     """
     w = 2.0 * np.pi * WINDING
     t, x, y, h = (
@@ -264,11 +292,11 @@ def _swing(run: worm3d.Result, rows: int) -> float:
 def step_response(
     subject: Subject, begin: GaitParameters, end: GaitParameters, shift: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return speed [m/s] and turn rate [rad/s] from wave to wave, around a step of the parameters.
+    """Return the speed [m/s] and the turn rate [rad/s] of each wave before and after a step of the parameters.
 
-    The step comes after `BEFORE` waves and the fraction `shift` of a wave, and waves are counted from there. Place and
-    heading are averaged over each wave, since a step changes how much a wave rocks them; rate k is from wave k to wave
-    k + 1, so that number `BEFORE` - 1 spans the step.
+    The parameters step after `BEFORE` + `shift` waves. Position and heading oscillate within a wave, and the step
+    changes their amplitude; therefore they are averaged over each wave first. Rate k is the change from the mean of
+    wave k to the mean of wave k + 1, so that the step occurs within rate `BEFORE` - 1.
     """
     generator = WaveGenerator(subject.schedule, subject.worm)
     phases: list[float] = []
@@ -295,11 +323,12 @@ def step_response(
 
 
 def strain_model(subject: Subject, found: SteeringMap) -> StrainModel | None:
-    """Return the strains of a healthy worm, fitted to a run with wave parameters all over the ranges of a map.
+    """Return a model of the strains of a worm without faults, or None if the worm tips over too early or cannot stand.
 
-    In the second half of the run, each chamber gets a larger or smaller command, earlier or later, so that the fit can
-    separate the effect of the chamber's own command from the effect of the opposite chamber's command. The fit ends at
-    the time when the worm tips. There is no fit for a worm that tips early or cannot stand.
+    The model is fitted to a run with random parameters of the wave from the ranges of a map. In the second half of the
+    run, the commands to the chambers differ in amplitude and phase, so that the fit can separate the effect of the
+    command to a chamber from the effect of the command to the opposite chamber. If the worm tips over, only the part of
+    the run before is used.
     """
     (worm, ground, schedule), ranges = subject, found.ranges
     random, count, generator = np.random.default_rng(0), EXCITED, WaveGenerator(schedule, worm)

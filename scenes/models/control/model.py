@@ -1,4 +1,4 @@
-"""The model `worm_control`: the 3D worm, with a controller that follows a reference, based on sensors."""
+"""The model `worm_control`: the 3D worm with a controller that follows a reference by sensors."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ NO_NIS = "this controller estimates nothing from innovations, or none came after
 
 
 class Phased:
-    """A controller whose commanded phase and computing time are stored in each step."""
+    """Wrapper of a controller that stores the commanded phase and the computing time of each step."""
 
     def __init__(self, controller: Driver) -> None:
         self.controller = controller
         self.waves: list[float] = []
         """Commanded phase at the beginning of each step [waves]."""
         self.seconds: list[float] = []
-        """Wall time of each step [s], measured here, since a user's own controller may measure time differently."""
+        """Wall time of each step [s]. It is measured here, since a user's own controller may not measure it."""
 
     @property
     def period(self) -> float:
@@ -64,7 +64,10 @@ class Phased:
         return command
 
     def at_rows(self, rows: int, every: int) -> FloatArray:
-        """Return the phase at the stored instants, shape (rows,); the last one is extrapolated."""
+        """Return the commanded phase at the stored instants, shape (rows,) [waves].
+
+        Every `every`-th step is stored. The phase at the end of the run is extrapolated.
+        """
         waves = self.waves or [0.0]
         further = waves[-1] + (waves[-1] - waves[-2] if len(waves) > 1 else 0.0)
         return np.array([*waves, further])[: (rows - 1) * every + 1 : every]
@@ -115,8 +118,11 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 
 def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return (KF7) of a controller's estimator after the start, or the reasons for missing values."""
-    start = 3.0 * controller.period  # a heading is sought for three waves
+    """Return the consistency (KF7) of a controller's estimator, and reasons for missing values.
+
+    (KF7) is defined in `control.estimation`. The first three periods are left out.
+    """
+    start = 3.0 * controller.period  # the estimator needs three waves to find the heading
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])
     nis = [value for t, value in seen if t >= start]
     if not nis:

@@ -1,4 +1,4 @@
-"""A run with a controller as variables of a record: decisions, reasons for them, and estimates of the worm's state."""
+"""A run with a controller as variables of a record: decisions, their sources, and estimates of the worm's state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from worm3d.values.variable import Variable
 
 SERIES = ("time", "com", "heading", "joints")
 OUTWARD = 2, 5
-"""Apexes at the widest points of a segment, left and right."""
+"""Numbers of the two apexes at the widest points of a segment, left and right."""
 PATH_VARIABLE = "path"
 """Variable with the points of a user's own path."""
 WAY = "way"
@@ -30,7 +30,10 @@ STATE_NAMES = ", ".join(ReducedState._fields)
 
 
 def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Variable, ...]:
-    """Return the variables of a controller's decisions, and the phase at the stored instants, shape (T,) [waves]."""
+    """Return the variables of a record for the decisions of a controller and for the commanded phase.
+
+    `waves` is the phase at the stored instants, shape (T,) [waves].
+    """
     texts = sorted({decision.status for decision in decisions})
     meant = "; ".join(f"{code}: {text or 'nothing to solve'}" for code, text in enumerate(texts))
     sources = "; ".join(f"{code}: {source}" for code, source in enumerate(SOURCES))
@@ -71,7 +74,7 @@ def _estimates(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
 
 
 def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
-    """Return the predicted paths of the decisions; a row is NaN if nothing was predicted."""
+    """Return the predicted paths of the decisions as a variable; the row of a decision without prediction is NaN."""
     shape = next((d.horizon.shape for d in decisions if d.horizon is not None), None)
     if shape is None:
         return ()
@@ -82,7 +85,7 @@ def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
 
 
 def _chambers(decisions: Sequence[Decision]) -> Iterator[Variable]:
-    """Yield the gains and phases of the chambers, if the controller uses the strains of the chambers."""
+    """Yield the estimated gains and phases of the chambers, if the controller estimates them."""
     for name, unit, meaning in (
         ("chamber_gain", "1", "gain of the chambers over a healthy worm's, as the controller finds it"),
         ("chamber_phase", "rad", "phase by which chambers are ahead of a healthy worm's, as the controller finds it"),
@@ -95,9 +98,10 @@ def _chambers(decisions: Sequence[Decision]) -> Iterator[Variable]:
 def timing_of(
     decisions: Sequence[Decision], steps: Sequence[float], dt: float, control_period: float
 ) -> tuple[Variable, ...]:
-    """Return the computing times of the decisions, and of all `steps`, `dt` apart, in each control period [s].
+    """Return the computing time of the decisions, and statistics of the computing time per control period.
 
-    The first control period is left out because of the compilation.
+    `steps` are the computing times of all steps of the controller [s], and `dt` is the time step of the run. The
+    statistics leave out the first control period, which contains the compilation.
     """
     if not steps:
         return ()
@@ -113,7 +117,11 @@ def timing_of(
 
 
 def path_points(path: Path, com: FloatArray, spacing: float = 0.02) -> FloatArray:
-    """Return points on the part of a path that a worm, shape (T, 2), passed, and a little beyond, shape (P, 2) [m]."""
+    """Return points of a path for drawing, shape (P, 2) [m].
+
+    If the path is infinite, the points cover the part that the worm passed and some more; `com` are the positions of
+    the worm, shape (T, 2) [m].
+    """
     ends = [float(path.project(place)) for place in (com[0], com[-1])]
     end = path.length if math.isfinite(path.length) else max(ends) + 1.0
     begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
@@ -121,21 +129,27 @@ def path_points(path: Path, com: FloatArray, spacing: float = 0.02) -> FloatArra
 
 
 def way_variables(path: Path | None) -> tuple[Variable, ...]:
-    """Return the path around obstacles that the worm followed, as known at the end of a run, if there was one."""
+    """Return the path around obstacles as a variable; empty if the worm did not follow such a path.
+
+    The path is the last one that the controller computed.
+    """
     if not isinstance(path, Detour):
         return ()
     return (Variable(WAY, ("station", "plane"), path.points, "m", "points of the way around the obstacles"),)
 
 
 def path_variable(path: Path, com: FloatArray) -> Variable:
-    """Return the user's own path as points, so that the run can be shown without the code of the path."""
+    """Return a user's own path as points, so that the run can be drawn later without the user's code."""
     return Variable(
         PATH_VARIABLE, ("place", "plane"), path_points(path, com), "m", "points of the path, a module's own"
     )
 
 
 def stored_path(record: Record) -> Path | None:
-    """Return the path through the points in a record, closed if the last point is the first; None without points."""
+    """Return the path through the points in a record, or None if the record has no such points.
+
+    The path is closed if its last point is its first.
+    """
     if PATH_VARIABLE not in record:
         return None
     points = record[PATH_VARIABLE]
@@ -144,16 +158,19 @@ def stored_path(record: Record) -> Path | None:
 
 
 def motion_of(result: worm3d.Result | Record, waves: FloatArray, outline: FloatArray | None = None) -> Motion:
-    """Return the motion of the worm for the metrics; `waves` is the commanded phase at its instants, shape (T,)."""
+    """Return the motion of the worm for the metrics.
+
+    `waves` is the commanded phase at the instants of the result, shape (T,), and `outline` the result of `outline_of`.
+    """
     time, com, heading, joints = (result[n] if isinstance(result, Record) else getattr(result, n) for n in SERIES)
     return Motion(time, com[:, :2], heading, waves, joints[:, -1, :2], outline)
 
 
 def outline_of(result: worm3d.Result) -> FloatArray:
-    """Return the corners of the body's outline from above, in order, shape (T, 2 N + 4, 2) [m].
+    """Return the corners of the outline of the body from above, in their order around it, shape (T, 2 N + 4, 2) [m].
 
-    The corners are the outward apexes of both sides, at the widest points of the segments, and the edges of the end
-    faces. The lines between them lie outside the links and the skin, which are narrower at the joints.
+    The corners are the outward apexes of both sides, which are the widest points of the segments, and the corners of
+    the two end faces. The body is inside this polygon, since links and skin are narrower at the joints.
     """
     half = np.broadcast_to(result.worm.half_height, result.worm.segments)
     ends, across = result.joints[:, [0, -1], :2], result.directors[:, [0, -1], :2] * half[[0, -1], None]
@@ -165,6 +182,6 @@ def outline_of(result: worm3d.Result) -> FloatArray:
 
 
 def tracked(record: Record, reference: Reference) -> Tracking | None:
-    """Return how well the worm of a record followed the reference; None for a run shorter than a period."""
+    """Return how well the worm of a record followed the reference, or None if the run is shorter than a period."""
     waves = record["waves"]
     return tracking(motion_of(record, waves), reference) if waves[-1] - waves[0] >= 1.0 else None

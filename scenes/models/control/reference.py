@@ -1,6 +1,7 @@
-"""The section [reference]: keys, and the desired speed, path, heading and obstacles.
+"""The section [reference] of a scene: its keys, and the desired speed, path, heading and obstacles made from it.
 
-A path of another shape needs a class in `control.tracking.paths`, and a name, keys and a function in `MAKERS` here.
+To add a kind of path, write a class in `control.tracking.paths`, and add a name, its keys and an entry of `MAKERS`
+here.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from worm3d.values.arrays import FloatArray
 
 HEADING_KIND, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
 BEGUN = (LINE, CIRCLE, S_CURVE)
-"""Kinds of paths with a start and an initial direction; points define the other paths."""
+"""Kinds of paths that are defined by a start and an initial direction."""
 
 
 class SpeedStep(Section):
@@ -145,7 +146,7 @@ def _profile(first: float, steps: list[tuple[float, float]]) -> Profile:
 
 
 def path_of(scene: Any) -> Path | None:
-    """Return the path, or None without a path; ValueError if the path is not possible."""
+    """Return the path, or None if the reference has no path; raise ValueError if the path is impossible."""
     kind = scene.reference.kind
     if named.is_own(kind):
         path: Path = part_named(PATH_KIND, kind, scene.reference)
@@ -177,11 +178,14 @@ MAKERS: dict[str, Callable[[Any], Path]] = {
     "way_points": lambda scene: WayPoints(_points(scene), scene.reference.radius_m),
     "pipe": _pipe,
 }
-"""Function that makes the path, for each kind of reference with a path."""
+"""Function that returns the path of a scene, for each shipped kind of reference with a path."""
 
 
 def _begin(scene: Any) -> tuple[tuple[float, float], float]:
-    """Return the start of a path and the direction there: as given, or the middle of the worm and its direction."""
+    """Return the start of a path [m] and its direction there [rad].
+
+    By default the path starts at the middle of the worm, in the direction of the worm.
+    """
     asked = scene.reference
     azimuth = scene.start.azimuth_deg if asked.azimuth_deg is None else asked.azimuth_deg
     x, y = middle_of(scene) if asked.start_m is None else asked.start_m
@@ -199,7 +203,7 @@ def _points(scene: Any) -> FloatArray:
 
 
 def _farthest(scene: Any) -> float:
-    """Return the largest distance that the worm is asked to cover, plus one body length [m]."""
+    """Return the largest distance that the worm covers at the desired speed, plus one body length [m]."""
     speeds = speeds_of(scene)
     return float(max(np.cumsum(speeds).max(), 0.0) / len(speeds) * scene.run.duration_s + scene.worm.length_m)
 

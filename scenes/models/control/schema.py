@@ -1,4 +1,4 @@
-"""Sections of a scene in which a controller drives the 3D worm: controller, sensors and reference."""
+"""Sections of a scene in which a controller drives the 3D worm: controller, cost, constraints, sensors and faults."""
 
 from __future__ import annotations
 
@@ -20,17 +20,23 @@ from scenes.models.switched import switched_keys
 from scenes.models.worm.schema import SpatialScene
 
 AUTO: Literal["auto"] = "auto"
-"""Name for a wave that is chosen at the beginning of a run."""
+"""Value of the key `wave` that lets the program choose the wave at the beginning of a run."""
 
 
 def _listed(registry: Mapping[str, Listed], what: str = "") -> Key:
-    """Return the key that names an entry of a registry; the first entry is the default."""
+    """Return the key whose value is a name in a registry; the first name is the default.
+
+    `what` is the beginning of the key's description.
+    """
     title = "; ".join(f"{name}: {listed.title}" for name, listed in registry.items())
     return part_key(tuple(registry), meaning=what + title, aka=() if what else ("type",))
 
 
 def _parts_keys(registry: Mapping[str, type], what: str) -> Keys:
-    """Return the keys of a section of parts from a registry: the list of used parts, and the parameters of each."""
+    """Return the keys of a section that lists parts of a registry.
+
+    They are the key `parts`, the list of the parts in use, and the parameters of each part. `what` names the parts.
+    """
     keys: Keys = {
         "parts": parts_key(tuple(registry), meaning=f"which {what} count, in any order: {meanings(registry)}")
     }

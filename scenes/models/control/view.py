@@ -1,4 +1,4 @@
-"""Path and predicted path of a controlled run, for the pictures."""
+"""Path, predicted path, obstacles and desired speed of a run with a controller, for pages and films."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 
 def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
-    """Return the period, the path, obstacles and, at the stored instants, the predicted path and the desired speed.
+    """Return what is drawn in addition to the worm, as arguments of `worm3d.results.pictures.arrays`.
 
-    Missing items are left out; the others are arguments of `worm3d.results.pictures.arrays`.
+    These are the period, the desired path, the obstacles, and, at the stored instants `rows`, the predicted path and
+    the desired speed. Arguments that a run does not have are left out.
     """
     from scenes.models.control.record import path_points
     from scenes.models.control.reference import speed_of  # imports the solvers
@@ -44,7 +45,10 @@ def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
 
 
 def path_seen(record: Record, scene: ControlScene) -> Path | None:
-    """Return the path of a stored run; a user's own path is read from the record, without importing its module."""
+    """Return the path of a stored run, or None without a path.
+
+    A user's own path is read from the record, so that the user's module is not imported.
+    """
     from scenes.models.control.record import stored_path
     from scenes.models.control.reference import path_of
 
@@ -52,20 +56,23 @@ def path_seen(record: Record, scene: ControlScene) -> Path | None:
 
 
 def reference_seen(record: Record, scene: ControlScene) -> Reference:
-    """Return the task of the worm in a stored run, with `path_seen`."""
+    """Return the task of the worm in a stored run, with the path of `path_seen`."""
     from scenes.models.control.reference import reference_along
 
     return reference_along(scene, path_seen(record, scene))
 
 
 def period(record: Record) -> float | None:
-    """Return the mean commanded period [s]; None for a worm without a command to move."""
+    """Return the mean commanded period of the gait [s], or None if the controller commanded no wave."""
     waves = float(record["waves"][-1] - record["waves"][0])
     return float(record["time"][-1] - record["time"][0]) / waves if waves > 0.0 else None
 
 
 def _horizons(record: Record) -> FloatArray:
-    """Return the path predicted by the latest decision at each instant; without a prediction, the position."""
+    """Return, for each stored instant, the path that the latest decision predicted.
+
+    If the decision has no prediction, all points of the path are the position of the worm.
+    """
     ways, time = record["horizon"], record["time"]
     latest = np.clip(np.searchsorted(record["decision_time"], time + 1e-9) - 1, 0, len(ways) - 1)
     at = ways[latest]
@@ -74,7 +81,10 @@ def _horizons(record: Record) -> FloatArray:
 
 
 def horizon_of(decisions: Callable[[], Sequence[Decision]], scene: ControlScene) -> Horizon:
-    """Return a function that shows, during a run, the path predicted by the latest decision, if any."""
+    """Return a function that returns the latest predicted path of a live run, at the given time [s].
+
+    The function returns None if the latest decision has no prediction. `decisions` returns all decisions so far.
+    """
 
     def horizon(time: float, com: FloatArray) -> FloatArray | None:
         latest = next((each for each in reversed(decisions()) if each.time <= time + 1e-9), None)
@@ -89,7 +99,10 @@ def _raised(places: FloatArray, record: Record, scene: ControlScene) -> FloatArr
 
 
 def _in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatArray:
-    """Return places (..., 2) in space: a little above a plane, or at the height of the worm's centre of mass."""
+    """Return points of the plan view, shape (..., 2) [m], as points in space, shape (..., 3) [m].
+
+    In a world with a plane, the points are 4 mm above the plane. In other worlds they are at the given height.
+    """
     world = scene.world
     if world.kind != "plane":
         heights = np.full(places.shape[:-1], height)

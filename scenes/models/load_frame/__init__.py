@@ -1,1 +1,1 @@
-"""Scenes of load_frame: schema, run and figures."""
+"""The model `load_frame`, a segment in a load frame: schema, run and figures."""

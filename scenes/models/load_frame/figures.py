@@ -1,4 +1,4 @@
-"""Figures of a load frame's run; each function returns (figure, axes) and has the name of the file."""
+"""Figures of a run of the load frame. The name of each function is the name of the file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from scenes.records.record import Record
 
 
 def force_over_cable(record: Record) -> tuple[Figure, Axes]:
-    """Draw the force in the cable over the cable taken in, and the measured force if the file can still be read."""
+    """Draw the force in the cable over the length of cable taken in, for the model and for the measurement.
+
+    The measurement is left out if the scene has none, or if its file can no longer be read.
+    """
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes = figure.subplots()
     if found := _measured(record):
@@ -32,7 +35,7 @@ def force_over_cable(record: Record) -> tuple[Figure, Axes]:
 
 
 def _measured(record: Record) -> Record | None:
-    """Return the measurement that gave the cable's motion, if the measurement also has the force."""
+    """Return the measurement from which the motion of the cable was taken, or None if it has no force."""
     scene = trusted(LoadFrameScene, own.without(LoadFrameScene, tomllib.loads(record.scene)))
     path = file_of(scene.frame)
     if path is None:
@@ -45,7 +48,7 @@ def _measured(record: Record) -> Record | None:
 
 
 def energy(record: Record) -> tuple[Figure, Axes]:
-    """Draw the use of the work of the cable, summed over the steps."""
+    """Draw the work of the cable and what becomes of it, cumulative over the steps."""
     incoming, stored = ({name: np.cumsum(record[key])} for name, key in (("the cable", "work"), ("elastic", "elastic")))
     lost = {"joint friction": np.cumsum(record["hysteresis_loss"]), "damping": np.cumsum(record["viscous_loss"])}
     title = f"{record.title}: energy, summed over the steps"

@@ -1,8 +1,9 @@
-"""The model `load_frame`: one segment of the 3D worm, with a hoop cable that is taken in and let out.
+"""The model `load_frame`: one segment of the 3D worm, with a cable around it that is taken in and let out.
 
-For the length u of cable taken in and kappa = cable_per_diameter, the chambers have the half-height
-h = h0 - u/(2 kappa), and the segment has the length l = 2 sqrt(a^2 - h^2). The force in the cable is the segment's
-pull P times dl/du = 2 h/(kappa l).
+If the length u of cable is taken in, the half-height of the segment is h = h0 - u/(2 kappa) and its length is
+l = 2 sqrt(a^2 - h^2), with the half-height h0 at rest, the length a of the links, and kappa = cable_per_diameter. The
+force in the cable is P dl/du with dl/du = 2 h/(kappa l), where P is the force that would stretch the segment to the
+length l.
 """
 
 from __future__ import annotations
@@ -46,29 +47,35 @@ OF_A_WORM = (
     "cost_of_transport",
     "newton_iterations_mean",
 )
-"""Entries of every summary that do not exist for a single segment."""
+"""Entries of the summary of a crawling worm. The summary of a load frame contains them without a value."""
 
 LENGTH_KEY = SEGMENT_KEYS["length"]
 
 
 def worm_of(scene: LoadFrameScene) -> PlantWorm:
-    """Return the worm of one segment described by a scene."""
+    """Return the worm of a scene, which has one segment."""
     hysteresis = part_named(HYSTERESIS, scene.hysteresis.kind, scene.hysteresis)
     return part_of(PlantWorm, scene.worm, segments=1, hysteresis=hysteresis)
 
 
 def instants(scene: LoadFrameScene) -> FloatArray:
-    """Return the start and the end of each time step, shape (S + 1,) [s]."""
+    """Return the times of the start and of the ends of all S steps, shape (S + 1,) [s]."""
     return scene.run.dt_s * np.arange(scene.run.steps + 1.0)
 
 
 def file_of(frame: Frame) -> Path | None:
-    """Return the file of the section [frame], or the shipped file of that name; None without a file."""
+    """Return the path of the file named in the section [frame], or None if it names no file.
+
+    The name may be the name of a shipped file.
+    """
     return None if frame.file == NO_FILE else file_named(frame.file)
 
 
 def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
-    """Return the cable taken in at given times, shape (T,) [m]; constant before and after the instants of a file."""
+    """Return the length of cable taken in at the given times, shape (T,) [m].
+
+    Before the first and after the last instant of a file the length is constant.
+    """
     path = file_of(frame)
     if path is None:
         way = frame.speed_m_s * time % (2.0 * frame.cable_m)
@@ -80,7 +87,11 @@ def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _measured_cable(path: Path, changed: tuple[int, int] | None) -> tuple[FloatArray, FloatArray]:
-    """Return the instants [s] and the cable taken in [m] of a file; cached by its last change for fits and sweeps."""
+    """Return the instants [s] and the length of cable taken in [m] of a file.
+
+    The result is cached, since fits and sweeps need it for every run. `changed` is the time of the last change and the
+    size of the file, so that a changed file is read again.
+    """
     record = measured.load(path)
     if "cable" not in record or record.variable("cable").units != "m" or record["cable"].ndim != 1:
         raise SceneError(f"{path}: no column of the cable taken in, must have one named cable_mm (or cable_m)")
@@ -91,12 +102,14 @@ def _measured_cable(path: Path, changed: tuple[int, int] | None) -> tuple[FloatA
 
 
 def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[FloatArray, FloatArray]:
-    """Return half-height and length of the segment, each of shape (T,) [m].
+    """Return the half-height and the length of the segment, each of shape (T,) [m].
+
+    `cable` is the length of cable taken in, shape (T,) [m].
 
     Raises
     ------
     ValueError
-        The cable would be taken in so far that no diameter is left, or let out beyond flat links.
+        If so much cable is taken in that the diameter would be 0, or so much is let out that the links would not reach.
     """
     link, h0 = float(worm.link_length[0]), float(np.ravel(worm.half_height)[0])
     height = h0 - cable / (2.0 * per_diameter)
@@ -110,7 +123,7 @@ def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[Floa
 
 
 def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
-    """Pull on the segment of a scene."""
+    """Simulate the load frame of a scene."""
     begun = perf_counter()
     time = instants(scene)
     worm, cable = worm_of(scene), cable_of(scene.frame, time)
@@ -144,7 +157,7 @@ def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
 def _summary(
     time: FloatArray, taken: FloatArray, work: FloatArray, peak: float, pulled: segment_law.Stretch
 ) -> dict[str, float | None]:
-    """Return the entries of `summary.json`; `taken` is the cable taken in by each step, shape (S,) [m]."""
+    """Return the entries of `summary.json`; `taken` is the length of cable taken in at each step, shape (S,) [m]."""
     put_in, given_back = float(work[taken > 0.0].sum()), -float(work[taken < 0.0].sum())
     uses = {
         "hysteresis": float(pulled.hysteresis_loss.sum()),
@@ -165,7 +178,7 @@ def _summary(
 
 
 def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, run: Run) -> Found:
-    """Report errors of the frame: a file without a cable, or more cable than the segment has."""
+    """Return an error if the file of the frame cannot be used, or if the segment cannot follow the cable."""
     scene = LoadFrameScene(model="load_frame", worm=worm, hysteresis=hysteresis, frame=frame, run=run)
     try:
         cable = cable_of(frame, instants(scene))

@@ -1,4 +1,4 @@
-"""The overview of a load frame's run: force over the cable taken in."""
+"""The overview picture of a run of the load frame: the force over the length of cable taken in."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scenes.records.record import Record
 
 
 def draw(record: Record, high: int = 320) -> Image:
-    """Draw the overview of a record, in a panel of a height [pixels]."""
+    """Draw the overview of a record; `high` is the height of the panel [pixels]."""
     share = record.summary["work_lost_share"]
     lost = f": {share:.1%} of the work is lost" if isinstance(share, float) else ""
     canvas = headed(record, record.sentence + lost, TOP_MARGIN + high + BOTTOM_MARGIN)

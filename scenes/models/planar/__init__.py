@@ -1,1 +1,1 @@
-"""Scenes of planar: schema, checks, construction, records and figures."""
+"""The models `planar_published` and `planar_linkage`: schema, checks, construction, records and figures."""

@@ -1,4 +1,4 @@
-"""Pictures of the planar models from their records; each function returns (figure, axes)."""
+"""Figures of runs of the planar models, drawn from their records."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def centre_of_mass(record: Record) -> tuple[Figure, Axes]:
 
 
 def cumulative_cost_of_transport(record: Record) -> tuple[Figure, Axes]:
-    """Draw the cumulative cost of transport of contraction and, of the corrected worm, of friction."""
+    """Draw the cumulative cost of transport of the contraction, and for the corrected worm also that of friction."""
     time, title = record["step_time"], f"{record.title}: cumulative cost of transport"
     if "cumulative_cot" in record:
         return figures.cumulative_cost(time, {"contraction": record["cumulative_cot"]}, title=title)
@@ -33,12 +33,12 @@ def cumulative_cost_of_transport(record: Record) -> tuple[Figure, Axes]:
 
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
-    """Draw the supply and the use of energy, summed over the steps."""
+    """Draw the energy balance, cumulative over the steps."""
     return panels.energy_ledger(record, "step_time", SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY)
 
 
 def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
-    """Draw loads and slip of the apexes, or loads and friction of the joints of a clamped worm."""
+    """Draw the loads and the slip of the apexes, or, for a clamped worm, the loads and the friction of the joints."""
     step_time = record["step_time"]
     if "side" not in record.sizes:
         panels = {

@@ -61,16 +61,17 @@ def run(scene: LinkageScene, observer: Observer) -> Outcome:
 
 
 def cumulative_cost(work: FloatArray, com_x: FloatArray, shortest: float = 1e-6) -> FloatArray:
-    """Return the sum of |work / dx| (P12), (P14) over the steps so far, as the paper plots it, shape (S,) [J/m].
+    """Return the cumulative cost of transport (P12), (P14) as the paper plots it, shape (S,) [J/m].
 
-    Steps that move the centre of mass by less than `shortest` [m] are left out.
+    It is the sum of |work / dx| over the steps, where dx is the displacement of the centre of mass in a step. Steps
+    with |dx| <= `shortest` [m] are left out.
     """
     cumulative: FloatArray = np.cumsum(np.abs(p12_cost_of_transport(work, com_x, shortest)))
     return cumulative
 
 
 def merits(scene: LinkageScene, result: linkage.Run) -> dict[str, float | None]:
-    """Return the entries of `summary.json` of one run."""
+    """Return the entries of `summary.json` for a run."""
     ledger, worm = result.ledger, result.worm
     travel = Travel.of(result.com, result.time, scene.gait.period_s)
     work = float(ledger.work_contract.sum())
@@ -91,7 +92,7 @@ def merits(scene: LinkageScene, result: linkage.Run) -> dict[str, float | None]:
 
 
 def reasons(summary: dict[str, float | None]) -> dict[str, str]:
-    """Return the reasons for entries without a value."""
+    """Return the reasons why entries of the summary have no value."""
     return {
         **dict.fromkeys(("path_length_m", "mean_speed_m_s", "speed_BL_per_period"), SHORT_RUN),
         **dict.fromkeys(("newton_iterations_mean", "cumulative_cot_J_per_m"), NO_STEP),
@@ -114,7 +115,7 @@ def _variables(scene: LinkageScene, result: linkage.Run) -> tuple[Variable, ...]
 
 
 def states(result: linkage.Run, every: int) -> tuple[Variable, ...]:
-    """Return the position and the commands of the worm after each `every` steps."""
+    """Return the variables of position and command of the worm, at every `every`-th step."""
     stored, time = slice(None, None, every), ("time",)
     apexes = result.apexes[stored]
     return (
@@ -168,7 +169,7 @@ def _energies(result: linkage.Run) -> tuple[Variable, ...]:
 
 
 POINT_VARIABLES = ("joint", "top_apex", "bottom_apex")
-"""Variables of joints and apexes for overview and movie."""
+"""Names of the variables of the joints and apexes, for the overview and the movie."""
 
 
 def _overview(record: Record) -> Image:
@@ -176,7 +177,7 @@ def _overview(record: Record) -> Image:
 
 
 def animate(record: Record) -> Movie:
-    """Return the movie of a record that contains the states of a worm."""
+    """Return the movie of a record with the variables of `states`."""
     contraction = record["contraction"]
     most = np.abs(contraction[record["time"] <= MOVIE_S]).max() or 1.0
     return movie(record, POINT_VARIABLES, contraction / most)

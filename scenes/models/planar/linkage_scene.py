@@ -1,4 +1,4 @@
-"""Scene of the corrected planar worm: sections, checks, and construction of the model."""
+"""Scene of the corrected planar worm: sections, checks, and construction of the worm and its run."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def simulate(scene: LinkageScene, observer: Observer) -> linkage.Run:
     Raises
     ------
     ValueError
-        The worm is refused, or the weight would flatten the worm (`LimitPointError`).
+        If the parameters of the worm are invalid, or its weight would flatten it (`LimitPointError`).
     """
     return linkage.simulate(
         worm_of(scene.worm),
@@ -94,18 +94,18 @@ def worm_of(worm: Worm) -> linkage.Linkage:
 
 
 def gait_of(scene: LinkageScene) -> Gait:
-    """Return the gait in the form for the worm: time [s] -> contraction of each segment, shape (N,)."""
+    """Return the gait as a function of the time [s] that returns the contraction of each segment, shape (N,)."""
     wave, segments = gait_from(scene.gait, scene.run.dt_s), scene.worm.segments
     return lambda t: wave.amplitude * wave.activation(t, segments)
 
 
 def _can_start(mass_kg: float | None, worm: Worm, friction: Friction, ground: Ground, gait: LinkageGait) -> str | None:
-    """Return the model's error for an impossible worm: flattened by the weight, or too small for its numbers."""
+    """Return an error if the worm cannot start, because its weight flattens it or its numbers overflow."""
     scene = LinkageScene(model="planar_linkage", worm=worm, friction=friction, ground=ground, gait=gait)
     try:
         with np.errstate(all="ignore"):
             if _is_flattened(scene):
-                simulate(scene, lambda done: False)  # the error gives the distance beyond the limit point
+                simulate(scene, lambda done: False)  # raises an error that says how much too heavy the worm is
     except (ValueError, ArithmeticError) as error:
         return in_keys(str(error), LINKAGE_KEYS)
     return None
@@ -118,7 +118,7 @@ def _is_flattened(scene: LinkageScene) -> bool:
 
 
 FRICTION = ("friction", "worm.segments")
-"""Keys that decide whether friction has a value for each segment."""
+"""Keys for the check that friction has a single value or a value for each segment."""
 
 LINKAGE_CHECKS = (
     *RUN_CHECKS,

@@ -1,4 +1,4 @@
-"""Figures of merit of all planar models, and reasons for missing values."""
+"""Figures of merit of both planar models, reasons for missing values, and the movie of a record."""
 
 from __future__ import annotations
 
@@ -24,12 +24,16 @@ class Travel:
     """Displacement along x [m]."""
     path_length: float | None
     mean_speed: float | None
-    """Path [m] and speed [m/s] along x of the centre of mass, averaged over a period to remove the rocking; None
-    without a step. The speed is also None if the run is shorter than a period."""
+    """Path [m] and speed [m/s] of the centre of mass along x. The position is averaged over a period first, since it
+    oscillates within a period. Both are None for a run without a step, and the speed is also None for a run shorter
+    than a period."""
 
     @classmethod
     def of(cls, com: FloatArray, time: FloatArray, period: float) -> Travel:
-        """Measure a centre of mass, shape (T, 2) [m], at evenly spaced times, shape (T,) [s]."""
+        """Return the travel of a centre of mass.
+
+        `com` has the shape (T, 2) [m], and `time`, which is evenly spaced, the shape (T,) [s].
+        """
         distance = float(com[-1, 0] - com[0, 0])
         if len(time) < 2:
             return cls(distance, None, None)
@@ -44,7 +48,10 @@ class Travel:
 def common(
     run: published.Run | linkage.Run, travel: Travel, works: tuple[float, float], weight: float, balance_error: float
 ) -> dict[str, float | None]:
-    """Return the metrics of every planar model; works of contraction and of friction [J], weight [N]."""
+    """Return the entries of the summary that both planar models have.
+
+    `works` are the work of the contraction and the work of friction [J], and `weight` is the weight of the worm [N].
+    """
     work, friction = works
     return {
         "duration_s": float(run.time[-1]),
@@ -61,7 +68,10 @@ def common(
 
 
 def movie(record: Record, names: tuple[str, str, str], activation: FloatArray) -> Movie:
-    """Return the movie of a record; names of joints, top and bottom apexes; activation of shape (T, N)."""
+    """Return the movie of a record.
+
+    `names` are the variables of the joints, the top apexes and the bottom apexes. `activation` has the shape (T, N).
+    """
     from planar import animation
 
     shown = record["time"] <= MOVIE_S
@@ -71,12 +81,15 @@ def movie(record: Record, names: tuple[str, str, str], activation: FloatArray) -
 
 
 def cost_of_transport(work: float, weight: float, distance: float) -> float | None:
-    """Return W / (m g d); None without weight, without distance, or if the environment drove the worm."""
+    """Return the cost of transport W / (m g d).
+
+    Return None if the worm has no weight, did not move forward, or did negative work W.
+    """
     return work / (weight * distance) if work >= 0.0 and weight * distance > 0.0 else None
 
 
 def no_cost_because(work: float | None, distance: float | None, supplier: str) -> str:
-    """Return why there is no cost of transport; `supplier` names the energy source for negative net work."""
+    """Return why there is no cost of transport; `supplier` says where the energy comes from if the work is negative."""
     if work is not None and work < 0:
         return f"the net work of the contraction is negative ({work:.4g} J): {supplier}"
     if distance is not None and distance <= 0:

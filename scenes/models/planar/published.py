@@ -1,4 +1,4 @@
-"""The model `planar_published`: the program of the paper, with scene, run and record."""
+"""The model `planar_published`: the author's program of the paper (`planar.published`), with scene, run and record."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def run(scene: PublishedScene, observer: Observer) -> Outcome:
         observer=observer,
     )
     wall_s = perf_counter() - start
-    # The last steps before a divergence may overflow; a reason explains the missing values in the summary.
+    # Before a divergence the values may overflow. The summary then has reasons in place of the values.
     with np.errstate(all="ignore"):
         summary = _summary(scene, result)
         ended = status_word(result.status), result.stop.sentence
@@ -166,7 +166,7 @@ def _reasons(summary: dict[str, float | None]) -> dict[str, str]:
 
 
 NODES = ("main_node", "top_node", "bottom_node")
-"""Variables of the nodes for overview and movie."""
+"""Names of the variables of the nodes, for the overview and the movie."""
 
 
 def _overview(record: Record) -> Image:

@@ -57,7 +57,7 @@ def _patch(patch: Patch) -> worm3d.Patch:
 
 
 def _heightfield(world: World) -> worm3d.Heightfield:
-    """Return the terrain of a section."""
+    """Return the heightfield of a section."""
     (length, width), spacing, height, size = world.extent_m, world.spacing_m, world.height_m, world.size_m
     if world.surface == "image":
         return worm3d.Heightfield.from_image(file_named(world.file), spacing, 0.0, height, grip=world.grip)
@@ -86,11 +86,11 @@ WORLDS: dict[str, Callable[[World], Any]] = {
     "mesh": _mesh,
     NO_WORLD: lambda world: None,
 }
-"""Function that makes the world, for each `kind` whose keys are written in the schema."""
+"""Function that returns the world, for each `kind` whose keys are written in `schema.py`."""
 
 
 def world_of(world: World) -> worm3d.World | None:
-    """Return the world described by a section; None if there is no world."""
+    """Return the world of a section, or None for the kind "none"."""
     if world.kind in WORLDS:
         built: worm3d.World | None = WORLDS[world.kind](world)
         return built

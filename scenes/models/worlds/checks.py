@@ -1,4 +1,4 @@
-"""Checks of a world whose keys are each valid."""
+"""Checks of the section [world] that involve several keys, or several values of one key."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BEND = ("bend_deg", "bend_radius_m")
 
 
 def pieces_are_one_thing(pieces: Sequence[Mapping[str, Any]]) -> str | None:
-    """Report a piece that is neither straight nor a bend, or is both."""
+    """Return an error for a piece of a pipe that is neither straight nor a bend, or that is both."""
     for number, piece in enumerate(pieces):
         straight, bend = piece.get("straight_m") is not None, [piece.get(key) is not None for key in BEND]
         if straight == any(bend) or any(bend) != all(bend):
@@ -53,7 +53,7 @@ def _worm_fits(
     chamber_offset_m: float,
     tail_m: Any,
 ) -> Found:
-    """Report a worm that is wider at rest than the pipe in which it starts."""
+    """Return an error for a worm that is wider at rest than the pipe in which it starts."""
     if kind != PIPE:
         return None
     pipe = 2.0 * (float(radii[0]["radius_m"]) if radii and tail_m[0] <= radii[0]["at_m"] else radius_m)
@@ -130,7 +130,7 @@ def _step_has_a_tread(ramp_m: float, size_m: float, surface: str, kind: str) -> 
 
 
 def _world_can_be_made(file: str, world: World) -> Found:
-    """Report the errors that are found when a mesh or picture file is read."""
+    """Return the errors that occur when the file of a mesh or a heightfield is read."""
     if world.kind not in FILES:
         return None
     try:

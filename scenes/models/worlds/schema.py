@@ -1,8 +1,8 @@
 """The section [world]: the surfaces around the worm.
 
-A world with a name in `worm3d.worlds.WORLDS` is a `kind` without further code: the parameters of the world are the
-keys. The keys of the other kinds are written in this module (`only` names the kind), and a function in
-`build.WORLDS` makes the world.
+There are two groups of kinds of worlds. For a class that is registered in `worm3d.worlds.WORLDS`, the keys of the scene
+are the parameters of the class, and no code is needed here. The keys of the other kinds are written in this module,
+where `only` names the kinds that have a key, and a function in `build.WORLDS` makes the world.
 """
 
 from __future__ import annotations
@@ -23,11 +23,14 @@ WRITTEN = (PLANE, PIPE, SLOPE_INTO_PIPE, HEIGHTFIELD, MESH)
 """Kinds whose keys are written in this module."""
 
 NO_FILE = "none"
-"""Value for a missing file."""
+"""Value of the key `file` if there is no file."""
 
 
 def _kinds() -> dict[str, type]:
-    """Return the class of each kind of world; without parameters for kinds whose keys are written in this module."""
+    """Return the class of each kind of world, whose parameters are its keys.
+
+    For a kind whose keys are written in this module, it is a class without parameters.
+    """
     bare = make_dataclass("Bare", ())
     return {**dict.fromkeys(WRITTEN, bare), **dict(sorted(WORLDS.items())), NO_WORLD: bare}
 
@@ -39,7 +42,7 @@ NAMED = keys_of(
     meaning="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
     f"{meanings(WORLDS)}; none: nothing there",
 )
-"""Keys of the kinds of world that are found by name, and the key `kind`."""
+"""The key `kind`, and the keys of the kinds that are registered in `worm3d.worlds.WORLDS`."""
 
 
 class Patch(Section):
@@ -173,7 +176,10 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
 
 
 def _shared(name: str, known: Key) -> Key:
-    """Return a key of kinds found by name; a key that is also written in this module is for both groups of kinds."""
+    """Return a key of registered kinds of worlds.
+
+    If the key is also written in this module, return that key, with the registered kinds added to its kinds.
+    """
     written = keys_in(WrittenKeys).get(name)
     if written is None:
         return known

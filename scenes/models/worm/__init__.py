@@ -1,1 +1,1 @@
-"""Scenes of worm: schema, checks, construction, records and figures."""
+"""The models `worm` and `worm_planar`, worms with a gait: schema, checks, construction, records and figures."""

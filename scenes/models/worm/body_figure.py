@@ -1,4 +1,4 @@
-"""The figure of the 3D worm's body from a record."""
+"""The figure that shows the body of the 3D worm at a few instants, drawn from a record."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ if TYPE_CHECKING:
 
 
 WALLED = ("pipe", "slope_into_pipe", "mesh")
-"""Worlds whose walls appear in a horizontal section."""
+"""Kinds of worlds whose walls are drawn in the top view, as a horizontal section."""
 
 
 def body(record: Record) -> tuple[Figure, Axes]:
-    """Draw the worm at a few instants, coloured by the contraction from the actuators (not by the strain).
+    """Draw the worm at a few instants.
 
-    The views are from the side and from above, one instant below the other. A worm that climbs steeply is drawn from
-    the side only, with the instants next to each other.
+    The colour of a chamber shows the contraction that its actuator commands, not its strain. Each instant has a row
+    with a side view and a top view. A worm that climbs steeply is drawn from the side only, with the instants next to
+    each other.
     """
     rows = np.unique(np.linspace(0, len(record["time"]) - 1, 5).round().astype(int))
     joints, points = (in_its_frame(record, record[name][rows]) for name in ("joints", "points"))
@@ -55,7 +56,10 @@ def body(record: Record) -> tuple[Figure, Axes]:
 def _bodies(
     axes: Axes, record: Record, joints: FloatArray, points: FloatArray, row: int, across: int
 ) -> PolyCollection:
-    """Draw the chambers and the joints at a row of a record, seen along an axis."""
+    """Draw the chambers and the joints at a row of a record.
+
+    `across` is the coordinate on the vertical axis of the view: 2 (z) for the side view, 1 (y) for the top view.
+    """
     half, order = 0.5 * record["chamber_length"][row], (1, 0) if across == 2 else (0, 1)
     shapes = PolyCollection(
         [r for side in order for r in _rhombi(joints, points, half[:, side], side, across)],
@@ -84,7 +88,10 @@ def _label(grid: NDArray[Any], times: list[str], climbs: bool) -> None:
 
 
 def _stage(span: FloatArray, instants: int, climbs: bool) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure and its axes, all to one scale: a row for each instant, with a side view and any top view."""
+    """Return a figure and its axes, which all have the same scale.
+
+    The array of axes has a row for each instant, with the side view and, unless the worm climbs, the top view.
+    """
     columns, tall = (instants, span[2]) if climbs else (2, max(span[1], span[2]))
     total = np.array([columns * span[0], tall if climbs else instants * tall])
     widest, highest = (10.0, 5.0) if climbs else (8.4, 10.0)
@@ -100,10 +107,10 @@ def _stage(span: FloatArray, instants: int, climbs: bool) -> tuple[Figure, NDArr
 
 
 def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int) -> FloatArray:
-    """Return the outlines of the chambers on one side (0 left, 1 right), seen along an axis, shape (N, 4, 2).
+    """Return the outlines of the chambers on one side (0 left, 1 right) as rhombi, shape (N, 4, 2).
 
-    In the side view, two corners are the upper and the lower apex; in the top view, the outward apex and its mirror
-    image.
+    Two corners are on the axis of the segment. In the side view (`across` = 2), the other two are the upper and the
+    lower apex. In the top view, they are the outward apex and its mirror image.
     """
     below, above, outward = (points[:, 3 * side + k] for k in range(3))
     centre = 0.5 * (below + above)
@@ -114,7 +121,7 @@ def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int,
 
 
 def _section(axes: Axes, record: Record, world: World | None, com: FloatArray, across: int) -> None:
-    """Draw vertical sections of solids through the centre of mass, and horizontal sections if there are walls."""
+    """Draw the section of the world through the centre of mass, in the top view only if the world has walls."""
     if world is None or (across == 1 and scene_of(record).world.kind not in WALLED):
         return
     sides = [np.linspace(*limits, 250) for limits in (axes.get_xlim(), axes.get_ylim())]

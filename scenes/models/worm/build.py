@@ -51,7 +51,10 @@ PARTS = {
     "medium": MEDIUM_KIND,
     "load": LOAD_KIND,
 }
-"""Kind of the parts in each section of the 3D worm, by the name of section and parameter."""
+"""Kind of the part that a section of the scene describes, by the name of the section.
+
+The parameter of `worm3d.Worm` for the part has the same name.
+"""
 
 Force = Callable[[float], NDArray[np.float64]]
 
@@ -66,22 +69,35 @@ def simulate(
     live: worm3d.Live | None = None,
     drive: Drive | None = None,
 ) -> worm3d.Result:
-    """Run the worm of a scene to the end, from the start or from a state after `done` steps, driven by the gait.
+    """Simulate the worm of a scene to the end of the scene.
 
-    `drive` is a controller and a sensor that replace the gait.
+    Parameters
+    ----------
+    scene
+        The scene; its gait drives the worm.
+    observer : callable
+        Function that is called with the number of finished steps. If it returns False, the run ends.
+    state : worm3d.State, optional
+        State to continue from; the start of the scene if left out.
+    done : int
+        Number of steps before `state`.
+    live : worm3d.Live, optional
+        Page that shows the run in a browser.
+    drive : tuple, optional
+        A controller and a sensor, which replace the gait.
 
     Raises
     ------
     SceneError
-        The weight would flatten the worm, or the state is not of this worm. Only the compiled plant can detect these
-        errors.
+        If the weight would flatten the worm, or the state does not belong to this worm. The checks of scenes cannot
+        detect these errors.
     ValueError
-        The worm is refused.
+        If the parameters of the worm are invalid.
     """
     try:
         problem = problem_of(scene, state, done, drive)
-        # Without a controller, the user is asked about every 50 steps whether to stop, and only at stored states: a
-        # run that ends between two of them could not be continued without a gap.
+        # Without a controller, the observer is called about every 50 steps, and only at stored states. A run that
+        # ends between two stored states could not be continued without a gap in the record.
         rows = 1 if drive is not None else max(1, 50 // problem.record_every)
         looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
@@ -96,7 +112,7 @@ def simulate(
 def problem_of(
     scene: AnyWormScene, state: worm3d.State | None = None, done: int = 0, drive: Drive | None = None
 ) -> Problem:
-    """Return the problem that a scene simulates; the parameters are those in `simulate`."""
+    """Return the problem that the solver gets for a scene. The parameters are the same as in `simulate`."""
     worm, world, run = worm_of(scene), world_of(scene.world), scene.run
     actuation, sensor = (gait_of(scene), sensor_of(scene)) if drive is None else drive
     return Problem(
@@ -127,7 +143,7 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
 
 
 def _part(name: str, kind: Kind, section: Any) -> Any:
-    """Return the part of a section; an error about a parameter of the part begins with the name of the section."""
+    """Return the part of a section; error messages about a parameter begin with the name of the section."""
     try:
         return part_named(kind, section.kind, section)
     except ValueError as error:
@@ -142,7 +158,7 @@ def friction_of(scene: AnyWormScene) -> worm3d.Friction:
 
 
 def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
-    """Return the gait of a scene with a gait, combined with the reflexes of the scene."""
+    """Return the gait of a scene, combined with the reflexes of the scene."""
     assert isinstance(scene, GaitScene)
     gait, asked = gait_from(scene.gait, scene.run.dt_s), scene.reflexes
     reflexes = switched_parts(REFLEX, asked)
@@ -150,7 +166,7 @@ def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
 
 
 def sensor_of(scene: AnyWormScene) -> Sensor | None:
-    """Return the sensor of a scene with a gait; None if the sensor signals are exact, or unused."""
+    """Return the sensor of a scene with a gait, or None if the signals are exact or nothing uses them."""
     assert isinstance(scene, GaitScene)
     channels: dict[str, Any] = dict(channels_of(scene.sensor, getattr(gait_of(scene), "senses", ())))
     if all(each == Channel(noise=0.0) for each in channels.values()):
@@ -159,7 +175,7 @@ def sensor_of(scene: AnyWormScene) -> Sensor | None:
 
 
 def measures_of(scene: AnyWormScene) -> list[Measure]:
-    """Return the user's own measures in a scene; ValueError if a name is not a measure."""
+    """Return the user's own measures in a scene; raise ValueError if a name does not belong to a measure."""
     entered = {id(each.function): each for each in MEASURES.values() if each.function}
     found = [(name, named.own(name, MEASURE)) for name in scene.measures.parts]
     return [entered.get(id(part)) or part_named(MEASURE, name, getattr(scene.measures, name)) for name, part in found]
@@ -182,14 +198,15 @@ def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World 
 
 
 def force_of(push: Push, segments: int, dt: float) -> Force | None:
-    """Return the push as forces over time, shape (N+1, 3) [N]; None if there is none.
+    """Return a function of the time [s] that returns the push as forces on the joints, shape (N+1, 3) [N].
 
-    The force acts in a step if the end of the step lies in (begin, begin + duration].
+    Return None if the scene has no push. The force acts in a step if the end of the step is in
+    (begin, begin + duration].
     """
     if not any(push.force_N):
         return None
     force = np.zeros((segments + 1, 3))
     force[push.joint] = push.force_N
-    begin = push.begin_s + 1e-6 * dt  # rounding must not decide in which step the push starts
+    begin = push.begin_s + 1e-6 * dt  # so that rounding errors do not move the start of the push to another step
     end = math.inf if push.duration_s is None else begin + push.duration_s
     return lambda t: force if begin < t <= end else np.zeros_like(force)

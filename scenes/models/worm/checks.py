@@ -1,4 +1,4 @@
-"""Checks across the keys of a scene of the 3D worm."""
+"""Checks that involve several keys of a scene of the 3D worm."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ from worm3d.values.arguments import MAX_MAGNITUDE, bytes_of_run
 from worm3d.values.named import is_own
 
 IMPOSSIBLE = (ValueError, ArithmeticError)
-"""Errors raised for an impossible worm; numbers without bounds may overflow."""
+"""Errors that an impossible worm raises. Arithmetic errors occur if huge numbers overflow."""
 BODY = ("worm", *PARTS)
-"""Sections that define the body of a 3D worm."""
+"""Sections that describe the body of a 3D worm."""
 STARTS_WITH = ("worm", "world", "start", "run")
-"""Sections that decide whether a planar worm can start."""
+"""Sections on which it depends whether a planar worm can start."""
 SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
-"""Sections that decide whether a 3D worm can start."""
+"""Sections on which it depends whether a 3D worm can start."""
 
 
 def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:
-    """Return the check that the worm of a scene can start; the sections `names` decide this."""
+    """Return the check that the worm of a scene can start, which depends on the sections `names`."""
 
     def can_start(mass_kg: float | None, *sections: Section) -> Found:
         return _refusal(scene_with(schema, names, sections))
@@ -68,7 +68,7 @@ def _sized(section: Section, segments: int) -> None:
 
 
 def _refusal(scene: Any) -> Found:
-    """Return an error of the plant before the first step, such as for a weight that would flatten the worm."""
+    """Return an error of the solver that occurs before the first step, for example a weight that flattens the worm."""
     try:
         with np.errstate(all="ignore"):
             worm, world, gravity = worm_of(scene), world_of(scene.world), gravity_of(scene)
@@ -125,7 +125,7 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
 
 
 def _errors_are_felt(sensor: Senses, reflexes: Reflexes, kind: str) -> Found:
-    """Report sensor errors in a scene in which nothing uses the sensors."""
+    """Return an error if a scene sets sensor errors, but neither its gait nor a reflex uses sensors."""
     wrong = [key for key, value in sensor if is_own(key) or value != keys_in(Senses)[key].default]
     gait = class_named(GAIT, kind)
     if not wrong or any(value is True or is_own(name) for name, value in reflexes) or issubclass(gait, FeedbackGait):
@@ -149,7 +149,7 @@ WORLD_CHECKS = (
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
 )
-"""Checks for every worm."""
+"""Checks for scenes of every worm, planar or 3D."""
 
 SPATIAL_CHECKS = (
     *WORLD_CHECKS,
@@ -157,7 +157,7 @@ SPATIAL_CHECKS = (
     building(_sized, "friction", "worm.segments"),
     *WORM_IN_PIPE_CHECKS,
 )
-"""Checks for every 3D worm, with a gait or a controller."""
+"""Checks for scenes of every 3D worm, with a gait or with a controller."""
 
 WORM_CHECKS = (*SPATIAL_CHECKS, *gait_checks(WormGait, Worm), *REFLEX_CHECKS, start_check(WormScene))
 

@@ -1,4 +1,4 @@
-"""Figures of the 3D worm from a record; each function returns (figure, axes) and has the name of the file."""
+"""Figures of a run of the 3D worm, drawn from its record. The name of each function is the name of the file."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = [
 
 
 def path(record: Record) -> tuple[Figure, Axes]:
-    """Draw the path of the centre of mass from above, with headings, and the body at both ends."""
+    """Draw a top view: the path of the centre of mass, headings along it, and the body at the start and at the end."""
     com, heading = record["com"], record["heading"]
     figure, (axes,) = stacked(4.8)
     ends(axes, record["joints"])
@@ -74,20 +74,20 @@ def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
 
 
 def contraction(record: Record) -> tuple[Figure, Axes]:
-    """Draw the contraction of the chambers, and the angles of moving hinges, over time and along the worm."""
+    """Draw the contraction of the chambers over time and along the worm, and the hinge angles if they are not all 0."""
     time, given = record["time"], record["contraction"]
     panels = {"contraction": (time, given.mean(axis=2))}
     if not np.array_equal(given[..., 0], given[..., 1]):
         panels = {f"contraction, {side}": (time, given[..., k]) for k, side in enumerate(("left", "right"))}
     if np.any(record["hinge"]):
-        hinge = np.rad2deg(record["hinge"])  # joint j belongs to segment j; the tail's has none
+        hinge = np.rad2deg(record["hinge"])  # the hinge at the rear of segment j; segment 0, the tail, has none
         panels["hinge [deg]"] = (time, np.column_stack([np.zeros(len(time)), hinge]))
     title = f"{record.title}: contraction given by the actuators"
     return planar_figures.space_time(panels, "segment (0 = tail)", title=title)
 
 
 def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
-    """Draw where the worm carries its weight and where it slides: apexes, or the joints of the clamped worm."""
+    """Draw the normal loads and the slip of the segments over time; for a clamped worm, the loads of the joints."""
     time = record["time"]
     if scene_of(record).world.kind == "clamped":
         panels = {"normal load (P9) [N]": (time, record["joint_load"])}
@@ -101,7 +101,7 @@ def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
 
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
-    """Draw the supply and the use of energy over time."""
+    """Draw the energy balance, cumulative over time."""
     terms = ([name for name in names if name in record] for names in (SUPPLIED_ENERGY, STORED_ENERGY, LOST_ENERGY))
     figure, axes = panels.energy_ledger(record, "time", *terms)
     figure.set_size_inches(8.4, 4.0)
@@ -110,7 +110,11 @@ def energy_ledger(record: Record) -> tuple[Figure, Axes]:
 
 
 def _of_segments(of_apexes: FloatArray, of_faces: FloatArray) -> FloatArray:
-    """Sum values of the apexes, (T, N, 6), and of the end faces and joints, (T, N+1), by segment, shape (T, N)."""
+    """Return the sums over the contacts of each segment, shape (T, N).
+
+    `of_apexes` are values of the apexes, shape (T, N, 6). `of_faces` are values of the joints and the end faces, shape
+    (T, N+1); value j counts for segment j, and the last value for the head.
+    """
     total: FloatArray = of_apexes.sum(axis=2) + of_faces[:, :-1]
     total[:, -1] += of_faces[:, -1]
     return total

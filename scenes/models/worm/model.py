@@ -24,10 +24,10 @@ WORM_ADVICE = (
 )
 
 OF_A_BODY = ("body", "contraction", "loads_and_slip", "energy_ledger")
-"""Pictures of every 3D worm, also of a worm with a controller."""
+"""Figures of every 3D worm, with a gait or with a controller."""
 
 OF_THE_CLOCK = ("status", "real_time_factor")
-"""Entries of the plant's summary that a record keeps elsewhere."""
+"""Entries of `Result.summary` that are not in the summary of the record, which stores them separately."""
 
 
 def run(scene: GaitScene, observer: Observer) -> Outcome:
@@ -42,18 +42,18 @@ def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
 
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
-    """Continue from the end of a record to the end of the scene."""
+    """Continue a run from the end of a record to the end of the scene, and return the whole run."""
     from scenes.models.worm.record import ENERGY_TERMS, STORED_SERIES, joined  # imports the libraries of files
     from worm3d.results.files import state_of
 
     for name in (*STORED_SERIES, *ENERGY_TERMS):
-        earlier.variable(name)  # before the simulation: an error for a record without the variable
+        earlier.variable(name)  # raises an error, before the simulation, if the record has no such variable
     rest = simulate(scene, observer, state_of(earlier.checkpoint), earlier.sizes["step"])
     return outcome(joined(earlier, rest), scene)
 
 
 def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
-    """Return the faults that the plant detected."""
+    """Return rows for the faults of a run: a worm that fell on its side, or a result that is not accurate enough."""
     since, error, found = result.on_its_side, result.error_estimate, []
     if since is not None:
         advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
@@ -68,7 +68,7 @@ def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
 
 
 def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
-    """Return a run as an outcome for the command line, with the measures that the scene asks for."""
+    """Return a run as an outcome for the command line, with the user's own measures in the scene."""
     from worm3d.results.files import checkpoint_of, described  # imports the libraries of files
 
     asked = {measure.name: measure(result) for measure in measures_of(scene)}
@@ -98,7 +98,7 @@ def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
 
 
 def _errors(result: worm3d.Result) -> dict[str, float]:
-    """Return the possible errors of entries of the summary; empty if the run has no error estimate."""
+    """Return the estimated errors of entries of the summary, by name; empty if the run has no error estimate."""
     errors = {} if result.error_estimate is None else dict(result.error_estimate.figures)
     if result.period and "mean_speed_m_s" in errors:
         errors["speed_BL_per_period"] = errors["mean_speed_m_s"] * result.period / result.worm.length
@@ -106,14 +106,17 @@ def _errors(result: worm3d.Result) -> dict[str, float]:
 
 
 def _period(scene: GaitScene, record: Record) -> float | None:
-    """Return the period of the gait of a stored run [s]; for a user's own gait, the stored period."""
+    """Return the period of the gait of a stored run [s].
+
+    For a user's own gait it is read from the record, since it need not be a key of the scene.
+    """
     own = is_own(scene.gait.kind)
     found: float | None = json.loads(record.run or "{}").get("period") if own else scene.gait.period_s
     return found
 
 
 def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Model[S]:
-    """Return a model of the 3D plant."""
+    """Return a model that simulates a worm with a gait by `worm3d`."""
     return Model(
         name=name,
         title=title,

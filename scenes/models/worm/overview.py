@@ -1,4 +1,4 @@
-"""The overview of a run of the 3D worm: a side view and a top view, in the frame of the initial heading."""
+"""The overview picture of a run of the 3D worm: a side view and a top view, with x along the initial heading."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 APEX_ROWS = ((0, 3), (1, 4), (2, 5))
-"""Apexes of a segment, below, above and outward: rows of the left and of the right chamber."""
+"""Numbers of the lower, the upper and the outward apexes of a segment, each for the left and the right chamber."""
 
 
 def draw(record: Record) -> Image:
@@ -46,7 +46,10 @@ def draw(record: Record) -> Image:
 
 
 def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:
-    """Return places, shape (..., 3) [m], in the frame of the initial heading: along, left, up; or back to x, y, z."""
+    """Return points, shape (..., 3) [m], in the axes of the initial heading: forward, left, up.
+
+    If `back` is true, return points given in these axes in the axes x, y, z.
+    """
     azimuth = float(record["heading"][0])
     azimuth = 0.0 if math.isnan(azimuth) else azimuth  # a vertical body has no azimuth
     azimuth = -azimuth if back else azimuth

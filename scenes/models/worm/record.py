@@ -1,4 +1,4 @@
-"""A run of the 3D worm as a record that can be continued; `worm3d.recorded.series` declares the stored series."""
+"""Continuation of a stored run of the 3D worm. `worm3d.recorded.series` declares the stored series."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ from worm3d.values.arrays import FloatArray
 STORED_SERIES = {
     name: series for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived
 }
-"""Stored series: all that are not computed from other series."""
+"""Series that a record stores. Series that can be computed from them are not stored."""
 
 ENERGY_TERMS = tuple(each.name for each in fields(worm3d.Energy))
 
 
 def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
-    """Return a whole run: the record is the first part, and the result continues from the end of the record."""
+    """Return the whole run, of which the record is the first part and `rest` the continuation."""
 
     def whole(name: str, later: FloatArray) -> FloatArray:
-        """Return a series of the whole run; the first row of the result repeats the last row of the record."""
+        """Return a series of the whole run.
+
+        In series over time, the first row of the continuation repeats the last row of the record and is dropped.
+        """
         begun = earlier[name]
         return np.concatenate(
             [begun, later[0 if name in STORED_SERIES and STORED_SERIES[name].dims[0] == "step" else 1 :]]
@@ -52,7 +55,10 @@ def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
 
 
 def _error(earlier: Record, rest: worm3d.Result) -> worm3d.ErrorEstimate | None:
-    """Return the error estimate of the whole run; None if a part has none, or is from another version."""
+    """Return the error estimate of the whole run.
+
+    Return None if one of the two parts has no estimate, or if the stored estimate is of another version.
+    """
     begun = None
     with suppress(KeyError):
         begun = restored("error_estimate", json.loads(earlier.run).get("error_estimate"), [])

@@ -1,4 +1,4 @@
-"""Sections of a scene of the 3D worm, with the defaults of the plant."""
+"""Sections of a scene of the 3D worm. The defaults are the defaults of `worm3d`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from worm3d.values.named import is_own
 
 
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
-    """Return the keys of the actuators that can drive hinges."""
+    """Return the keys of a section that chooses an actuator for the hinges, among the actuators that can drive them."""
     parts = {name: part for name, part in registry.items() if is_own(name) or getattr(part, "drives_hinges", True)}
     return chosen(parts, meaning="what drives the hinges")
 
@@ -164,7 +164,7 @@ class WormRun(Run):
 
 
 class Surroundings(Settings):
-    """Sections of the scenes of both worms."""
+    """Sections that scenes of the 3D worm and of the planar worm have in common."""
 
     run: WormRun = WormRun()
     world: World = World()
@@ -173,7 +173,7 @@ class Surroundings(Settings):
 
 
 class SpatialScene(Surroundings):
-    """Sections of all scenes of the 3D worm, for any controller or gait."""
+    """Sections that all scenes of the 3D worm have in common, with a gait or with a controller."""
 
     worm: Worm = Worm()
     actuator: Actuator = Actuator()

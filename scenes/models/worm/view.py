@@ -1,4 +1,4 @@
-"""Stored runs of the 3D worm as pictures: the browser page, the movie, one instant from two sides, and a mesh."""
+"""Pictures of stored runs of the 3D worm: the browser page, the movie, a side and a top view, and a mesh."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
 
 
 SEEN = ("model", "worm", "world")
-"""Sections that are needed to draw a worm; of the other sections, only the period of the gait is used."""
+"""Sections that are needed to draw a worm. Of the other sections, only the period of the gait is needed."""
 
 SHOWN_SECTIONS = ("world", "gait", "reference")
-"""Sections in which pictures show a user's own part from the data in the record."""
+"""Sections that are kept although they name a user's own part, since the record contains the data to draw the part."""
 
 
 def scene_of(record: Record) -> AnyWormScene:
-    """Return the scene of a record as far as pictures need it: without the parameters of the user's own parts.
+    """Return the scene of a record without the parameters of the user's own parts, which pictures do not need.
 
-    Sections with unknown parts, such as a gait that is registered when its module is imported, get the defaults.
+    No module of the user is imported. Sections with parts that are unknown without such an import get the defaults.
 
     Raises
     ------
     SceneError
-        A section that is drawn has an unknown part.
+        If a section that must be drawn has an unknown part.
     """
     schema = models.get(record.model).schema
     written = own.without(schema, tomllib.loads(record.scene), but=SHOWN_SECTIONS)
@@ -62,7 +62,10 @@ def scene_of(record: Record) -> AnyWormScene:
 
 
 def world_seen(record: Record, scene: AnyWormScene) -> World | None:
-    """Return the world of a stored run; a user's own world is read from the record, without importing its module."""
+    """Return the world of a stored run, or None without a world.
+
+    A user's own world is read from the record, so that the user's module is not imported.
+    """
     from worm3d.results.files import world_of as stored  # imports the libraries of files
 
     if not is_own(scene.world.kind):
@@ -74,12 +77,14 @@ def world_seen(record: Record, scene: AnyWormScene) -> World | None:
 def frames_of(
     record: Record, *, fps: float | None = None, at: float | None = None, until: float | None = None
 ) -> Frames:
-    """Return a record as plain arrays for pictures; the parameters are those in `worm3d.results.pictures.frames_of`.
+    """Return the run of a record as plain arrays for pictures.
 
     Parameters
     ----------
+    fps, at : float, optional
+        The same as in `worm3d.results.pictures.frames_of`.
     until : float, optional
-        End time of the arrays; later frames are left out [s].
+        Time after which the run is left out [s].
     """
     scene = scene_of(record)
     rows = slice(None) if until is None else record["time"] <= until
@@ -91,7 +96,10 @@ def frames_of(
 
 
 def view(record: Record, path: Path, *, skin: bool = True) -> None:
-    """Write the page that plays a record in a browser, with a smooth skin or with chambers and links."""
+    """Write the page that plays a record in a browser.
+
+    With `skin`, the worm has a smooth skin; otherwise its chambers and links are drawn.
+    """
     from worm3d.viewer import write_html
 
     write_html(frames_of(record), path, skin=skin, title=record.title)
@@ -106,7 +114,10 @@ def side_and_top(record: Record) -> tuple[Figure, Axes]:
 
 
 def mesh(record: Record, at: float | None) -> bytes:
-    """Return the worm and the world at a time [s] (None: the end) as a GLB file; ValueError outside the run."""
+    """Return the content of a GLB file with the worm and the world at a time [s].
+
+    None means the end of the run. Raise ValueError for a time outside the run.
+    """
     from worm3d.viewer.meshes import glb
 
     frames = frames_of(record, at=at)
@@ -115,12 +126,12 @@ def mesh(record: Record, at: float | None) -> bytes:
 
 @dataclass(frozen=True)
 class RunMovie:
-    """A movie of a record, ready for writing."""
+    """A movie of a record."""
 
     record: Record
 
     def save(self, path: Path, fps: int = 20) -> None:
-        """Write a GIF or MP4; FileNotFoundError if ffmpeg is missing."""
+        """Write a GIF or MP4 file; raise FileNotFoundError if ffmpeg is needed and missing."""
         from worm3d.viewer.movie import write_movie
 
         write_movie(frames_of(self.record, fps=fps, until=MOVIE_S), path, fps=fps)
