@@ -1,21 +1,23 @@
 """The deviation of a worm from its task, as one number per run.
 
-Means are taken over a moving window of one length, `WINDOW`, for every controller and regardless of the waves that the
-controller reports. Let s be the way along the path (the projection of the centre of mass, (L2)), e the offset of the
-centre of mass from the path, and S(t) = int V_ref dt the wanted way. At each instant the worm is compared with a point
-that left the path beside the worm one window ago, and has followed the path at the wanted speed since. The distance
-between the worm and this point is d:
+Means are taken over a moving window of length `WINDOW`, the same for every controller. They do not depend on the waves
+that a controller reports. Let s be the distance along the path of the projected centre of mass (see (L2) in
+`control.tracking.paths`), e the offset of the centre of mass from the path, and S(t) = int V_ref dt the required
+distance. At each instant the worm is compared with a point that started on the path beside the worm one window ago, and
+has followed the path at the required speed since then. The distance between the worm and this point is d:
 
     m = mean of s - S,   ahead = m(t) - m(t - WINDOW),   d^2 = ahead^2 + e^2                                   (B4)
 
-The wanted way in that time is D = M(t) - M(t - WINDOW), with the mean M of S. If the task is a heading psi, and the
-worm makes the way w along its own heading h, d^2 = w^2 + D^2 - 2 w D cos(h - psi). The error of a run is
+The required distance in this time is D = M(t) - M(t - WINDOW), where M is the mean of S over the window. If the task is
+a heading psi, and the worm moves the distance w along its own heading h, then d^2 = w^2 + D^2 - 2 w D cos(h - psi). The
+error of a run is
 
     error = min(1, rms d / rms D)                                                                             (B5)
 
-A worm at rest on its path has an error of 1. A worm at half the speed has 0.5, and so does a worm at the full speed
-that stays beside its path at a distance of D/2 (0.1 m at 0.08 m/s). The offset is not averaged before it is squared, so
-that weaving does not hide the offset. No error is greater than the error of a worm at rest.
+A worm at rest on its path has an error of 1. A worm at half the required speed has an error of 0.5. A worm at the full
+speed that stays at a distance of D/2 from its path (0.1 m at 0.08 m/s) also has an error of 0.5. The offset is not
+averaged before it is squared, because the mean offset of a worm that weaves about its path is near zero. The error is
+at most 1.
 """
 
 from __future__ import annotations
@@ -31,18 +33,24 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 WINDOW = 2.5
-"""Length of the window [s]: two waves at 0.8 Hz, the frequency that the default map prefers. At 2 s the rocking by such
-a wave alone would give a worm with perfect speed an error of 5 %; at 5 s a step response would be averaged away."""
+"""Length of the window [s]. It holds two waves at 0.8 Hz, the frequency that the default map prefers. With 2 s, such a
+wave moves the centre of mass to and fro so that a worm with perfect speed would have an error of 5 %. With 5 s, the
+response to a step of the reference would be averaged out."""
 STARTUP_TIME_S = 2.5
-"""Time that a worm at rest needs to reach its speed, two waves; no window includes this time [s]."""
+"""Time that a worm at rest needs to reach its speed [s], two waves. No window includes this time."""
 MIN_RUN_DURATION_S = STARTUP_TIME_S + 2.0 * WINDOW
-"""Time from which errors count [s]; a run has to be longer."""
+"""Instant from which the error is evaluated [s]; a run has to be longer."""
 COARSEST = WINDOW / 25.0
-"""Longest time between two states of a record [s]: the length of a window is then off by at most half of this time."""
+"""Longest time between two rows of a record [s]. A window is a whole number of rows, so that its length differs from
+`WINDOW` by at most half of this time."""
 
 
 def error_of(record: Record, reference: Reference, length: float) -> dict[str, float | None]:
-    """Return (B5) and its parts: rms of `ahead` [rms D], of e [body lengths], of h - psi [deg]; None if undefined.
+    """Return the error (B5) and its parts.
+
+    The parts are `way` (rms of `ahead`, in units of rms D), `offset_bl` (rms of e, in body lengths) and `heading_deg`
+    (rms of h - psi, in degrees). `offset_bl` is None if the task is a heading, and `heading_deg` is None if the task is
+    a path.
 
     Parameters
     ----------

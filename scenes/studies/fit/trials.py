@@ -1,4 +1,4 @@
-"""Trial runs of a scene as a function: values of the varied keys -> simulated counterparts of the measured values."""
+"""Trial runs: a function from values of the varied keys to the simulated counterparts of the measured values."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.variable import Variable, column_names
 
 LEAST_PER_KEY = 5
-"""Least number of measured values for each key that is varied."""
+"""Smallest number of measured values for each varied key."""
 
 MAX_KEPT_RUNS, MAX_KEPT_VALUES = 100, 4_000_000
-"""Largest number of runs whose channels are kept, since a minimum and slopes often need the same run, and the largest
-number of kept values. At least `FEWEST_KEPT` runs are kept."""
+"""Largest number of runs whose channels are kept in memory, and largest number of values of these channels together.
+Runs are kept because the minimisation and the slopes often need the same run."""
 FEWEST_KEPT = 12
+"""Number of runs that are kept even if they have more than `MAX_KEPT_VALUES` values."""
 
 
 class SpentError(Exception):
@@ -32,26 +33,26 @@ class SpentError(Exception):
 
 
 class StoppedError(Exception):
-    """The user wants the fit to end."""
+    """The user has stopped the fit."""
 
 
 @dataclass(frozen=True)
 class Data:
-    """Measured series that a simulation has a counterpart for."""
+    """Measured series that have a counterpart in the simulation: C channels at T instants."""
 
     names: tuple[str, ...]
-    """Name of each channel, with its unit, as in a table: `com_x_m`."""
+    """Name of each channel with its unit, as in the header of a CSV file, such as `com_x_m`."""
     units: tuple[str, ...]
     time: FloatArray
     """Shape (T,) [s]."""
     values: FloatArray
-    """Shape (C, T); NaN where nothing was measured, or nothing is simulated."""
+    """Shape (C, T); NaN where the measurement or the simulation has no value."""
 
     @property
     def spread(self) -> FloatArray:
-        """Largest standard deviation over time among the channels of a unit, shape (C,).
+        """For each channel, the largest standard deviation over time of all channels with the same unit, shape (C,).
 
-        It is 1 if the series contain only rounding, such as the heading of a straight crawl.
+        It is 1 if these channels contain only rounding errors, such as the heading of a worm that crawls straight.
         """
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
@@ -64,14 +65,14 @@ class Trials:
     Parameters
     ----------
     scene : Scene
-        Checked; a run longer than the measurement is cut to the measurement.
+        The scene. A run that is longer than the measurement is shortened to it.
     measured : Record
-        As `scenes.records.measured.load` returns it.
+        A measurement, as returned by `scenes.records.measured.load`.
     varied : sequence of Varied
     most : int
         Largest number of runs.
     go_on : callable
-        Called with the number of finished runs before each run; if the result is False, the fit ends.
+        Called with the number of finished runs before each run. If it returns False, a `StoppedError` is raised.
 
     Raises
     ------
@@ -93,10 +94,10 @@ class Trials:
         self._places: list[tuple[str, int]] = []
         self.data = self._data()
         self.left_out: tuple[str, ...] = ()
-        """Names of the left-out channels that were measured and simulated."""
+        """Names of the channels that `narrow` has left out."""
 
     def __call__(self, values: Sequence[float] | FloatArray) -> FloatArray | None:
-        """Return the simulated channels, shape (C, T), NaN as in the data; None if the run fails.
+        """Return the simulated channels, shape (C, T), with NaN where the data are NaN. Return None if the run fails.
 
         Raises
         ------
@@ -113,7 +114,9 @@ class Trials:
         return self._known[key]
 
     def changed(self, values: FloatArray, override: str) -> FloatArray | None:
-        """Return the simulated channels with another key changed too; None if the run fails or is refused.
+        """Return the simulated channels of the scene with a further override.
+
+        Return None if the run fails or if the scene with the override is invalid.
 
         Raises
         ------
@@ -123,7 +126,7 @@ class Trials:
         return self._channels(tuple(map(float, values)), override)
 
     def number(self, key: str) -> float | None:
-        """Return the scene's number for a key; None if there is no number, or the key is varied."""
+        """Return the scene's value of a key. Return None if the value is not a number, or if the key is varied."""
         value = None if key in [each.key for each in self.varied] else value_at(self._settings, key, None)
         return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
 
@@ -141,7 +144,13 @@ class Trials:
         self.most += more
 
     def scene(self, values: Sequence[float] | FloatArray, *changes: str) -> Scene:
-        """Return the scene with values of the varied keys; SceneError if it is refused."""
+        """Return the scene with the given values of the varied keys and further overrides.
+
+        Raises
+        ------
+        SceneError
+            The scene is invalid with these values.
+        """
         given = [f"{each.key}={float(value)!r}" for each, value in zip(self.varied, values, strict=True)]
         return parse_scene(self._text, self._name, [*given, *changes])
 
@@ -214,20 +223,23 @@ class Trials:
         data = Data(names, units, self._measured["time"], values[chosen])
         self._places = [places[k] for k in chosen]
         self.abscissa = _at(record, self._model.abscissa, data.time)
-        """Abscissa of the drawn channels."""
+        """Quantity on the horizontal axis of the figure, at the measured instants."""
         self._forget_others()
         if not np.any(np.nanmax(data.values, axis=1) > np.nanmin(data.values, axis=1)):
             raise SceneError(f"{self._measured.name}: all that was measured is constant, nothing can be fitted to it")
         return data
 
     def _forget_others(self) -> None:
-        """Drop the quantities of the measurement that have no channel."""
+        """Remove the measured quantities that no channel uses."""
         used = {"time", *(name for name, _ in self._places)}
         self._measured = replace(self._measured, variables=tuple(v for v in self._measured.variables if v.name in used))
 
 
 def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
-    """Return the override that ends a run with the measurement, at a stored instant; empty if the run is shorter."""
+    """Return the override that ends the run at the first stored instant at or after `end`, the end of the measurement.
+
+    The tuple is empty if the run does not have to be shortened.
+    """
     run = scene.settings.run
     stored = run.dt_s * run.record_every
     duration = stored * math.ceil(end / stored - 1e-9)
@@ -235,12 +247,12 @@ def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
 
 
 def _rows(values: FloatArray) -> FloatArray:
-    """Return a series, shape (T, ...), as channels, shape (C, T)."""
+    """Return a series of shape (T, ...) as channels, an array of shape (C, T)."""
     return np.asarray(values, dtype=float).reshape(len(values), -1).T
 
 
 def _at(record: Record, name: str, instants: FloatArray) -> Variable:
-    """Return a variable of a record at other instants."""
+    """Return a variable of a record, interpolated at the given instants."""
     found = record.variable(name)
     return replace(found, values=instants if name == "time" else at_instants(record["time"], record[name], instants))
 
