@@ -110,8 +110,7 @@ def _said(given: Sequence[Source], found: Sequence[Difference], missing: str) ->
 
 
 def _settings(given: Sequence[Source]) -> Iterator[Block]:
-    """Yield a table of the differing keys that all scenes have, and the number of differing keys that are not
-    listed."""
+    """Yield a table of the differing keys that all scenes have, and the number of other differing keys."""
     differing, simulated = settings(given), [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in differing if all(each.values[k] != ABSENT for k in simulated)]
     if shared:

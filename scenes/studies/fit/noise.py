@@ -91,8 +91,7 @@ def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:
 
 
 def noise_of(series: FloatArray, order: int | None = None) -> Noise:
-    """Return a model of residuals of shape (C, T), which has the given order or the best common order of all
-    channels."""
+    """Return a model of residuals of shape (C, T). Without `order`, the best common order of all channels is used."""
     highest = min(HIGHEST_ORDER, series.shape[1] // SAMPLES_PER_ORDER)
     stages = list(_burg(series, highest if order is None else order))
     if order is None:
@@ -102,8 +101,7 @@ def noise_of(series: FloatArray, order: int | None = None) -> Noise:
 
 
 def _burg(series: FloatArray, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the coefficients, shape (C, p), and the innovations, shape (C, T - p), for each order p from 0 to
-    `order`."""
+    """Return the coefficients, shape (C, p), and the innovations, shape (C, T - p), for p = 0 to `order`."""
     forward = backward = series
     coefficients = np.zeros((len(series), 0))
     stages = [(coefficients, forward)]

@@ -121,8 +121,7 @@ def content(fit: Fit) -> dict[str, Any]:
 
 
 def scene(fit: Fit) -> str:
-    """Return the scene with the fitted values as TOML. Comments at the top list the fitted keys with their
-    intervals."""
+    """Return the scene with the fitted values as TOML. Comments at the top list the fitted keys."""
     head = [f"# {fit.name} with values fitted to {fit.measured}:", *(f"# {_told(each)}" for each in fit.keys), ""]
     return "\n".join([*head, fit.scene])
 

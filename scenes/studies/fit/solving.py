@@ -177,7 +177,8 @@ class _Problem:
 
         Between contact events, a simulation depends almost linearly on the keys. A single run at a point therefore
         predicts the sum of squares at the nearest minimum: the sum of squares of the residuals without the part that
-        the slopes can remove. """
+        the slopes can remove.
+        """
         factor = self._each(weights)
         for _ in range(VALLEYS):
             slopes = factor[:, None] * self.slopes(u, steps).values[self.known]

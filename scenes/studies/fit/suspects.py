@@ -150,8 +150,7 @@ def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | No
 
 
 def _changes(trials: Trials) -> Iterator[tuple[str, float | None, bool, str]]:
-    """Yield, for each change: the key or law, the scene's value, whether the change is an increase, and the
-    override."""
+    """Yield the key or law, the scene's value, whether the change is an increase, and the override, for each change."""
     fixed = {key: value for key in (*SCALED_KEYS, *ZEROS) if (value := trials.number(key)) is not None}
     for key, value in fixed.items():
         if key in ZEROS and value == 0.0:

@@ -9,7 +9,8 @@ with A = J' W J, so that
 `scenes.studies.fit.noise`. Because residuals of a fit are smaller and less correlated than the noise, (F2) is too
 small. To correct this, random series are drawn from the model and fitted in the same way. They give the bias and the
 variance of (F2). The variance gives the degrees of freedom of Student's distribution (F. E. Satterthwaite, Biometrics
-Bulletin 2, 1946), from which the intervals are computed. """
+Bulletin 2, 1946), from which the intervals are computed.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +53,8 @@ class Uncertainty:
         """Return the uncertainty with further, independent errors of the estimates.
 
         Each of the K columns of `shifts`, shape (P, K), is a standard error that changes all estimates together, with
-        an unknown sign. """
+        an unknown sign.
+        """
         more = shifts @ shifts.T
         old = np.diag(self.covariance)
         growth = np.sqrt(np.divide(np.diag(more), old, out=np.zeros_like(old), where=old > 0.0) + 1.0)

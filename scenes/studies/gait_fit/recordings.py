@@ -1,8 +1,9 @@
 """Recordings of crawling animals in a CSV file.
 
-A file has a column `time_s` and one column for each band or segment, from the front of the animal to the rear, under
-freely chosen names. A file may have a column `recording` with the name of the recording that contains the row. A trough
-of a band marks the time when the band is pulled along. Cells that are blank or exactly 0 were not measured.
+A file has a column `time_s`, and one column for each band, a marked place of the body. The bands are in the order from
+the front of the animal to the rear, and have freely chosen names. A file with several recordings has a column
+`recording` with the name of the recording to which a row belongs. A minimum of a band's values marks the time when the
+wave passes the band. Cells that are blank or exactly 0 count as not measured.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from scenes.records import csv_file
 from worm3d.values.arrays import FloatArray
 
 TIME, NAME = "time_s", "recording"
-"""Names of the columns that are no bands."""
+"""Names of the two columns that do not belong to a band."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Recording:
     time: FloatArray
     """Times [s], shape (T,)."""
     values: FloatArray
-    """Recorded values of the bands, in the order in which waves reach the bands, shape (T, bands)."""
+    """Recorded values, shape (T, bands). The bands are in the order in which a wave passes them."""
     waves: Waves
 
 
@@ -41,7 +42,7 @@ def load(path: Path) -> tuple[Direction, list[Recording]]:
     Raises
     ------
     SceneError
-        The file does not exist, is no such table, or has a recording without waves.
+        The file does not exist, does not have these columns, or has a recording without waves.
     DiscError
         The file is not readable.
     """
@@ -65,7 +66,7 @@ def load(path: Path) -> tuple[Direction, list[Recording]]:
 
 
 def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction) -> tuple[Recording | None, str]:
-    """Return a recording with waves in one direction; None and a sentence if there are no such waves."""
+    """Return a recording and an empty string, or None and the reason if it has no waves in the direction `way`."""
     order = slice(None, None, -1 if way == "direct" else 1)  # direct waves reach the rear first
     time, values = table[:, 0], table[:, 1:][:, order]
     try:
@@ -75,12 +76,12 @@ def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction
 
 
 def _ordered(found: Recording | None) -> int:
-    """Return the number of neighbouring bands with median delays in the order of the wave."""
+    """Return the number of pairs of neighbouring bands whose median delays are in the order of the wave."""
     return int((np.diff(found.waves.median()) > 0.0).sum()) if found else 0
 
 
 def _by_name(titles: list[str], rows: csv_file.Rows, path: Path) -> dict[str, csv_file.Rows]:
-    """Return the rows of each recording, time and bands only."""
+    """Return the rows of each recording by its name, with the time first and without the column `recording`."""
     named, kept = titles.index(NAME) if NAME in titles else None, [n for n, t in enumerate(titles) if t != NAME]
     time = kept.pop(kept.index(titles.index(TIME)))
     found: dict[str, csv_file.Rows] = {}
