@@ -11,8 +11,8 @@ between heading and motion, and the yaw bias b describe deviations from the iden
 
 Each episode has a random path (kappa = kappa_0 + kappa_1 sin(k s + phase), or a straight line) and random values of the
 start, the required speed, the noise, the gains, the lags and the biases, within the ranges of `DRAWN`. The observation
-has the layout of `control.learned.senses`. Positions are given by s and e, the means (LC1) and (LC2) are means over
-samples, and lengths are in body lengths.
+has the layout of `control.learned.senses`. Positions are given by s and e, lengths are in body lengths, and the means
+(LC1) and (LC2) of `control.learned.course` are means over samples.
 """
 
 from __future__ import annotations

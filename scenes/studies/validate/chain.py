@@ -1,18 +1,19 @@
-"""Chains of rigid feet and muscles: the crawlers of the closed forms, as scenes of the 3D worm describe them.
+"""Chains of rigid feet and muscles: scenes of the 3D worm that meet the assumptions of the closed forms.
 
-A scene makes every segment either a *foot*, whose actuator may not change its length, or a *muscle*, which is lower
-than the feet and touches nothing. The feet stand at one height for all lengths of the muscles, and joints that are
-stiff in pitch make the chain a straight beam. The gait therefore prescribes the relative motion of the contacts, and
-statics determine the loads. A slow gait makes inertia negligible. The closed forms make these assumptions.
+In these scenes, every segment is either a *foot* or a *muscle*. The actuator of a foot does not change its length. A
+muscle is lower than the feet and does not touch the ground. The feet stand at the same height for all lengths of the
+muscles, and joints that are stiff in pitch make the chain a straight beam. The gait therefore prescribes the relative
+motion of the contacts, and statics determine the loads. The gait is so slow that inertia is negligible.
 
-*Equal loads.* A stiff beam presses N feet of equal stiffness with loads that are linear in their places. The sum of the
-loads is m g, and they have no moment about the centre of mass. The feet's friction has no moment on the whole either,
-since it acts at one height and its sum vanishes. The loads are therefore equal if the centre of mass lies at the mean
-place of the feet. By symmetry, this holds if the muscles move in unison. In a wave, this holds except for the share of
-the ends. `Crawl.unevenness` measures the deviation from equal loads.
+*Equal loads.* If a stiff beam stands on N feet of equal stiffness, the load of a foot is a linear function of its
+position. The sum of the loads is m g, and the sum of their moments about the centre of mass is zero. The friction
+forces act at one height and their sum is zero, so that they have no moment. The loads are therefore equal if the centre
+of mass lies at the mean position of the feet. By symmetry, this is true if the muscles move in unison. In a wave it is
+true except for an effect of the ends of the body. `Crawl.unevenness` measures the deviation from equal loads.
 
-*A payload* P at the head, the joint half a foot's length l0 ahead of the front foot, adds to the loads of two feet at
-the distance D: P g (1 + l0/(2 D)) to the front foot's load and -P g l0/(2 D) to the rear foot's load.
+*Payload.* A payload of mass P is at the head, which is half a segment length, l0/2, ahead of the front foot. If the
+chain has two feet at the distance D, the payload adds P g (1 + l0/(2 D)) to the load of the front foot and
+-P g l0/(2 D) to the load of the rear foot.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ from worm3d.values.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True)
 class Chain:
-    """Feet and muscles of a scene.
+    """The chain of feet and muscles of a scene.
 
     Parameters
     ----------
     settings
-        Settings of a scene of the model `worm`.
+        Settings of the scene, which has the model `worm`.
     """
 
     settings: Any
@@ -50,7 +51,7 @@ class Chain:
         Raises
         ------
         SceneError
-            The overrides make an invalid scene.
+            The scene is invalid with the overrides.
         """
         return cls(load_scene(VALIDATION_FOLDER / f"{scene}.toml", overrides).settings)
 
@@ -82,13 +83,13 @@ class Chain:
 
     @property
     def level(self) -> float:
-        """Level q = mu_forward/(mu_forward + mu_backward) of the quantile law."""
+        """Level q = mu_forward/(mu_forward + mu_backward) of the quantile law in `scenes.studies.validate.formulas`."""
         forward, backward = float(self.settings.friction.forward), float(self.settings.friction.backward)
         return forward / (forward + backward)
 
     @property
     def slipping_back(self) -> int:
-        """Number k = floor(N q) of equally loaded feet that slip back while the next foot holds."""
+        """Number k = floor(N q) of feet that slip back at a time, if all feet have equal loads."""
         return int(np.floor(self.feet * self.level))
 
     @property
@@ -99,7 +100,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class Crawl:
-    """Run of a chain."""
+    """A run of a chain with T stored instants and N feet."""
 
     chain: Chain
     result: worm3d.Result
@@ -122,7 +123,7 @@ class Crawl:
 
     @cached_property
     def places(self) -> FloatArray:
-        """Place of each foot along the way at each instant, shape (T, N) [m]."""
+        """Position of each foot along the direction of crawling at each instant, shape (T, N) [m]."""
         places: FloatArray = self.result.apexes[:, self.chain.is_foot, 0, 0]
         return places
 
@@ -134,7 +135,7 @@ class Crawl:
 
     @property
     def unevenness(self) -> float:
-        """Largest deviation of a foot's load from the mean load, over the mean load."""
+        """Largest deviation of a foot's load from the mean load, relative to the mean load."""
         return float(np.abs(self.loads / self.loads.mean() - 1.0).max())
 
     @property

@@ -1,4 +1,7 @@
-"""Closed forms of crawling against `worm3d.simulate`: a table of cases, each a scene, a formula and a tolerance."""
+"""Comparisons of `worm3d.simulate` with closed forms of crawling: each case has a scene, a formula and a tolerance.
+
+The equations (Y1) to (Y11) are in `scenes.studies.validate.formulas`.
+"""
 
 from __future__ import annotations
 
@@ -30,26 +33,27 @@ from scenes.studies.validate.rows import Row
 from worm3d.values.arrays import BoolArray
 
 LEAST = 0.0101
-"""Least over largest coefficient. Coefficients below `worm3d.physics.friction.SMALLEST_COEFFICIENT` would not count."""
+"""Smallest coefficient of friction of a chain, relative to its largest coefficient. The solver raises coefficients
+below the fraction `worm3d.physics.friction.SMALLEST_COEFFICIENT`."""
 
 DIRECT, RETROGRADE = "gait.direction=direct", "gait.direction=retrograde"
 
 
 @dataclass(frozen=True)
 class Case:
-    """A closed form and the run for the comparison; both are numbers without unit.
+    """A closed form and the run that it is compared with. The two compared values are dimensionless.
 
     Parameters
     ----------
     name : str
     scene : str
-        Name of a scene in this folder.
+        Name of a scene in the folder of this module.
     formula : callable
-        Function from Chain to the closed form.
+        Function from a Chain to the value of the closed form.
     overrides : tuple of str
-        As in `worm3d run -o`.
+        Changes of the scene, each of the form `section.key=value`.
     measure : callable
-        Function from Crawl to the result of the run.
+        Function from a Crawl to the value in the run.
     tolerance : float
         As in `Row`.
     source, note : str
@@ -66,7 +70,10 @@ class Case:
     note: str = ""
 
     def row(self) -> Row:
-        """Run the scene and return the row with its result and the closed form; a failed run has a note."""
+        """Run the scene and return a row with the value in the run and the value of the closed form.
+
+        If the run fails, its value is NaN and the note gives the reason.
+        """
         chain = Chain.of(self.scene, self.overrides)
         try:
             crawl = Crawl.of(chain)
@@ -83,14 +90,21 @@ class Case:
 
 
 def is_muscle(feet: int, muscles_each: int = 1) -> BoolArray:
-    """Return which segments of a chain are muscles, with `muscles_each` of them between two feet."""
+    """Return whether each segment of a chain is a muscle, for `muscles_each` muscles between neighbouring feet."""
     return np.arange(feet + (feet - 1) * muscles_each) % (muscles_each + 1) > 0
 
 
 def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ...]:
-    """Return the overrides of a chain with `feet` feet and a muscle between each two of them, except the friction.
+    """Return the overrides for a chain with one muscle between neighbouring feet; friction is not included.
 
-    Segments have a length of 0.02 m and a mass of 0.01 kg; `tall` and `low` are half-heights of feet and muscles [m].
+    Segments have a length of 0.02 m and a mass of 0.01 kg.
+
+    Parameters
+    ----------
+    feet : int
+        Number of feet.
+    tall, low : float
+        Half-heights of feet and of muscles [m].
     """
     n = 2 * feet - 1
     return (
@@ -104,10 +118,10 @@ def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ..
 
 
 def friction(forward: float, backward: float, feet: int, muscles_each: int = 1) -> tuple[str, ...]:
-    """Return the overrides of the coefficients.
+    """Return the overrides for the coefficients of friction.
 
-    The least of all coefficients determines how far anchors give way. The muscles, which touch nothing, have this
-    coefficient, so that the anchors are stiff.
+    The smallest coefficient of all segments determines the stiffness of sticking contacts. A small coefficient for the
+    muscles, which do not touch the ground, makes the contacts of the feet stiff.
     """
     larger = max(forward, backward)
     lateral = np.where(is_muscle(feet, muscles_each), LEAST * larger, larger).tolist()
@@ -115,12 +129,12 @@ def friction(forward: float, backward: float, feet: int, muscles_each: int = 1) 
 
 
 def phase_step(step: float, feet: int) -> str:
-    """Return the override that sets the step of phase between neighbouring muscles [rad]."""
+    """Return the override that sets the phase difference between neighbouring muscles to `step` [rad]."""
     return f"gait.wavelength={2.0 * np.pi / step * 2.0 / (2 * feet - 1)!r}"
 
 
 WIDE = {"tall": 0.012, "low": 0.005}
-"""Half-heights of chains whose muscles also lengthen, by a tenth [m]."""
+"""Half-heights of feet and muscles [m] in chains whose muscles also become longer than at rest, by a tenth."""
 
 PHASES_WITHOUT_ORDER = (
     "gait.kind=periodic",
@@ -250,9 +264,9 @@ CASES = [
         )
     ),
 ]
-"""All closed forms of the report."""
+"""All comparisons with closed forms of crawling."""
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Run the cases; see `scenes.studies.validate.rows.Chapter`. All are quick."""
+    """Run all cases and yield their rows, also with `quick`; see `scenes.studies.validate.rows.Chapter`."""
     return (case.row() for case in CASES)
