@@ -44,7 +44,7 @@ L3 = (
     "run.dt_s=0.005",
 )
 """Changes for a larva of the third instar: 4 mm long, 1.5 waves a second, a contraction of 30 %. Its shape and the
-pressure in its body are those of the first instar."""
+pressure in its body are the same as in the first instar."""
 
 
 def earthworm(grams: float) -> Changes:
