@@ -92,8 +92,8 @@ class _Worm:
         asked = (*self._overrides, *more)
         settings = load_scene(self._scene, asked).settings
         if isinstance(settings, ControlScene) and settings.controller.kind == "mpc":
-            # The policy uses the scene's steering mechanism. If the scene does not name a mechanism, the policy uses
-            # the default of the controllers other than the MPC.
+            # If the scene leaves out the steering mechanism or the form of the wave, the policy uses the defaults of
+            # the controllers other than the MPC.
             settings = load_scene(self._scene, ("controller.kind=open_loop", *asked)).settings
         if not isinstance(settings, ControlScene):
             raise SceneError(f"{self._scene}: a scene of the model '{settings.model}', must be of 'worm_control'")

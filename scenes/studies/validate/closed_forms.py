@@ -34,7 +34,8 @@ from worm3d.values.arrays import BoolArray
 
 LEAST = 0.0101
 """Smallest coefficient of friction of a chain, relative to its largest coefficient. It is just above
-`worm3d.physics.friction.SMALLEST_COEFFICIENT`. A coefficient below that limit does not set the stiffness of contacts."""
+`worm3d.physics.friction.SMALLEST_COEFFICIENT`. A coefficient below that limit does not set the stiffness of
+contacts."""
 
 DIRECT, RETROGRADE = "gait.direction=direct", "gait.direction=retrograde"
 
