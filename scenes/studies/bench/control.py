@@ -1,7 +1,8 @@
-"""The runs of `worm3d study control`: each trial of the family with the MPC, the baselines and other controllers.
+"""The runs of `worm3d study control`: each controller (the MPC, the baselines and others) runs each trial.
 
-A case is one run. A file for each case holds the result, the scene, and a digest of the programs and of the maps that
-the controller may know. A study that was stopped continues with the missing cases.
+A case is one run: one trial with one controller. Each case has a file with the result, the scene, and a digest. The
+digest identifies the source code, the versions of the libraries, and the maps that the controller may read. If a study
+was stopped, the next call runs only the missing cases.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from worm3d.values.named import is_own
 
 CONTROLLERS = ("mpc", "pi_los", "open_loop")
 DONE = "done"
-"""Status of a run that is not lost."""
+"""Status of a run that has come to its end, so that its error counts."""
 TOO_SLOW = "its median control step takes longer than the control period"
 """Status of a run that other load on the machine may have slowed down; such a case runs again."""
 
@@ -52,7 +53,13 @@ class Case:
     controller: str
 
     def load(self) -> Scene:
-        """Return the scene of the case; SceneError if the error of the case cannot be measured."""
+        """Return the scene of the case.
+
+        Raises
+        ------
+        SceneError
+            The error cannot be measured: the run is too short, its rows are too far apart, or the speed is always 0.
+        """
         scene = load_scene(self.trial.scene, (*self.trial.overrides, f"controller.kind={self.controller}"))
         run = scene.settings.run
         if run.duration_s <= MIN_RUN_DURATION_S:
@@ -76,7 +83,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a case."""
+    """Result of a case. A trial is lost if its run does not count, for a reason that `status` gives."""
 
     trial: str
     kind: str
@@ -85,9 +92,10 @@ class Found:
     status: str
     """`DONE`, or the reason why the trial is lost."""
     error: float
-    """(B5); 1 if the trial is lost."""
+    """Error (B5) of `scenes.studies.bench.control_error`, without unit; 1 if the trial is lost."""
     metrics: dict[str, Value]
-    """Parts of the error as in `error_of`; `real_time_factor`; `step_share_p50` and `_p99` of the control period."""
+    """Parts of the error as in `error_of`, `real_time_factor`, and `step_share_p50` and `step_share_p99`: the median
+    and the 99th percentile of the time of a control step, as fractions of the control period."""
 
 
 @dataclass(frozen=True)
@@ -98,13 +106,24 @@ class Study:
     kept: int
     """Number of cases that were in the folder already."""
     outdated: int
-    """Number of cases that ran again, because scene, programs or map have changed, or because a file is unreadable."""
+    """Number of cases that ran again although they have a file, because the scene, the source code or a map has
+    changed, or because the file is unreadable."""
 
 
 def study(
     cases: Sequence[Case], folder: Path, workers: int = 1, watch: Callable[[int], None] = lambda done: None
 ) -> Study:
-    """Run all cases that are not in the folder yet; `watch` is called with the number of finished cases.
+    """Run all cases that are not in the folder yet, and return the results of all cases.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    folder : Path
+        Folder of the study; its subfolder `cases` holds the files.
+    workers : int
+        Number of processes.
+    watch : callable
+        Called with the number of finished cases after each case.
 
     Raises
     ------
@@ -127,9 +146,9 @@ def study(
 
 
 def _found(case: Case, folder: Path) -> tuple[Found, bool]:
-    """Return the result of a case, and whether it was in the folder."""
+    """Return the result of a case, and whether the result was already in the folder."""
     scene = case.load()
-    # A user's own controller may depend on anything, so its cases run again.
+    # A user's own controller may depend on any file, so that an earlier result may be outdated.
     earlier = None if is_own(case.controller) else _kept(case, scene, folder)
     if earlier is not None:
         return earlier, True
@@ -140,7 +159,7 @@ def _found(case: Case, folder: Path) -> tuple[Found, bool]:
 
 
 def _measured(case: Case, scene: Scene) -> Found:
-    """Run a case."""
+    """Run a case and return its result."""
     settings, metrics = scene.settings, dict[str, Value]()
     assert isinstance(settings, ControlScene)
     try:
@@ -148,7 +167,7 @@ def _measured(case: Case, scene: Scene) -> Found:
         status = _lost(record, settings)
     except (DiscError, MissingPartError):
         raise
-    except SceneError as error:  # of a part of the user's own: the others go on
+    except SceneError as error:  # an error in a user's own controller must not stop the other cases
         if not is_own(case.controller):
             raise
         record, status = None, " ".join(error.lines)
@@ -179,7 +198,11 @@ def _lost(record: Record, settings: ControlScene) -> str:
 
 
 def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
-    """Return the result of an earlier study for the same scene and the same programs, None if there is none."""
+    """Return the result in the file of the case, or None if the case has to run.
+
+    A case has to run if its file is missing or damaged, if the file is for another scene or other source code, or if
+    the controller was too slow in the earlier run.
+    """
     with suppress(OSError, ValueError, TypeError, KeyError):
         content = json.loads(case.file(folder).read_text("utf-8"))
         if content.pop("digest") != _digest(content):
@@ -194,6 +217,6 @@ def _digest(content: dict[str, Any]) -> str:
 
 
 def basis(scene: Scene) -> str:
-    """Return a digest of the versions, of all sources and of the identified maps of a scene with a controller."""
+    """Return a digest of the library versions, of all source files, and of the identified maps of the scene."""
     assert isinstance(scene.settings, ControlScene)
     return _digest({"versions": versions(), "sources": sources(), "maps": maps_of(scene.settings)})

@@ -24,7 +24,7 @@ from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
 CONTROL_FIGURE_FILE = "control.png"
 LOST_TRIAL_EXIT_CODE = 5
-"""Exit code if a trial is lost, see `control.Found.status`."""
+"""Exit code if a trial is lost, see `scenes.studies.bench.control.Found.status`."""
 SAYS = (
     "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the trial is lost. "
     "Score: geometric mean over the trials of the error over that of pi_los. Real time: seconds simulated in a second, "
@@ -101,7 +101,7 @@ def run(out: Path | None, options: Options, *, quiet: bool) -> int:
 
 
 def _require_controllers(names: Sequence[str]) -> None:
-    """Raise SceneError for a name that is no controller."""
+    """Raise SceneError if a name is not the name of a controller."""
     for name in names:
         try:
             controllers.controller(name)
@@ -110,7 +110,7 @@ def _require_controllers(names: Sequence[str]) -> None:
 
 
 def _of_the_folder(study: Study) -> str:
-    """Return how many cases were kept, run again, or new."""
+    """Return a sentence with the numbers of cases that were kept from before, were run again, and are new."""
     new = len(study.found) - study.kept - study.outdated
     return (
         f"Of {counted(len(study.found), 'run')} {study.kept} kept from before, {study.outdated} run again (scene, "
@@ -119,7 +119,7 @@ def _of_the_folder(study: Study) -> str:
 
 
 def report(study: Study, says: str) -> Report:
-    """Return the report; `says` describes the trials."""
+    """Return the report of a study, given a description of its trials in `says`."""
     found = study.found
     lost = [f"{x.controller} lost {x.trial}: {x.status}" for x in found if x.status != DONE]
     tables = [Table.of(SCORE_COLUMNS, scores(found)), by_class(found)]

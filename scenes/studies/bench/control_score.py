@@ -1,10 +1,12 @@
-"""The score of a controller over the trials of `worm3d study control`, one comparable line for each controller.
+"""The score of a controller over the trials of `worm3d study control`.
 
-With the error (B5), which is 1 for a lost run,
+Let error be (B5) of `scenes.studies.bench.control_error`, which is 1 for a lost trial. The score of a controller c over
+all T trials t is
 
     score(c) = (prod_t E(c, t) / E(pi_los, t))^(1/T),   E = max(error, FLOOR)                                 (B6)
 
-over all T trials: line-of-sight has 1, a controller with half the errors 0.5. A lost trial is as bad as a worm at rest.
+The line-of-sight controller `pi_los` has a score of 1, and a controller with half its errors has a score of 0.5. A lost
+trial counts like a worm at rest.
 """
 
 from __future__ import annotations
@@ -18,9 +20,10 @@ from scenes.records.text import Column
 from scenes.studies.bench.control import DONE, Found, Value
 
 RIVAL = "pi_los"
+"""Controller with which all others are compared: line-of-sight guidance with proportional-integral control."""
 FLOOR = 0.005
-"""Error that counts as zero: half a per cent of the wanted way, 1 mm in a window at 0.08 m/s. The rocking by waves
-leaves about as much."""
+"""Smallest error that is distinguished from zero: 0.5 % of the required distance, which is 1 mm in a window at 0.08
+m/s. The motion of the centre of mass within each wave causes an error of about this size."""
 
 
 class Score(NamedTuple):
@@ -28,29 +31,31 @@ class Score(NamedTuple):
 
     controller: str
     score: Value
-    """(B6); None where line-of-sight was not run."""
+    """(B6); None if line-of-sight was not run."""
     median: float
-    """Median of the errors; `worst` is their maximum."""
+    """Median of the errors."""
     worst: float
+    """Maximum of the errors."""
     lost: int
     """Number of trials that are lost."""
     slowest: Value
-    """Least real-time factor, including the controller's own time."""
+    """Smallest real-time factor of all trials; the computing time of the controller is included."""
     step: Value
-    """Median of the control steps, as a share of the control period, in the trial with the largest value."""
+    """Median time of a control step, as a fraction of the control period, in the trial where this median is largest."""
     late: Value
-    """99th percentile of the control steps, as a share of the control period, in the trial with the largest value."""
+    """99th percentile of the time of a control step, as a fraction of the control period, in the trial where it is
+    largest."""
 
 
 def scores(found: Sequence[Found]) -> list[Score]:
-    """Return the scores of all controllers, the best first."""
+    """Return the scores of all controllers, sorted from the best (smallest) score to the worst."""
     of = {(each.trial, each.controller): each.error for each in found}
     each = [_score(name, [one for one in found if one.controller == name], of) for name in names(found)]
     return sorted(each, key=lambda one: math.inf if one.score is None else one.score)
 
 
 def names(found: Sequence[Found]) -> list[str]:
-    """Return the controllers of some runs, in their order."""
+    """Return the names of the controllers, in the order in which the results first mention them."""
     return list(dict.fromkeys(each.controller for each in found))
 
 

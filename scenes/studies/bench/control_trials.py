@@ -1,7 +1,8 @@
-"""The trials of `worm3d study control`: tasks, worms, grounds and sensors, drawn at random from a seed.
+"""The trials of `worm3d study control`: random tasks, worms, grounds and sensors, which follow from a seed.
 
-Trial k of seed S is the same on every machine: all its numbers come from one generator, seeded by S and k, and are
-rounded as printed. Classes of tasks take turns, so that any twelve consecutive trials have one trial of each class.
+Trial k of seed S is the same on every machine, because all its numbers come from one generator with the seed [S, k] and
+are rounded to the printed digits. Trial k has task class k modulo 12, so that any twelve consecutive trials contain
+each class once.
 """
 
 from __future__ import annotations
@@ -19,17 +20,18 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import did_you_mean
 
 START_POSITION_M = (0.5, 0.0)
-"""Place of the middle of the worm at the start, along +x [m]; paths begin there."""
+"""Start position (x, y) of the middle of the worm [m]. The worm lies along +x, and paths begin at this position."""
 SCENES = {"pipe": "velocity_pipe"}
-"""Scene of a class of trials, if different from `path_line`."""
+"""Shipped scene of a class of trials; classes that are not listed use `path_line`."""
 SPEEDS = (0.04, 0.09)
-"""Least and greatest wanted speed [m/s]; a weak worm on rough ground and uphill reaches some 0.1 m/s."""
+"""Lowest and highest required speed [m/s]. A weak worm on rough ground and uphill still reaches about 0.1 m/s."""
 QUICK, SHORT = ("circle", "line"), ("run.duration_s=12",)
-"""Classes of the trials of `--quick`, and the override that shortens them: too short to say much."""
+"""Classes of the trials of `--quick`, and the override that shortens their runs. These runs check that everything
+works; they are too short to compare controllers."""
 
 
 class Trial(NamedTuple):
-    """A shipped scene with changes, as after -o."""
+    """A shipped scene, and the changes to it that would follow `-o` on the command line."""
 
     name: str
     kind: str
@@ -55,7 +57,7 @@ class Range(NamedTuple):
     """Whether the logarithm of the value is uniformly distributed, rather than the value itself."""
 
     def drawn(self, random: Generator) -> str:
-        """Return the override."""
+        """Return an override, `key=value`, with a random value."""
         if self.form == "d":
             return f"{self.key}={random.integers(int(self.least), int(self.most) + 1)}"
         draw = _log_uniform if self.log else Generator.uniform
@@ -63,13 +65,16 @@ class Range(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Changes that a share of the trials has in common."""
+    """Changes of a scene that are made together."""
 
     share: float
+    """Probability that a trial has these changes."""
     says: str
+    """Description of the changes."""
     ranges: tuple[Range, ...] = ()
+    """Keys with random values."""
     switch: tuple[str, ...] = ()
-    """Overrides that accompany the ranges."""
+    """Overrides with fixed values."""
 
 
 SLOPE = Group(
@@ -115,7 +120,7 @@ GROUPS = (
     Group(1.0 / 3.0, "a sensor of the heading", switch=("sensor.heading=true",)),
     SLOPE,
 )
-"""Differences from the default worm, ground and sensors, whose values lie within these ranges."""
+"""Random changes of the default worm, ground and sensors."""
 
 
 def drawn(seed: int, number: int) -> Trial:
@@ -220,7 +225,8 @@ def _pipe(random: Generator, speed: float) -> Iterator[str]:
 
 
 Maker = Callable[[Generator, float], Iterator[str]]
-"""Function that yields the overrides of a task, except kind and speed of the reference; the speed is in m/s."""
+"""Function that takes a generator and the required speed [m/s], and yields the overrides of a task. The kind and the
+speed of the reference are not among these overrides."""
 
 CLASSES: dict[str, tuple[str, Maker]] = {
     "circle": ("circle", _circle),
@@ -236,17 +242,18 @@ CLASSES: dict[str, tuple[str, Maker]] = {
     "spiral": ("spline", _spiral),
     "s_curve": ("s_curve", _s_curve),
 }
-"""Kind of the reference, and maker of the task, of each class of trials, in the order of the turns."""
+"""Classes of trials in the order of their turns: for each class the kind of the reference, and the function that makes
+the task."""
 
 
 def task_of(name: str, random: Generator, speed: float) -> list[str]:
-    """Return the overrides of a task of a class; the speed is in m/s."""
+    """Return the overrides of a random task of the class `name`, for a required speed in m/s."""
     kind, maker = CLASSES[name]
     return [f"reference.kind={kind}", f"reference.speed_m_s={speed:.3f}", *maker(random, speed)]
 
 
 def _points(random: Generator, points: FloatArray) -> str:
-    """Return points relative to the start, or their mirror image."""
+    """Return the override for way points given relative to the start, mirrored left to right in half of the cases."""
     x, y = (points * [1.0, random.choice([-1.0, 1.0])] + START_POSITION_M).T
     return f"reference.points=[{', '.join(f'{{x_m={a:.3f}, y_m={b:.3f}}}' for a, b in zip(x, y, strict=True))}]"
 
@@ -264,7 +271,9 @@ def _log_uniform(random: Generator, least: float, most: float, size: int | None 
 
 
 def chosen(names: Sequence[str], seeds: Sequence[int], count: int) -> tuple[Trial, ...]:
-    """Return the first `count` trials of each seed; if names are given, only trials with such a name, number or class.
+    """Return the first `count` trials of each seed.
+
+    If `names` is not empty, only trials whose name, number or class is in `names` are returned.
 
     Raises
     ------

@@ -1,9 +1,13 @@
-"""A record moved and turned about the vertical to fit another record best: cameras have frames of their own.
+"""Alignment of records: one record is moved and turned about the vertical so that it fits another record best.
 
-With points p_k of one record and r_k of the other, at the same instants and with means p and r, the sum of
-||r_k - R(a) (p_k - p) - r|^2 is least for tan a = sum((p_k - p) x (r_k - r)) / sum((p_k - p) . (r_k - r)) in the
-horizontal plane, where x is the z-component of the cross product. If a record has only x or only y of a point, this
-component counts in the frame of that record. In this case Gauss-Newton steps reduce the sum further.
+Alignment is needed because a camera measures positions in a coordinate system of its own. Let p_k be the points of one
+record, r_k the points of the reference at the same instants, p and r their means, and R(a) the rotation by the angle a.
+In the horizontal plane, the sum of |r_k - R(a) (p_k - p) - r|^2 is smallest for
+
+    tan a = sum((p_k - p) x (r_k - r)) / sum((p_k - p) . (r_k - r)),
+
+where x denotes the z-component of the cross product. If a record has only x or only y of a point, the residual is this
+component in the coordinate system of that record, and Gauss-Newton iterations starting from a minimise the sum.
 """
 
 from __future__ import annotations
@@ -24,11 +28,11 @@ from worm3d.values.variable import Variable
 
 
 def aligned(reference: Record, other: Record) -> Record:
-    """Return a record moved and turned about z so that its positions fit those in a reference best (least squares).
+    """Return `other`, moved and turned about z so that its positions fit the positions in `reference` best.
 
-    Positions are the centre of mass, joints and markers that both records have. All common instants count, with each
-    component that both records know. Without a point with x and y in both records, the record is not turned. A worm in
-    a vertical plane is moved, not turned.
+    The fit is a least-squares fit to the centre of mass, the joints and the markers that both records have. It uses all
+    instants and components that are known in both records. The record is moved but not turned if no point has x and y
+    in both records, or if one of the records is a simulated worm in a vertical plane.
 
     Raises
     ------
@@ -45,7 +49,10 @@ def aligned(reference: Record, other: Record) -> Record:
 
 
 def _points(reference: Record, other: Record) -> tuple[FloatArray, FloatArray]:
-    """Return the positions that both records have, shapes (K, 3) [m]; unknown components are NaN."""
+    """Return the positions of the reference and of the other record, with a shape of (K, 3) each [m].
+
+    Only points that both records have are returned. Unknown components are NaN.
+    """
     pairs = [
         [
             np.pad(each.reshape(-1, each.shape[-1]), ((0, 0), (0, 3 - each.shape[-1])), constant_values=np.nan)
@@ -61,7 +68,14 @@ def _points(reference: Record, other: Record) -> tuple[FloatArray, FloatArray]:
 
 
 def _fitted(ours: FloatArray, theirs: FloatArray, both: NDArray[np.bool_]) -> tuple[float, FloatArray]:
-    """Return the angle and the shift that best map `theirs` to `ours`, shapes (K, 2); `both`: x and y known in both."""
+    """Return the angle [rad] and the shift [m] that map the points `theirs` to the points `ours` best.
+
+    Parameters
+    ----------
+    ours, theirs : ndarray, shape (K, 2)
+    both : ndarray, shape (K,)
+        Whether x and y of a point are known in both records.
+    """
     middle, right = theirs[both].mean(axis=0), ours[both].mean(axis=0)
     angle = _turn(theirs[both] - middle, ours[both] - right)
     begin = np.array([angle, *(right - _turned(middle, angle))])
@@ -92,7 +106,10 @@ def _turn(points: FloatArray, towards: FloatArray) -> float:
 
 
 def _turned(vectors: FloatArray, angle: float) -> FloatArray:
-    """Return vectors, shape (..., 2 or 3), turned about z; at an angle of 0, NaN stays in its component."""
+    """Return vectors, shape (..., 2 or 3), turned about z by an angle [rad].
+
+    If the angle is 0, the vectors are returned unchanged, so that a NaN in x does not spread to y.
+    """
     x, y, c, s = vectors[..., 0], vectors[..., 1], math.cos(angle), math.sin(angle)
     turned: FloatArray = np.array(vectors, dtype=float)
     if angle:
@@ -101,7 +118,7 @@ def _turned(vectors: FloatArray, angle: float) -> FloatArray:
 
 
 def _moved(variable: Variable, angle: float, shift: FloatArray) -> Variable:
-    """Return a variable in the new frame: positions are moved and turned, other vectors turned."""
+    """Return a variable in the new coordinate system. Positions are turned and moved, other vectors are only turned."""
     values = variable.values
     if variable.dims[-1:] == ("axis",):
         values = _turned(values, angle) + (shift[: values.shape[-1]] if variable.units == "m" else 0.0)

@@ -28,17 +28,18 @@ from worm3d.values.metrics import written
 COMPARISON_TABLE_FILE = "compare.csv"
 
 MOST_ROWS = 20
-"""Largest number of printed settings."""
+"""Largest number of settings in the printed table."""
 
 MAIN = (
     *("duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "speed_BL_per_period", "heading_change_deg"),
     *("work_contract_J", "work_friction_J", "cost_of_transport", "mass_kg"),
     *("speed_bias_relative", "speed_error_rms_relative", "heading_error_rms_deg", "cross_track_rms_bl"),
 )
-"""Printed figures; the CSV file contains the other figures, too."""
+"""Figures of the summary that are printed. The CSV file contains all figures."""
 
 MAIN_SERIES = ("com", "heading", "joints", "joint", "main_node", "strain", "force", "cable", "normal_load")
-"""Printed series of simulations; of measurements, all series are printed."""
+"""Series that are printed if two simulations are compared. If one of the two is a measurement, all common series are
+printed."""
 
 
 def run(
@@ -82,7 +83,7 @@ def _aligned(given: Sequence[Source]) -> list[Source]:
 
 
 def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
-    """Return the table of all differences of settings, figures and series, one row each."""
+    """Return a CSV table with one row for each difference of a setting, a figure or a series."""
     of_settings = (
         ("setting", setting.key, "", source.label, setting.values[0], value, "", "")
         for setting in settings(given)
@@ -109,7 +110,7 @@ def _said(given: Sequence[Source], found: Sequence[Difference], missing: str) ->
 
 
 def _settings(given: Sequence[Source]) -> Iterator[Block]:
-    """Yield the differing keys that all scenes have; keys that some scenes lack are counted."""
+    """Yield a table of the differing keys that all scenes have, and the number of other differing keys."""
     differing, simulated = settings(given), [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in differing if all(each.values[k] != ABSENT for k in simulated)]
     if shared:

@@ -19,34 +19,36 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.metrics import METRIC_ROUNDING, named
 
 ROUNDED = 1e-9
-"""Range of a series, as a fraction of its largest number, below which the series counts as constant."""
+"""Range of a series, as a fraction of its largest magnitude, below which the series counts as constant."""
 CASE = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}$")
-"""End of the label of a sweep case that has its key as name."""
+"""Pattern of the hexadecimal key that ends the label of a sweep case without a name of its own."""
 MOST_SETTINGS = 3
-"""Largest number of settings that name a case."""
+"""Largest number of differing settings in the label of a sweep case."""
 ABSENT = "-"
 """Value of a key that a scene does not have."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference between a figure of one source and the figure of the reference."""
+    """Difference between a source and the reference in one figure or one series."""
 
     kind: str
-    """`figure`: a figure of the summary; `both`: a displacement or turn over the common time; `series`: a series over
-    the common time, with the root mean square difference."""
+    """`figure` for a figure of the summary, `both` for the displacement or the turn over the time that both records
+    have, `series` for a series over this time."""
     name: str
     unit: str
-    """SI unit or degree, "1" for a pure number."""
+    """SI unit or degree; "1" for a dimensionless quantity."""
     source: str
     """Label of the source that is compared with the reference."""
     reference: float | None
-    """Value of the reference; for a series, the largest range over time of any component of either record."""
+    """Value of the reference. For a series, this is the largest range over time of any component in either record."""
     value: float | None
-    """Value of the source; for a series, the largest difference."""
+    """Value of the source. For a series, this is the largest difference at any instant."""
     difference: float | None
+    """`value` minus `reference`. For a series, this is the root mean square difference."""
     relative: float | None
-    """Difference over the reference's value; None if that value is 0, or rounding."""
+    """`difference` divided by the magnitude of `reference`; None if `reference` is 0 or as small as a rounding
+    error."""
 
 
 class Setting(NamedTuple):
@@ -68,7 +70,11 @@ def settings(given: Sequence[Source]) -> list[Setting]:
 
 
 def named_by_settings(given: Sequence[Source]) -> list[Source]:
-    """Return the sources with labels for people; the differing settings of the simulations label sweep cases."""
+    """Return the sources with readable labels.
+
+    A sweep case gets its differing settings as label, or the first eight digits of its key if these settings do not
+    distinguish it. Other sources keep their labels.
+    """
     simulated = [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in settings(given) if all(each.values[k] != ABSENT for k in simulated)]
     differing = sorted(shared, key=lambda each: each.key == "seed")[:MOST_SETTINGS]
@@ -80,7 +86,7 @@ def named_by_settings(given: Sequence[Source]) -> list[Source]:
     labels = [source.label for source in given]
     for k, begin in cases.items():
         is_one = texts[k] and [*texts.values()].count(texts[k]) == 1
-        labels[k] = texts[k] if is_one else labels[k][: begin + 8]  # eight digits of the key
+        labels[k] = texts[k] if is_one else labels[k][: begin + 8]  # the first eight digits of the key
     if len(set(labels)) < len(labels):
         return list(given)
     return [replace(source, label=label) for source, label in zip(given, labels, strict=True)]
@@ -150,7 +156,10 @@ def _of_series(label: str, reference: Record, other: Record) -> Iterator[Differe
 
 
 def _of_both(label: str, name: str, unit: str, ours: FloatArray, theirs: FloatArray) -> Iterator[Difference]:
-    """Yield the displacement of a place, or the turn of a heading, between the first and the last common instant."""
+    """Yield the displacement of a point, or the change of the heading, between the first and the last common instant.
+
+    Nothing is yielded for other series.
+    """
     if name == "heading":
         name, unit, ours, theirs = "heading_change", "deg", np.rad2deg(ours)[:, None], np.rad2deg(theirs)[:, None]
     elif (name == "com" or name.startswith(MARKER)) and ours.ndim == 2:
@@ -172,17 +181,18 @@ def _moved(values: FloatArray, *, signed: bool) -> float:
 
 
 def _range(values: FloatArray) -> float:
-    """Return the largest range over time of the components of a series, shape (T, ...), ignoring NaN."""
+    """Return the largest range over time of any component of a series of shape (T, ...); NaN values are ignored."""
     columns = values.reshape(len(values), -1)
     columns = columns[:, np.isfinite(columns).any(axis=0)]
     return float(np.max(np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)))
 
 
 def common(reference: Record, other: Record) -> dict[str, tuple[str, FloatArray, FloatArray]]:
-    """Return the common series of two records: by name the unit, and the values of both at the same instants.
+    """Return the series that two records have in common.
 
-    The instants come from the measurement if one record is a measurement, otherwise from the reference. A value is NaN
-    if the record has no value at this instant.
+    The result maps the name of each series to its unit, the values of the reference, and the values of the other record
+    at the same instants. The instants come from the measurement if one record is a measurement, otherwise from the
+    reference. A value is NaN if its record has no value at this instant.
     """
     if measured.is_measured(other) and not measured.is_measured(reference):
         return {name: (unit, ours, theirs) for name, (unit, theirs, ours) in common(other, reference).items()}
@@ -200,7 +210,7 @@ def common(reference: Record, other: Record) -> dict[str, tuple[str, FloatArray,
 
 
 def left_out(given: Sequence[Source]) -> list[str]:
-    """Return sentences on the measured series that are not compared."""
+    """Return sentences that name the measured series that are not compared, with the reasons."""
     first, *others = given
     pairs = [(first, source) for source in others] + [(source, first) for source in others]
     return [

@@ -1,4 +1,4 @@
-"""The pages of several runs side by side, played together."""
+"""The HTML page that shows several runs side by side and plays them together."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ COMPARISON_PAGE_FILE = "compare.html"
 
 
 def pages(records: Mapping[str, Record], title: str) -> tuple[dict[str, bytes], str]:
-    """Return the common page of the records with a 3D page, by file name, and the reason if there is none."""
+    """Return the HTML page of all records that can be shown in 3D, and an empty string.
+
+    The page is returned as a dictionary from file name to content. If fewer than two or too many records can be shown,
+    the dictionary is empty and the string gives the reason.
+    """
     shown = {label: record for label, record in records.items() if _has_page(record)}
     if 2 <= len(shown) <= MAX_PAGES:
         return {COMPARISON_PAGE_FILE: side_by_side([_page(*each) for each in shown.items()], title).encode()}, ""

@@ -1,4 +1,4 @@
-"""Sources of a comparison: runs, cases of sweeps and measurements, each with a label; the first is the reference."""
+"""Sources of a comparison: runs, cases of sweeps, and measurements. The first source is the reference."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Source:
     label: str
     """Name in tables and figures."""
     scene: Mapping[str, Any]
-    """The resolved scene as data; the header of a measurement."""
+    """The scene with all keys, parsed from TOML; for a measurement, the header of its file."""
     figures: Mapping[str, Metric]
     """Figures of the summary."""
     reasons: Mapping[str, str]
-    """Reasons why figures have no value."""
+    """Reasons why some figures have no value, by the name of the figure."""
     record: Record | None
     """Series of the source; None for a case of a sweep without series."""
 
@@ -75,7 +75,7 @@ def _source(path: Path, label: str) -> Source:
 
 
 def _labels(paths: Sequence[Path]) -> Iterator[str]:
-    """Yield a label for each path: the shortest ending that no other path has."""
+    """Yield a label for each path: the shortest ending of the path that no other path has."""
     parts = [_said(path) for path in paths]
     for k, own in enumerate(parts):
         others = parts[:k] + parts[k + 1 :]
@@ -84,14 +84,21 @@ def _labels(paths: Sequence[Path]) -> Iterator[str]:
 
 
 def _said(path: Path) -> list[str]:
-    """Return the parts of a path that distinguish results: without `result.nc` and ending."""
+    """Return the parts of a path, without a final `result.nc` and without the suffix of a file."""
     place = path.resolve()
     place = place.parent if place.name == RESULT else place.with_suffix("") if place.is_file() else place
     return list(place.parts)
 
 
 def flat(scene: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    """Return a scene as texts by dotted keys, with lists of tables as one text."""
+    """Return the values of a scene as texts by dotted keys; a list of tables becomes a single text.
+
+    Parameters
+    ----------
+    scene : mapping
+    before : str
+        Prefix of all keys.
+    """
     found: dict[str, str] = {}
     for name, value in scene.items():
         inner = flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": _text(value)}

@@ -25,7 +25,9 @@ def run(
     force: bool,
     quiet: bool,
 ) -> int:
-    """Fit, write and report; return the exit code. The default folder is `runs/fit-<scene>-<time>`.
+    """Fit keys of a scene, write the files, print the report, and return the exit code.
+
+    The default folder is `runs/fit-<scene>-<time>`.
 
     Raises
     ------
@@ -39,7 +41,7 @@ def run(
             shows: list[Callable[[int], None]] = []
 
             def go_on(done: int) -> bool:
-                if done and not shows:  # after the first run, the scene, the keys and the data are known to be right
+                if done and not shows:  # the first run has shown that the scene, the keys and the data are valid
                     bar = progress(f"fit of {name}, at most", runs, quiet=quiet, what="run")
                     shows.append(shown.enter_context(bar))
                 for show in shows:

@@ -1,4 +1,8 @@
-"""Other valleys of a rough sum of squares: each contact that sticks a step later may make a shallow valley."""
+"""Search for other local minima of a sum of squares.
+
+If a change of a key makes a contact stick one time step later, the sum of squares changes its slope or jumps. Around
+each such event the sum may have a shallow local minimum, called a dip here.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,12 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 DISTANCES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1)
-"""Distances at which the sum is evaluated, as fractions of the scale of the key that moves most."""
+"""Distances from the minimum at which the sum is evaluated, as fractions of a key's scale. The distance is the change
+of the key that changes most."""
 
 
 def dips(squares: Callable[[FloatArray], float], u: FloatArray, axes: FloatArray) -> list[FloatArray]:
-    """Return places around a minimum from which the sum descends to another minimum, the lowest place first.
+    """Return points around a minimum from which a search may reach another minimum, sorted by the sum of squares.
 
     Parameters
     ----------
@@ -32,7 +37,10 @@ def dips(squares: Callable[[FloatArray], float], u: FloatArray, axes: FloatArray
 def _along(
     squares: Callable[[FloatArray], float], u: FloatArray, here: float, axis: FloatArray
 ) -> Iterator[tuple[float, FloatArray]]:
-    """Yield the sum of squares at the lowest place behind a crest, and the place."""
+    """Search along an axis, and yield the sum of squares and the point of the lowest dip, if there is a dip.
+
+    A point belongs to a dip if the sum is smaller there than at the previous point, which is nearer to the minimum.
+    """
     way = axis / np.abs(axis).max()
     places = [u + distance * way for distance in DISTANCES]
     heights = [here, *map(squares, places)]

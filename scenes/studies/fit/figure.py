@@ -1,4 +1,4 @@
-"""The figure of a fit: data and model over time or over the model's abscissa, residuals, and their autocorrelation."""
+"""The figure of a fit: data and model over the abscissa of the model (usually time), residuals and autocorrelation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from worm3d.values.arrays import FloatArray
 
 
 def draw(fit: Fit) -> tuple[Figure, Axes]:
-    """Return the figure: a row for each channel."""
+    """Return the figure, which has a row for each chosen channel, and the axes of the first panel."""
     chosen = _chosen(fit)
     figure = Figure(figsize=(12.5, 1.2 + 2.1 * len(chosen)), layout="constrained", dpi=110)
     grid = figure.subplots(len(chosen), 3, squeeze=False, width_ratios=(2.2, 2.2, 1.3))
@@ -39,7 +39,11 @@ def draw(fit: Fit) -> tuple[Figure, Axes]:
 
 
 def _chosen(fit: Fit) -> list[int]:
-    """Return the channels that are drawn: the six whose data vary most relative to their residuals, in order."""
+    """Return the indices of the drawn channels in ascending order.
+
+    At most six channels are drawn: the channels with the largest standard deviation of the data relative to the rms of
+    the residuals.
+    """
     spread = np.nanstd(fit.data.values, axis=1)
     rms = np.array([channel.residual_rms for channel in fit.channels])
     signal = np.divide(spread, rms, out=np.full_like(spread, np.inf), where=rms > 0.0)
@@ -47,7 +51,7 @@ def _chosen(fit: Fit) -> list[int]:
 
 
 def _draw_alike(axes: Axes, time: FloatArray, left: FloatArray) -> None:
-    """Draw the autocorrelation, and the band that would contain 95 % of the autocorrelation of white residuals."""
+    """Draw the autocorrelation of the residuals `left`, and the band that holds 95 % of its values for white noise."""
     lags = max(1, len(left) // 4)
     found = autocorrelation(left, lags)
     bound = 1.96 / np.sqrt(len(left))

@@ -1,4 +1,4 @@
-"""A fit from a scene and a measurement to values with intervals: the Python interface of `worm3d fit`."""
+"""The Python interface of `worm3d fit`: fit keys of a scene to a measurement, and return values with intervals."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ from worm3d.values.variable import Variable
 
 @dataclass(frozen=True)
 class Fitted:
-    """A key and its value."""
+    """A key of the scene and its fitted value."""
 
     varied: Varied
     value: float
     standard_error: float | None
-    """Standard deviation of the value; None without an interval."""
+    """Standard error of the value; None if the value has no interval."""
     interval: tuple[float, float] | None
-    """Interval with a probability of 95 %; None if the value has no interval."""
+    """Confidence interval of 95 %; None if the value has no interval."""
     reason: str
-    """Reason why the value has no interval; empty if there is an interval."""
+    """Reason why the value has no interval; empty if the value has an interval."""
 
     @property
     def interval_text(self) -> str:
-        """The interval; `none` if there is none."""
+        """The interval as text, or `none` if the value has no interval."""
         return f"{self.interval[0]:.4g} to {self.interval[1]:.4g}" if self.interval else "none"
 
     @property
     def unit(self) -> str:
-        """Unit of the key; empty for a pure number."""
+        """Unit of the key; empty for a dimensionless key."""
         return "" if self.varied.unit == "1" else self.varied.unit
 
     @property
     def said(self) -> str:
-        """The interval in brackets, or the reason why there is none."""
+        """The interval, or the reason why there is no interval, in brackets."""
         return f" ({self.interval_text if self.interval else self.reason})"
 
 
@@ -59,7 +59,7 @@ class Channel:
     residual_rms: float
     """Root mean square of the residuals, in the unit of the channel."""
     residual_rms_over_peak: float
-    """The root mean square as a fraction of the largest magnitude of the data."""
+    """Root mean square of the residuals as a fraction of the largest magnitude of the data."""
     residual_autocorrelation_at_one_sample: float
     order_of_residuals: int
     """Order of the autoregressive model of the residuals."""
@@ -67,7 +67,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fit: values, intervals, and the directions that the data do not determine."""
+    """Result of a fit. P is the number of varied keys, C the number of channels, and T the number of instants."""
 
     name: str
     """Name of the scene."""
@@ -75,27 +75,29 @@ class Fit:
     """Name of the measurement."""
     keys: tuple[Fitted, ...]
     relations: tuple[Relation, ...]
-    """Directions in which the data do not determine the values; empty if they determine all."""
+    """Directions in the space of the keys that the data do not determine; empty if the data determine all values."""
     correlation: FloatArray
     """Correlations of the values, shape (P, P); 0 for a value without an interval."""
     channels: tuple[Channel, ...]
     data: Data
     lack: Lack
-    """Whether the residuals are too slow for noise, so that the intervals belong to a wrong model."""
+    """Result of the test whether the residuals change too slowly for noise. If so, the model is wrong, and the
+    intervals are unreliable."""
     simulated: FloatArray
-    """Channels of the run with the fitted values, shape (C, T); NaN as in the data."""
+    """Channels of the run with the fitted values, shape (C, T); NaN where the data are NaN."""
     abscissa: Variable
-    """Abscissa of the drawn data and model, at the measured instants."""
+    """Quantity on the horizontal axis of the figure (usually time), at the measured instants."""
     scene: str
     """Scene with the fitted values as TOML."""
     finished: bool
-    """Whether a minimum was found; False if the runs were used up before."""
+    """Whether a minimum was found; False if the allowed runs were used up first."""
     exact: bool
-    """Whether the data are met except for integration errors; intervals would mean nothing."""
+    """Whether the model matches the data to within integration errors. In this case there is no noise from which
+    intervals could be computed."""
     left_out: tuple[str, ...]
-    """Channels that no key moves, left out where there are many channels; not in the data and not in `channels`."""
+    """Channels that no key affects. They are removed from `data` and `channels` if there are many channels."""
     runs: int
-    """Number of runs, including the failed runs."""
+    """Number of all runs, including failed runs."""
     failed_runs: int
     """Number of failed runs."""
 
@@ -134,18 +136,19 @@ def fit(
     Parameters
     ----------
     scene : str or Path
-        Name of a shipped scene, or a TOML file; a run longer than the measurement is cut to the measurement.
+        Name of a shipped scene, or a TOML file. A run that is longer than the measurement is shortened to it.
     to : str, Path or Record
-        Measured series, a CSV file (`scenes.records.measured`) or a record with the quantities to follow.
+        The measurement: a CSV file (format in `scenes.records.measured`), or a record.
     vary : sequence of str, or mapping
-        `key` or `key=lo:hi` each; or a mapping of each key to a range, with None for the range of the scene's language.
-        A key starts from the scene's value, which must lie in the range, or else from the middle of the range.
+        Keys to vary. Each string is `key` or `key=lo:hi`. A mapping has a range (lo, hi) for each key, or None for the
+        range that the key has in all scenes. The search starts from the scene's value, which must lie in the range. If
+        the scene has no value for the key, the search starts from the middle of the range.
     overrides : iterable of str
-        `section.key=value` each.
+        Changes of the scene, each of the form `section.key=value`.
     most_runs : int
-        Largest number of runs of the search; a fit of three keys needs some 250.
+        Largest number of runs of the search. A fit of three keys needs about 250 runs.
     go_on : callable
-        Called with the number of finished runs; if the result is False, the fit ends with a `StoppedError`.
+        Called with the number of finished runs. If it returns False, the fit ends with a `StoppedError`.
 
     Returns
     -------
@@ -154,7 +157,7 @@ def fit(
     Raises
     ------
     SceneError
-        A mistake in the scene, the file or the keys; too few or constant data; runs that fail.
+        The scene, the file or a key is wrong, the data are too few or constant, or the runs fail.
     """
     loaded = load_scene(scene, overrides)
     record = to if isinstance(to, Record) else measured.load(Path(to))

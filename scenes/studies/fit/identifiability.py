@@ -1,9 +1,10 @@
-"""Which keys a measurement determines, and which keys are indistinguishable: the singular values of the slopes.
+"""Identifiability: which keys a measurement determines, and which keys it cannot distinguish.
 
-The slopes are weighted, so that a residual has a size of about 1, and each key is counted in units of its scale. The
-columns are scaled to length 1. A singular value is then the fraction of the effect of several keys that remains when
-the keys change together so that they cancel each other best (R. Brun, P. Reichert, H. R. Kuensch, Water Resources
-Research 37, 2001).
+The analysis uses the singular values of the matrix of slopes, the derivatives of the M measured values with respect to
+the P varied keys. The rows are weighted so that residuals have a size of about 1, and each key is measured in units of
+its scale. The columns are then scaled to length 1. A singular value is the length of the effect of a combined change of
+the keys, compared with the effects of the single changes. A small singular value means that the effects of the single
+changes cancel (R. Brun, P. Reichert, H. R. Kuensch, Water Resources Research 37, 2001).
 """
 
 from __future__ import annotations
@@ -17,30 +18,34 @@ from scenes.studies.fit.varied import Varied
 from worm3d.values.arrays import BoolArray, FloatArray
 
 MIN_SINGULAR_VALUE = 1e-3
-"""Singular value of columns of length 1 below which keys cancel each other; the error of slopes is a tenth of this."""
+"""Smallest singular value, for columns of length 1, of a direction that the data determine. The error of the slopes is
+about a tenth of this value."""
 NEGLIGIBLE_EFFECT = 1e-6
-"""Largest negligible effect of a change by a key's scale: root mean square, relative to the rms of the residuals."""
+"""Effect of a change of a key by its scale below which the key has no effect: the root mean square change of the
+simulation relative to the rms of the residuals."""
 INVOLVED = 0.1
-"""Least component of a key in a direction of length 1 for the key to be named."""
+"""Smallest component of a key in a direction of length 1 at which the key is reported as part of the direction."""
 VAGUE = 0.3
-"""Least standard error of a direction, in scales of the keys, that counts as not determined by the data."""
+"""Standard error along a direction, in units of the keys' scales, above which the direction counts as undetermined."""
 
 Probe = Callable[[FloatArray], FloatArray]
+"""Function from a direction in the space of the keys, shape (P,), to the weighted slope along it, shape (M,)."""
 
 
 @dataclass(frozen=True)
 class Relation:
-    """Simultaneous changes of keys that hardly affect the residuals."""
+    """Simultaneous changes of several keys, or a change of one key, that hardly affect the residuals."""
 
     keys: tuple[str, ...]
     changes: tuple[float, ...]
-    """Change of each key in its unit; all changes together have the effect."""
+    """Change of each key in its unit."""
     effect_over_residual_rms: float
-    """Root mean square change of the simulation, as a fraction of the root mean square of the residuals."""
+    """Root mean square change of the simulation when all these changes are made together, as a fraction of the root
+    mean square of the residuals."""
 
     @property
     def sentence(self) -> str:
-        """Meaning of the relation, for people."""
+        """A sentence that describes the relation to the user."""
         moves = " and ".join(f"{key} by {change:+.3g}" for key, change in zip(self.keys, self.changes, strict=True))
         what = f"cannot tell apart {', '.join(self.keys)}" if len(self.keys) > 1 else f"say little about {self.keys[0]}"
         effect = f"{self.effect_over_residual_rms:.2g} of the residuals' rms"
@@ -52,18 +57,29 @@ class Determined:
     """Result of the analysis of the slopes."""
 
     inverse: FloatArray
-    """Inverse of the normal equations in scales of the keys, without the undetermined directions, shape (P, P)."""
+    """Generalised inverse of the matrix of the normal equations, without the undetermined directions, shape (P, P).
+    Keys are in units of their scales."""
     known: BoolArray
-    """Keys that are in none of the directions that the data leave undetermined, shape (P,)."""
+    """Whether a key is part of no undetermined direction, shape (P,)."""
     relations: tuple[Relation, ...]
-    """The directions that the data leave undetermined."""
+    """The directions that the data do not determine."""
 
 
 def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the lengths of the columns of slopes, (M, P), and singular values and directions of columns of length 1.
+    """Return the lengths of the columns of the slopes, and the singular values and directions of the scaled columns.
 
-    Shapes (P,), (P,) and (P, P), a direction in each row. A negligible column is replaced by zeros and has a length
-    of 1.
+    A negligible column is replaced by zeros, and its returned length is 1.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (M, P)
+
+    Returns
+    -------
+    lengths : ndarray, shape (P,)
+    singular : ndarray, shape (P,)
+    directions : ndarray, shape (P, P)
+        A direction in each row.
     """
     norms = np.linalg.norm(slopes, axis=0)
     counts = norms > NEGLIGIBLE_EFFECT * np.sqrt(len(slopes))
@@ -73,18 +89,19 @@ def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArray, probe: Probe) -> Determined:
-    """Return the keys and directions that slopes determine, by their singular values.
+    """Return which keys and directions the slopes determine.
 
-    A direction is lost if its singular value is below `MIN_SINGULAR_VALUE`. A direction is also lost if its singular
-    value is below the error of the slopes and a tiny step along the direction has no effect either.
+    A direction is undetermined if its singular value is below `MIN_SINGULAR_VALUE`. It is also undetermined if its
+    singular value is below the error of the slopes, and the slope found by a tiny step along the direction is below
+    `MIN_SINGULAR_VALUE`.
 
     Parameters
     ----------
     varied : sequence of Varied
     slopes, roughness : ndarray, shape (M, P)
-        Weighted, in scales of the keys.
+        Slopes and their roughness (see `scenes.studies.fit.slopes`), weighted, with keys in units of their scales.
     probe : callable
-        Returns the weighted slope along a direction, shape (M,), by a tiny step.
+        Returns the weighted slope along a direction, shape (M,), which is found by a tiny step.
     """
     lengths, singular, directions = axes_of(slopes)
     errors = np.linalg.norm(directions * (np.linalg.norm(roughness, axis=0) / lengths), axis=1)
@@ -101,7 +118,15 @@ def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArr
 
 
 def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) -> Iterator[Relation]:
-    """Yield the directions with a large error, given the covariance of the keys in their scales, shape (P, P)."""
+    """Yield the directions along which the standard error is above `VAGUE`.
+
+    Parameters
+    ----------
+    varied : sequence of Varied
+    covariance : ndarray, shape (P, P)
+        Covariance of the keys in units of their scales.
+    slopes : ndarray, shape (M, P)
+    """
     variances, directions = np.linalg.eigh(covariance)
     for variance, direction in zip(variances, directions.T, strict=True):
         if variance > VAGUE**2:
@@ -109,9 +134,9 @@ def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) 
 
 
 def relation(varied: Sequence[Varied], direction: FloatArray, slopes: FloatArray) -> Relation:
-    """Return a direction, shape (P,) in scales of the keys, as example changes up to a tenth of a key's scale.
+    """Return a direction, shape (P,), as changes of the keys of which the largest is a tenth of the key's scale.
 
-    Changes of 0 are left out.
+    Keys that do not change are left out.
     """
     largest = int(np.argmax(np.abs(direction)))
     move = direction * (0.1 / direction[largest])

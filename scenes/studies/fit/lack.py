@@ -126,7 +126,7 @@ def _series(residuals: FloatArray) -> Iterator[FloatArray]:
 
 
 def _by_differences(series: FloatArray) -> float:
-    """Return the ratio of a series, shape (T,), by (FL1)."""
+    """Return the ratio of a series of shape (T,), with the noise estimated by (FL1)."""
     steps = np.diff(series)
     power = float(steps @ steps)
     a = np.clip(1.0 + 2.0 * (steps[1:] @ steps[:-1]) / power, 0.0, MAX_NOISE_CORRELATION)
@@ -135,7 +135,18 @@ def _by_differences(series: FloatArray) -> float:
 
 
 def _by_likelihood(series: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a and q, shape (..., 2), and the ratio of series, shape (..., T), by (FL2)."""
+    """Estimate the noise of series by (FL2), and return the estimates and the ratios.
+
+    Parameters
+    ----------
+    series : ndarray, shape (..., T)
+
+    Returns
+    -------
+    estimates : ndarray, shape (..., 2)
+        a and q of each series.
+    ratios : ndarray, shape (...)
+    """
     power, (shapes, inverse, level) = _power(series), _tried(series.shape[-1])
     sizes = power @ inverse / series.shape[-1]
     best = np.argmin(np.log(sizes) + level, axis=-1)
@@ -145,18 +156,24 @@ def _by_likelihood(series: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @lru_cache(maxsize=8)
 def _tried(length: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return S_k for `TRIED`, shape (K, T), its reciprocal, shape (T, K), and its mean logarithm, shape (K,)."""
+    """Return S_k of (FL2) for the K pairs in `TRIED`, the transposed reciprocal of S_k, and the mean of ln S_k.
+
+    The shapes are (K, T), (T, K) and (K,), where T is the length of the series.
+    """
     shapes = _shape(TRIED[:, 0], TRIED[:, 1], length)
     return shapes, (1.0 / shapes).T, np.log(shapes).mean(axis=-1)
 
 
 def _power(series: FloatArray) -> FloatArray:
-    """Return the power at each frequency, shape (..., T)."""
+    """Return the power of series of shape (..., T) at each of T frequencies, by a cosine transform."""
     return np.asarray(fft.dct(series, norm="ortho", axis=-1) ** 2)
 
 
 def _shape(a: FloatArray | float, q: FloatArray | float, length: int) -> FloatArray:
-    """Return the power of noise of variance 1 at each frequency, S_k of (FL2), shape (..., T)."""
+    """Return S_k of (FL2), the power of noise of variance 1 at each frequency.
+
+    The shape is (..., length), where ... is the shape of `a` and `q`.
+    """
     cosine = np.cos(np.pi * np.arange(length) / length)
     a, q = np.asarray(a)[..., None], np.asarray(q)[..., None]
     return np.asarray((1.0 - q) * (1.0 - a**2) / (1.0 - 2.0 * a * cosine + a**2) + q)

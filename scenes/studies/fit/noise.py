@@ -1,6 +1,8 @@
-"""Autoregressive models of the residuals of a fit: the residuals of a measurement are seldom independent.
+"""Autoregressive models of the residuals of a fit, which are seldom independent from sample to sample.
 
-    e_t = a_1 e_{t-1} + ... + a_p e_{t-p} + u_t,   u white, in several channels correlated at the same instant   (F1)
+    e_t = a_1 e_{t-1} + ... + a_p e_{t-p} + u_t                                                                  (F1)
+
+The innovations u_t are white noise. Innovations of different channels at the same instant may be correlated.
 
 The coefficients come from Burg's method (J. P. Burg, 1975; S. M. Kay, "Modern Spectral Estimation", 1988, ch. 7.5),
 which always gives a stationary model. The order comes from Akaike's criterion, corrected for short series.
@@ -16,9 +18,10 @@ from scipy import fft
 from worm3d.values.arrays import FloatArray
 
 HIGHEST_ORDER = 12
-"""Highest order in the search; half as many lose the shape of smooth residuals, twice as many cost time only."""
+"""Highest order that is tried. With 6, models of smooth residuals are inaccurate. With 24, the results are the same and
+the search takes longer."""
 SAMPLES_PER_ORDER = 10
-"""Least number of samples for each order, so that a short series does not get a long memory."""
+"""The order is at most the number of samples divided by this, so that a short series does not get a long memory."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +39,14 @@ class Noise:
         return int(self.coefficients.shape[1])
 
     def score_covariance(self, spectra: FloatArray, size: int) -> FloatArray:
-        """Return the covariance of the sums over channels and instants of J e, shape (P, P).
+        """Return the covariance of J' e, the sum over channels and instants of slopes times noise, shape (P, P).
 
         Parameters
         ----------
         spectra : ndarray, shape (F, C, P), complex
             `spectra_of(J)`.
         size : int
-            Number of points of the transform.
+            Number of points of the transform, as `spectra_of` returns it.
         """
         filtered = spectra / np.conj(self._response(size).T[:, :, None])
         both = np.einsum("fck,cd,fdl->fkl", np.conj(filtered), self.covariance, filtered, optimize=True).real
@@ -54,19 +57,20 @@ class Noise:
         return np.asarray(np.tensordot(weights, both, 1) / size)
 
     def draw(self, length: int, random: np.random.Generator) -> FloatArray:
-        """Return a stationary series of a length, shape (C, length)."""
-        size = fft.next_fast_len(length + self._memory(), real=True)  # round a circle that is too large to be noticed
+        """Return a random stationary series, shape (C, length)."""
+        # The transform makes a periodic series, whose period is so long that its ends are independent.
+        size = fft.next_fast_len(length + self._memory(), real=True)
         white = np.zeros(len(self.covariance))
         innovations = random.multivariate_normal(white, self.covariance, size, method="eigh").T
         return np.asarray(fft.irfft(fft.rfft(innovations) / self._response(size), size)[:, :length])
 
     def _response(self, size: int) -> FloatArray:
-        """Return the transform of 1 - a_1 z - ... - a_p z^p over `size` points, shape (C, F), complex."""
+        """Return the Fourier transform of the sequence 1, -a_1, ..., -a_p over `size` points, shape (C, F), complex."""
         lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
         return np.asarray(fft.rfft(lags, size))
 
     def _memory(self) -> int:
-        """Return the number of samples, at most 20 000, after which a millionth of an innovation remains."""
+        """Return the number of samples, at most 20 000, after which an innovation has decayed to 1e-6 of its size."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
         if radius == 0.0:
             return 0
@@ -74,7 +78,9 @@ class Noise:
 
 
 def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:
-    """Return the transforms of series, padded against wrapping round, shape (F, C, P), and their number of points.
+    """Return the Fourier transforms of series over time, shape (F, C, P), and their number of points.
+
+    The series are padded with zeros, so that products of transforms are not cyclic.
 
     Parameters
     ----------
@@ -85,7 +91,7 @@ def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:
 
 
 def noise_of(series: FloatArray, order: int | None = None) -> Noise:
-    """Return the model of residuals, shape (C, T), with a given order or the best common order of all channels."""
+    """Return a model of residuals of shape (C, T). Without `order`, the best common order of all channels is used."""
     highest = min(HIGHEST_ORDER, series.shape[1] // SAMPLES_PER_ORDER)
     stages = list(_burg(series, highest if order is None else order))
     if order is None:
@@ -95,7 +101,7 @@ def noise_of(series: FloatArray, order: int | None = None) -> Noise:
 
 
 def _burg(series: FloatArray, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Return coefficients, shape (C, p), and innovations, shape (C, T - p), of each order up to the given one."""
+    """Return the coefficients, shape (C, p), and the innovations, shape (C, T - p), for p = 0 to `order`."""
     forward = backward = series
     coefficients = np.zeros((len(series), 0))
     stages = [(coefficients, forward)]
@@ -111,14 +117,14 @@ def _burg(series: FloatArray, order: int) -> list[tuple[FloatArray, FloatArray]]
 
 
 def _akaike(innovations: FloatArray, order: int, length: int) -> float:
-    """Return Akaike's criterion, corrected for short series, summed over the channels that have any noise."""
+    """Return Akaike's criterion, corrected for short series, summed over the channels with nonzero innovations."""
     power = np.mean(innovations**2, axis=1)
     noisy = power[power > 0.0]
     return float(length * np.log(noisy).sum() + len(noisy) * 2.0 * length * (order + 1) / (length - order - 2))
 
 
 def autocorrelation(series: FloatArray, lags: int) -> FloatArray:
-    """Return the autocorrelation of a series, shape (T,), at lags 0 to `lags`, shape (lags + 1,); 0 if constant."""
+    """Return the autocorrelation of a series of shape (T,) at the lags 0 to `lags`; zeros if the series is constant."""
     off = series - series.mean()
     power = float(off @ off)
     found = [float(off[: len(off) - lag] @ off[lag:]) for lag in range(lags + 1)]

@@ -1,4 +1,4 @@
-"""The report of a fit: lines for people, `fit.json` and `fit.toml`."""
+"""The report of a fit: the printed text, `fit.json`, `fit.toml` and `fit.png`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenes.studies.fit.lack import LIMIT, Lack
 from scenes.studies.fit.noise import HIGHEST_ORDER
 
 MAX_LISTED_CHANNELS = 8
-"""Largest number of channels whose residuals are listed on a terminal."""
+"""Largest number of channels whose residuals are printed in the terminal."""
 
 
 KEY_COLUMNS = {
@@ -30,7 +30,7 @@ CHANNEL_COLUMNS = {
     "of the peak": Column("residual_rms_over_peak", ".2%"),
     "autocorrelation at lag 1": Column("residual_autocorrelation_at_one_sample", ".2f"),
 }
-"""Columns at a terminal."""
+"""Columns of the two tables that are printed in the terminal."""
 
 
 def report(fit: Fit) -> Report:
@@ -77,7 +77,7 @@ def warnings(fit: Fit) -> Iterator[str]:
 
 
 def doubts(lack: Lack) -> Iterator[str]:
-    """Yield the meaning of residuals that are no noise, and what to do about them."""
+    """Yield sentences that explain a lack of fit, and advice."""
     yield (
         f"the scene does not follow the data: the model misses more than the noise explains, the slow part of the "
         f"residuals has {max(lack.ratio, lack.likely):.3g} times the power of noise; intervals are widened "
@@ -94,7 +94,7 @@ def doubts(lack: Lack) -> Iterator[str]:
 
 
 def outcome(fit: Fit) -> str:
-    """Return how the fit ended, in a few words."""
+    """Return a short text that says how the fit ended."""
     how = "fitted" if fit.finished else "unfinished"
     failed = f", {fit.failed_runs} of them failed" if fit.failed_runs else ""
     return f"{how} ({counted(fit.runs, 'run')}{failed}; {counted(fit.measured_values, 'measured value')})"
@@ -121,7 +121,7 @@ def content(fit: Fit) -> dict[str, Any]:
 
 
 def scene(fit: Fit) -> str:
-    """Return the scene with the fitted values as TOML, with the fitted keys in comments at the top."""
+    """Return the scene with the fitted values as TOML. Comments at the top list the fitted keys."""
     head = [f"# {fit.name} with values fitted to {fit.measured}:", *(f"# {_told(each)}" for each in fit.keys), ""]
     return "\n".join([*head, fit.scene])
 

@@ -1,4 +1,8 @@
-"""Derivatives of a simulation by finite differences, with an estimate of the simulation's roughness."""
+"""Derivatives of a simulation by finite differences, called slopes, with an estimate of their roughness.
+
+If a key changes, contacts may stick a time step earlier or later. A simulated value is therefore not a smooth function
+of the key: on a small scale it has kinks and jumps.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,11 @@ from scenes.language.errors import SceneError
 from worm3d.values.arrays import FloatArray
 
 Function = Callable[[FloatArray], FloatArray | None]
-"""Values of the keys, shape (P,) -> channels, shape (C, T); None where the run fails."""
+"""Function from values of the keys, shape (P,), to simulated channels, shape (C, T). It returns None if the run
+fails."""
 
 MAX_DERIVATIVE_HALVINGS = 4
-"""Largest number of halvings of a step if the run fails at both ends of the step."""
+"""Largest number of times that a step is halved because the runs at both of its ends fail."""
 
 
 @dataclass(frozen=True)
@@ -24,16 +29,30 @@ class Slopes:
     values: FloatArray
     """Shape (C, T, P)."""
     roughness: FloatArray
-    """Half of the difference between the slopes to both sides, shape (C, T, P); 0 if only one side exists."""
+    """Half of the difference between the slope to larger and the slope to smaller values, shape (C, T, P). It is 0 if
+    only one of the two slopes is available."""
 
 
 def slopes_at(
     function: Function, x: FloatArray, here: FloatArray, steps: FloatArray, low: FloatArray, high: FloatArray
 ) -> Slopes:
-    """Return the slopes at a place from runs at both sides, or at one side if the other is out of range or fails.
+    """Return the slopes at the point `x`.
 
-    Contacts that stick a time step earlier or later make a simulation rough on a small scale. The step should therefore
-    be as large as the error of a value; a tiny step is wrong.
+    Each slope is the mean of the difference quotients to both sides of `x`. If a side is out of range, or if the run
+    there fails, the quotient to the other side is used. A step should be about as large as the error of the value,
+    because a much smaller step measures single kinks of the simulation.
+
+    Parameters
+    ----------
+    function : callable
+    x : ndarray, shape (P,)
+        Values of the keys.
+    here : ndarray, shape (C, T)
+        Simulated channels at `x`.
+    steps : ndarray, shape (P,)
+        Step of each key.
+    low, high : ndarray, shape (P,)
+        Range of each key.
 
     Raises
     ------
@@ -48,7 +67,7 @@ def slopes_at(
 def _slope(
     function: Function, x: FloatArray, here: FloatArray, k: int, step: float, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the slope along one key, and the roughness of the slope, shape (C, T) each."""
+    """Return the slope along key k and its roughness, each of shape (C, T)."""
     for halved in range(MAX_DERIVATIVE_HALVINGS + 1):
         sides = []
         for way in (-step, step):

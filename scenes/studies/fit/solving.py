@@ -1,10 +1,11 @@
-"""Least squares of scene keys to a measurement.
+"""Least-squares fit of scene keys to a measurement.
 
     min over x of the sum over channels c and instants t of (w_c (f_c(t; x) - y_c(t)))^2                           (F3)
 
-At first, one weight per unit makes metres and newtons count alike. Afterwards, each weight is one over the standard
-deviation of the channel's residuals. SciPy's trust-region reflective algorithm finds the minimum and treats a run that
-fails as a step that was too long.
+Here x are the values of the keys, f_c(t; x) the simulated and y_c(t) the measured values of a channel, and w_c its
+weight. In the first minimisation all channels with the same unit have the same weight, which makes metres and newtons
+comparable. Afterwards, each weight is the reciprocal of the standard deviation of the channel's residuals. SciPy's
+trust-region reflective algorithm finds the minimum. If a run fails, the algorithm takes a shorter step.
 """
 
 from __future__ import annotations
@@ -25,59 +26,65 @@ from scenes.studies.fit.uncertainty import MOST_CHANNELS, UNCERTAINTY_DRAWS, Unc
 from worm3d.values.arrays import BoolArray, FloatArray
 
 FIRST_STEP = 0.02
-"""Step of the first derivatives, as a fraction of a key's scale: single contact events hardly affect such a step."""
+"""Step of the first derivatives, as a fraction of a key's scale. It is so large that a single contact that sticks or
+slips hardly affects the derivative."""
 DERIVATIVE_STEP_RANGE = (1e-4, 0.1)
-"""Least and largest step of the later derivatives, as fractions of a key's scale."""
+"""Smallest and largest step of the later derivatives, as fractions of a key's scale."""
 TINY_STEP = 1e-6
-"""Step, as a fraction of the scale, that contains no contact event and shows whether keys cancel each other exactly."""
+"""Step, as a fraction of a key's scale, that is too short to change when contacts stick. It shows whether the effects
+of keys cancel exactly."""
 STEP_PER_ERROR = 2.0
-"""Step of the derivatives over the standard error. The derivatives are slopes of chords as wide as the interval,
-because a contact event or two often make a valley steeper at its bottom than further up."""
+"""Step of the derivatives in units of the standard error. A derivative is then the slope of a chord that is as wide as
+the interval of the value. The derivative at the minimum itself is often steeper because of one or two contact
+events."""
 ALIKE = 0.1
-"""Change of the values, as a fraction of their standard errors, at which new weights make no difference."""
+"""Minimisations with new weights end when they change the values by less than this fraction of their standard
+errors."""
 PASSES = 4
 """Largest number of minimisations with new weights."""
 MIN_RESIDUAL_FRACTION = 1e-6
-"""Least standard deviation of residuals that counts, as a fraction of the data's: the size of integration errors."""
+"""Lower limit of the standard deviation of residuals, as a fraction of the standard deviation of the data. Smaller
+residuals are integration errors."""
 COARSE_TOLERANCE = 1e-3
-"""Relative change of the sum of squares that ends the first minimisations."""
+"""Relative change of the sum of squares at which the first minimisations end."""
 DEEPER = 0.01
-"""Least relative difference of the sums of squares for a lower minimum to replace another minimum at the end."""
+"""Smallest relative decrease of the sum of squares for which the final search moves to another minimum."""
 VALLEYS = 3
 """Largest number of moves from one minimum to a lower minimum."""
 SUSPECT = 4.0
-"""Least lack of fit that makes a minimum suspect. In tests with 100 series of six channels of pure noise, no series
-reached this value at a neighbour correlation of 0.5, and one series at 0.8; a fit in a wrong valley had 7."""
+"""Ratio (FL1) of `scenes.studies.fit.lack` from which a minimum may be the wrong one. In tests with 100 sets of six
+channels of noise, no set reached this value at a correlation of neighbouring samples of 0.5, and one set at 0.8. A fit
+that ended in the wrong minimum had a ratio of 7."""
 STARTS = 6
-"""Number of restarts of the search from places around a suspect minimum."""
+"""Number of random points around such a minimum from which the search is repeated."""
 AROUND = 0.02
-"""Standard deviation of the distances of these places, as a fraction of the scale of each key."""
+"""Standard deviation of the distances of these points from the minimum, as a fraction of each key's scale."""
 AT_BOUND = 1e-3
-"""Largest distance to a bound, as a fraction of a key's scale, at which a value counts as on the bound."""
+"""Largest distance from a bound, as a fraction of a key's scale, at which a value counts as being at the bound."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Values of P keys with the least squares, and the information about these values."""
+    """Values of P keys that minimise (F3), and the information about these values."""
 
     values: FloatArray
     """Shape (P,)."""
     simulated: FloatArray
     """Channels of the run with these values, shape (C, T)."""
     at_bound: tuple[str, ...]
-    """Bound at which each key is, "lowest" or "highest"; empty if at none."""
+    """Bound at which each key is, "lowest" or "highest"; empty if a key is not at a bound."""
     known: BoolArray
-    """Keys that have an interval, shape (P,)."""
+    """Whether a key is determined by the data and not at a bound, shape (P,)."""
     uncertainty: Uncertainty
-    """Errors of the keys in their units; valid where the keys are known."""
+    """Errors of the keys in their units, valid for the keys that are `known`."""
     relations: tuple[Relation, ...]
     """Directions in which the data do not determine the values."""
     finished: bool
-    """Whether the values are a minimum; False if the runs were used up before."""
+    """Whether the values are a minimum; False if the allowed runs were used up first."""
     exact: bool
-    """Whether the data are met except for integration errors, so that nothing is known of the noise."""
+    """Whether the model matches the data to within integration errors, so that nothing is known about the noise."""
     lack: Lack
-    """Whether the residuals are too slow for noise."""
+    """Result of the test whether the residuals change too slowly for noise."""
 
 
 def solve(trials: Trials) -> Solution:
@@ -86,9 +93,9 @@ def solve(trials: Trials) -> Solution:
     Raises
     ------
     SceneError
-        All runs around some values fail.
+        All runs around the current values fail.
     StoppedError
-        The user wants the fit to end.
+        The user has stopped the fit.
     """
     _narrow(trials)
     problem = _Problem(trials)
@@ -104,7 +111,7 @@ def solve(trials: Trials) -> Solution:
             steps = np.clip(STEP_PER_ERROR * errors, *DERIVATIVE_STEP_RANGE)
             if np.all(np.abs(u - before) <= ALIKE * errors):
                 break
-        tiny = np.full(len(u), DERIVATIVE_STEP_RANGE[0])  # chords lead past the bottom of a small valley
+        tiny = np.full(len(u), DERIVATIVE_STEP_RANGE[0])  # longer chords miss the bottom of a narrow minimum
         u = problem.minimum(u, weights, tiny)
         before, u = u, problem.beside(u, weights, tiny)
         u = problem.elsewhere(u, weights, tiny)
@@ -121,22 +128,25 @@ def solve(trials: Trials) -> Solution:
 
 
 def _narrow(trials: Trials) -> None:
-    """Leave out channels that no key moves at the start, where there are many channels."""
+    """Leave out the channels that no key affects at the start values, if there are many channels."""
     if len(trials.data.names) <= MOST_CHANNELS:
         return
     problem, steps = _Problem(trials), np.full(len(trials.varied), FIRST_STEP)
     moves = np.nanmax(np.abs(problem.slopes(problem.best, steps).values * steps), axis=(1, 2))
-    used = moves > 1e-9 * trials.data.spread  # a smaller effect is rounding
-    if used.any():  # otherwise all channels together report that the data do not determine the keys
+    used = moves > 1e-9 * trials.data.spread  # smaller effects are rounding errors
+    if used.any():  # otherwise the fit goes on and reports that the data do not determine the keys
         trials.narrow(used)
 
 
 class _MetError(Exception):
-    """The data are met exactly."""
+    """The model matches the data to within integration errors."""
 
 
 class _Problem:
-    """Problem (F3) in scaled values u, shape (P,)."""
+    """Problem (F3) in scaled values u, shape (P,): each key is divided by its scale.
+
+    In all methods, `weights` has a shape of (C,), and `steps` are the steps of the derivatives, shape (P,).
+    """
 
     def __init__(self, trials: Trials) -> None:
         self.trials, self.data, self.varied = trials, trials.data, trials.varied
@@ -145,10 +155,13 @@ class _Problem:
         self.high = np.array([each.high for each in self.varied]) / self.scale
         self.known = np.isfinite(self.data.values)
         self.best = np.array([each.start for each in self.varied]) / self.scale
-        """Best values that have been tried since the weights were set."""
+        """Best scaled values of the latest minimisation."""
 
     def lowest(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the lowest of the minima around a minimum."""
+        """Search for lower minima around the minimum `u`, and return the lowest minimum.
+
+        The sum of squares is evaluated along the singular directions of the slopes at `u`.
+        """
         for _ in range(VALLEYS):
             slopes = self.slopes(u, steps).values[self.known] * self._each(weights)[:, None]
             lengths, _, directions = axes_of(slopes)
@@ -160,10 +173,11 @@ class _Problem:
         return u
 
     def beside(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the lowest of the minima that contact events set apart from a minimum.
+        """Search for lower minima that contact events separate from the minimum `u`, and return the lowest minimum.
 
-        Between events a simulation is nearly linear. One run therefore gives the depth of the valley around it: the
-        residuals less the part that the slopes can remove.
+        Between contact events, a simulation depends almost linearly on the keys. A single run at a point therefore
+        predicts the sum of squares at the nearest minimum: the sum of squares of the residuals without the part that
+        the slopes can remove.
         """
         factor = self._each(weights)
         for _ in range(VALLEYS):
@@ -183,7 +197,10 @@ class _Problem:
         return u
 
     def elsewhere(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the lowest of the minima around a minimum, if the residuals of that minimum are no noise."""
+        """Return the lowest minimum that is found by minimisations from random points around `u`.
+
+        If the residuals at `u` may be noise, `u` is returned without a search.
+        """
         if ratio_of(self._residuals(u)) < SUSPECT:
             return u
         random = np.random.default_rng(0)
@@ -198,14 +215,23 @@ class _Problem:
         return self.minimum(lowest, weights, steps)
 
     def _floor(self, u: FloatArray, factor: FloatArray, basis: FloatArray) -> float:
-        """Return the sum (F3) without the part in a space with an orthonormal basis, shape (M, K)."""
+        """Return the sum (F3) of the residuals without their component in the space spanned by `basis`.
+
+        Parameters
+        ----------
+        u : ndarray, shape (P,)
+        factor : ndarray, shape (M,)
+            Weights of the measured values.
+        basis : ndarray, shape (M, K)
+            Orthonormal columns.
+        """
         if np.any(u < self.low) or np.any(u > self.high) or (found := self._channels(u)) is None:
             return np.inf
         off: FloatArray = factor * (found - self.data.values)[self.known]
         return float(off @ off - np.sum((basis.T @ off) ** 2))
 
     def _squares(self, u: FloatArray, weights: FloatArray) -> float:
-        """Return the sum (F3); infinite out of range and where the run fails."""
+        """Return the sum (F3), or infinity if `u` is out of range or the run fails."""
         if np.any(u < self.low) or np.any(u > self.high) or (found := self._channels(u)) is None:
             return np.inf
         return float(np.nansum((weights[:, None] * (found - self.data.values)) ** 2))
@@ -237,13 +263,13 @@ class _Problem:
         return np.asarray(found.x)
 
     def weights(self, u: FloatArray) -> FloatArray:
-        """Return one over the standard deviation of the residuals of each channel, shape (C,)."""
+        """Return the reciprocal of the standard deviation of the residuals of each channel, shape (C,)."""
         squares = np.nanmean(self._residuals(u) ** 2, axis=1)
         used = 1.0 - len(u) / np.count_nonzero(self.known)
         return np.asarray(1.0 / np.maximum(np.sqrt(squares / used), MIN_RESIDUAL_FRACTION * self.data.spread))
 
     def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return quick estimates of the standard errors, infinite for undetermined keys, shape (P,)."""
+        """Return rough estimates of the standard errors, shape (P,); infinite for keys that are not determined."""
         slopes = self.slopes(u, steps)
         found = self._determined(u, weights, slopes)
         quick = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse, draws=0)
@@ -286,9 +312,9 @@ class _Problem:
         return self.trials(u * self.scale)
 
     def _values(self, u: FloatArray) -> FloatArray:
-        """Return the channels of a run that has succeeded."""
+        """Return the channels of a run that is known to succeed."""
         found = self._channels(u)
-        assert found is not None  # SciPy asks for slopes, and ends, where a step has succeeded
+        assert found is not None  # SciPy requests slopes, and ends, only at points where a run has succeeded
         return found
 
     def _residuals(self, u: FloatArray) -> FloatArray:
@@ -298,11 +324,11 @@ class _Problem:
         return slopes_at(self._channels, u, self._values(u), steps, self.low, self.high)
 
     def _each(self, weights: FloatArray) -> FloatArray:
-        """Return the weight of each measured value."""
+        """Return the weight of each measured value, shape (M,)."""
         return np.broadcast_to(weights[:, None], self.known.shape)[self.known]
 
     def _bounds(self, u: FloatArray) -> tuple[str, ...]:
-        """Return the bound at which each key is, empty if at none."""
+        """Return "lowest" or "highest" for each key that is at a bound, and an empty string for other keys."""
         at_low, at_high = u - self.low < AT_BOUND, self.high - u < AT_BOUND
         return tuple("lowest" if low else "highest" if high else "" for low, high in zip(at_low, at_high, strict=True))
 

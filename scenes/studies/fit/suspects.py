@@ -1,15 +1,18 @@
-"""The fixed keys of the scene that would remove most of a fit's residuals if they were varied too: a score test.
+"""Score test for fixed keys: which fixed keys would remove most of the residuals of a fit if they were varied too.
 
-The scene is run with each of the keys changed by itself. With the residuals e, the slopes J of the varied keys, the
-effect d of a change and the weights W, the part of d beyond J is d' = d - J (J' W J)^-1 J' W d. Varying the key removes
-the share
+The scene is run with one fixed key or law changed at a time. Let e be the residuals, J the slopes of the varied keys, W
+the weights, and d the effect of a change on the simulation. The varied keys can reproduce a part of d; the rest is r =
+d - J (J' W J)^-1 J' W d, where the prime denotes the transpose. To first order, varying the fixed key as well removes
+the fraction
 
-    (d' W e)^2 / (d' W d' e' W e)                                                                                  (F4)
+    (r' W e)^2 / (r' W r e' W e)                                                                                   (F4)
 
-of the weighted squares, to first order, and moves the varied keys by -g (J' W J)^-1 J' W d, g = d' W e/(d' W d').
-Series are drawn from the noise that the best change would leave, and fitted in the same way. These series give the
-chance that noise alone gives some change such a share. For a right scene the chance is small for any number of keys and
-for any correlation of the noise.
+of the weighted sum of squares, and changes the varied keys by -g (J' W J)^-1 J' W d with g = r' W e/(r' W r). The
+denominator e' W e is taken after e has been fitted by J. A change with a large fraction is called a suspect.
+
+To test whether noise alone could give so large a fraction, random series are drawn from a model of the residuals that
+the best change would leave, and are fitted in the same way. If the scene is correct, the test reports a suspect rarely,
+however many keys are tried and however the noise is correlated.
 """
 
 from __future__ import annotations
@@ -31,20 +34,23 @@ SCALED_KEYS = (
     *("friction.backward", "friction.static_ratio", "hysteresis.moment_N_m", "hysteresis.load_ratio"),
     *("hysteresis.give_J", "hysteresis.spread", "gait.amplitude", "gait.period_s", "gait.wavelength"),
 )
-"""Keys that are changed where the scene has a nonzero number: keys of the body, its friction and the gait."""
+"""Keys of the body, the friction and the gait that are multiplied and divided by `FACTOR` if they have a value other
+than 0."""
 ZEROS = {"worm.drag_N_s_m": 0.1, "world.slope_deg": 1.0, "ground.slope_deg": 1.0}
-"""Keys that are changed where they are 0, with their new values."""
+"""Keys that are changed from 0 to the given value if the scene has a value of 0, or by `FACTOR` otherwise."""
 LAWS = ("friction.law=viscous", "friction.law=coulomb", "hysteresis.kind=jenkins", "hysteresis.kind=none")
-"""Laws that replace the scene's law in the test."""
+"""Overrides that replace a law of the scene."""
 FACTOR = 1.5
-"""Factor that multiplies or divides a number. At 1.1 contacts that stick a step later hide the effect; at 3 the worm
-becomes a different worm."""
+"""Factor by which the value of a key is multiplied or divided. With 1.1, the effect of the change is hidden by contacts
+that stick a time step earlier or later. With 3, the worm moves in a very different way."""
 EFFECT = 1e-3
-"""Least part of an effect, as a length, that the varied keys cannot reproduce."""
+"""Smallest length of r relative to the length of d. If r is shorter, the varied keys reproduce the change."""
 CHANCE = 0.005
-"""Largest chance of noise that makes a share significant: one fit of a right scene in 200."""
+"""Largest probability under noise at which a fraction is significant. Of 200 fits of correct scenes, one is significant
+by chance."""
 CHANCE_DRAWS = 400
-"""Number of drawn series; half as many cannot resolve `CHANCE`, twice as many cost time only."""
+"""Number of random series. With 200, the probability cannot be compared with `CHANCE`. With 800, the result is the same
+and the test takes longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,34 +58,35 @@ class Suspect:
     """A fixed key, and the effect of varying the key."""
 
     what: str
-    """The key, or the other law as `key=value`."""
+    """The key; for a law, the new law as `key=value`."""
     value: float | None
-    """Value of the key; None for a law."""
+    """Value of the key in the scene; None for a law."""
     larger: bool
-    """Whether the data want a larger value."""
+    """Whether a larger value of the key fits the data better."""
     share: float
-    """Share of the weighted squares of the residuals that varying the key removes, (F4)."""
+    """Fraction of the weighted sum of squares that varying the key removes, (F4)."""
     shift: FloatArray
-    """Change of the varied keys in their scales, shape (P,)."""
+    """Change of the varied keys when the key is varied too, in units of their scales, shape (P,)."""
 
     @property
     def sentence(self) -> str:
-        """The change of the scene, and the share of the squares that the change takes away."""
+        """The change of the scene, and the fraction of the sum of squares that it removes."""
         way = "" if self.value is None else f", {'above' if self.larger else 'below'} {self.value:g}"
         return f"{self.what}{way} ({self.share:.0%})"
 
 
 @dataclass(frozen=True)
 class Suspects:
-    """Changes of the scene that take most of the residuals away, the best first."""
+    """Fixed keys that would remove most of the residuals."""
 
     named: tuple[Suspect, ...] = ()
+    """The suspects, sorted from the largest fraction (F4) to the smallest."""
     chance: float = 1.0
-    """Probability that noise alone gives one of all changes the best share."""
+    """Probability that under noise alone at least one of the tried changes has a fraction as large as the best."""
 
     @property
     def found(self) -> bool:
-        """Whether the residuals resemble the effect of a change; the residuals of a right scene do not."""
+        """Whether the best fraction is significant, so that the residuals resemble the effect of a change."""
         return self.chance <= CHANCE
 
 
@@ -89,18 +96,20 @@ NO_SUSPECTS = Suspects()
 def suspects_of(
     trials: Trials, values: FloatArray, residuals: FloatArray, slopes: FloatArray, weights: FloatArray
 ) -> Suspects:
-    """Return the fixed keys that would take most of the residuals away: up to three, with at least half the best share.
+    """Return up to three fixed keys that would remove most of the residuals.
+
+    Only keys with at least half of the best fraction (F4) are returned.
 
     Parameters
     ----------
     trials : Trials
-        Used for some 40 runs, fewer if fewer runs are left.
+        Makes about 40 runs, or as many runs as are still allowed.
     values : ndarray, shape (P,)
         Values of the varied keys at the minimum.
     residuals : ndarray, shape (C, T)
         NaN where nothing was measured.
     slopes : ndarray, shape (C, T, P)
-        In scales of the keys.
+        Slopes of the varied keys, in units of their scales.
     weights : ndarray, shape (C,)
     """
     tried = list(_tried(trials, values))
@@ -125,9 +134,12 @@ def suspects_of(
 
 
 def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | None, bool, FloatArray]]:
-    """Yield each change, the value before it, whether the change is an increase, and its effect, shape (C, T)."""
+    """Yield, for each change: the key or law, the scene's value, whether the change is an increase, and the effect.
+
+    The effect, shape (C, T), is the change of the simulated channels. Changes whose runs fail are left out.
+    """
     here = trials(values)
-    assert here is not None  # the run at the minimum has come to its end
+    assert here is not None  # the run at the minimum is known to succeed
     for what, value, larger, override in _changes(trials):
         try:
             there = trials.changed(values, override)
@@ -138,7 +150,7 @@ def _tried(trials: Trials, values: FloatArray) -> Iterator[tuple[str, float | No
 
 
 def _changes(trials: Trials) -> Iterator[tuple[str, float | None, bool, str]]:
-    """Yield the key or law, the scene's value, whether the change is an increase, and the override."""
+    """Yield the key or law, the scene's value, whether the change is an increase, and the override, for each change."""
     fixed = {key: value for key in (*SCALED_KEYS, *ZEROS) if (value := trials.number(key)) is not None}
     for key, value in fixed.items():
         if key in ZEROS and value == 0.0:
@@ -151,12 +163,12 @@ def _changes(trials: Trials) -> Iterator[tuple[str, float | None, bool, str]]:
 
 
 class _Test:
-    """Shares (F4) of K changes, for the residuals and for drawn series.
+    """Fractions (F4) of K changes, for the residuals and for random series.
 
     Parameters
     ----------
     whole : ndarray, shape (C, T, P + K)
-        Slopes and effects, of weighted length 1.
+        Slopes of the P varied keys, then effects of the K changes, each scaled to a weighted length of 1.
     residuals : ndarray, shape (C, T)
     weights : ndarray, shape (C,)
     p : int
@@ -167,12 +179,15 @@ class _Test:
         gram = np.einsum("c,ctp,ctq->pq", weights**2, np.where(np.isfinite(residuals)[..., None], whole, 0.0), whole)
         self.inverse = np.linalg.pinv(gram[:p, :p], rcond=EFFECT**2, hermitian=True)
         self.mends = self.inverse @ gram[:p, p:]
-        """Change of the varied keys that best reproduces the effect of each change, shape (P, K)."""
+        """Changes of the varied keys that reproduce the effect of each change best, shape (P, K)."""
         self.groups: list[Group] = list(groups_of(residuals, whole, weights, np.eye(whole.shape[-1])))
         self._p, self._sizes = p, np.diag(gram)[p:] - np.einsum("pk,pk->k", gram[:p, p:], self.mends)
 
     def shares(self, series: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return shares and sizes g of the changes, shape (K,) each; 0 if the varied keys reproduce the change."""
+        """Return the fraction (F4) and the factor g of each change, with a shape of (K,) each.
+
+        Both are 0 for a change that the varied keys reproduce. `series` has the residuals of each group.
+        """
         score = np.sum([group.score(each) for group, each in zip(self.groups, series, strict=True)], axis=0)
         power = sum(
             float(g.squared_weights @ (each**2).sum(axis=1)) for g, each in zip(self.groups, series, strict=True)
@@ -184,7 +199,10 @@ class _Test:
         return np.where(counts, beyond**2 / sizes / power, 0.0), np.where(counts, beyond / sizes, 0.0)
 
     def chance(self, best: int, share: float) -> float:
-        """Return the probability that noise has a share as large; the noise is the rest after the best change."""
+        """Return the probability that under noise at least one change has a fraction of `share` or more.
+
+        The noise is modelled after the residuals without the effect of the change with the index `best`.
+        """
         random = np.random.default_rng(0)
         gain = self.shares([group.residuals for group in self.groups])[1][best]
         change = np.zeros(self._p + len(self._sizes))

@@ -100,7 +100,7 @@ class Trials:
         self._places: list[tuple[str, int]] = []
         self.data = self._data()
         self.left_out: tuple[str, ...] = ()
-        """Names of the left-out channels that were measured and simulated."""
+        """Names of the channels that `narrow` has left out."""
 
     def __call__(self, values: Sequence[float] | FloatArray) -> FloatArray | None:
         """Return the simulated channels, shape (C, T), or None if the run fails.
@@ -252,7 +252,7 @@ def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
 
 
 def _rows(values: FloatArray) -> FloatArray:
-    """Return a series, shape (T, ...), as channels, shape (C, T)."""
+    """Return a series of shape (T, ...) as channels, an array of shape (C, T)."""
     return np.asarray(values, dtype=float).reshape(len(values), -1).T
 
 

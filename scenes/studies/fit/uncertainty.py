@@ -1,13 +1,15 @@
-"""Uncertainty of an estimate of weighted least squares, for any correlation of the residuals.
+"""Uncertainty of weighted least-squares estimates with correlated residuals.
 
-With weights W, slopes J and residuals e of covariance G, the estimate has the error A^-1 J' W e with A = J' W J, hence
+Let W be the weights, J the slopes, and e the noise with the covariance G. The error of the estimates is A^-1 J' W e
+with A = J' W J, so that
 
     covariance = A^-1 (J' W G W J) A^-1                                                                            (F2)
 
-(H. White, Econometrica 48, 1980). An autoregressive model of each channel, (F1), gives G. A fit makes its residuals
-smaller and less correlated than the noise was, so (F2) is too small. Series that are drawn from the model and fitted in
-turn show the bias and the scatter of (F2). The scatter gives the degrees of freedom of Student's distribution
-(F. E. Satterthwaite, Biometrics Bulletin 2, 1946).
+(H. White, Econometrica 48, 1980). G follows from an autoregressive model of the residuals of each channel, (F1) of
+`scenes.studies.fit.noise`. Because residuals of a fit are smaller and less correlated than the noise, (F2) is too
+small. To correct this, random series are drawn from the model and fitted in the same way. They give the bias and the
+variance of (F2). The variance gives the degrees of freedom of Student's distribution (F. E. Satterthwaite, Biometrics
+Bulletin 2, 1946), from which the intervals are computed.
 """
 
 from __future__ import annotations
@@ -22,13 +24,16 @@ from scenes.studies.fit.noise import Noise, noise_of, spectra_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
 UNCERTAINTY_DRAWS = 200
-"""Number of drawn series; half as many make the intervals of two like fits differ by 5 %, twice as many by 2.5 %."""
+"""Number of random series. With 100, the widths of the intervals vary by 5 % with the random numbers. With 400, they
+vary by 2.5 %."""
 MOST_CHANNELS = 24
-"""Largest number of channels of a group whose residuals are modelled directly; more channels are combined to this many,
-as noise counts only along the few patterns of channels that the keys move."""
+"""Largest number of channels of a group whose residuals are modelled directly. If a group has more channels, they are
+replaced by this number of combinations. Only the combinations that the keys affect are needed."""
 MOST_SERIES = 2400
-"""Largest number of drawn series times channels, though at least `LEAST_DRAWS` series are drawn."""
+"""Largest product of the number of random series and the number of channels. With many channels, fewer series are
+drawn, but at least `LEAST_DRAWS`."""
 LEAST_DRAWS = 20
+"""Smallest number of random series."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +43,18 @@ class Uncertainty:
     covariance: FloatArray
     """Covariance of the estimates, shape (P, P)."""
     half_width: FloatArray
-    """Half of the width of the intervals with a probability of 95 %, shape (P,)."""
+    """Half of the width of the confidence intervals of 95 %, shape (P,)."""
 
     def scaled(self, factor: float) -> Uncertainty:
         """Return the uncertainty with all errors multiplied by a factor."""
         return Uncertainty(self.covariance * factor**2, self.half_width * factor)
 
     def widened(self, shifts: FloatArray) -> Uncertainty:
-        """Return the uncertainty with shifts of the estimates by unknown signs, shape (P, K), as further errors."""
+        """Return the uncertainty with further, independent errors of the estimates.
+
+        Each of the K columns of `shifts`, shape (P, K), is a standard error that changes all estimates together, with
+        an unknown sign.
+        """
         more = shifts @ shifts.T
         old = np.diag(self.covariance)
         growth = np.sqrt(np.divide(np.diag(more), old, out=np.zeros_like(old), where=old > 0.0) + 1.0)
@@ -53,13 +62,13 @@ class Uncertainty:
 
     @property
     def standard_error(self) -> FloatArray:
-        """Standard deviation of each estimate, shape (P,)."""
+        """Standard error of each estimate, shape (P,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 @dataclass(frozen=True)
 class Group:
-    """Channels that were measured at the same T instants, or C combinations of them."""
+    """C channels that were measured at the same T instants, or C combinations of such channels."""
 
     residuals: FloatArray
     """Shape (C, T)."""
@@ -68,18 +77,19 @@ class Group:
     squared_weights: FloatArray
     """Shape (C,)."""
     spectra: FloatArray
-    """Transforms of W J."""
+    """Fourier transforms of W J, from `scenes.studies.fit.noise.spectra_of`."""
     size: int
+    """Number of points of the transforms."""
 
     def score(self, series: FloatArray) -> FloatArray:
-        """Return J' W e of a series, shape (P,)."""
+        """Return J' W e, shape (P,), for a series e of shape (C, T)."""
         return np.asarray(np.einsum("c,ctp,ct->p", self.squared_weights, self.slopes, series))
 
 
 def uncertainty_of(
     residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray, draws: int = UNCERTAINTY_DRAWS
 ) -> Uncertainty:
-    """Return the uncertainty of the estimates that leave the given residuals.
+    """Return the uncertainty of the estimates of a fit with the given residuals.
 
     Parameters
     ----------
@@ -88,11 +98,11 @@ def uncertainty_of(
     slopes : ndarray, shape (C, T, P)
         Derivatives of the model.
     weights : ndarray, shape (C,)
-        Factors of the residuals in the fit.
+        Weights of the channels in the fit.
     inverse : ndarray, shape (P, P)
-        A^-1, or a generalised inverse where A is singular.
+        A^-1, or a generalised inverse if A is singular.
     draws : int
-        Number of drawn series.
+        Number of random series. With 0, (F2) is not corrected, and the intervals use the normal distribution.
     """
     groups = list(groups_of(residuals, slopes, weights, inverse))
     models = [noise_of(group.residuals) for group in groups]
@@ -110,7 +120,7 @@ def uncertainty_of(
 
 
 def groups_of(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray) -> Iterator[Group]:
-    """Yield the channels in groups that were measured at the same instants."""
+    """Yield groups of channels that were measured at the same instants; parameters as in `uncertainty_of`."""
     known: BoolArray = np.isfinite(residuals)
     for rows in np.unique(known, axis=0):
         members = np.flatnonzero((known == rows).all(axis=1))
@@ -123,9 +133,19 @@ def groups_of(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, in
 
 
 def _patterns(estimators: FloatArray) -> FloatArray:
-    """Return the orthonormal patterns over channels, shape (C, K), that make up most of J A^-1, shape (C, T, P).
+    """Return the combinations of channels that contribute most to the estimates.
 
-    The noise affects the estimates only along these patterns.
+    The noise affects the estimates almost only through these combinations.
+
+    Parameters
+    ----------
+    estimators : ndarray, shape (C, T, P)
+        J A^-1 with weighted slopes J: the derivatives of the estimates with respect to the weighted measured values.
+
+    Returns
+    -------
+    ndarray, shape (C, MOST_CHANNELS)
+        An orthonormal combination in each column.
     """
     size = np.sqrt((estimators**2).sum(axis=(0, 1)))
     rows = (estimators / np.where(size > 0.0, size, 1.0)).reshape(len(estimators), -1)
@@ -142,7 +162,7 @@ def _covariance(groups: Sequence[Group], models: Sequence[Noise], inverse: Float
 def _drawn(
     groups: Sequence[Group], models: Sequence[Noise], inverse: FloatArray, draws: int, random: np.random.Generator
 ) -> FloatArray:
-    """Return the variances by (F2) of fits to drawn series, shape (draws, P)."""
+    """Return the variances of the estimates by (F2) for fits to random series, shape (draws, P)."""
     variances = []
     for _ in range(draws):
         series = [model.draw(g.residuals.shape[1], random) for g, model in zip(groups, models, strict=True)]

@@ -1,4 +1,4 @@
-"""Keys of a scene that a fit varies: `key` or `key=lo:hi` each, with the range and the start of each."""
+"""The keys of a scene that a fit varies, each with a range and a start value."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from scenes.models.loading import Scene
 from scenes.sweep.links import value_at
 
 Wanted = Sequence[str] | Mapping[str, tuple[float, float] | None]
-"""Keys to vary: `key` or `key=lo:hi` each, or a mapping of keys to ranges; None means the scene language's range."""
+"""Keys to vary: a sequence of strings `key` or `key=lo:hi`, or a mapping from keys to ranges (lo, hi). A range of None
+means the range that the key has in all scenes."""
 
 
 @dataclass(frozen=True)
@@ -24,30 +25,32 @@ class Varied:
     key: str
     """Dotted name, such as `friction.forward`."""
     start: float
+    """Value from which the search starts."""
     low: float
+    """Lower end of the range; may be infinite."""
     high: float
-    """Range, which may be infinite."""
+    """Upper end of the range; may be infinite."""
     unit: str
-    """Unit, "1" for a pure number."""
+    """Unit; "1" for a dimensionless key."""
     title: str
     """Meaning of the key, in a few words."""
 
     @property
     def scale(self) -> float:
-        """Size of a large change: the start, or the width of the range if the scene starts from 0."""
+        """Magnitude of the start value. If the start value is 0, the width of the range, or 1 if it is infinite."""
         width = self.high - self.low
         return abs(self.start) or (width if math.isfinite(width) else 1.0)
 
 
 def varied_of(scene: Scene, wanted: Wanted) -> tuple[Varied, ...]:
-    """Return the keys that are varied.
+    """Return the varied keys with their ranges and start values.
 
-    A key starts from the scene's value. A key that the scene leaves out starts from the middle of its range.
+    The start value is the scene's value. If the scene has no value for the key, it is the middle of the range.
 
     Raises
     ------
     SceneError
-        There is no key, a key is given twice, a key is unknown or holds no number, or a range is invalid or does not
+        No key is given, a key is given twice, a key is unknown or not a real number, or a range is invalid or does not
         contain the scene's value.
     """
     ranges = wanted if isinstance(wanted, Mapping) else _parsed(wanted)
@@ -111,7 +114,7 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
 
 
 def _bounds(known: Key, value: float | None) -> tuple[float, float]:
-    """Return the range of a number; an open end is moved inwards by a millionth of the start."""
+    """Return the range of a key. An end that is not allowed itself is moved inwards by 1e-6 of the scene's value."""
     bounds = known.bounds
     hair = 1e-6 * (abs(value) if value else 1.0)
     low = bounds.get("ge", bounds["gt"] + hair if "gt" in bounds else -math.inf)

@@ -1,1 +1,1 @@
-"""`worm3d study gait`: a chain of neurons with the wave timing of recorded animals."""
+"""`worm3d study gait`: fit the delays of a chain of neurons to recordings of crawling animals."""

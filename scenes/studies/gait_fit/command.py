@@ -24,11 +24,14 @@ from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
 MIN_PERIOD_RATIO = 1.5
-"""Smallest ratio of the two periods at which a chain has the profile: less does not determine the exponent of pace."""
+"""Smallest ratio of the two wave periods at which the chain is fitted to the delays. If the periods are closer
+together, they do not determine how the delays depend on the period."""
 
 
 def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: bool) -> int:
-    """Fit, write and report; return the exit code. The default folder is `runs/gait-<file>-<time>`.
+    """Fit a chain to recordings, write the files, print the report, and return the exit code.
+
+    The default folder is `runs/gait-<file>-<time>`.
 
     Raises
     ------
@@ -54,7 +57,10 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
 
 
 def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
-    """Return the chain with the profile at the fastest and slowest pace, a factor `MIN_PERIOD_RATIO` or more apart."""
+    """Return a chain that is fitted to the delays of the profile at the shortest and the longest wave period.
+
+    The longer period is increased if the ratio of the two periods is below `MIN_PERIOD_RATIO`.
+    """
     fastest, slowest = (choose(target.period for target in targets) for choose in (min, max))
     paces = (fastest, max(slowest, MIN_PERIOD_RATIO * max(fastest, FASTEST)))
     with Interruption() as interruption, busy("fitting", quiet=quiet):
@@ -86,7 +92,7 @@ def _report(training: Training, comparison: Comparison, found: list[Recording], 
 
 
 def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path) -> str:
-    """Return a scene of the default worm with a fitted gait, as TOML; comments at the top describe the fit."""
+    """Return a scene of the default worm with the fitted gait as TOML. Comments at the top describe the fit."""
     known = parameters_of(EiChain)
     common = {key: value(_short(getattr(gait, key))) for key in ("direction", "coupling", "drive", "inhibition")}
     rest = {key_of(known[key]): value(_short(getattr(gait, key))) for key in ("period", "tau_e", "pace_exponent")}
@@ -99,7 +105,7 @@ def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path
 
 
 def _short(number: Any) -> Any:
-    """Return a number or a list of numbers with four digits; other values are returned unchanged."""
+    """Return a number or a list of numbers, rounded to four significant digits. A text is returned unchanged."""
     if isinstance(number, str):
         return number
     given = number.tolist() if hasattr(number, "tolist") else number
@@ -128,7 +134,7 @@ DELAY_COLUMNS = {
     "uniform": Column("uniform_s", ".0f", 1e3),
     "uniform off": Column("uniform_error_s", "+.0f", 1e3),
 }
-"""Columns at a terminal."""
+"""Columns of the two tables that are printed in the terminal."""
 
 
 def _cells(row: Row) -> list[str]:

@@ -1,4 +1,4 @@
-"""A fitted chain beside the fitted recordings, beside other recordings, and beside a wave of uniform delays."""
+"""Comparison of a fitted chain of neurons with all recordings, and with a wave whose delays are uniform."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from control.gaits.neural.waves import carrying, timing_of
 from scenes.studies.gait_fit.recordings import Recording
 
 COMPARISON_NOISE, COMPARISON_DRAWS = 0.1, 40
-"""Relative noise of all constants, and number of networks."""
+"""Relative random change of all constants of the chain, and number of chains with such changes."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Delay of a band behind the middle band in a recording."""
+    """Delay of a band of a recording: the time by which a wave reaches the band later than the middle band."""
 
     recording: str
     use: str
-    """Use of the recording: fitted or predicted."""
+    """Use of the recording: "fitted", or "predicted" if the fit did not use it."""
     band: str
     delay_s: float
-    """Median of the recording's waves [s]."""
+    """Median delay of the recorded waves [s]."""
     low_s: float
+    """Lower end of the 90 % bootstrap interval of the median [s]."""
     high_s: float
-    """Bootstrap interval of 90 % of the median [s]."""
+    """Upper end of this interval [s]."""
     network_s: float
-    """Delay of the fitted chain at the recording's pace [s]."""
+    """Delay in the fitted chain at the period of the recording [s]."""
     uniform_s: float
-    """Delay of a wave of uniform delays [s]."""
+    """Delay in a wave with equal delays between neighbouring bands [s]."""
 
     @property
     def network_error_s(self) -> float:
@@ -52,35 +53,47 @@ class Row:
 
     @property
     def kept(self) -> bool:
-        """Whether the network is within one frame; for predictions, within 1.5 frames or the recording's interval."""
+        """Whether the error of the network is acceptable.
+
+        A fitted delay may differ from the recorded delay by one video frame. A predicted delay may differ by 1.5
+        frames, or lie in the interval of the recorded delay.
+        """
         close = abs(self.network_error_s) <= (1.0 if self.use == "fitted" else 1.5) * FRAME
         return close or (self.use == "predicted" and self.low_s <= self.network_s <= self.high_s)
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Period of the waves of a recording, and period of the chain at the same pace."""
+    """Period of the waves of a recording, and period of the chain that is set to this period."""
 
     recording: str
     use: str
+    """As in `Row`."""
     waves: int
+    """Number of recorded waves."""
     period_s: float
+    """Period of the recorded waves [s]."""
     network_s: float
+    """Period of the chain's waves [s]."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of a fit."""
+    """Results of a comparison."""
 
     rows: tuple[Row, ...]
     paces: tuple[Pace, ...]
     carried: float
-    """Share of noisy chains that carry waves both ways, at the middle pace of the recordings."""
+    """Fraction of randomly changed chains in which waves run in both directions, at the mean period of the
+    recordings."""
     told: LeftOut | None = None
-    """How well the fitted recordings predict each other; None for a single recording."""
+    """Errors with which the fitted recordings predict each other; None if only one recording was fitted."""
 
     def worst(self, use: str, attribute: str) -> float:
-        """Return the largest error of the recordings with a given use [s]; NaN if there are none."""
+        """Return the largest error of the recordings with a given use [s], or NaN if there is no such recording.
+
+        `attribute` is the name of an error of `Row`.
+        """
         errors = [abs(getattr(row, attribute)) for row in self.rows if row.use == use]
         return max(errors, default=float("nan"))
 
@@ -88,7 +101,20 @@ class Comparison:
 def compared(
     gait: EiChain, even: Profile, recordings: Sequence[Recording], fitted: Sequence[str], told: LeftOut | None = None
 ) -> Comparison:
-    """Return the comparison of a chain and of a wave of uniform delays, `even`, with recordings."""
+    """Return the comparison of a chain with recordings.
+
+    Parameters
+    ----------
+    gait : EiChain
+        The fitted chain.
+    even : Profile
+        The wave with uniform delays.
+    recordings : sequence of Recording
+    fitted : sequence of str
+        Names of the recordings that were used in the fit.
+    told : LeftOut, optional
+        Errors with which the fitted recordings predict each other.
+    """
     rows, paces = [], []
     for each in recordings:
         waves, use = each.waves, "fitted" if each.name in fitted else "predicted"
@@ -101,7 +127,7 @@ def compared(
                 rows.append(Row(each.name, use, band, *numbers))
         paces.append(Pace(each.name, use, len(waves.times), waves.period, timing.period))
     middling = replace(gait, period=float(np.exp(np.mean([np.log(pace.period_s) for pace in paces]))))
-    seed = 20261122  # the fit has other draws
+    seed = 20261122  # the random changes differ from the random changes in the fit
     carried = carrying(middling, len(recordings[0].waves.bands), COMPARISON_NOISE, COMPARISON_DRAWS, seed)
     return Comparison(tuple(rows), tuple(paces), carried, told)
 
@@ -126,7 +152,7 @@ def sentences(found: Comparison) -> Iterator[str]:
 
 
 def learnt(told: LeftOut) -> Iterator[str]:
-    """Yield the conclusions about learning from the errors with one recording left out at a time."""
+    """Yield conclusions from the errors of predictions of one recording by the others."""
     gain, ends = 1e3 * (told.uniform_s - told.shared_s), [1e3 * end for end in told.gain_s]
     yield (
         f"a recording left out is missed by {1e3 * told.shared_s:.0f} ms rms with the delays that the others "

@@ -1,4 +1,4 @@
-"""The figure of a fitted chain: delays along the body, and a stretch of each recording with its waves."""
+"""The figure of a fitted chain: delays along the body, and a part of each recording with its waves."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from scenes.studies.gait_fit.comparison import Comparison
 from scenes.studies.gait_fit.recordings import Recording
 
 HALF_STRETCH_S = 12.5
-"""Half of the duration of the drawn part of a recording, around the middle wave [s]."""
+"""Half of the duration of the drawn part of a recording [s]. The part is centred at the middle wave."""
 
 
 def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> Figure:
-    """Return the figure: a row for each of the first eight recordings."""
+    """Return the figure, which has a row for each of the first eight recordings."""
     shown = recordings[:8]
     figure = Figure(figsize=(13.0, 1.0 + 2.6 * len(shown)), layout="constrained", dpi=110)
     grid = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.0, 2.2))

@@ -1,1 +1,1 @@
-"""`worm3d study identify`: run the plant to find out how a worm crawls and turns."""
+"""`worm3d study identify`: simulate a worm to measure how its speed and turn depend on its gait."""

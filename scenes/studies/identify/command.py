@@ -1,4 +1,8 @@
-"""`worm3d study identify`: run the plant, fit, store, and write `identified.json`, `steering.md` and `steering.png`."""
+"""`worm3d study identify`: simulate the worm, fit and store its maps, and write the report.
+
+The files are `identified.json`, `steering.md` and `steering.png`. A map gives speed and turn of the worm for amplitude,
+frequency and steering of its gait. Controllers read the stored maps.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +34,14 @@ Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     """Identify the worm of a scene on level ground with the scene's friction, and return the exit code.
 
-    If the wave is to be chosen, the sine is identified first, and the files describe the chosen wave. The default
-    folder is `runs/identify-<scene>-<time>`; other options as in the command.
+    If the scene leaves the form of the wave to the program, the sine wave is identified first and the form is chosen
+    from its map. The files describe the chosen wave. The default folder is `runs/identify-<scene>-<time>`. The other
+    options are those of the command.
 
     Raises
     ------
     SceneError
-        The scene is not of the 3D worm, or its worm does not crawl on its feet.
+        The scene does not have a 3D worm, or its worm does not crawl on its feet.
     """
     settings = scene.settings
     if not isinstance(settings, SpatialScene):

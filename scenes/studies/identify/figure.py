@@ -55,7 +55,7 @@ def _draw_curve(axes: Axes, curve: Curve, quantity: str) -> None:
 
 
 def _draw_phases(axes: Axes, phases: Sequence[Phases]) -> None:
-    """Draw the turn and the drift, in % of the body length, against the phase."""
+    """Draw the turn [degrees] and the drift [% of the body length] of each bending wave over the phase."""
     for each, colour in zip(phases, (CURVE_COLOURS["its own yaw joints"], "#9a9a9a"), strict=True):
         name = f"bending wave of {each.steering_wavelength:g} body lengths"
         axes.plot(each.phase_deg, each.turn_deg, "-o", color=colour, ms=3, lw=1.5, label=f"turn [°], {name}")
@@ -74,7 +74,7 @@ def _draw_phases(axes: Axes, phases: Sequence[Phases]) -> None:
 
 
 def _draw_fit(row: Sequence[Axes], identified: Identified, mechanism: str) -> None:
-    """Draw the map over the points that it represents, and the turn that a schedule should reach."""
+    """Draw the identified map over the measured points, and a line at the turn `GOAL_DEG`."""
     found = identified.maps[mechanism]  # type: ignore[index]
     s = np.linspace(0.0, found.ranges.steering, 60)
     row[0].axhline(study.GOAL_DEG, color="k", lw=0.8, ls=":", label=f"{study.GOAL_DEG:g}° a wave")

@@ -13,7 +13,7 @@ from scenes.studies.identify.study import GOAL_DEG, Curve
 
 
 def sentences(identified: Identified, curves: Sequence[Curve], length: float) -> list[str]:
-    """Return the speeds, the errors and the lags of each map, and the turn of each schedule."""
+    """Return sentences on the speeds, errors and lags of each map, and on the turn that each curve reaches."""
     lines = []
     for mechanism, found in identified.maps.items():
         lags = identified.lags[mechanism]
@@ -33,7 +33,7 @@ def sentences(identified: Identified, curves: Sequence[Curve], length: float) ->
 
 
 def speeds(found: SteeringMap) -> tuple[float, float]:
-    """Return the least and greatest speed straight ahead within the map's ranges [body lengths/s]."""
+    """Return the lowest and the highest speed straight ahead within the ranges of a map [body lengths/s]."""
     amplitude, frequency = np.meshgrid(
         np.linspace(*found.ranges.amplitude, 21), np.linspace(*found.ranges.frequency, 21)
     )
@@ -42,7 +42,7 @@ def speeds(found: SteeringMap) -> tuple[float, float]:
 
 
 def page(identified: Identified, curves: Sequence[Curve], picture: str) -> list[Block]:
-    """Return the tables: the effect of each schedule, and the accuracy of each map."""
+    """Return the blocks of the page: the figure, a table of the curves, and a table of the errors of the maps."""
     return [
         Heading("How the worm crawls and turns", 1),
         Picture(picture, "Turn, speed and slip against the steering"),
@@ -94,7 +94,7 @@ def _line(curve: Curve) -> str:
 
 
 def _astray(curve: Curve) -> str:
-    """Return the turns of a schedule that does not turn to the left from the start, in words."""
+    """Return a text on a curve whose worm does not turn to the left with little steering."""
     steered = curve.standing[1:]
     if not steered:
         return "the worm tips over from the start"

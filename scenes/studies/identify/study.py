@@ -1,4 +1,9 @@
-"""The effect of schedules on the plant: turn, speed, slip and roll over the steering, turn and drift over the phase."""
+"""Runs that measure the effect of steering on a simulated worm.
+
+Curves give turn, speed, slip and roll over the steering. Runs over the phase give turn and drift over the phase between
+the wave that bends the worm and the wave of contraction. A schedule (`control.gaits.steering.Schedule`) sets the form
+of both waves.
+"""
 
 from __future__ import annotations
 
@@ -18,58 +23,65 @@ from scenes.models.control.identify import Gait, Steady, Subject, steady
 WAVE_AMPLITUDE, WAVE_PERIOD_S = 0.3, 1.25
 """Amplitude and period [s] of all waves."""
 WAVES = (9, 5)
-"""Number of waves of a run, and number of its first waves that are not steady yet."""
+"""Number of waves of a run, and number of its first waves, which are left out because they are not steady."""
 CURVE_STEERINGS: dict[Mechanism, tuple[float, ...]] = {
     "hinge": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.2, 0.25, 0.3),
     "bias": (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3),
 }
-"""Steerings of a curve, to the left; the right side is the mirror image."""
+"""Values of the steering at which each mechanism is tested: hinge angle [rad] or bias, to the left. Steering to the
+right gives the mirror image."""
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
-"""Factors of the stiffness of the yaw joints."""
+"""Factors by which the stiffness of the yaw joints is multiplied, by the name of the curve."""
 IN_STEP = "the default wave, bent in step with its contraction"
 CURVES = len(CURVE_STEERINGS) * (1 + len(YAW_FACTORS))
-"""Number of curves."""
+"""Number of curves: for each mechanism one in step with the contraction, and one for each factor."""
 GOAL_DEG = 10.0
-"""Turn that a schedule should reach [deg a wave]."""
+"""Turn per wave at which the speeds are compared [deg]."""
 
 STEERING: dict[Mechanism, float] = {"hinge": 0.06, "bias": 0.04}
-"""Steering of the runs over the phase."""
+"""Steering in the runs over the phase."""
 PHASES_DEG = tuple(range(0, 180, 15))
-"""Phases of half a turn [deg]: the other half is the mirror image."""
+"""Phases in the first half of the circle [deg]. The second half gives the mirror image."""
 PHASE_STUDIES = 2 * len(CURVE_STEERINGS)
 """Number of bending waves in the runs over the phase."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One run: the steering and the effect of a wave."""
+    """Result of one run."""
 
     steering: float
     turn_deg: float
+    """Turn to the left [deg per wave]."""
     speed_bl_s: float
+    """Speed [body lengths/s]."""
     drift_bl_s: float
+    """Sideways speed to the left [body lengths/s]."""
     slip_bl: float
+    """Slip of all feet [body lengths per wave]."""
     roll_deg: float
+    """Roll angle [deg]."""
     tipped: bool
+    """Whether the worm tips over."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One schedule on one worm."""
+    """Runs of one worm with increasing steering."""
 
     mechanism: Mechanism
     name: str
     points: tuple[Point, ...]
-    """Runs in the order of the steering."""
+    """Results of the runs; the first run has no steering."""
 
     @property
     def standing(self) -> tuple[Point, ...]:
-        """The points, starting from no steering, as long as the worm stands on its feet."""
+        """The points before the first point at which the worm tips over."""
         return tuple(takewhile(lambda point: not point.tipped, self.points))
 
     @property
     def useful(self) -> tuple[Point, ...]:
-        """The points, starting from no steering, as long as the worm stands and the turn to the left increases."""
+        """The first points of the curve, up to the point where the worm tips over or the turn stops increasing."""
         found = [self.points[0]]
         for point in self.points[1:]:
             if point.tipped or not point.turn_deg > found[-1].turn_deg:
@@ -79,7 +91,7 @@ class Curve:
 
     @property
     def speed_kept(self) -> float | None:
-        """Share of the straight worm's speed at `GOAL_DEG` a wave; None if the worm does not reach this turn."""
+        """Speed at a turn of `GOAL_DEG`, as a fraction of the speed without steering; None if it is not reached."""
         points = self.useful
         if points[-1].turn_deg < GOAL_DEG:
             return None
@@ -89,19 +101,19 @@ class Curve:
 
 @dataclass(frozen=True)
 class Phases:
-    """One bending wave with all phase leads over the contraction."""
+    """Turn and drift of one bending wave over its phase lead before the contraction."""
 
     mechanism: Mechanism
     steering_wavelength: float
     """Wavelength of the bending wave [body lengths]."""
     phase_deg: tuple[float, ...]
-    """Phases at the wave's frequency [deg]."""
+    """Phase leads [deg]."""
     turn_deg: tuple[float, ...]
     """Turn [deg a wave]."""
     drift_bl: tuple[float, ...]
     """Drift to the left [body lengths a wave]."""
     chosen_deg: float
-    """Phase of the schedule [deg]."""
+    """Phase lead that the schedule uses [deg]."""
 
 
 def curves(subject: Subject, watch: Callable[[int], None] = lambda done: None) -> tuple[Curve, ...]:
@@ -141,7 +153,10 @@ def _point(steering: float, found: Steady) -> Point:
 
 
 def phases(subject: Subject, watch: Callable[[int], None] = lambda done: None) -> tuple[Phases, ...]:
-    """Run every phase with the schedule's bending wave and with a bending wave as long as the contraction wave."""
+    """Run all phases for two bending waves: with the schedule's wavelength, and with that of the contraction.
+
+    `watch` is called with the number of finished bending waves.
+    """
     found: list[Phases] = []
     worm, ground, schedule = subject
     for mechanism in CURVE_STEERINGS:

@@ -1,1 +1,1 @@
-"""Learning controllers: episodes of worms in scenes, many at once, and the training of a policy."""
+"""`worm3d learn`: training of a policy that controls a worm, by reinforcement learning on many worms at once."""

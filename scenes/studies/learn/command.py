@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def run(task: Task, to: Path, *, force: bool, quiet: bool) -> int:
-    """Train a policy, write the policy, and return the exit code.
+    """Train a policy, write it to the file `to`, and return the exit code.
 
     Raises
     ------

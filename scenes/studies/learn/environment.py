@@ -1,18 +1,20 @@
-"""A worm, or many at once, as an environment of Gymnasium: an agent decides the parameters of its wave.
+"""Environments of Gymnasium in which an agent chooses the parameters of the wave of one worm, or of many worms.
 
     env = WormEnv("path_circle", control_period=0.2)
     envs = WormVectorEnv(8, "path_s_curve", vary={"reference.amplitude_m": "0.05:0.6", "sensor.com_noise_m": "0:0.01"})
 
 The environments need the optional part `gym` (pip install 'worm3d[gym]').
 
-A scene defines the task of the worm. An action consists of numbers in [-1, 1] for a control period. `acts` selects the
-meaning of an action from `control.learned.acts`: corrections of the commanded speed and turn rate ("course"), or
-amplitude, frequency and steering ("wave"). The agent observes the quantities of `control.learned.senses`, measured by
-the scene's sensors with noise. The reward depends on the true motion, (LE1) of `scenes.studies.learn.episode`.
+A scene defines the task of the worm. An action has several numbers in [-1, 1] and holds for a control period. The
+parameter `acts` selects the meaning of these numbers (`control.learned.acts`): corrections of the commanded speed and
+turn rate ("course"), or amplitude, frequency and steering ("wave"). The agent observes the quantities of
+`control.learned.senses`, which the scene's sensors measure with noise. The reward depends on the true motion; see (LE1)
+of `scenes.studies.learn.episode`.
 
-An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Impossible samples are not
-used (`control.sensing.gate`); `info["measurements_refused"]` counts them. In a vector environment, each worm begins its
-next episode at once (`AutoresetMode.SAME_STEP`), in a scene with new random values of the varied keys.
+An episode ends after the duration of the scene (truncated), or when the run diverges (terminated). Measured values that
+are impossible are discarded (`control.sensing.gate`), and `info["measurements_refused"]` counts them. In a vector
+environment, a worm whose episode has ended begins the next episode in the same step (`AutoresetMode.SAME_STEP`), with
+new random values of the varied keys.
 """
 
 from __future__ import annotations
@@ -50,14 +52,14 @@ Info = dict[str, Any]
 
 
 class _Worm:
-    """Common part of single and vector environments: a scene with variants, and the spaces.
+    """Common part of both environments: the scene, its varied keys, and the spaces of actions and observations.
 
     Raises
     ------
     SceneError
         The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        The control period is less than a time step, or a meaning of actions or a channel is unknown.
+        The control period is shorter than a time step, or `acts` or a channel is unknown.
     """
 
     def __init__(self, scene: str, overrides: Sequence[str], vary: Mapping[str, Any] | None, how: Terms) -> None:
@@ -70,7 +72,7 @@ class _Worm:
         self.observations = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (size,), np.float32)
 
     def episode(self, random: np.random.Generator) -> Episode:
-        """Return an episode with random noise and random values of the varied keys."""
+        """Return a new episode with random measurement errors and random values of the varied keys."""
         seed, keys = int(random.integers(2**31)), []
         if self._vary:
             drawn = 1 if any(map(is_drawn, self._vary.values())) else None
@@ -79,7 +81,7 @@ class _Worm:
         return Episode(self._settings(keys), self._how, seed)
 
     def practice(self, count: int) -> Practice:
-        """Return worms in the reduced model."""
+        """Return `count` worms in the reduced model."""
         if self._how.acts != "course":
             raise ValueError(f"practice: got actions by {self._how.acts!r}, must be 'course'")
         scene = self._settings(())
@@ -90,7 +92,8 @@ class _Worm:
         asked = (*self._overrides, *more)
         settings = load_scene(self._scene, asked).settings
         if isinstance(settings, ControlScene) and settings.controller.kind == "mpc":
-            # Without a choice in the scene, a policy steers like all controllers except the MPC.
+            # If the scene leaves out the steering mechanism or the form of the wave, the policy uses the defaults of
+            # the controllers other than the MPC.
             settings = load_scene(self._scene, ("controller.kind=open_loop", *asked)).settings
         if not isinstance(settings, ControlScene):
             raise SceneError(f"{self._scene}: a scene of the model '{settings.model}', must be of 'worm_control'")
@@ -103,24 +106,25 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
     Parameters
     ----------
     scene : str
-        A name from `worm3d list` or a file; the scene's controller is not used.
+        A name from `worm3d list`, or a file. The controller of the scene is not used.
     overrides : sequence of str
-        As after -o.
+        Changes of the scene, each of the form `section.key=value`.
     control_period : float
         Time between two actions [s].
     acts : str
         Meaning of an action, "course" or "wave".
     channels : sequence of str
-        Further observed channels of the sensors, such as "strain".
+        Further channels of the sensors that the agent observes, such as "strain".
     vary : mapping, optional
-        Keys of the scene with random values in each episode, by name: "lo:hi" or "lo:hi:log", or a list of values.
+        Keys of the scene that have a random value in each episode. The value for a key is a range "lo:hi" or
+        "lo:hi:log", or a list of values.
 
     Raises
     ------
     SceneError
         The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        The control period is less than a time step, or a meaning of actions or a channel is unknown.
+        The control period is shorter than a time step, or `acts` or a channel is unknown.
     """
 
     metadata: ClassVar[Info] = {"render_modes": []}
@@ -138,13 +142,13 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         self.action_space, self.observation_space = self._worm.actions, self._worm.observations
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Seen, Info]:
-        """Begin an episode; without a seed, the generator continues with the next noise."""
+        """Begin an episode. Without a seed, the random numbers continue the sequence of the previous episode."""
         super().reset(seed=seed)
         self._episode = self._worm.episode(self.np_random)
         return self._episode.observed().astype(np.float32), {}
 
     def step(self, action: Seen) -> tuple[Seen, float, bool, bool, Info]:
-        """Crawl for a control period."""
+        """Crawl for a control period with the given action."""
         reward, terminated, truncated, facts = self._episode.crawl(action)
         return self._episode.observed().astype(np.float32), reward, terminated, truncated, facts
 
@@ -159,12 +163,12 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
     scene, overrides, control_period, acts, channels, vary
         As in `WormEnv`.
     threads : int
-        Number of worms that crawl at once; the compiled steps do not need Python's lock.
+        Number of worms that are simulated at the same time. The compiled time steps release Python's global lock.
 
     Raises
     ------
     SceneError, ValueError
-        As in `WormEnv`; ValueError also for a number of worms or threads below 1.
+        As in `WormEnv`. ValueError is also raised if `count` or `threads` is below 1.
     """
 
     metadata: ClassVar[Info] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
@@ -190,7 +194,7 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
         self._pool = ThreadPoolExecutor(threads)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Seen, Info]:
-        """Begin an episode of each worm; worm k uses the seed `seed + k`, or the k-th seed of a list."""
+        """Begin an episode of each worm. Worm k uses the seed `seed + k`, or seed k of a list."""
         if isinstance(seed, int):
             seed = [seed + k for k in range(self.num_envs)]
         seeds = [None] * self.num_envs if seed is None else seed
@@ -199,7 +203,7 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
         return self._observed(), {}
 
     def step(self, actions: Seen) -> tuple[Seen, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Info]:
-        """Crawl for a control period; if an episode has ended, `info` has "final_obs" and "final_info"."""
+        """Crawl for a control period. For worms whose episode ends, `info` has "final_obs" and "final_info"."""
         found = list(self._pool.map(self._stepped, range(self.num_envs), actions))
         rewards, terminated, truncated, facts = zip(*found, strict=True)
         info: Info = {}
@@ -218,9 +222,12 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
         return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)
 
     def practice(self, count: int = 64) -> Practice:
-        """Return the scene's worm in the reduced model, `count` times; ValueError unless actions are by "course".
+        """Return `count` copies of the scene's worm in the reduced model, which takes little computing time.
 
-        In the reduced model, a worm costs next to nothing.
+        Raises
+        ------
+        ValueError
+            `acts` is not "course".
         """
         return self._worm.practice(count)
 

@@ -1,12 +1,12 @@
-"""An episode: a worm in a scene, which crawls one control period at a time by an agent's actions.
+"""An episode: a worm in a scene, which crawls for one control period after each action of an agent.
 
-The reward of a control period depends on the true centre of mass, averaged over the last wave. With the offset e from
-the path, the speed V along the path and the wanted speed V_ref, the reward is
+The reward of a control period depends on the true position of the centre of mass, averaged over the last wave. Let e be
+its offset from the path, V its speed along the path, V_ref the required speed, and L the body length. The reward is
 
     1 - ln(1 + (e / 0.01 L)^2) / 2 - ln(1 + ((V/V_ref - 1) / 0.05)^2) / 2.                                     (LE1)
 
-An offset of 0.01 L, or an error of the speed of 5 %, reduces the reward by a third of a unit. The slope of the reward
-is noticeable from a millimetre to a body length, and stays bounded where a worm is far off.
+An offset of 0.01 L, or an error of the speed of 5 %, reduces the reward by 0.35. The reward changes noticeably with the
+offset from a millimetre to a body length, and its slope is bounded far from the path.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ from worm3d.values.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Terms:
-    """Actions and observations of an agent.
+    """Settings of the actions and observations of an agent.
 
     Raises
     ------
     ValueError
-        The meaning of actions is unknown.
+        `acts` is unknown.
     """
 
     control_period: float = 0.2
     """Time between two actions [s]."""
     acts: str = "course"
-    """Meaning of an action, a name among `control.learned.acts.ACTS`."""
+    """Meaning of an action, a key of `control.learned.acts.ACTS`."""
     channels: tuple[str, ...] = ()
-    """Further channels that the agent observes, `control.learned.senses.Senses`."""
+    """Further channels of the sensors that the agent observes; see `control.learned.senses.Senses`."""
 
     def __post_init__(self) -> None:
         if self.acts not in ACTS:
@@ -63,22 +63,23 @@ class Terms:
 
 
 class Episode:
-    """A run of a scene, the sensors, and the wave that an agent decides.
+    """A run of a scene in which an agent chooses the parameters of the wave.
 
     Parameters
     ----------
     scene : ControlScene
-        The scene; its controller is not used.
+        The scene. Its controller is not used.
     how : Terms
     seed : int
-        Seed of the sensors' errors.
+        Seed of the measurement errors.
 
     Raises
     ------
     SceneError
-        The worm is neither identified nor near the default worm, or a further channel is not measured in the scene.
+        The worm has not been identified and differs too much from the default worm, or the scene has no sensor for a
+        further channel.
     ValueError
-        The control period is less than a time step.
+        The control period is shorter than a time step.
     """
 
     def __init__(self, scene: ControlScene, how: Terms, seed: int) -> None:
@@ -101,7 +102,18 @@ class Episode:
         self._sense(GaitParameters(0.0, 1.0))
 
     def crawl(self, action: ArrayLike) -> tuple[float, bool, bool, dict[str, Any]]:
-        """Crawl for a control period; return reward, whether the run diverged, whether time is up, and facts."""
+        """Crawl for a control period.
+
+        Returns
+        -------
+        reward : float
+        terminated : bool
+            Whether the run has diverged.
+        truncated : bool
+            Whether the run has reached its end.
+        facts : dict
+            As in `_facts`.
+        """
         asked = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         self.senses.acted(asked, self._waves)
         wave = self._act(asked, self._seen)
@@ -111,13 +123,13 @@ class Episode:
                 elapsed[0] = 0.0  # the wave begins with the run
             status = self._run.follow(self.generator.steps(elapsed, wave))
             if status is not Status.DONE:
-                return -5.0, True, False, self._facts(status)  # less than for any offset that worms reach
+                return -5.0, True, False, self._facts(status)  # lower than the reward at any offset that worms reach
             self._sense(wave)
         facts = self._facts(status)
         return self._reward(facts), False, self._run.done >= self._run.steps, facts
 
     def observed(self) -> FloatArray:
-        """Return the observation of the agent, once a control period."""
+        """Return the observation of the agent. Call this once per control period."""
         self._seen = self.senses.observed(self._time)
         return self._seen
 
@@ -136,7 +148,11 @@ class Episode:
         self.senses.take(seen.time, passed, wave, float(self.generator.phase))
 
     def _facts(self, status: Status) -> dict[str, Any]:
-        """Return the true centre of mass's speed along the reference and offset from the reference, and the status."""
+        """Return the true speed [m/s] and offset [m] of the centre of mass relative to the reference, and the status.
+
+        The dictionary also has the direction of motion relative to the reference [rad], and the number of discarded
+        measurements.
+        """
         motion, reference, heading, aside = self._true.motion(), self._reference, None, 0.0
         assert motion is not None
         if reference.path is not None:
@@ -155,20 +171,20 @@ class Episode:
         }
 
     def _reward(self, facts: dict[str, Any]) -> float:
-        """Return (LE1); without the second part in the first waves."""
+        """Return (LE1). The term of the speed is left out in the first waves, in which the speed is not known."""
         asked = max(float(self._reference.speed(self._time)), MIN_REFERENCE_SPEED * self._length)
         miss = 0.0 if facts["speed_m_s"] is None else facts["speed_m_s"] / asked - 1.0
         return float(reward_of(facts["offset_m"] / self._length, miss))
 
 
 def reward_of(aside: ArrayLike, miss: ArrayLike) -> FloatArray:
-    """Return (LE1) of offsets [body lengths] and relative errors of the speed."""
+    """Return (LE1), given offsets [body lengths] and relative errors of the speed."""
     lost = np.log1p((np.asarray(aside) / 0.01) ** 2) + np.log1p((np.asarray(miss) / 0.05) ** 2)
     return np.asarray(1.0 - 0.5 * lost)
 
 
 def _sampled(scene: ControlScene, body: float) -> Reference:
-    """Return the reference of a scene; a curved path is sampled up to the distance that the worm can need."""
+    """Return the reference of a scene. A curved path is replaced by a polygon longer than the worm can crawl."""
     reference = reference_of(scene)
     if not isinstance(reference.path, Curve):
         return reference
@@ -178,14 +194,14 @@ def _sampled(scene: ControlScene, body: float) -> Reference:
 
 
 def _begun(scene: ControlScene, every: int) -> Run:
-    """Return the run before its first step, with whole control periods and a record of the end only."""
+    """Return a run before its first step. It lasts a whole number of control periods, and records only its end."""
     problem = problem_of(scene, drive=(_Outside(), None))
     steps = max(1, problem.steps // every) * every
     return Run(replace(problem, duration=steps * problem.dt, record_every=steps))
 
 
 def _only(sensors: Sensors, names: tuple[str, ...]) -> Sensors:
-    """Return the sensors of some channels, with the same errors; the other channels would cost time."""
+    """Return sensors with only the named channels, to save time. Their measurement errors stay the same."""
     for name in names:
         if name not in sensors.channels:
             known = ", ".join(sensors.channels)
@@ -195,16 +211,16 @@ def _only(sensors: Sensors, names: tuple[str, ...]) -> Sensors:
 
 
 def _steps_between(rate: float, dt: float) -> int:
-    """Return the number of steps between two samples at a rate [Hz], rounded down."""
+    """Return the number of time steps dt [s] between two samples at a rate [Hz], rounded down, but at least 1."""
     return 1 if rate == inf else max(1, int(1.0 / (rate * dt) + 1e-9))
 
 
 class _Outside:
-    """Placeholder for the agent in the run; commands come from `Run.follow`."""
+    """Placeholder for a controller in the run, which gets its commands from `Run.follow` instead."""
 
     def reset(self) -> None:
         """Do nothing."""
 
     def step(self, t: float, _: object) -> worm3d.Command:
-        """Raise RuntimeError: the run must not request a command."""
+        """Raise RuntimeError, because the run must not request a command."""
         raise RuntimeError(f"at {t} s a command was asked for; an agent gives them")

@@ -1,16 +1,18 @@
-"""Practice: many worms at once in a reduced model beside a path, some 400 times faster than the plant.
+"""Practice: many worms at once in a reduced model, some 400 times faster than the full simulation.
 
-A policy that acts by "course" begins with practice, and continues with the plant. The path has the arc length s and the
-curvature kappa(s). The worm has the offset e to the left and the heading theta relative to the path. Speed V, turn
-rate w, lags and blend are defined by (R1) in `control.estimation.reduced`. The gains g are unknown to the map. With the
-crab angle c and the yaw bias b,
+A policy whose actions are of the kind "course" is trained in this model first, and then in the full simulation. In the
+model a worm follows a path with the arc length s and the curvature kappa(s). The worm has the offset e to the left of
+the path, the heading theta relative to the path, the speed V and the turn rate w. The lags n_v (in waves) and T_w, the
+frequency f and `blend` are those of (R1) in `control.estimation.reduced`. The gains g_v and g_w, the crab angle c
+between heading and motion, and the yaw bias b describe deviations from the identified map:
 
     V' = (g_v V_cmd - V) f / n_v,   w' = (g_w w_s - w) / T_w,   w_s' = (w_cmd - w_s) f / blend,                (LM1)
     s' = V cos(theta + c) / (1 - kappa e),   e' = V sin(theta + c),   theta' = w + b - kappa s'.               (LM2)
 
-Each episode draws from `DRAWN` a path (kappa = kappa_0 + kappa_1 sin(k s + phase), or a line), a start, a wanted speed,
-noise, gains, lags and biases. The observation has the layout of `control.learned.senses`, with means over samples for
-(LC1), (LC2) and the path's frame for places; lengths are in body lengths.
+Each episode has a random path (kappa = kappa_0 + kappa_1 sin(k s + phase), or a straight line) and random values of the
+start, the required speed, the noise, the gains, the lags and the biases, within the ranges of `DRAWN`. The observation
+has the layout of `control.learned.senses`. Positions are given by s and e, lengths are in body lengths, and the means
+(LC1) and (LC2) of `control.learned.course` are means over samples.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from scenes.studies.learn.episode import reward_of
 from worm3d.values.arrays import FloatArray
 
 ACTIONS = 2
+"""Number of values in an action: corrections of speed and turn rate."""
 LOOKS = 4
 """Number of samples of the centre of mass in a control period."""
 DRAWN: dict[str, tuple[float, float]] = {
@@ -46,24 +49,26 @@ DRAWN: dict[str, tuple[float, float]] = {
     "crab": (-0.1, 0.1),
     "yaw_bias": (-0.015, 0.015),
 }
-"""Least and greatest random values of an episode, in body lengths, seconds and radians: speeds and curvatures in the
-default worm's range, gains for other worms and slopes (up to a fifth of the speed), starts up to a fifth of a body
-length off."""
+"""Smallest and largest random values of an episode, in body lengths, seconds and radians. Speeds and curvatures
+(kappa_0 `bend`, kappa_1 `swing`) are within the range of the default worm. The gains cover other worms and slopes that
+change the speed by up to a fifth. `aside` and `heading` are the offset and the heading at the start."""
 STRAIGHT_SHARE = 0.3
-"""Share of the paths that are lines."""
+"""Fraction of the paths that are straight lines."""
 ON_PATH_SHARE = 0.4
-"""Share of the episodes that begin on the path."""
+"""Fraction of the episodes that begin on the path."""
 DURATION = 30.0
 """Duration of an episode [s]."""
 
 
 class Practice:
-    """Worms in the reduced model, with the methods of `scenes.gym_env.WormVectorEnv` that training needs.
+    """Worms in the reduced model, with those methods of `scenes.gym_env.WormVectorEnv` that the training calls.
 
     Parameters
     ----------
     count : int
+        Number of worms.
     found : Identified
+        Identified maps of the worm.
     length : float
         Body length [m].
     mechanism : str
@@ -81,7 +86,7 @@ class Practice:
         self._wave = max(2, round(1.0 / (self._frequency * self._dt)))  # samples in a wave
 
     def reset(self, *, seed: int) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin all episodes at different ages, so that they do not end together."""
+        """Begin the episodes of all worms, at different ages so that they do not end together."""
         self._random = np.random.default_rng(seed)
         n = self.num_envs
         self._drawn = {name: np.zeros(n) for name in DRAWN}
@@ -94,7 +99,7 @@ class Practice:
         return self._observed(), {}
 
     def step(self, actions: NDArray[np.float32]) -> tuple[Any, FloatArray, NDArray[np.bool_], NDArray[np.bool_], Any]:
-        """Crawl for a control period; see `scenes.gym_env.WormVectorEnv`."""
+        """Crawl for a control period, as `scenes.gym_env.WormVectorEnv.step`."""
         self._action = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0)
         self._steered = np.hstack([self._steered[:, 1:], self._action[:, 1:]])
         asked, now = self._drawn["speed"], self._curvature(self._state[0])
@@ -114,7 +119,7 @@ class Practice:
         return seen, rewards, np.zeros_like(over), over, info
 
     def _begin(self, which: NDArray[np.bool_]) -> None:
-        """Draw new episodes of some worms."""
+        """Begin new episodes, with new random values, of the worms that `which` selects."""
         n = int(which.sum())
         for name, (low, high) in DRAWN.items():
             self._drawn[name][which] = self._random.uniform(low, high, n)
@@ -131,13 +136,13 @@ class Practice:
         self._look(which)
 
     def _curvature(self, s: FloatArray) -> FloatArray:
-        """Return the curvature at arc lengths, shape (B,) or (K, B)."""
+        """Return the curvatures of the paths of B worms at the arc lengths s, shape (B,) or (K, B)."""
         drawn = self._drawn
         swing: FloatArray = np.sin(2.0 * np.pi * s / drawn["wavelength"] + drawn["phase"])
         return drawn["bend"] + drawn["swing"] * swing
 
     def _move(self, speed: FloatArray, turn: FloatArray) -> None:
-        """Take a step of (LM1), (LM2) by the explicit Euler method; the lags are many steps long."""
+        """Take a step of (LM1) and (LM2) by the explicit Euler method. The step is much shorter than the lags."""
         drawn, (s, e, theta, v, w, steer) = self._drawn, self._state
         v_lag, w_lag, blend = self._lags[:, None] * drawn["lag"]
         kappa, way = self._curvature(s), theta + drawn["crab"]
@@ -153,7 +158,10 @@ class Practice:
         self._state = self._state + self._dt * np.array(rates)
 
     def _look(self, which: NDArray[np.bool_] | None = None) -> None:
-        """Take a sample of the true and measured places; `which` selects worms whose first sample fills all samples."""
+        """Take a sample of the true and the measured positions.
+
+        `which` selects worms that begin an episode. All samples of these worms are set to the new sample.
+        """
         true = self._state[:2]
         measured = true + self._drawn["noise"] * self._random.standard_normal(true.shape)
         places = np.array([true, measured])
@@ -164,20 +172,26 @@ class Practice:
         self._looks = self._looks + 1
 
     def _motion(self) -> tuple[FloatArray, FloatArray]:
-        """Return mean places and velocities, (LC1), (LC2), shape (2, 2, B): true and measured, s and e."""
+        """Return the mean positions and velocities, (LC1) and (LC2), with a shape of (2, 2, B) each.
+
+        The axes are: true or measured, s or e, and the worm.
+        """
         half = self._wave // 2
         place = self._samples[..., half:].mean(axis=-1)
         before = self._samples[..., : self._wave].mean(axis=-1)
         return place, (place - before) / (half * self._dt)
 
     def _fade(self) -> None:
-        """Add the present errors to the fading means."""
+        """Update the exponentially weighted means of the offset and of the error of the speed."""
         left, (_, place) = np.exp(-self._period / FADING), self._motion()[0]
         errors = np.clip(np.array([10.0 * place[1], self._miss(1)]), -OBSERVATION_LIMIT, OBSERVATION_LIMIT).T
         self._means = left * self._means + (1.0 - left) * errors
 
     def _miss(self, measured: int) -> FloatArray:
-        """Return the relative error of the speed, true or measured; 0 in the first waves."""
+        """Return the relative error of the speed, which is 0 in the first waves.
+
+        `measured` is 0 for the error of the true speed and 1 for the error of the measured speed.
+        """
         known = self._looks >= self._samples.shape[-1]
         return np.where(known, self._motion()[1][measured, 0] / self._drawn["speed"] - 1.0, 0.0)
 

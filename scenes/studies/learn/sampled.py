@@ -1,4 +1,4 @@
-"""Paths as polygons, which are fast to evaluate: episodes need them in every control period."""
+"""Polygons that approximate paths, for fast evaluation in every control period of an episode."""
 
 from __future__ import annotations
 
@@ -11,13 +11,23 @@ from control.tracking.paths import Path
 from worm3d.values.arrays import FloatArray
 
 CORNER_SPACING = 0.01
-"""Distance of the corners over the body length; on a circle of this radius, chords are off by 1/80000 of the radius."""
+"""Distance between the corners [body lengths]. On a circle with a radius of one body length, a chord differs from the
+circle by at most 1/80000 of the radius."""
 PATH_SEARCH_DISTANCE = 0.5
-"""Largest distance along the path in the search for the nearest point [body lengths]."""
+"""Largest distance along the path from the previous nearest point in the search for the next one [body lengths]."""
 
 
 class Sampled:
-    """A path between arc lengths -`before` and `length` [m] as a polygon, with straight lines beyond both ends."""
+    """A path as a polygon, from one body length before its start to one body length after the arc length `length`.
+
+    Parameters
+    ----------
+    path : Path
+    length : float
+        Arc length that the worm may need [m].
+    body : float
+        Body length of the worm [m].
+    """
 
     closed = False
 
@@ -28,19 +38,19 @@ class Sampled:
         self._reach = round(PATH_SEARCH_DISTANCE / CORNER_SPACING)
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Return the points; see `Path`."""
+        """Return the points at the arc lengths s; see `Path`."""
         return np.stack([self._at(s, column) for column in self._r.T], axis=-1)
 
     def heading(self, s: ArrayLike) -> FloatArray:
-        """Return the azimuths; see `Path`."""
+        """Return the azimuths at the arc lengths s; see `Path`."""
         return self._at(s, self._headings)
 
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return the curvatures; see `Path`."""
+        """Return the curvatures at the arc lengths s; see `Path`."""
         return self._at(s, self._curvatures)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc length of the point nearest to a place, shape (2,); see `Path`."""
+        """Return the arc length of the point that is nearest to the position `xy`, shape (2,); see `Path`."""
         place, begin, end = np.asarray(xy, dtype=float), 0, len(self._s)
         if near is not None:
             k = int((near - self._s[0]) / (self._s[1] - self._s[0]))

@@ -1,4 +1,4 @@
-"""Task of the training of a policy: the scene, the durations and the number of worms."""
+"""Settings of the training of a policy: the scene, the durations and the number of worms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from worm3d.values import arguments
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Task of the training, and its duration.
+    """Settings of the training of a policy.
 
     Raises
     ------
@@ -21,15 +21,20 @@ class Task:
 
     scene: str
     minutes: float
-    """Wall time with the worm of the scene."""
+    """Duration of the training with the worm of the scene [min of wall time]."""
     practice: float = 0.0
-    """Wall time [min] of prior practice in a reduced model (`practice` beside this file); for actions by "course"."""
+    """Duration of the training in the reduced model of `scenes.studies.learn.practice`, which comes first [min of wall
+    time]. It must be 0 unless `acts` is "course"."""
     seed: int = 0
     overrides: Sequence[str] = ()
+    """Changes of the scene, each of the form `section.key=value`."""
     vary: Mapping[str, str] = field(default_factory=dict)
+    """Keys that have a random value in each episode, with their ranges; see `scenes.gym_env.WormEnv`."""
     worms: int = 16
+    """Number of worms of the scene that are trained at once."""
     threads: int = 1
     acts: str = "course"
+    """Meaning of an action, "course" or "wave"; see `scenes.gym_env.WormEnv`."""
 
     def __post_init__(self) -> None:
         try:

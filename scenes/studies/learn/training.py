@@ -1,11 +1,11 @@
-"""Training of a policy by proximal policy optimisation (PPO) of Stable-Baselines3, on many worms at once.
+"""Training of a policy on many worms at once, by proximal policy optimisation (PPO) of Stable-Baselines3.
 
-Training needs the optional part `learn` (pip install 'worm3d[learn]'), including PyTorch; the policy needs numpy only.
+Training needs the optional part `learn` (pip install 'worm3d[learn]'), which includes PyTorch. The trained policy needs
+only numpy. PPO is described in Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347.
 
-PPO: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347. Some settings differ from the library's
-defaults: a discount with a horizon of some five waves, the time that an action needs to show; small networks, since the
-observation is small; noise of the actions that begins at a fifth of their range; and a learning rate that falls to a
-tenth.
+Some settings differ from the defaults of the library. The discount has a horizon of about five waves, because an action
+affects the motion within this time. The networks are small, because the observation has few numbers. The noise of the
+actions begins at a fifth of their range. The learning rate decreases during the training.
 """
 
 from __future__ import annotations
@@ -36,11 +36,13 @@ except ImportError as error:
     raise MissingPartError("worm3d learn needs Stable-Baselines3: pip install 'worm3d[learn]'") from error
 
 DISCOUNT = 0.97
-"""Discount of a control period; rewards are scaled by 1 - DISCOUNT, so that values have the size of a reward."""
+"""Discount factor per control period. Rewards are multiplied by 1 - DISCOUNT, so that the discounted sum of rewards is
+about as large as a single unscaled reward."""
 PERIODS_PER_UPDATE = 32
-"""Number of control periods of each worm between two updates."""
+"""Number of control periods of each worm between two updates of the policy."""
 RATES, LATER_RATES = (1e-3, 1e-4), (2e-4, 5e-5)
-"""Learning rates at the beginning and at the end; `LATER_RATES` apply after practice."""
+"""Learning rates at the beginning and at the end of a stage. `LATER_RATES` are used in the stage that follows
+practice."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +50,15 @@ class Point:
     """State of the training after an update."""
 
     steps: int
-    """Control periods so far, of all worms."""
+    """Number of control periods so far, summed over all worms."""
     seconds: float
     """Wall time so far [s]."""
     reward: float
-    """Mean reward of a control period since the previous update."""
+    """Mean reward per control period since the previous update."""
 
 
 def train(task: Task, watch: Callable[[Point], None]) -> Policy:
-    """Return a trained policy.
+    """Train a policy and return it.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def train(task: Task, watch: Callable[[Point], None]) -> Policy:
     SceneError
         The scene is wrong, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        The meaning of actions is unknown, or a number of worms or threads is below 1.
+        `acts` is unknown, or the number of worms or threads is below 1.
     """
     envs = WormVectorEnv(task.worms, task.scene, task.overrides, acts=task.acts, vary=task.vary, threads=task.threads)
     torch.set_num_threads(1)  # faster for networks this small
@@ -111,7 +113,7 @@ def _ppo(worms: _Worms, rates: tuple[float, float], clock: _Clock, seed: int) ->
 
 
 class _Clock(BaseCallback):
-    """Ends the training on time, and records the learning curve."""
+    """Ends the training after a given time, and records the learning curve."""
 
     def __init__(self, seconds: float, watch: Callable[[Point], None]) -> None:
         super().__init__()
@@ -135,7 +137,7 @@ class _Clock(BaseCallback):
 
     @property
     def share(self) -> float:
-        """Share of the time that is over."""
+        """Elapsed fraction of the allowed time."""
         return min(1.0, self.elapsed / self._seconds)
 
     def _on_step(self) -> bool:
@@ -170,7 +172,7 @@ class _Worms(VecEnv):
         return seen, (1.0 - DISCOUNT) * rewards, ended, told
 
     def close(self) -> None:
-        """Do nothing: `train` closes the worms."""
+        """Do nothing, because `train` closes the worms."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         return [getattr(self._envs, attr_name, None)] * self.num_envs
@@ -186,7 +188,7 @@ class _Worms(VecEnv):
 
 
 def _layers(ppo: PPO) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]:
-    """Return the layers of the mean action."""
+    """Return the weights and biases of the network that computes the mean action, layer by layer."""
     actor = ppo.policy
     linear = [each for each in actor.mlp_extractor.policy_net if isinstance(each, torch.nn.Linear)]
     return tuple(
@@ -196,7 +198,7 @@ def _layers(ppo: PPO) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], 
 
 
 def _about(task: Task, clocks: Sequence[_Clock]) -> dict[str, Any]:
-    """Return the training record of a policy, with the curve of each stage, practice and the scene's worm."""
+    """Return the record of the training: its settings, and duration and learning curve of each stage."""
     stages = [
         {
             "steps": clock.num_timesteps,
@@ -211,5 +213,5 @@ def _about(task: Task, clocks: Sequence[_Clock]) -> dict[str, Any]:
 
 
 def _thinned(points: Sequence[Point]) -> Sequence[Point]:
-    """Return at most some thirty of the points, including the last point."""
+    """Return about thirty of the points, including the last point."""
     return [*points[: -1 : max(1, len(points) // 30)], *points[-1:]]

@@ -1,6 +1,7 @@
-"""The paper's nine cases: the runs behind its Tables II and III, and the same cases on the corrected worm.
+"""The nine cases of the paper's Tables II and III, as runs of the published program and of the corrected worm.
 
-The corrected worm runs in contact with the ground, with the paper's threshold friction, and clamped.
+The corrected worm runs on three kinds of ground: in contact with set-valued friction, in contact with the paper's
+threshold friction (P10), and clamped, with its height prescribed as in the published program.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from scenes.models.planar.linkage import cumulative_cost
 from scenes.models.planar.merit import Travel, cost_of_transport
 
 SEGMENTS = (3, 4, 5, 6, 7)
-"""Segment counts of Table II, at a period of 2 s."""
+"""Numbers of segments in Table II, where the wave period is 2 s."""
 PAPER_PERIODS_S = (1.0, 2.0, 3.0, 4.0, 5.0)
-"""Wave periods of Table III [s], with six segments."""
+"""Wave periods in Table III [s], where the worm has six segments."""
 Key = tuple[int, float]
 """Number of segments, wave period [s]."""
 
@@ -28,7 +29,8 @@ CORRECTED_AMPLITUDE = 0.2
 """Contraction of the corrected worm at activation 1."""
 
 Ground = Literal["anchored", "threshold", "clamped"]
-"""Contact with set-valued friction, contact with the paper's friction (P10), or clamped with (P9) and (P10)."""
+"""Ground of the corrected worm: "anchored" is contact with set-valued friction, "threshold" is contact with the paper's
+friction (P10), and "clamped" has prescribed heights with loads by (P9) and friction by (P10)."""
 
 GROUND_NAMES: dict[Ground, str] = {
     "anchored": "contact, set-valued friction",
@@ -42,7 +44,7 @@ GroundKey = tuple[int, float, Ground]
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the tables, with the quantities as the published program counts them."""
+    """One row of Table II or III. The published program defines the distance, the work and the costs."""
 
     n: int
     T_wave_s: float
@@ -54,12 +56,12 @@ class Row:
 
 
 def published_keys() -> list[Key]:
-    """Return the runs of both tables, each once, in the order of the tables."""
+    """Return the cases of both tables in their order. The case that is in both tables is returned once."""
     return list(dict.fromkeys([(n, 2.0) for n in SEGMENTS] + [(6, T) for T in PAPER_PERIODS_S]))
 
 
 def published_run(key: Key) -> published.Run:
-    """Run the published program for one row."""
+    """Run the published program for one case."""
     return published.simulate(n=key[0], T_wave=key[1])
 
 
@@ -104,7 +106,7 @@ class CorrectedRow:
 
 
 def corrected_keys() -> list[GroundKey]:
-    """Return the runs, each once: all nine in contact, and the runs with six segments on every ground."""
+    """Return the cases of the corrected worm: all nine cases "anchored", and those with six segments on each ground."""
     grounds: tuple[Ground, ...] = ("threshold", "clamped")
     return [
         *((n, T, "anchored") for n, T in published_keys()),
@@ -113,7 +115,7 @@ def corrected_keys() -> list[GroundKey]:
 
 
 def corrected_run(key: GroundKey) -> linkage.Run:
-    """Make one run: ten seconds of the paper's rectified wave, with the worm and friction of Table I."""
+    """Run the corrected worm of Table I for ten seconds with the paper's rectified wave."""
     n, T, ground = key
     return linkage.simulate(
         linkage.Linkage(segments=n),
@@ -124,7 +126,7 @@ def corrected_run(key: GroundKey) -> linkage.Run:
 
 
 def wave(n: int, T: float, direction: gaits.Direction = "direct") -> Gait:
-    """Return the paper's wave as contraction of n segments."""
+    """Return the paper's wave as a gait, a function from time [s] to the contractions of n segments."""
     pattern = gaits.TravellingWave(amplitude=CORRECTED_AMPLITUDE, period=T, direction=direction)
     return lambda t: pattern.amplitude * pattern.activation(t, n)
 
@@ -158,7 +160,10 @@ def _row(key: GroundKey, result: linkage.Run) -> CorrectedRow:
 
 @dataclass(frozen=True)
 class Overstatement:
-    """Overestimate of the distance, relative to set-valued friction; None if that distance is not positive."""
+    """Overestimates of the distance by two grounds, relative to the distance with set-valued friction.
+
+    An overestimate is None if the distance with set-valued friction is not positive.
+    """
 
     T_wave_s: float
     set_valued_distance_m: float
@@ -167,7 +172,7 @@ class Overstatement:
 
 
 def overstatements(distance: Callable[[GroundKey], float]) -> list[Overstatement]:
-    """Compare the grounds for each period with six segments; `distance` gives the distance of a run [m]."""
+    """Return the overestimates for six segments and each period. `distance` returns the distance of a run [m]."""
 
     def percent(T: float, ground: Ground) -> float | None:
         true = distance((6, T, "anchored"))

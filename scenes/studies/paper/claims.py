@@ -1,4 +1,4 @@
-"""The paper's claims, each judged by the runs of the published program."""
+"""The paper's claims, each tested with runs of the published program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenes.studies.paper.cases import PAPER_PERIODS_S, SEGMENTS, Key, Row
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, the verdict of the published program, and the numbers."""
+    """A claim of the paper, its place in the paper, the verdict of the runs, and the numbers behind the verdict."""
 
     claim: str
     source: str
@@ -25,7 +25,7 @@ class Claim:
 
 
 def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
-    """Return every claim of the paper with its verdict; makes about ten additional runs of the program."""
+    """Return all claims of the paper with their verdicts. This makes about ten additional runs of the program."""
     table_2 = [next(r for r in rows if (r.n, r.T_wave_s) == (n, 2.0)) for n in SEGMENTS]
     table_3 = [next(r for r in rows if (r.n, r.T_wave_s) == (6, T)) for T in PAPER_PERIODS_S]
     return [
@@ -47,7 +47,10 @@ def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
 
 
 def by_segments(what: str, values: Sequence[float | None]) -> Claim:
-    """Judge that a quantity rises with the number of segments up to 6 and drops at 7; None for no value."""
+    """Test whether a quantity rises with the number of segments up to 6 and drops at 7.
+
+    `values` has the quantity for each number in `SEGMENTS`, or None if a run has no value.
+    """
     return Claim(
         claim=f"{what} rises with the number of segments up to 6 and drops at 7",
         source="IV.A, Fig. 10 and 11",
@@ -57,7 +60,10 @@ def by_segments(what: str, values: Sequence[float | None]) -> Claim:
 
 
 def by_period(what: str, values: Sequence[float | None]) -> Claim:
-    """Judge that a shorter wave period increases a quantity; None for no value."""
+    """Test whether a shorter wave period increases a quantity.
+
+    `values` has the quantity for each period in `PAPER_PERIODS_S`, or None if a run has no value.
+    """
     return Claim(
         claim=f"a shorter wave period means {what}",
         source="IV.B, Fig. 12 and 13",
@@ -67,12 +73,12 @@ def by_period(what: str, values: Sequence[float | None]) -> Claim:
 
 
 def verdict(holds: bool) -> str:
-    """Return the verdict in words."""
+    """Return the verdict as text."""
     return "holds" if holds else "does not hold"
 
 
 def _rises(values: Sequence[float | None]) -> bool:
-    """Whether every value is larger than the value before; missing values neither rise nor drop."""
+    """Return whether each value is larger than the previous value; False if a value is missing."""
     return bool((np.diff(np.array(values, dtype=float)) > 0.0).all())
 
 
@@ -83,7 +89,7 @@ def _change_to_the_last(before: float | None, last: float | None) -> str:
 
 
 def listed(labels: Sequence[object], values: Sequence[float | None]) -> str:
-    """Return labels and values in one line."""
+    """Return pairs of labels and values as text in one line."""
     cells = ("none" if value is None else f"{value:.6g}" for value in values)
     return ", ".join(f"{label}: {cell}" for label, cell in zip(labels, cells, strict=True))
 
@@ -129,14 +135,14 @@ def _friction_claims(run: Run) -> list[Claim]:
 
 
 def _shape(run: Run, chosen: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return the mean length and height of the chosen segments (S, n) after each step [m]."""
+    """Return the mean length and height of segments [m], over the steps and segments that `chosen`, (S, n), selects."""
     length = np.diff(run.q[1:, run.net.main, 0], axis=1)
     height = run.q[1:, run.net.top, 1] - run.q[1:, run.net.bottom, 1]
     return float(length[chosen].mean()), float(height[chosen].mean())
 
 
 def _widens(run: Run) -> tuple[bool, str]:
-    """Return whether active segments are shorter and higher than passive ones, and their sizes in words."""
+    """Return whether active segments are shorter and higher than passive segments, and their sizes as text."""
     active, passive = _shape(run, run.activation > 0.99), _shape(run, run.activation == 0.0)
     sizes = f"active {active[0]:.4f} m long, {active[1]:.4f} m high, passive {passive[0]:.4f} m and {passive[1]:.4f} m"
     return active[0] < passive[0] and active[1] > passive[1], sizes

@@ -1,4 +1,4 @@
-"""The paper's claims again, judged by the corrected worm in contact with the ground."""
+"""The paper's claims, tested with the corrected worm in contact with the ground."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scenes.studies.paper.cases import CORRECTED_AMPLITUDE, PAPER_PERIODS_S, SEG
 from scenes.studies.paper.claims import Claim, by_period, by_segments, listed, verdict
 
 TORSIONS = (1.0, 1e2, 1e4, 1e6)
-"""Torsional stiffnesses of the test [J]; Table I has 1e4."""
+"""Torsional stiffnesses in the test of Newton's method [J]. Table I has 1e4 J."""
 
 
 def corrected_claims(runs: Mapping[GroundKey, Run], rows: Sequence[CorrectedRow]) -> list[Claim]:
-    """Return the claims with their verdicts; makes about six additional runs of the corrected worm."""
+    """Return the claims with their verdicts. This makes about six additional runs of the corrected worm."""
     contact = {(r.n, r.T_wave_s): r for r in rows if r.law == "anchored"}
     main = runs[6, 2.0, "anchored"]
     return [
@@ -30,7 +30,7 @@ def corrected_claims(runs: Mapping[GroundKey, Run], rows: Sequence[CorrectedRow]
 
 
 def segment_claims(rows: Sequence[CorrectedRow]) -> list[Claim]:
-    """Judge the claims on the number of segments."""
+    """Test the claims about the number of segments."""
     return [
         by_segments("the distance [m]", [r.distance_m for r in rows]),
         by_segments("the cumulative cost of transport [J/m], (P12)", [r.cumulative_cot_J_per_m for r in rows]),
@@ -39,7 +39,7 @@ def segment_claims(rows: Sequence[CorrectedRow]) -> list[Claim]:
 
 
 def period_claims(rows: Sequence[CorrectedRow]) -> list[Claim]:
-    """Judge the claims on the wave period."""
+    """Test the claims about the wave period."""
     return [
         by_period("more work in a given time [J]", [r.work_contract_J for r in rows]),
         by_period("a higher cumulative cost of transport [J/m], (P12)", [r.cumulative_cot_J_per_m for r in rows]),
@@ -60,7 +60,7 @@ def _friction_claim(main: Run) -> Claim:
 
 
 def mechanism_claim(main: Run) -> Claim:
-    """Judge that an active segment widens and shortens."""
+    """Test whether an active segment widens and shortens."""
     active, passive = main.contraction > 0.95 * CORRECTED_AMPLITUDE, main.contraction == 0.0
     height = np.linalg.norm(main.apexes[:, :, 1] - main.apexes[:, :, 0], axis=-1)
     shorter = main.length[active].mean() < main.length[passive].mean()

@@ -1,7 +1,8 @@
-"""Differences between the paper's text and its author's program, and the effect of each difference on the result.
+"""Differences between the text of the paper and the program of its author, and their effects on the results.
 
-Each difference is measured by a run of the six-segment worm at T_wave = 2 s. In this run the program follows the text
-in this one point, if the program has a parameter for it.
+The effect of most differences is measured by a run with six segments and a wave period of 2 s, in which the program
+follows the text in this point and is unchanged otherwise. If the program has no parameter for the point, the effect is
+computed from the unchanged run.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from planar import published
 from planar.published import Parameters, Run
 
 MASS = 10.0 * (np.sqrt(3.0) / 4.0 / 6.0)
-"""Density of Table I [kg/m^3] times the area of the six rhombi at rest [m^2], for a depth of 1 m [kg]."""
+"""Mass of six rhombi [kg]: the density of Table I [kg/m^3] times their area at rest [m^2] times a depth of 1 m."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One difference between text and program, and its effect."""
+    """A difference between text and program: what differs, what the text says, what the program does, the effect."""
 
     what: str
     text: str
@@ -37,7 +38,10 @@ def differences(program_run: Run) -> list[Difference]:
 
 
 def _with(parameters: Parameters, label: str) -> Callable[[Run], str]:
-    """Return the function that compares the published run with a run of other parameters."""
+    """Return a function that runs the program with other parameters, and describes the effect on the published run.
+
+    `label` names the change in the description.
+    """
 
     def effect(run: Run) -> str:
         other = published.simulate(parameters=parameters)
@@ -206,4 +210,4 @@ _ENTRIES: list[tuple[str, str, str, Callable[[Run], str]]] = [
         lambda run: "none: nothing reads it",
     ),
 ]
-"""Name of the difference, text, program, and the function that returns the effect on the published run."""
+"""The differences: name, text, program, and a function that takes the published run and describes the effect."""

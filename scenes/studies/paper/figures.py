@@ -1,4 +1,4 @@
-"""The paper's figures 7 to 13, re-drawn from our own runs, and figures 10 to 13 for the corrected worm."""
+"""The paper's figures 7 to 13 from runs of the published program, and figures 10 to 13 for the corrected worm."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ CONTRACTION_FORCE = published.Parameters().contraction_force
 """Force of a segment at activation 1 [N]."""
 
 ENGINE = SegmentDriven()
+"""The paper's gait in which single segments contract one after the other, with its default values."""
 
 T_CONTRACT = ENGINE.T_wave / 6
-"""Duration of a contraction in figures 7 and 8: one segment at a time [s]."""
+"""Duration of a contraction in figures 7 and 8 [s]. With this value, the segments contract one at a time."""
 
 OUR_CHOICE = f"T_contract = {T_CONTRACT:.3g} s (one segment at a time)"
-"""The paper does not say which duration its figures show."""
+"""Text in the figures. The paper does not give the duration of a contraction in figures 7 and 8."""
 
 
 def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
-    """Return the figures by file stem, named after the figures of the paper."""
+    """Return the figures by the stem of their file names, which contain the numbers of the paper's figures."""
     by_segments = {f"n = {n}": runs[n, 2.0] for n in SEGMENTS}
     by_period = {f"T = {T:g} s": runs[6, T] for T in PAPER_PERIODS_S}
     return {
@@ -52,13 +53,13 @@ def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
 
 
 def _sampled(activation: Callable[[float, int], FloatArray], duration: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and the activation of six segments."""
+    """Return times [s] up to a duration, and the activations of six segments at these times."""
     time = np.arange(0.0, duration, 0.01)
     return time, np.array([activation(t, 6) for t in time])
 
 
 def _wide(panels: int, sharey: bool) -> tuple[Figure, list[Axes]]:
-    """Return a figure with panels side by side."""
+    """Return a figure with panels side by side, and the axes of the panels."""
     figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
     return figure, list(figure.subplots(1, panels, sharey=sharey))
 
@@ -118,7 +119,7 @@ def _published_cost(runs: Mapping[str, published.Run], title: str) -> Figure:
 def corrected_figures(
     runs: Mapping[GroundKey, linkage.Run], overstatements: Sequence[Overstatement]
 ) -> dict[str, Figure]:
-    """Return the figures by file stem."""
+    """Return the figures of the corrected worm by the stem of their file names."""
     by_segments = {f"n = {n}": runs[n, 2.0, "anchored"] for n in SEGMENTS}
     by_period = {f"T = {T:g} s": runs[6, T, "anchored"] for T in PAPER_PERIODS_S}
     return {
@@ -152,7 +153,7 @@ def _corrected_cost(runs: Mapping[str, linkage.Run], parameter: Sequence[float],
 
 
 def _friction(runs: Mapping[GroundKey, linkage.Run], overstatements: Sequence[Overstatement]) -> Figure:
-    """Draw the ways on each ground, for two of the periods."""
+    """Draw the centre of mass over time on each ground, for two of the wave periods."""
     figure, panels = _wide(2, sharey=False)
     by_period = {each.T_wave_s: each for each in overstatements}
     for axes, T in zip(panels, (2.0, 5.0), strict=True):

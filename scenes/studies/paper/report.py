@@ -58,7 +58,8 @@ PRINTED = {
     6: (0.739210, 4.547915, 6.1524, 1.250650),
     7: (0.534746, 2.023594, 3.7842, 1.021245),
 }
-"""Output of the author's program at T_wave = 2 s, by segments: distance, work, total CoT, true displacement."""
+"""Output of the author's program at T_wave = 2 s, by number of segments: distance [m], work [J], total cost of
+transport [J/m] and true displacement [m]."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Study:
 
 
 def run(out: Path | None, force: bool, quiet: bool) -> int:
-    """Make all runs of the paper, write the study and return the exit code; options as in the command.
+    """Make all runs, write the report and return the exit code. The options are those of the command.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def _movie(run: Run) -> Movie:
 
 
 def report(study: Study, pictures: Mapping[str, Figure | Movie]) -> Report:
-    """Return the report, whose page shows all pictures."""
+    """Return the report. Its page shows all pictures."""
     page = [*_published(study), *_corrected(study), Heading("Figures")]
     page += [Picture(name, name.rpartition(".")[0].replace("_", " ")) for name in pictures]
     return Report(
@@ -174,7 +175,7 @@ def _judged(claims: Sequence[Claim]) -> Items:
 
 
 def _said(study: Study) -> Iterator[Block]:
-    """Yield the tables and the verdicts; the evidence is in the report."""
+    """Yield the printed blocks: the tables and the verdicts. The numbers behind the verdicts are in `report.md`."""
     yield from _tables(study.rows)
     yield from (Heading("The paper's claims"), _verdicts(study.claims))
     yield f"{len(study.differences)} differences between text and program, each with its effect, are in the report."

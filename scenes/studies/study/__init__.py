@@ -1,1 +1,1 @@
-"""Studies: swept scenes, each with a question, and lessons for a designer from the numbers."""
+"""`worm3d study`: sweeps that answer a question, with sentences that tell a designer what the numbers mean."""

@@ -1,4 +1,4 @@
-"""`worm3d study`: list the studies, run one study, or run all studies and write a common report."""
+"""The command `worm3d study`: list the studies, run one study, or run all studies and write a common report."""
 
 from __future__ import annotations
 
@@ -31,24 +31,25 @@ from scenes.sweep.table import Table
 
 REPORT = "report.md"
 ACCURACY, INTEGRATOR = "run.accuracy", "run.integrator"
-"""Keys that decide whether the errors of a case are known."""
+"""Keys of a scene that decide whether a run estimates its errors."""
 CASE_ACCURACY = 0.01
-"""Accuracy of the cases of a study: 0.003 takes twice as long for a third of the error, 0.03 half as long."""
+"""Requested accuracy of the runs of a study. With 0.003, the errors are a third and the runs take twice as long. With
+0.03, the runs take half as long."""
 
 
 def shipped_studies() -> dict[str, Path]:
-    """Return the files of the studies that come with the program, by name."""
+    """Return the files of the studies that ship with the program, by name."""
     return {path.stem: path for path in sorted((SHIPPED_FOLDER / "studies").glob("*.toml"))}
 
 
 def list_studies() -> None:
-    """Name the studies that come with the program, a line each."""
+    """Print the name and the description of each study that ships with the program."""
     for name, path in shipped_studies().items():
         typer.echo(f"{name}  {says(path)}")
 
 
 def run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.Options) -> int:
-    """Run a study, by the name of a study or of any scene with a section [sweep], and return the exit code."""
+    """Run a study and return the exit code. `name` is a shipped study, or any scene with a section [sweep]."""
     return _run(name, overrides, out, options, {})
 
 
@@ -71,9 +72,10 @@ def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.
 
 
 def with_accuracy(scene: str | Path, overrides: Sequence[str]) -> Sequence[str]:
-    """Return the overrides of a study with `run.accuracy` added, so that its cases know their errors.
+    """Return the overrides of a study, with `run.accuracy` added so that its runs estimate their errors.
 
-    `run.accuracy` is left out for a model without this key, and where the scene or its sweep chooses the steps.
+    `run.accuracy` is not added if the model does not have this key, or if the scene or its sweep sets the accuracy or
+    the integrator.
     """
     source = Source.of(scene, overrides)
     base = source.base()
@@ -85,14 +87,15 @@ def with_accuracy(scene: str | Path, overrides: Sequence[str]) -> Sequence[str]:
 
 
 def run_all(out: Path | None, options: sweeps.Options) -> int:
-    """Run all studies that come with the program, each in a folder of its own, and write `report.md` beside them.
+    """Run all shipped studies, each in its own subfolder of `out`, and write `report.md` into `out`.
 
-    A second start on the same folder runs the missing cases. A study with failed cases does not stop the others.
+    If the studies were run in this folder before, only the missing cases run. If cases of a study fail, the other
+    studies still run.
 
     Raises
     ------
     SceneError
-        The folder holds something else, or a study cannot be run.
+        The folder contains other files, or a study cannot be run.
     """
     found: dict[str, Grid] = {}
     if out is not None and out.is_dir() and any(out.iterdir()) and not (options.force or (out / REPORT).is_file()):

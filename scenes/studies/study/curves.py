@@ -1,6 +1,7 @@
-"""Shape of a curve, found from its values and put into a sentence: rising, falling, a peak, a dip, flat, or several.
+"""The shape of a curve, which is computed from its values and described in a sentence.
 
-Values have errors. The difference of two values counts as zero if it is at most the sum of their errors: `apart`.
+A curve is flat, rises, falls, has a peak or a dip, or has several extremes. Values have errors. Two values are called
+level if their difference is at most the sum of their errors, and apart otherwise. A place is the index of a value.
 """
 
 from __future__ import annotations
@@ -15,38 +16,48 @@ from numpy.typing import NDArray
 from worm3d.values.arrays import FloatArray
 
 MAX_FLAT_CHANGE = 0.05
-"""Largest relative change, over the largest magnitude, of a curve that hardly depends on x."""
+"""Largest range of a flat curve, relative to the largest magnitude of its values."""
 RIPPLE = 0.05
-"""Change against the trend, over the whole change, that is ignored: half as much would report the noise of time steps,
-twice as much would miss the dip at half a wavelength."""
+"""Largest change against the trend that is ignored, as a fraction of the range of the curve. With 0.025, errors of the
+time steps would be reported as extremes. With 0.1, the dip at half a wavelength would be missed."""
 NEGLIGIBLE_LOSS = 0.05
-"""Loss relative to the best value that hardly matters."""
+"""Largest relative difference from the best value at which a value counts as nearly the best."""
 AT_END, AT_GAP = "the range ends there", "the values end there"
 
 Told = Callable[[int], str]
-"""Text for a place."""
+"""Function from a place to a text."""
 
 
 def apart(first: Any, second: Any, off: Any, other_off: Any) -> NDArray[np.bool_]:
-    """Return whether values differ by more than the sum of their errors."""
+    """Return whether values differ by more than the sum of their errors `off` and `other_off`."""
     return np.asarray(np.abs(first - second) > off + other_off)
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Turning points of a curve, including the first and the last value."""
+    """Values of a curve and its extremes."""
 
     y: FloatArray
-    """Values, NaN where there is no value."""
+    """Values, shape (X,); NaN if a value is missing."""
     off: FloatArray
-    """Errors of the values; 0 where the error is unknown."""
+    """Errors of the values, shape (X,); 0 if an error is unknown."""
     turns: tuple[int, ...]
-    """Places of the ends and of the extremes between them, without ripples; empty for fewer than two known values."""
+    """Places of the first value, of the extremes that are larger than `RIPPLE`, and of the last value. Empty if fewer
+    than two values are known."""
     flat: bool
+    """Whether the range is at most `MAX_FLAT_CHANGE`, or the largest and the smallest value are level."""
 
     @classmethod
     def of(cls, y: FloatArray, off: FloatArray | None = None) -> Shape:
-        """Return the shape of a curve with values, shape (X,), NaN where there is no value, and errors, shape (X,)."""
+        """Return the shape of a curve.
+
+        Parameters
+        ----------
+        y : ndarray, shape (X,)
+            Values; NaN if a value is missing.
+        off : ndarray, shape (X,), optional
+            Errors of the values; NaN if an error is unknown.
+        """
         known = np.flatnonzero(np.isfinite(y))
         off = np.zeros(len(y)) if off is None else np.nan_to_num(off)
         if len(known) < 2:
@@ -58,7 +69,7 @@ class Shape:
 
     @property
     def kind(self) -> str:
-        """`none`, `flat`, `rises`, `falls`, `peak`, `dip`, or `several` extremes."""
+        """`flat`, `rises`, `falls`, `peak`, `dip` or `several` (extremes); `none` for fewer than two known values."""
         if not self.turns or self.flat:
             return "flat" if self.turns else "none"
         rising = bool(self.y[self.turns[1]] > self.y[self.turns[0]])
@@ -67,22 +78,22 @@ class Shape:
         return ("peak" if rising else "dip") if len(self.turns) == 3 else "several"
 
     def best(self, better: str) -> int:
-        """Return the place of the best value; the largest value if neither `more` nor `less` is better."""
+        """Return the place of the best value: the smallest value if `better` is "less", otherwise the largest value."""
         return int(np.nanargmin(self.y) if better == "less" else np.nanargmax(self.y))
 
     def level(self, place: int) -> list[int]:
-        """Return the places whose values are not apart from the value at a given place, including this place."""
+        """Return the places whose values are level with the value at `place`, including `place` itself."""
         alike = ~apart(self.y, self.y[place], self.off, self.off[place]) & np.isfinite(self.y)
         return [int(k) for k in np.flatnonzero(alike)]
 
     def edge(self, place: int) -> str:
-        """Return how the curve ends beside a place; empty where there are values on both sides."""
+        """Return a text if the curve ends at a place or has no value beside it; empty otherwise."""
         if len(self.y) > 1 and place in (0, len(self.y) - 1):
             return AT_END
         return AT_GAP if np.isnan(self.y[max(0, place - 1) : place + 2]).any() else ""
 
     def near(self, place: int) -> tuple[int, int]:
-        """Return the first and the last place of the range around a place with nearly the same value."""
+        """Return the first and the last place of the range around `place` whose values are nearly the value there."""
         alike = np.abs(self.y - self.y[place]) <= NEGLIGIBLE_LOSS * abs(float(self.y[place]))
         low = high = place
         while low > 0 and alike[low - 1]:
@@ -93,13 +104,17 @@ class Shape:
 
 
 def _resolved(y: FloatArray, off: FloatArray) -> bool:
-    """Return whether the largest and the least value are apart."""
+    """Return whether the largest and the smallest value are apart."""
     most, least = int(np.nanargmax(y)), int(np.nanargmin(y))
     return bool(apart(y[most], y[least], off[most], off[least]))
 
 
 def _turns(y: FloatArray, off: FloatArray, known: np.ndarray, tolerance: float) -> tuple[int, ...]:
-    """Return the places of the ends and of the extremes that exceed both a tolerance and their errors."""
+    """Return the places of the first value, the extremes, and the last value.
+
+    A change of direction counts as an extreme if it exceeds both the tolerance and the errors of the values. `known`
+    has the places of the known values.
+    """
     turns, extreme, way = [int(known[0])], int(known[0]), 0
     for place in map(int, known[1:]):
         ahead, least = float(y[place] - y[extreme]), max(tolerance, float(off[place] + off[extreme]))
@@ -114,17 +129,17 @@ def _turns(y: FloatArray, off: FloatArray, known: np.ndarray, tolerance: float) 
 
 
 def sentence(shape: Shape, what: str, along: str, x: Told, told: Told, better: str = "") -> str:
-    """Return a sentence on a curve, without the final stop.
+    """Return a sentence that describes a curve, without the final full stop.
 
     Parameters
     ----------
     shape : Shape
     what, along : str
-        Words for the values and for x.
+        Names of y and of x in the sentence.
     x, told : callable
-        Text of the value of x at a place, and of the value of y there, with its error.
+        Functions from a place to the text of x there, and to the text of y there with its error.
     better : str
-        `more` or `less`; empty if neither.
+        "more" or "less", depending on which values of y are better; empty if neither.
     """
     y = shape.y
     at = [f"{told(k)} at {x(k)}" for k in shape.turns]
@@ -157,14 +172,14 @@ def _unresolved(shape: Shape) -> str:
 
 
 def _best(shape: Shape, x: Told, better: str) -> str:
-    """Return the place of the best value, and the places whose values are level with the best value."""
+    """Return a text with the value of x at the best value, and at the values that are level with it."""
     best = shape.best(better)
     level = [x(k) for k in shape.level(best) if k != best]
     return x(best) + (f", level with {', '.join(level)}" if level else "")
 
 
 def factor(y: FloatArray, shape: Shape) -> str:
-    """Return the change of a value from the first to the last place, in brackets."""
+    """Return a text in brackets with the relative change or the ratio between the first and the last value."""
     first, last = float(y[shape.turns[0]]), float(y[shape.turns[-1]])
     if first * last <= 0.0 or first == last:
         return ""
@@ -175,7 +190,7 @@ def factor(y: FloatArray, shape: Shape) -> str:
 
 
 def _early(shape: Shape, x: Told) -> str:
-    """Return the place where most of a rise or fall is reached, if this place is in the first two thirds."""
+    """Return a text with x where 90 % of a rise or fall is reached; empty if this is in the last third of the curve."""
     begin, end = shape.turns
     change = (shape.y[begin : end + 1] - shape.y[begin]) / (shape.y[end] - shape.y[begin])
     place = begin + int(np.nanargmax(change >= 0.9))

@@ -1,4 +1,4 @@
-"""The figure of a study: one panel for each quantity, with curves, bars or a map."""
+"""The figure of a study, with one panel for each view: curves, bars or a map."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from scenes.sweep.figures import FAILED_MARKER, colours, edges, is_logarithmic
 from worm3d.values.arrays import FloatArray
 
 PANEL = (4.2, 3.4)
-"""Size of a panel [inch]."""
+"""Width and height of a panel [inch]."""
 HATCHES = ("///", "\\\\\\", "...")
 MARKERS = "os^Dv<>ph*X"
 
@@ -51,7 +51,7 @@ def draw(grid: Grid) -> Figure:
 
 
 def _errors(view: View) -> str:
-    """Return the errors of the values of a panel as text; empty where no error is known."""
+    """Return a text with the errors of the values of a panel; empty if no error is known."""
     known = view.off[np.isfinite(view.off) & np.isfinite(view.values)]
     return f"errors: median {np.median(known):.1g}, largest {known.max():.1g}" if known.size else ""
 
@@ -118,26 +118,26 @@ def _map(axes: Axes, grid: Grid, view: View) -> None:
 
 
 def _colours(values: FloatArray) -> dict[str, Any]:
-    """Return the colours of a map, based on the values that count."""
+    """Return the options for the colours of a map, for the range of the given values."""
     if not _spans_much(values):
         return colours(_without_faint(values))
     return {"cmap": "viridis", "norm": LogNorm(float(np.nanmin(values)), float(np.nanmax(values)))}
 
 
 def _spans_much(values: FloatArray) -> bool:
-    """Return whether values span a factor above 20, and are therefore better seen on a logarithmic scale."""
+    """Return whether values need a logarithmic scale, because all are positive and span a factor above 20."""
     known = values[np.isfinite(values)]
     return bool(known.min() > 0.0 and known.max() > 20.0 * known.min())
 
 
 def _without_faint(values: FloatArray) -> FloatArray:
-    """Return values with 0 for negative values, if these are at most a twentieth of the largest value."""
+    """Return the values, with negative values replaced by 0 if their magnitude is at most 5 % of the largest value."""
     known = values[np.isfinite(values)]
     return np.maximum(values, 0.0) if -known.min() <= 0.05 * known.max() else values
 
 
 def _plain_ticks(axes: Axes, which: str) -> None:
-    """Write numbers, not powers of ten, along a logarithmic axis."""
+    """Label a logarithmic axis with plain numbers instead of powers of ten."""
     axis = getattr(axes, f"{which}axis")
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -145,7 +145,7 @@ def _plain_ticks(axes: Axes, which: str) -> None:
 
 
 def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None:
-    """Label an axis and its values, without overlaps; the axis is logarithmic if the values are."""
+    """Label an axis and its values without overlap. The axis is logarithmic if the values are spaced so."""
     distinct = np.unique(values)
     if is_logarithmic(distinct):
         getattr(axes, f"set_{which}scale")("log")
@@ -156,7 +156,7 @@ def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None
 
 
 def _apart(places: FloatArray) -> Iterator[int]:
-    """Yield the values of an axis, ten at most, that can be labelled without overlap."""
+    """Yield the indices of at most ten values of an axis whose labels do not overlap."""
     last = -np.inf
     for k, place in enumerate(places):
         if place - last >= np.ptp(places) / 9.0:

@@ -1,7 +1,8 @@
-"""Lessons of a study for a designer: sentences that follow from the figures of its cases, and from their errors.
+"""Lessons of a study: sentences for a designer, which are computed from the figures of the cases and their errors.
 
-Two values that differ by at most the sum of their errors are a tie, and the sentence says so. If the best value is at
-the end of a range, the sentence says so. Cases that are marked or have aliased waves cannot be best.
+A figure is a number from the summary of a run. Two values are level if they differ by at most the sum of their errors;
+then neither is called better. If the best value is at the end of a range, the sentence says so. Marked cases, which
+include cases with aliased waves, are never called best. A place is an index along an axis of the study.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from scenes.studies.study.view import Axis, View
 from worm3d.values.arrays import FloatArray
 
 VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}
-"""Shapes of a curve that mean yes and no."""
+"""For each expected shape of a curve: the shape that means yes, and the shape that means no."""
 MOST_LEVEL = 3
-"""Largest number of named cases that are level with the best case."""
+"""Largest number of cases that are listed as level with the best case."""
 TIES = "; '=' joins those that are no further apart than their errors"
 
 
 def answers(grid: Grid) -> Iterator[str]:
-    """Yield the answer to a study's yes-or-no question: a sentence for each deciding figure and each curve."""
+    """Yield the answers to a study's yes-or-no question, a sentence for each figure in `yes` and for each curve."""
     for name, way in grid.asked.yes.items():
         better = grid.asked.measures.get(name, "")
         for view in judged(grid):
@@ -44,7 +45,7 @@ def _verdict(shape: Shape, way: str, better: str) -> str:
 
 
 def lessons(grid: Grid) -> Iterator[str]:
-    """Yield the lessons of a study, a sentence each: the shape of each figure along each curve, then the best cases."""
+    """Yield the sentences of a study: first on the shapes of the curves, then on the best cases."""
     if grid.x.is_number:
         shown = set(range(len(grid.curves)))
         if len(shown) > MOST_CURVES:
@@ -57,14 +58,14 @@ def lessons(grid: Grid) -> Iterator[str]:
 
 
 def judged(grid: Grid) -> Iterator[View]:
-    """Yield the figures of a study without the cases that cannot be best."""
+    """Yield the views of a study without the cases that cannot be best."""
     left_out = grid.left_out()
     for view in grid.views():
         yield view.without(left_out)
 
 
 def verdicts(grid: Grid) -> Iterator[str]:
-    """Yield the marked and failed cases, and the best cases; marked cases are not recommended."""
+    """Yield sentences on marked cases, on the best cases, on unknown errors, and on failed cases."""
     for name, marked in grid.marked().items():
         yield _extent(grid, name, marked)
     for view in judged(grid):
@@ -99,7 +100,7 @@ def _most(view: View) -> str:
 
 
 def _ranking(grid: Grid, view: View) -> Iterator[str]:
-    """Yield the ranking of names, best first."""
+    """Yield, for each curve, a sentence that lists the names on the x axis from the best to the worst."""
     for c, curve in enumerate(grid.curves):
         known = np.flatnonzero(np.isfinite(view.values[:, c])).tolist()
         none = [grid.x.told(k) for k in range(len(view.values)) if k not in known]
@@ -110,7 +111,10 @@ def _ranking(grid: Grid, view: View) -> Iterator[str]:
 
 
 def _ordered(view: View, items: Sequence[tuple[int, int, str]]) -> str:
-    """Return texts of cases, each with its places, best first; `=` joins texts of cases that are not apart."""
+    """Return the texts of cases from the best to the worst, where `=` joins neighbours that are level.
+
+    Each item has the place along x, the index of the curve, and the text of a case.
+    """
     sign = 1.0 if view.measure.better == "less" else -1.0
     order = sorted(items, key=lambda each: sign * float(view.values[each[:2]]))
     told, tied = "", False
@@ -127,7 +131,7 @@ def _apart(view: View, first: tuple[int, int], second: tuple[int, int]) -> bool:
 
 
 def _each(grid: Grid, view: View) -> str:
-    """Return the best value of each named curve with its place, the best curve first."""
+    """Return a sentence with the best value of each curve and the x where it is reached, the best curve first."""
     found = []
     for c, curve in enumerate(grid.curves):
         if np.isfinite(view.values[:, c]).any():
@@ -138,7 +142,7 @@ def _each(grid: Grid, view: View) -> str:
 
 
 def _moving(grid: Grid, view: View) -> str:
-    """Return the place of the best value of each curve, or of each row of a map."""
+    """Return a sentence with the x of the best value for each curve or each row of a map."""
     assert grid.other is not None
     runs: list[tuple[str, list[int]]] = []
     for c in range(len(grid.curves)):
@@ -155,7 +159,10 @@ def _moving(grid: Grid, view: View) -> str:
 
 
 def _best_place(axis: Axis, shape: Shape, best: int, *, near: bool = False) -> str:
-    """Return a best place along x, the places that are level or `near`, and whether the range ends there."""
+    """Return a text with the x of the best value, the x of values level with it, and whether the range ends there.
+
+    With `near`, the text also has the range of x whose values are nearly the best.
+    """
     level = [k for k in shape.level(best) if k != best]
     said = [f"level with {_runs(axis, level)}"] if level else []
     low, high = shape.near(best)
@@ -165,7 +172,7 @@ def _best_place(axis: Axis, shape: Shape, best: int, *, near: bool = False) -> s
 
 
 def _overall(grid: Grid, view: View) -> str:
-    """Return the best curve, and the places where this curve is best."""
+    """Return a sentence with the curve that is best at most places, and these places."""
     rows = [k for k in range(len(view.values)) if np.isfinite(view.values[k]).any()]
     level = np.array([_level_with_best(view, view.values[k], view.off[k]) for k in rows])
     alone = level & (level.sum(axis=1) == 1)[:, None]
@@ -179,14 +186,14 @@ def _overall(grid: Grid, view: View) -> str:
 
 
 def _level_with_best(view: View, values: FloatArray, off: FloatArray) -> NDArray[np.bool_]:
-    """Return which values of a figure are not apart from the best value; the result has the shape of the values."""
+    """Return whether each value is level with the best value, in an array with the shape of the values."""
     off, known = np.nan_to_num(off), np.isfinite(values)
     best = int(np.nanargmin(values) if view.measure.better == "less" else np.nanargmax(values))
     return np.asarray(known & ~apart(values, values.flat[best], off, off.flat[best]))
 
 
 def _best_of_all(grid: Grid, view: View) -> str:
-    """Return the best case, the cases that are level with the best case, and the ranges that end there."""
+    """Return a text with the best case, the cases that are level with it, and the ranges at whose ends it lies."""
     pick = np.nanargmin if view.measure.better == "less" else np.nanargmax
     x, c = map(int, np.unravel_index(int(pick(view.values)), view.values.shape))
     told = f"best of all is {view.told(x, c)} at {_case(grid, x, c)}"
@@ -206,7 +213,7 @@ def _best_of_all(grid: Grid, view: View) -> str:
 
 
 def _at_end(axis: Axis, place: int) -> bool:
-    """Return whether a place holds the least or the greatest of several numbers of an axis."""
+    """Return whether the value at a place is the smallest or the largest of several values of an axis."""
     values = axis.varied.values
     return len(values) > 1 and values[place] in (min(values), max(values))
 
@@ -220,7 +227,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _elsewhere(grid: Grid) -> Iterator[str]:
-    """Yield the best cases at the other values of `by`, a sentence for each figure."""
+    """Yield sentences on the best cases at the other values of the axis `by`, a sentence for each figure."""
     if not grid.x.is_number:
         return
     for measure in grid.measures:
@@ -234,7 +241,7 @@ def _elsewhere(grid: Grid) -> Iterator[str]:
 
 
 def _unknown(grid: Grid) -> Iterator[str]:
-    """Yield the figures without errors, and the number of cases that are left out because their error is unknown."""
+    """Yield sentences on figures whose errors are unknown, and on cases that are left out for this reason."""
     without = [measure.words for measure in grid.measures if not np.isfinite(grid.errors(measure.name)).any()]
     if without:
         yield f"What steps in time put the {_listed(without)} off by is not known."
@@ -245,7 +252,7 @@ def _unknown(grid: Grid) -> Iterator[str]:
 
 
 def _extent(grid: Grid, name: str, marked: NDArray[np.bool_]) -> str:
-    """Return a sentence on the cases that have a property."""
+    """Return a sentence on the cases with the marked property `name`. `marked` has a shape of (X, C)."""
     if not marked.any():
         return f"In no case: {name}."
     rows: dict[str, list[int]] = {}
@@ -257,7 +264,7 @@ def _extent(grid: Grid, name: str, marked: NDArray[np.bool_]) -> str:
 
 
 def _places(axis: Axis, places: Sequence[int]) -> str:
-    """Return places along an axis as text, with consecutive places as ranges."""
+    """Return a text with the values at places along an axis, where consecutive places are joined to ranges."""
     return f"every {axis.words}" if len(places) == len(axis.varied.values) else _runs(axis, places)
 
 
@@ -272,7 +279,7 @@ def _runs(axis: Axis, places: Sequence[int]) -> str:
 
 
 def _curves(grid: Grid, curves: Sequence[int]) -> str:
-    """Return the names of curves, with numbers as ranges; empty if there is only one curve."""
+    """Return a text with the names of curves, where consecutive numbers are joined; empty without a second axis."""
     if grid.other is None:
         return ""
     if not grid.other.is_number:

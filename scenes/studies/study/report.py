@@ -1,4 +1,4 @@
-"""Reports of studies in Markdown: one study, or a common report that answers the questions of several studies."""
+"""Reports of studies in Markdown: the report of one study, and the common report of several studies."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def document(grid: Grid) -> str:
 
 
 def numbers(grid: Grid) -> bytes:
-    """Return the figures of all cases, the errors of the figures, and whether the case is marked, as CSV."""
+    """Return a CSV table with the figures of all cases, their errors, and the marked properties of each case."""
     places = range(len(grid.by.varied.values)) if grid.by is not None else range(1)
     axes = [axis for axis in (grid.x, grid.other, grid.by) if axis is not None]
     names = [name for each in grid.measures for name in (each.name, f"{each.name}_off")]
@@ -43,12 +43,12 @@ def numbers(grid: Grid) -> bytes:
 
 
 def _at(grid: Grid, x: int, curve: int, by: int) -> list[int]:
-    """Return the places of a case along the existing axes."""
+    """Return the places of a case along the axes that the study has, in the order x, second axis, `by`."""
     return [x, *([curve] if grid.other is not None else []), *([by] if grid.by is not None else [])]
 
 
 def together(grids: Mapping[str, Grid]) -> str:
-    """Return the report of several studies by name; the picture of each study lies in a folder of the same name."""
+    """Return the common report of several studies by name. The figure of each study is in a folder with its name."""
     blocks: list[Block] = [Heading("What the studies tell", 1), "Each sentence follows from the numbers of the runs."]
     for name, grid in grids.items():
         if grid.asked.question:

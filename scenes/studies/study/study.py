@@ -1,4 +1,7 @@
-"""A study: the questions of a scene's section [study] about its sweep, and the figures of the cases along the axes."""
+"""A study: the cases of a sweep along its axes, with the figures that the scene's section [study] names.
+
+A figure is a number from the summary of a run, such as the speed. A place is an index along an axis.
+"""
 
 from __future__ import annotations
 
@@ -25,31 +28,36 @@ from worm3d.values.metrics import METRIC_ROUNDING, named
 from worm3d.values.spelling import did_you_mean
 
 MOST_CURVES = 5
-"""Largest number of curves for the values of a second number, and largest number of curves that are described one by
-one; more numbers make a map."""
+"""Largest number of values of a second numeric axis that are drawn as curves; with more values the figure is a map. It
+is also the largest number of curves that are described one by one."""
 RELATIVE_ROUNDING = 1e-9
-"""Magnitude of a figure that counts as rounding, over the largest magnitude in the study."""
+"""Values of a figure below this fraction of its largest magnitude in the study are rounding errors and count as 0."""
 IMAGE = f"the wave is aliased (at most {ALIASED:.1f} segments long)"
-"""Mark of cases whose segments cannot carry their wave."""
+"""Mark of cases whose wave is too short for their segments."""
 PERIOD = "gait.period_s"
-"""Key of the time scale of inertia and lags in a gait: sentences name the value if all cases have the same value."""
+"""Key of the period of the gait. The sentences name the period if it is the same in all cases, because inertia and lags
+make the results depend on it."""
 DEFAULT: Mapping[str, Any] = {"mean_speed_m_s": "more", "cost_of_transport": "less"}
-"""Default figures of a study, and whether more or less of each is better."""
+"""Figures of a study that names none, and whether more or less of each is better."""
 
 
 def _words(varied: Varied) -> str:
-    """Return the last part of a key, without its unit, in words."""
+    """Return the last part of a key as words, without its unit."""
     return varied.key.split(".")[-1].removesuffix("_" + varied.unit.replace("/", "_")).replace("_", " ")
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Cases of a study along an axis x (X values), a second axis (C curves, or rows of a map), and maybe a third axis.
+    """Cases of a study along its axes.
+
+    The first axis x has X values. The second axis has C values, which are shown as curves or as rows of a map; C is 1
+    if there is no second axis. The optional axis `by` serves to compare cases at equal figures.
 
     Raises
     ------
     SceneError
-        The sweep is no grid of one or two axes (three with `by`), or the study names something that does not exist.
+        The sweep is not a grid of one or two axes besides `by`, or the study names a key or a figure that does not
+        exist.
     """
 
     scene: Scene
@@ -73,7 +81,7 @@ class Grid:
 
     @cached_property
     def by(self) -> Axis | None:
-        """Axis for the comparison of cases at equal figures."""
+        """The axis along which figures are interpolated to compare cases at equal figures; None if there is none."""
         axis = next((each for each in self._axes if each.varied.key == self.asked.by), None)
         if self.asked.by and axis is None:
             raise SceneError(f"study.by: got '{self.asked.by}', must be one of the varied keys")
@@ -97,17 +105,17 @@ class Grid:
 
     @property
     def x(self) -> Axis:
-        """The first axis: a number, if there is one."""
+        """The first axis. If one of the two axes is numeric, it is a numeric axis."""
         return self._roles[0]
 
     @property
     def other(self) -> Axis | None:
-        """The second axis."""
+        """The second axis; None if there is none."""
         return self._roles[1]
 
     @property
     def is_map(self) -> bool:
-        """Whether both axes are numbers with many values."""
+        """Whether the figure is a map: the second axis is numeric and has more than `MOST_CURVES` values."""
         other = self.other
         return other is not None and other.is_number and len(other.varied.values) > MOST_CURVES
 
@@ -122,7 +130,7 @@ class Grid:
         return f"{self.other.words} {told}" if self.other.is_number else told
 
     def views(self) -> Iterator[View]:
-        """Yield the figures of the study: first the plain figures, then costs at equal figures."""
+        """Yield the views of the study: first all figures as computed, then costs at equal values of another figure."""
         for measure in self.measures:
             yield self.view(measure)
         for figure, target in self.asked.equal.items():
@@ -139,12 +147,16 @@ class Grid:
         return View(where, measure, self.values(measure.name, place), self.errors(measure.name, place))
 
     def values(self, name: str, place: int | None = None) -> FloatArray:
-        """Return a figure at a place along `by` (default: the scene's), shape (X, C); NaN for none, 0 for rounding."""
+        """Return the values of a figure, shape (X, C).
+
+        `place` is a place along `by`; without it, the place of the scene's own value is used. A missing value is NaN,
+        and a value that is only a rounding error is 0.
+        """
         column = self._column(name)
         return self._at(np.where(np.abs(column) < self._least(name), 0.0, column), place)
 
     def errors(self, name: str, place: int | None = None) -> FloatArray:
-        """Return the errors of `values` due to the time steps, shape (X, C); NaN where an error is unknown."""
+        """Return the errors of `values` that are caused by time steps, shape (X, C); NaN if an error is unknown."""
         column = self._errors(name)
         return rounded(self._at(np.where(column < self._least(name), 0.0, column), place))
 
@@ -152,21 +164,22 @@ class Grid:
         return self.table.errors.get(name, np.full(len(self.table), np.nan))
 
     def _least(self, name: str) -> float:
-        """Return the least magnitude of a figure that does not count as rounding."""
+        """Return the magnitude of a figure below which a value counts as a rounding error."""
         known = np.abs(self._column(name))
         largest = float(known[np.isfinite(known)].max(initial=0.0))
         return max(METRIC_ROUNDING.get(named(name)[1], 0.0), RELATIVE_ROUNDING * largest)
 
     def _at(self, column: NDArray[Any], place: int | None) -> NDArray[Any]:
-        """Return a column of the table at a place along `by`, or at the scene's own value, shape (X, C)."""
+        """Return a column of the table at a place along `by`, shape (X, C); by default at the scene's own value."""
         return self._cube(column)[..., self._own if place is None else place]
 
     def equal_values(self, name: str, figure: str, target: float) -> tuple[FloatArray, FloatArray]:
-        """Return a figure at a given value of another figure, interpolated linearly along `by`, and its error.
+        """Return the figure `name` where another figure has the value `target`, and its errors, each of shape (X, C).
 
-        Both have the shape (X, C). If several places reach the given value, the least counts; NaN if no place does.
-        Let a figure y be interpolated at a share s of the way from a case 1 to a case 2, where the figure x has the
-        given value. The error of y is then at most (1 - s) dy1 + s dy2 + |dy/dx| ((1 - s) dx1 + s dx2).
+        Both figures are interpolated linearly between neighbouring places along `by`. If the other figure has the
+        target value at several places, the smallest value of `name` is returned. If it has the target value nowhere,
+        the result is NaN. Let y be interpolated between the cases 1 and 2 with the weights 1 - s and s so that x has
+        its target value. The error of y is then at most (1 - s) dy1 + s dy2 + |dy/dx| ((1 - s) dx1 + s dx2).
         """
         given, wanted = self._cube(self._column(figure)), self._cube(self._column(name))
         if given.shape[-1] < 2:
@@ -189,7 +202,10 @@ class Grid:
         return self._at(self.table.failed, None)
 
     def marked(self, place: int | None = None) -> dict[str, NDArray[np.bool_]]:
-        """Return which cases have each property that the study marks, shape (X, C); `place` as in `values`."""
+        """Return, for each property that the study marks, whether each case has it, shape (X, C).
+
+        `place` is as in `values`.
+        """
         found = {}
         with np.errstate(invalid="ignore"):
             for name, formula in self.asked.marked.items():
@@ -198,7 +214,7 @@ class Grid:
         return found | ({IMAGE: aliased} if aliased.any() else {})
 
     def left_out(self, place: int | None = None) -> NDArray[np.bool_]:
-        """Return whether each case is marked and thus cannot be best, shape (X, C); `place` as in `values`."""
+        """Return whether each case is marked, so that it cannot be best, shape (X, C). `place` is as in `values`."""
         return np.asarray(np.any([np.zeros_like(self.failed), *self.marked(place).values()], axis=0))
 
     @cached_property
@@ -211,32 +227,32 @@ class Grid:
 
     @property
     def own(self) -> str:
-        """Conditions of the figures that are not at equal figures."""
+        """Text with the scene's own value of `by` and the common period of the gait."""
         return self.at(self._own)
 
     def at(self, place: int) -> str:
-        """Return the value of `by` at a place, and the period of the gait where no key changes the period."""
+        """Return a text with the value of `by` at a place, and with the period of the gait if all cases share it."""
         said = [] if self.by is None else [f"{self.by.words} {self.by.told(place)}"]
         return ", ".join([*said, *self._period])
 
     @property
     def _period(self) -> list[str]:
-        """The period of the gait in words; empty where the period differs between cases."""
+        """A text with the period of the gait, in a list that is empty if the period differs between cases."""
         period = None if PERIOD in self._given else value_at(self.scene.settings, PERIOD, None)
         return [] if period is None else [f"period {period:g} s"]
 
     @property
     def elsewhere(self) -> list[int]:
-        """Places along `by` other than the scene's own."""
+        """Places along `by` other than the place of the scene's own value."""
         return [] if self.by is None else [k for k in range(len(self.by.varied.values)) if k != self._own]
 
     @cached_property
     def _given(self) -> set[str]:
-        """Keys that differ between cases, or that follow from such keys."""
+        """Keys that the sweep sets: keys that differ between cases, or that follow from such keys by a formula."""
         return {*given_keys(self.scene.sweep), *(each.varied.key for each in self._axes)}
 
     def _cube(self, column: NDArray[Any]) -> NDArray[Any]:
-        """Return a column of the table along x, the second axis, and `by`; a missing axis has length 1."""
+        """Return a column of the table with the axes x, second axis and `by`; a missing axis has length 1."""
         dims = list(self.table.design.sizes)
         wanted = [axis.varied.dim for axis in (*self._roles, self.by) if axis is not None]
         cube = column.reshape(list(self.table.design.sizes.values())).transpose([dims.index(dim) for dim in wanted])

@@ -1,4 +1,4 @@
-"""Names and text forms of the figures of a study: axes, figures of the summary, views of them."""
+"""Axes, figures and values of a study, and the texts by which a report describes them."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from worm3d.values.metrics import rounded_up, with_error, written
 
 @dataclass(frozen=True)
 class Axis:
-    """A varied key in the words of a report."""
+    """An axis of a study: a varied key, and its name in reports."""
 
     varied: Varied
     words: str
 
     @property
     def unit(self) -> str:
-        """Unit, empty for a pure number and for names."""
+        """Unit of the values; empty for dimensionless values and for names."""
         return "" if self.varied.unit == "1" else self.varied.unit
 
     @property
     def label(self) -> str:
-        """Words and unit."""
+        """Name and unit."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
     @property
@@ -36,7 +36,7 @@ class Axis:
         return is_numeric(self.varied)
 
     def told(self, *places: int) -> str:
-        """Return a value with its unit, or a range from a first to a last value."""
+        """Return a text with the value at one place, or with the range between two places, and the unit."""
         values = [cell(self.varied.values[place]) for place in places]
         words = " to ".join(f"{value:.3g}" if isinstance(value, int | float) else str(value) for value in values)
         return f"{words} {self.unit}".strip()
@@ -44,17 +44,17 @@ class Axis:
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure of the summary in the words of a report."""
+    """A figure, a number from the summary of a run, and its name in reports."""
 
     name: str
     words: str
     unit: str
     better: str
-    """`more` or `less`, depending on which is better; empty if neither is."""
+    """Which values are better: "more" for larger values, "less" for smaller values, or empty."""
 
     @property
     def label(self) -> str:
-        """Words and unit."""
+        """Name and unit."""
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
     def told(self, value: float) -> str:
@@ -63,29 +63,32 @@ class Measure:
 
 
 def rounded(off: FloatArray) -> FloatArray:
-    """Return errors rounded as in print, so that level values are level in print too."""
+    """Return errors rounded up as in reports, so that values that are level by their errors also look level there."""
     return np.array([rounded_up(each) for each in off.ravel().tolist()]).reshape(off.shape)
 
 
 @dataclass(frozen=True)
 class View:
-    """A figure of the cases, either plain or at equal values of another figure."""
+    """Values of a figure in all cases, for X values of the first axis and C values of the second axis.
+
+    The values are either taken from the runs, or interpolated so that another figure is the same in all cases.
+    """
 
     where: str
-    """Conditions of the view in words; empty if there is nothing to say."""
+    """Text with the conditions under which the values hold; may be empty."""
     measure: Measure
     values: FloatArray
-    """Shape (X, C), NaN where a case has no value."""
+    """Shape (X, C); NaN if a case has no value."""
     off: FloatArray
-    """Errors of the values, shape (X, C), NaN where an error is unknown."""
+    """Errors of the values, shape (X, C); NaN if an error is unknown."""
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        """Whether a case has a value with an unknown error, although other cases have known errors, shape (X, C)."""
+        """Whether a case has a value with an unknown error while other cases have known errors, shape (X, C)."""
         return np.asarray(np.isfinite(self.values) & ~np.isfinite(self.off) & np.isfinite(self.off).any())
 
     def without(self, left_out: NDArray[np.bool_]) -> View:
-        """Return the view without some cases, shape (X, C), and without the `unknown` cases."""
+        """Return the view with NaN for the cases in `left_out`, shape (X, C), and for the cases in `unknown`."""
         return replace(self, values=np.where(left_out | self.unknown, np.nan, self.values))
 
     def told(self, x: int, curve: int) -> str:

@@ -1,1 +1,1 @@
-"""`worm3d study technologies`: the worm of a scene on each actuator technology: speed, cost and limit."""
+"""`worm3d study technologies`: the speed, cost and limit of the worm of a scene with each actuator technology."""

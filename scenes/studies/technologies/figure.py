@@ -18,7 +18,7 @@ LIMIT_COLOURS = {"speed": "C0", "force": "C3", "stroke": "C1", "heat": "C5", ALL
 MEANINGS = {"speed": "too slow", "force": "too weak", "stroke": "too short", "heat": "too warm", ALL: "all together"}
 STYLES = ("-", "--", ":")
 BELOW: Mapping[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.12), "fontsize": 8}
-"""Place of a legend: under the axes, where the legend hides nothing."""
+"""Options of legends: they are placed under the axes, where they do not cover the curves."""
 
 
 def draw(bench: Bench, verdicts: Sequence[Verdict]) -> Figure:

@@ -1,4 +1,8 @@
-"""The limit of a worm on a technology, found by removing one limit after the other, and reported in a sentence."""
+"""The limits of a worm with an actuator technology, and sentences that report them.
+
+The possible limits of an actuator are its speed, force, stroke and heat. A run without one of these limits shows how
+much the limit slows the worm down.
+"""
 
 from __future__ import annotations
 
@@ -12,32 +16,33 @@ from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
 MOVES = 0.002
-"""Least way in a period of a moving worm [BL]."""
+"""Distance per period [body lengths, BL] above which a worm counts as moving."""
 
 ALL = "all"
-"""Name of the run without any limit."""
+"""Name of the run in which all limits are removed."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Results of a worm on a technology."""
+    """Results of the runs of a worm with one technology. N is the number of segments."""
 
     kind: str
     acting: Technology
+    """The actuators."""
     area: FloatArray
-    """Cross-section of the actuator of a chamber, shape (N,) [m^2]."""
+    """Cross-section of the actuator of each segment's chambers, shape (N,) [m^2]."""
     asked: float
-    """Swing of the contraction that the gait commands."""
+    """Range of the contraction that the gait commands, as a fraction of a chamber's length."""
     own: Trial
     """Run with the scene's gait."""
     periods: tuple[Trial, ...]
     """Runs at other periods."""
     without: dict[str, Trial] = field(default_factory=dict)
-    """Runs with the scene's gait and without one limit, by the limit; `ALL`: without any limit."""
+    """Runs with the scene's gait in which a limit is removed, by the name of the limit, and `ALL` without any limit."""
 
     @property
     def best(self) -> Trial:
-        """The fastest run of all periods."""
+        """The run with the highest speed among all periods."""
         ran = [trial for trial in self.periods if np.isfinite(trial.speed)]
         return max(ran, key=lambda trial: trial.speed, default=self.own)
 
@@ -48,17 +53,17 @@ class Verdict:
 
     @property
     def drawn(self) -> float:
-        """Cost of transport of the energy drawn; NaN if the worm does not move."""
+        """Cost of transport by the energy that the actuators draw; NaN if the worm does not move."""
         return self.own.drawn if self.moves else math.nan
 
     @property
     def given(self) -> float:
-        """Cost of transport of the work on the worm; NaN if the worm does not move."""
+        """Cost of transport by the work that the actuators do on the worm; NaN if the worm does not move."""
         return self.own.given if self.moves else math.nan
 
     @property
     def efficiency(self) -> float:
-        """Work on the worm over the energy drawn; NaN if not all of the energy is counted."""
+        """Work on the worm divided by the energy drawn; NaN if the model does not count all of this energy."""
         return math.nan if self.acting.uncounted else self.given / self.drawn
 
     @property
@@ -68,22 +73,25 @@ class Verdict:
 
     @property
     def blocking(self) -> float:
-        """Blocking force of the smallest actuator [N]."""
+        """Smallest blocking force of an actuator [N]."""
         return float(np.min(self.acting.stress * self.area / self.acting.lever))
 
     @property
     def idle(self) -> float:
-        """Power that all drives draw in every state [W]."""
+        """Power that all drives together draw even without motion [W]."""
         return self.acting.idle * 2.0 * len(self.area)
 
     @property
     def stroke(self) -> float:
-        """Smallest free stroke, as a fraction of a chamber's length."""
+        """Smallest stroke of an unloaded actuator, as a fraction of a chamber's length."""
         return min(float(np.min(self.acting.strain * np.asarray(self.acting.lever))), MOST_STROKE)
 
     @property
     def limit(self) -> str:
-        """The limit whose removal makes the worm fastest; empty if none counts, `ALL` if only all together count."""
+        """The limit whose removal makes the worm fastest, if the worm is then faster by more than 5 %.
+
+        It is `ALL` if this is true only when all limits are removed together, and empty otherwise.
+        """
         ran = {name: trial.speed for name, trial in self.without.items() if np.isfinite(trial.speed)}
         single = {name: speed for name, speed in ran.items() if name != ALL}
         name = max(single, key=lambda each: single[each], default="")
@@ -93,16 +101,16 @@ class Verdict:
 
     @property
     def limit_or_none(self) -> str:
-        """The limit; `-` if there is none."""
+        """The limit, or "-" if there is no limit."""
         return self.limit or "-"
 
     def _counts(self, speed: float) -> bool:
-        """Whether a limit counts: the worm without it moves, and is faster by more than 5 %."""
+        """Return whether a limit matters: without it, at the given speed, the worm is more than 5 % faster."""
         return bool(speed * self.own.period > max(MOVES, 1.05 * self.own.stride))
 
     @property
     def sentence(self) -> str:
-        """Conclusion from the runs."""
+        """A sentence with the speed and the limit of the technology."""
         if self.own.why:
             return f"{self.kind}: the run did not come to its end: {self.own.why}"
         name, speed = self.limit, f"{self.own.speed:.2g} BL/s with the gait of the scene"
@@ -148,7 +156,7 @@ class Verdict:
 
 
 def judged(bench: Bench, kind: str) -> Verdict:
-    """Return the verdict on a technology, from a dozen runs."""
+    """Run the worm about a dozen times with a technology, and return the results."""
     acting, area, _ = bench.technology(kind)
     own, limits = bench.run(kind), lifted(bench, kind)
     periods = tuple(own if f == 1.0 else bench.run(kind, f * bench.period) for f in FACTORS)

@@ -1,4 +1,7 @@
-"""`worm3d study technologies`: run the worm of a scene on each technology; a table, sentences, sources and a figure."""
+"""The command `worm3d study technologies`: run the worm of a scene with each technology, and write the report.
+
+The report has a table, sentences on the limits, the sources of all numbers, and a figure.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ def run(
     Raises
     ------
     SceneError
-        The scene has no worm with a gait, a technology is unknown, or the folder cannot be used.
+        The scene has no 3D worm with a gait, a technology is unknown, or the folder cannot be used.
     """
     if unknown := [kind for kind in only if kind not in TECHNOLOGIES]:
         raise SceneError(f"--only: got {unknown[0]!r}, must be one of {', '.join(TECHNOLOGIES)}")
@@ -62,7 +65,7 @@ def run(
 
 
 def report(bench: Bench, verdicts: Sequence[Verdict]) -> Report:
-    """Return the report of some technologies."""
+    """Return the report on technologies, given their results."""
     from scenes.studies.technologies.figure import draw  # imports matplotlib
 
     return Report(
@@ -92,7 +95,7 @@ def _page(bench: Bench, verdicts: Sequence[Verdict]) -> Iterator[Block]:
 
 
 def conclusion(verdicts: Sequence[Verdict]) -> str:
-    """Return the fastest and the most economical technology, and the costs that the numbers leave out."""
+    """Return a text with the fastest and the most economical technology, and the energy that is not counted."""
     moving = [each for each in verdicts if each.moves]
     if not moving:
         return "None of them moves this worm with this gait."

@@ -1,4 +1,4 @@
-"""Runs of a scene's worm on one technology: with the scene's gait, at other periods, and without one of the limits."""
+"""Runs of a scene's worm with one technology: with the scene's gait, at other periods, and with limits removed."""
 
 from __future__ import annotations
 
@@ -19,43 +19,47 @@ from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
 MIN_RUN_PERIODS = 6
-"""Least number of periods of a run; the last half of the run counts."""
+"""Smallest number of periods of a run. Only the second half of the run is evaluated."""
 
 LAGS = 12.0
-"""Shortest run, over the time constant of the drive: a slow drive settles in the first half of the run."""
+"""Smallest duration of a run in units of the slowest time constant of the drive, so that the drive settles in the first
+half of the run."""
 
 FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Periods of the runs, over the scene's period."""
+"""Periods of the runs, as multiples of the scene's period."""
 
 STRONGER = 10.0
-"""Strength of actuators whose force is not to limit them, over the larger of their own and the needed strength."""
+"""Factor that removes the limit of force. The cross-section of the actuators is multiplied by this factor, after it was
+increased to the needed cross-section if it was smaller."""
 
 RIGID = ("actuator.series=100", "actuator.droop=0", "actuator.scales=false")
-"""Changes that make an actuator a source of position."""
+"""Changes that make an actuator follow its drive exactly under any load."""
 
 Changes = tuple[str, ...]
+"""Changes of a scene, each of the form `section.key=value`."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Results of a run over the periods of its second half; NaN if the run did not finish."""
+    """Results of a run, from the second half of the run; NaN if the run did not finish."""
 
     period: float
-    """[s]"""
+    """Period of the gait [s]."""
     speed: float = math.nan
     """Speed towards the head [BL/s]."""
     drawn: float = math.nan
-    """Energy drawn from the sources, over weight and distance: the cost of transport of the input."""
+    """Cost of transport by the energy drawn: this energy divided by weight and distance."""
     given: float = math.nan
-    """Energy given to the worm, over weight and distance."""
+    """Cost of transport by the work on the worm: this work divided by weight and distance."""
     power: float = math.nan
     """Mean power drawn [W]."""
     free: float = math.nan
-    """Swing of the contraction of unloaded actuators, averaged over the moving chambers."""
+    """Range of the contraction that the drives would cause without load, averaged over the moving chambers, as a
+    fraction of a chamber's length."""
     made: float = math.nan
-    """Swing of the contraction of these chambers."""
+    """Range of the actual contraction, averaged over the moving chambers."""
     warmth: float = math.nan
-    """Highest temperature above the room's [K]."""
+    """Highest temperature of an actuator above the temperature of the room [K]."""
     pull: float = math.nan
     """Largest force of an actuator [N]."""
     why: str = ""
@@ -63,33 +67,33 @@ class Trial:
 
     @property
     def stride(self) -> float:
-        """Way in a period [BL]."""
+        """Distance per period [BL]."""
         return self.speed * self.period
 
 
 class Acting(NamedTuple):
-    """The actuators of a worm."""
+    """The actuators of a worm with N segments."""
 
     technology: Technology
     area: FloatArray
-    """Cross-section of the actuator of a chamber, shape (N,) [m^2]."""
+    """Cross-section of the actuator of each segment's chambers, shape (N,) [m^2]."""
     needed: FloatArray
-    """Cross-section of actuators with enough force for the worm, shape (N,) [m^2]."""
+    """Cross-section at which the actuators have enough force for the worm, shape (N,) [m^2]."""
 
     @property
     def slowest(self) -> float:
-        """Largest of rise, fall and delay of the drives [s]."""
+        """Largest of the rise times, fall times and delays of the drives [s]."""
         made = self.technology
         return max(max(made.rise, made.fall) * float(made.slower(self.area).max()), made.delay)
 
 
 class Bench:
-    """The worm of a scene, for runs on technologies.
+    """The worm of a scene, for runs with different technologies.
 
     Raises
     ------
     SceneError
-        The scene is wrong, or has no periodic gait of a worm with actuators.
+        The scene is wrong, or does not have a 3D worm with a periodic gait.
     """
 
     def __init__(self, scene: str, overrides: Sequence[str]) -> None:
@@ -105,14 +109,14 @@ class Bench:
         bound = gait_of(settings).bind(worm_of(settings))
         times = np.linspace(4.0, 5.0, 200, endpoint=False) * self.period
         self.asked = _swing(np.array([bound(float(t)).contraction for t in times]))
-        """Swing of the contraction that the gait commands, averaged over the chambers that it moves."""
+        """Range of the contraction that the gait commands, averaged over the chambers that the gait moves."""
 
     def scene_of(self, changes: Changes) -> Scene:
-        """Return the scene with changes, which override the user's changes."""
+        """Return the scene with changes, which take precedence over the user's overrides."""
         return load_scene(self._scene, (*self._overrides, *changes))
 
     def technology(self, kind: str) -> Acting:
-        """Return the actuators of a kind, with the scene's numbers."""
+        """Return the actuators of a kind in the scene, including the scene's values in [actuator]."""
         worm = worm_of(self.scene_of((f"actuator.kind={kind}",)).settings)
         acting = worm.actuator
         assert isinstance(acting, Technology)
@@ -120,9 +124,9 @@ class Bench:
         return Acting(acting, area, acting.needed(worm))
 
     def run(self, kind: str, period: float | None = None, changes: Changes = ()) -> Trial:
-        """Run the worm on a technology, with the scene's period or another period."""
+        """Run the worm with a technology. Without `period`, the period is the scene's period."""
         period = self.period if period is None else period
-        dt = self._dt * min(period / self.period, 2.0)  # long periods have steps of at most twice the scene's
+        dt = self._dt * min(period / self.period, 2.0)  # at most twice the scene's time step, however long the period
         count = max(MIN_RUN_PERIODS, 2 * math.ceil(LAGS * self.technology(kind).slowest / (2.0 * period)))
         told = (
             f"actuator.kind={kind}",
@@ -141,11 +145,12 @@ class Bench:
 
 
 def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
-    """Return the changes of the scene that remove one limit of a technology, by the limit; only limits that exist.
+    """Return, for each limit that a technology has, the changes of the scene that remove the limit.
 
-    speed: the drive follows at once (a thermal drive follows at once while warming); heat: the actuator cools at once,
-    and may get hot; force: the actuator is ten times as strong, by more wires of the same thickness, and follows its
-    drive exactly; stroke: the free stroke equals the contraction that the gait commands.
+    Without the limit "speed", the drive follows its command without delay; a thermal drive does so only while it warms
+    up. Without "heat", the actuator cools without delay and is never switched off because of its temperature. Without
+    "force", the actuator has ten times the cross-section, by more wires of the same thickness, and follows its drive
+    exactly. Without "stroke", the free stroke equals the contraction that the gait commands.
     """
     acting, area, needed = bench.technology(kind)
     thermal, stroke = acting.hot > 0.0, np.minimum(acting.strain * np.asarray(acting.lever), MOST_STROKE)
@@ -169,7 +174,7 @@ def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
 
 
 def together(limits: dict[str, Changes]) -> Changes:
-    """Return the changes that remove all limits; if two limits set the same key, the larger actuator counts."""
+    """Return the changes that remove all limits. If several limits set a key, the changes for "force" are used."""
     order = ("stroke", "speed", "heat", "force")
     keys = {change.partition("=")[0]: change for name in order for change in limits.get(name, ())}
     return tuple(keys.values())
@@ -183,7 +188,7 @@ def _measured(record: Record, period: float) -> Trial:
     drawn, kept, lost = (float(record[name][last].sum()) for name in ("work_contract", "actuator", "actuator_loss"))
     span, waves = float(time[-1] - time[~last][-1]), time > time[-1] - period * (1.0 + 1e-9)
     v = float(speed) if isinstance(speed, float) else math.nan
-    v = 0.0 if abs(v) < 1e-12 else v  # a worm at rest, but for rounding
+    v = 0.0 if abs(v) < 1e-12 else v  # such a small speed is a rounding error
     way = v * worm.length * span
     carried = worm.mass * 9.81 * way if way > 0.0 else math.nan
     return Trial(
@@ -200,7 +205,7 @@ def _measured(record: Record, period: float) -> Trial:
 
 
 def _swing(values: FloatArray) -> float:
-    """Return the maximum minus the minimum over time, averaged over the moving chambers; values of shape (T, N, 2)."""
+    """Return the range over time of values of shape (T, N, 2), averaged over the chambers that move."""
     swing = np.ptp(values, axis=0)
     moves = swing > 1e-9
     return float(swing[moves].mean()) if moves.any() else 0.0

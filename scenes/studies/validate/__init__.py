@@ -1,1 +1,1 @@
-"""Validation: model results beside closed forms and beside measurements on robots and animals."""
+"""`worm3d study validate`: compares the models with closed forms, and with measurements on robots and animals."""

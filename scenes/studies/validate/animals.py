@@ -1,4 +1,4 @@
-"""Animals beside the results of their scenes; `scenes.studies.validate.robots` explains the method and assumptions."""
+"""Comparisons of simulated animals with measurements. `scenes.studies.validate.robots` explains the method."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ LIU = Source("Liu et al., eLife 83328 (2023), as quoted by others", "R2", "anima
 HECKSCHER = Source("Heckscher et al. 2012, as quoted in eLife 11031", "R2", "animal")
 
 BURROWS = (0.00395, 0.0045)
-"""Other radii of the earthworm's burrow [m]."""
+"""Further radii of the earthworm's burrow for the spread [m]."""
 ASYMMETRIES = (("friction.forward=0.03",), ("friction.forward=0.3",))
 STRAINS = (("gait.amplitude=0.1",), ("gait.amplitude=0.3",))
 GRAMS = (0.1, 1.0, 8.0)
-"""Masses of earthworms, within the measured range of 0.012 to 8.5 g [g]."""
+"""Masses of the simulated earthworms [g]. The measured range is 0.012 to 8.5 g."""
 
 
 def in_burrow_over_free(radius: float) -> Ratio:
-    """Return the stride of the earthworm in a pipe over the stride on the ground."""
+    """Return the ratio of the earthworm's stride in a pipe with a given radius [m] to its stride on the ground."""
     return Ratio(Figure("stride_BL", "earthworm", pipe(radius)), Figure("stride_BL", "earthworm"))
 
 
@@ -43,14 +43,15 @@ L3 = (
     "run.duration_s=6.67",
     "run.dt_s=0.005",
 )
-"""Larva of the third instar: 4 mm, 1.5 waves a second, contraction 30 %; shape and pressure as in the first instar."""
+"""Changes for a larva of the third instar: 4 mm long, 1.5 waves a second, a contraction of 30 %. Its shape and the
+pressure in its body are the same as in the first instar."""
 
 
 def earthworm(grams: float) -> Changes:
-    """Return the changes that scale the earthworm of 1 g to another mass, by the published powers of the mass.
+    """Return the changes that scale the earthworm of 1 g to another mass m by published power laws.
 
-    Length m^0.34 at the same shape, frequency m^-0.07; the pressure in the body is the same, so that springs grow with
-    the cross-section and joints with the volume.
+    The length is proportional to m^0.34 at the same shape, the frequency to m^-0.07. The pressure in the body is the
+    same, so that the strength of the springs is proportional to the cross-section and that of the joints to the volume.
     """
     size, beat = grams**0.34, grams**-0.07
     scaled = {
@@ -168,4 +169,4 @@ ANIMAL_COMPARISONS = (
 )
 
 rows = chapter(ANIMAL_COMPARISONS)
-"""Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""
+"""Function that runs the comparisons and yields their rows one by one. With `quick`, the spreads are left out."""

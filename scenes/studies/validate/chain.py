@@ -101,7 +101,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class Crawl:
-    """Run of a chain."""
+    """A run of a chain with T stored instants and N feet."""
 
     chain: Chain
     result: worm3d.Result

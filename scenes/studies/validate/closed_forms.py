@@ -271,7 +271,7 @@ CASES = [
         )
     ),
 ]
-"""All closed forms of the report."""
+"""All comparisons with closed forms of crawling."""
 
 
 def rows(quick: bool) -> Iterator[Row]:

@@ -1,4 +1,8 @@
-"""A measure beside the published number, with variants for quantities that the source does not give."""
+"""Comparison of a number from the model with a published number.
+
+The source of the published number may not give all quantities that a scene needs. Runs with other values of these
+quantities show the spread of the model's number.
+"""
 
 from __future__ import annotations
 
@@ -11,38 +15,38 @@ from scenes.studies.validate.measures import Changes, Figure, Measure, StoppedEr
 from scenes.studies.validate.rows import Chapter, Row
 
 ABOVE_1, BELOW_1 = (1.0, math.inf), (-math.inf, 1.0)
-"""Bands of trends with only a published sign."""
+"""Bands of ratios for which the source says only that they are above 1 or below 1."""
 
 NO_TREND = 0.05
-"""Largest distance of a ratio from 1 that is no trend, 1.
+"""A ratio that differs from 1 by at most this value does not show a trend.
 
-Curves of studies use the same limit: they are flat if they change by less. With half this limit no row changes; with
-twice this limit the stiff mesh robot's ratio, 1.09, would be no trend.
+`scenes.studies.study.curves` uses the same limit for flat curves. With 0.025, the report is the same. With 0.1, the
+ratio 1.09 of the stiff mesh robot would not count as a trend.
 """
 
 
 def friction(mu: float) -> Changes:
-    """Return the changes of a scene that make the friction the same in all directions."""
+    """Return the changes of a scene for friction with the coefficient `mu` in all directions."""
     return tuple(f"friction.{way}={mu}" for way in ("forward", "backward", "lateral"))
 
 
 def within(factor: float, published: float) -> tuple[float, float]:
-    """Return the band from the published number over a factor to the published number times the factor."""
+    """Return the band from published/factor to published*factor."""
     return published / factor, published * factor
 
 
 def speed(scene: str, *changes: str) -> Figure:
-    """Return the speed of a scene with changes [m/s]."""
+    """Return a measure: the speed of a scene with changes [m/s]."""
     return Figure("speed_m_s", scene, changes)
 
 
 def pipe(radius: float, *changes: str) -> Changes:
-    """Return the changes of a scene that put the worm into a pipe, plus further changes; the radius is in m."""
+    """Return the changes of a scene that put the worm into a pipe with a radius in m, and further changes."""
     return ("world.kind=pipe", f"world.radius_m={radius}", *changes)
 
 
 class Source(NamedTuple):
-    """Source of published numbers; the fields are defined in `Row`."""
+    """Source of a published number. The fields are the fields `source`, `trust` and `kind` of `rows.Row`."""
 
     text: str
     trust: str
@@ -51,7 +55,7 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A measure beside the published number; fields that `Row` has, too, are defined there."""
+    """A measure of the model and the published number. `rows.Row` describes the fields without a description here."""
 
     name: str
     measure: Measure
@@ -62,14 +66,15 @@ class Comparison:
     standing: str = "prediction"
     unit: str = "1"
     unknown: Sequence[Changes] = ()
-    """Changes of the scene to other values of quantities that the source does not give."""
+    """Changes of the scene, each of which sets other values of quantities that the source does not give."""
     others: Sequence[Measure] = ()
-    """Variants of the measure with other such values, where the values belong to only some of the runs."""
+    """Further measures with other values of such quantities, if these values apply to only some runs of a measure."""
     trend: bool = False
-    """Whether only the sign matters: the number is a ratio above or below 1, or only a band was published."""
+    """Whether the report also says if the sign agrees: whether a ratio is on the same side of 1 as the published ratio,
+    or, if no number was published, whether the number lies in the band."""
 
     def row(self, *, quick: bool) -> Row:
-        """Return the row; with `quick` without the spread."""
+        """Run the scenes and return the row of the report. With `quick`, the spread is left out."""
         note, model, others = self.note, math.nan, []
         try:
             model = self.measure()
@@ -96,7 +101,11 @@ class Comparison:
         )
 
     def _has_sign(self, value: float) -> bool:
-        """Return whether a number has the trend's sign: a ratio clearly above or below 1, or a value in the band."""
+        """Return whether a number shows the published trend.
+
+        A ratio must differ from 1 by more than `NO_TREND`, in the published direction. A value with a unit but without
+        a published number must lie in the band.
+        """
         if self.published is None and self.unit != "1":
             return self.band[0] <= value <= self.band[1]
         above = self.band[0] >= 1.0 if self.published is None else self.published > 1.0
@@ -104,7 +113,7 @@ class Comparison:
 
 
 def _found(measure: Measure, changes: Changes = ()) -> float | None:
-    """Return the number of a measure, None if a run does not finish."""
+    """Return the number of a measure with some changes, or None if a run does not finish."""
     try:
         return measure(changes)
     except StoppedError:
@@ -112,5 +121,5 @@ def _found(measure: Measure, changes: Changes = ()) -> float | None:
 
 
 def chapter(comparisons: Sequence[Comparison]) -> Chapter:
-    """Return the chapter of some comparisons; a quick chapter has no spreads."""
+    """Return the chapter (`rows.Chapter`) with some comparisons."""
     return lambda quick: (comparison.row(quick=quick) for comparison in comparisons)

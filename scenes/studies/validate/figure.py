@@ -1,4 +1,7 @@
-"""The figure of the validation report: errors against tolerances, and ratios against bands, row by row."""
+"""The figure of the validation report, with a line for each row of the report.
+
+It shows the errors relative to their tolerances, and the ratios of model and published number with their bands.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,13 @@ from scenes.studies.validate.rows import AGREES, DEPENDS, MISSES, Row
 Range = tuple[float, float]
 
 RATIOS: Range = (0.03, 30.0)
-"""Range of the ratios; a ratio outside is drawn at the end of the range."""
+"""Range of the axis of ratios. A ratio outside is drawn at the end of the range."""
 
 ERRORS: Range = (1e-4, 30.0)
-"""Range of errors over tolerances; an error outside is drawn at the end of the range."""
+"""Range of the axis of errors relative to tolerances. An error outside is drawn at the end of the range."""
 
 AGREEMENT_COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
-"""Colours of rows by their agreement."""
+"""Colour of a row by its agreement."""
 
 NOT_COUNTED = "0.6"
 """Colour of rows that do not count."""
@@ -29,7 +32,7 @@ RATIO_LABEL = "model over published number (trends: model), bands, and spreads"
 
 
 def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
-    """Draw the error of rows with a tolerance, and the ratio of model to published number of rows with a band."""
+    """Return the figure. One panel has the rows with a tolerance, the other panel the rows with a band."""
     rows = [row for each in chapters.values() for row in each]
     exact = [row for row in rows if not isinstance(row.tolerance, tuple)]
     banded = [row for row in rows if isinstance(row.tolerance, tuple) and _scale(row) is not None]
@@ -86,7 +89,7 @@ def _colour(row: Row) -> str:
 
 
 def _scale(row: Row) -> float | None:
-    """Return the divisor of a row; None if a logarithmic axis cannot show the row."""
+    """Return the number by which the values of a row are divided; None if a logarithmic axis cannot show the row."""
     if row.published is None:
         return 1.0 if row.unit == "1" else None
     return row.published or None

@@ -1,4 +1,7 @@
-"""Measures of a comparison from runs of scenes: a figure, the ratio of two, or the exponent of a power law."""
+"""Measures, numbers that are computed from runs of scenes.
+
+A measure is a figure of one run, the ratio of two measures, or the exponent of a power law.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,10 @@ from scenes.records.record import Record
 from scenes.running.runner import simulate
 
 VALIDATION_FOLDER = Path(__file__).parent
-"""Folder of the scenes of this package."""
+"""Folder of this package, which also has its scenes."""
 
 Changes = tuple[str, ...]
-"""Changes of a scene, `section.key=value` each."""
+"""Changes of a scene, each of the form `section.key=value`."""
 
 
 class StoppedError(Exception):
@@ -28,14 +31,14 @@ class StoppedError(Exception):
 
 
 class Measure(Protocol):
-    """A number from runs."""
+    """A number that is computed from runs."""
 
     @property
     def scene(self) -> str:
         """Name of the scene."""
 
     def __call__(self, changes: Changes = ()) -> float:
-        """Return the number, with further changes of the scene.
+        """Run the scenes with further changes and return the number.
 
         Raises
         ------
@@ -46,7 +49,7 @@ class Measure(Protocol):
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a run, by its name in `run_figures` or in the summary."""
+    """Measure: a figure of a run, with its name in `run_figures` or in the summary of the run."""
 
     name: str
     scene: str
@@ -62,10 +65,12 @@ class Figure:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Ratio of two measures."""
+    """Measure: the ratio of two measures."""
 
     of: Measure
+    """Numerator."""
     over: Measure
+    """Denominator."""
 
     @property
     def scene(self) -> str:
@@ -79,9 +84,10 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Exponent:
-    """Exponent of a power law, fitted to a measure over a number by least squares of the logarithms."""
+    """Measure: the exponent of a power law, fitted by least squares of the logarithms."""
 
     at: Mapping[float, Measure]
+    """Measure for each value of the independent variable."""
 
     @property
     def scene(self) -> str:
@@ -98,14 +104,14 @@ class Exponent:
 
 @cache
 def figures(scene: str, changes: Changes) -> dict[str, float]:
-    """Run a scene of this package, or a shipped scene, and return its figures.
+    """Run a scene of this package or another shipped scene, and return the figures of the run by name.
 
-    The figures are the numbers of the summary, and for worms the numbers of `run_figures`.
+    The figures are the numbers of the summary and, if the scene has a worm, the numbers of `run_figures`.
 
     Raises
     ------
     StoppedError
-        The scene is refused, or the run did not finish.
+        The scene is invalid, or the run did not finish.
     """
     own = VALIDATION_FOLDER / f"{scene}.toml"
     try:
@@ -119,10 +125,10 @@ def figures(scene: str, changes: Changes) -> dict[str, float]:
 
 
 def run_figures(record: Record) -> dict[str, float]:
-    """Return strides and speeds of a run; body lengths are rest lengths.
+    """Return the stride and the speed of a run, in SI units and in body lengths (BL, the length at rest).
 
-    The stride is the displacement of the centre of mass in a period of the gait, in the initial direction of the head,
-    and the mean over the last whole periods in the second half of the run.
+    The stride is the displacement of the centre of mass per period of the gait, in the initial direction from tail to
+    head. It is the mean over the whole periods of the second half of the run.
     """
     settings = tomllib.loads(record.scene)
     period, length = float(settings["gait"]["period_s"]), float(settings["worm"]["length_m"])
@@ -136,6 +142,6 @@ def run_figures(record: Record) -> dict[str, float]:
 
 
 def _merged(own: Changes, further: Iterable[str]) -> Changes:
-    """Return the union of two sets of changes; own changes override further changes."""
+    """Return the union of two sets of changes. If both change the same key, the change in `own` is used."""
     keys = {change.partition("=")[0] for change in own}
     return (*own, *(change for change in further if change.partition("=")[0] not in keys))

@@ -1,4 +1,8 @@
-"""Pattern generators beside their published figures: the larva's network, and stable heteroclinic cycles."""
+"""Comparisons of pattern generators with published numbers.
+
+The generators are the neural network of the fly larva, and stable heteroclinic cycles (SHC). In an SHC, the nodes (the
+saddles of the dynamics) are active one after the other, and noise decides how long each node stays active.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +18,18 @@ PEHLEVAN = "Pehlevan, Paoletti, Mahadevan, eLife 5 (2016) e11031, table 1, compu
 HORCHLER = "Horchler, Daltorio, Chiel, Quinn, Bioinspir. Biomim. 10 (2015) 026001; passage time of Stone and Holmes"
 KIND = "pattern generator"
 CYCLES = ((3, 2.0, 1.5, 1e-8), (6, 2.0, 1.5, 1e-8), (3, 2.0, 3.0, 1e-8), (4, 1.0, 6.0, 1e-12))
-"""Nodes, alpha, nu and noise of some cycles."""
+"""Number of nodes, alpha, nu and noise of the compared cycles."""
 NOISE_LEVELS = np.geomspace(1e-8, 1e-4, 5)
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Run the generators; see `scenes.studies.validate.rows.Chapter`. All are quick."""
+    """Run all generators and yield their rows, also with `quick`; see `scenes.studies.validate.rows.Chapter`."""
     yield from larva()
     yield from cycles()
 
 
 def larva() -> Iterator[Row]:
-    """Yield the figures of the larva on its own mechanics."""
+    """Yield the rows of the larva's network, which moves the published mechanical model of a larva."""
     found = crawling(200.0)
     figures = (
         ("waves", 1.0 / found.period, 0.0378, "1/tau_E"),
@@ -42,7 +46,7 @@ def larva() -> Iterator[Row]:
 
 
 def cycles() -> Iterator[Row]:
-    """Yield the times from saddle to saddle of cycles, and the growth of the times with the noise."""
+    """Yield the rows of the cycles: the mean time from saddle to saddle, and its change with the noise."""
     for nodes, alpha, nu, noise in CYCLES:
         cycle = Cycle(nodes, alpha=alpha, nu=nu, noise=noise)
         found, what = sample(cycle), f"alpha = {alpha:g}, nu = {nu:g}, noise {noise:g}, N = {nodes}"
@@ -66,5 +70,5 @@ def cycles() -> Iterator[Row]:
 
 
 def sample(cycle: Cycle, seed: int = 1) -> float:
-    """Return the mean time from saddle to saddle in 3000 sojourns [s]; its standard error is 0.1 to 0.2 %."""
+    """Return the mean time from saddle to saddle in 3000 random passages [s]. Its standard error is 0.1 to 0.2 %."""
     return float(sojourns(Walk(cycle, seed), 3000).mean())

@@ -1,7 +1,8 @@
-"""Robots with the actuators that they are built with, at their fastest period, beside published speeds.
+"""Comparisons of robots with published speeds, where the model has the same kind of actuators as the robot.
 
-The actuators come from `worm3d.physics.technologies`, with their default sizes. The scene of each robot lists the
-published values and the assumptions. `scenes.studies.validate.robots` explains the rows.
+The actuators come from `worm3d.physics.technologies` and have their default sizes. The period is the period at which
+the model is fastest. The scene of each robot lists the published values and the assumptions.
+`scenes.studies.validate.robots` explains the method.
 """
 
 from __future__ import annotations
@@ -14,27 +15,27 @@ from scenes.studies.validate.robots import CMMWORM, GROUNDS, SOFT_TO_STIFF
 
 BRAID_TABLE = Source("the table of robots of Active Braid Crawler's authors", "R2", "robot")
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.021)
-"""Periods of the search over the scene's period, in turn, until two in a row are slower than the fastest.
-
-One slower period may be a dip.
-"""
+"""Periods of the search, as multiples of the scene's period, in the order in which they are tried. The search ends when
+two consecutive periods are slower than an earlier period. A single slower period is not enough, because it may be a
+local minimum of the speed."""
 STRONG = ("actuator.reserve=10", "actuator.room=0.3")
-"""Actuators with five times the default force."""
+"""Changes for actuators with five times the default force."""
 FASTER_COILS = ("actuator.rise_s=0.17", "actuator.fall_s=0.67")
 SLOWER_COILS = ("actuator.rise_s=0.34", "actuator.fall_s=1.7")
-"""Coils with the extreme times that are published for a coil of 2 mm: 0.5 and 2 s, or 1 and 5 s, to 90 %."""
+"""Changes for coils with the shortest and the longest times that are published for a coil of 2 mm. To reach 90 %, they
+take 0.5 s to warm up and 2 s to cool, or 1 s and 5 s."""
 
 
 @dataclass(frozen=True)
 class Fastest:
-    """Largest speed of a scene over increasingly short periods of the gait [BL/s]."""
+    """Measure: the highest speed of a scene over the period of its gait [BL/s]."""
 
     scene: str
     period: float
     """Period of the scene's gait [s]."""
 
     def __call__(self, changes: Changes = ()) -> float:
-        """Return the speed, with further changes of the scene.
+        """Run the scene at several periods, with further changes, and return the highest speed.
 
         Raises
         ------
@@ -103,4 +104,4 @@ POWERED_COMPARISONS = (
 )
 
 rows = chapter(POWERED_COMPARISONS)
-"""Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""
+"""Function that runs the comparisons and yields their rows one by one. With `quick`, the spreads are left out."""

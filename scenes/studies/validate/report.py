@@ -1,4 +1,4 @@
-"""`worm3d study validate`: run all comparisons and write `validate.json`, `validate.md` and `validate.png`."""
+"""The command `worm3d study validate`, which writes `validate.json`, `validate.md` and `validate.png`."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ CHAPTERS: Mapping[str, Chapter] = {
     "Animals": animals.rows,
     "Pattern generators": pattern_generators.rows,
 }
-"""Parts of the report by their titles."""
+"""Chapters of the report by their titles."""
 
 PREFACE = (
     "A spread is over numbers that the source does not tell. A row agrees if the whole spread lies in the band, and "
     "depends if only the number for the scene's values does. Numbers were chosen to meet rows that are fitted, which "
     "do not count, and no others."
 )
-"""Information that a reader of the tables needs."""
+"""Explanation above the tables of `validate.md`."""
 
 ROW_NAME_WIDTH = 66
-"""Width of the names on a terminal."""
+"""Width of the column of names in the terminal [characters]."""
 
 ROW_COLUMNS = {
     "": Column("mark"),
@@ -51,7 +51,7 @@ ROW_COLUMNS = {
 
 @dataclass(frozen=True)
 class Found:
-    """Rows of each chapter."""
+    """Results: the rows of each chapter."""
 
     chapters: Mapping[str, Sequence[Row]]
     quick: bool = False
@@ -64,9 +64,9 @@ class Found:
 
 
 def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
-    """Run all comparisons, write the report and return the exit code; options as in the command.
+    """Make all comparisons, write the report and return the exit code. The options are those of the command.
 
-    A row that the model misses is no failure of the command; the report shows the miss.
+    The exit code does not depend on whether the model agrees with the published numbers.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def content(found: Found) -> dict[str, object]:
 
 
 def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
-    """Return by kind the number of rows that count, and how many of them agree or depend on unpublished values."""
+    """Return, for each kind of evidence, the number of rows that count, of rows that agree, and of rows that depend."""
     of = {kind: [row for row in rows if row.counts and row.kind == kind] for kind in EVIDENCE_KINDS}
     return {
         kind: {
@@ -113,7 +113,7 @@ def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
 
 
 def verdict(found: Found) -> list[str]:
-    """Return a line for each kind on how many rows agree, a line on trends, and a line on rows that do not count."""
+    """Return lines that say how many rows of each kind agree, how many trends agree, and how many rows do not count."""
     rows, lines = found.rows, []
     for kind, n in counts(rows).items():
         depends = f", {n[DEPENDS]} more for the scene's values of what is not published" if n[DEPENDS] else ""
@@ -143,7 +143,7 @@ def _page(found: Found) -> Iterator[Block]:
 
 
 def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
-    """Yield rows, and print each row as soon as the row is known."""
+    """Yield the rows of a chapter, and print each row as soon as its runs are finished."""
     if not quiet:
         typer.echo(f"{title:{ROW_NAME_WIDTH + 10}}{'model':>12}{'published':>12}{'ratio':>10}  band")
     for row in rows:

@@ -1,9 +1,10 @@
-"""Robots beside the results of their scenes, with bands, and with a check whether trends have the right sign.
+"""Comparisons of simulated robots with published numbers.
 
-Sizes, masses and gaits come from the sources. Quantities that the sources do not give are assumed once, in the scene,
-and named in the row. `unknown` and `others` have other values of these quantities, and the row gives the spread of the
-model's number over these values. No number is chosen to make a row agree, except for the rows of the load frame: the
-segment was fitted to the record of the load frame. These rows name the fit and do not count.
+Sizes, masses and gaits come from the sources. Quantities that the sources do not give are assumed in the scene and
+named in the note of the comparison. The fields `unknown` and `others` have other values of these quantities, and the
+report gives the spread of the model's number over all these values. No value was chosen to make a comparison agree,
+with one exception: the segment in the load frame was fitted to the measured record. The comparisons with this record
+are therefore marked as fitted and do not count.
 """
 
 from __future__ import annotations
@@ -41,30 +42,30 @@ RUBBING_JOINTS = (
     "hysteresis.load_ratio=0.0",
     "hysteresis.give_J=0.02",
 )
-"""Joints that lose the measured energy of a segment of CMMWorm-SES in a cycle, 3.0 J, by two hinges of 0.66 N m that
-turn by 1.13 rad and back."""
+"""Changes for joints with friction. A segment then loses 3.0 J per cycle, as measured for a segment of CMMWorm-SES: two
+hinges with a friction moment of 0.66 N m turn by 1.13 rad and back."""
 RUBBING = ("worm.spring_N=1000.0", *RUBBING_JOINTS)
-"""Rubbing joints and stiff servos."""
+"""Changes for joints with friction and stiff servos."""
 THREE_MOVE = ("gait.moving=0.5", "gait.held=0.3333333333333333")
-"""Three of six segments move at a time, as in the waveform 3x1."""
+"""Changes for a gait in which three of six segments move at a time, called waveform 3x1 in the source."""
 
 PIPES = (0.0725, 0.0775)
-"""Other radii of the braid crawler's pipe [m]."""
+"""Further radii of the braid crawler's pipe for the spread [m]."""
 
 
 def in_pipe_over_free(radius: float) -> Ratio:
-    """Return the speed of the braid crawler in a level pipe over the speed on the ground."""
+    """Return the ratio of the braid crawler's speed in a level pipe, with a radius [m], to that on the ground."""
     return Ratio(speed("braid_crawler", *pipe(radius)), speed("braid_crawler"))
 
 
 def up_over_level(radius: float) -> Ratio:
-    """Return the speed of the braid crawler in a vertical pipe over the speed in a level pipe."""
+    """Return the ratio of the braid crawler's speed in a vertical pipe, with a radius [m], to that in a level pipe."""
     level, up = pipe(radius), pipe(radius, "world.tilt_deg=90")
     return Ratio(speed("braid_crawler", *up), speed("braid_crawler", *level))
 
 
 def on_more_friction(*changes: str) -> Ratio:
-    """Return the speed of CMMWorm-SES with changes on friction of 0.9 over the speed on friction of 0.1."""
+    """Return the ratio of the speeds of CMMWorm-SES, with some changes, on friction of 0.9 and on friction of 0.1."""
     return Ratio(*(speed("cmmworm_ses", *changes, *friction(mu)) for mu in (0.9, 0.1)))
 
 
@@ -189,4 +190,4 @@ ROBOT_COMPARISONS = (
 )
 
 rows = chapter(ROBOT_COMPARISONS)
-"""Function that yields each row as soon as the row is known; its argument `quick` leaves out the spreads."""
+"""Function that runs the comparisons and yields their rows one by one. With `quick`, the spreads are left out."""

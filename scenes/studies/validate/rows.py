@@ -1,4 +1,4 @@
-"""One row of the validation report: the number of the model beside the published number."""
+"""A row of the validation report, which compares a number of the model with a published number."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TRUST = {
     "C": "derived or computed in this project",
     "rec": "recalled from general knowledge, not checked",
 }
-"""Trustworthiness of a published number, by tag, best first."""
+"""Tags for how reliable a published number is, with their meanings, from the most reliable to the least reliable."""
 
 EVIDENCE_KINDS = {
     "robot": "measured on a robot",
@@ -24,7 +24,7 @@ EVIDENCE_KINDS = {
     "closed form": "an exact solution of the equations",
     "pattern generator": "what its authors' equations or formulas give",
 }
-"""Reference of the comparison in a row, by kind."""
+"""Kinds of evidence, what the model is compared with, and their meanings."""
 
 STANDINGS = {
     "prediction": "the model was not told the number",
@@ -32,49 +32,51 @@ STANDINGS = {
     "fitted": "the scene was fitted to the number; does not count",
     "input": "the number follows from one that the scene was given; does not count",
 }
-"""Meaning of agreement, by standing."""
+"""Standings of a row, and what agreement means for each of them."""
 
 COUNTED = ("prediction", "verification")
 """Standings of the rows that count."""
 
 AGREES, DEPENDS, MISSES = "agrees", "depends", "misses"
-"""Words for a row: in its band for all unpublished values; in its band only for the scene's values; not in its band."""
+"""Agreement of a row. It agrees if the model's number is in the band for all values of the unpublished quantities. It
+depends if the number is in the band only for the values in the scene. Otherwise it misses."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A number of the model beside the published number.
+    """A number of the model and the published number.
 
     Parameters
     ----------
     name : str
-        Quantity of the comparison, in a few words; unique in the report.
+        Short description of the compared quantity, unique in the report.
     model : float
-        Number of the model; NaN if the model gives no number (the note gives the reason).
+        Number of the model; NaN if a run did not finish.
     published : float or None
-        Published number; None if only a band or the sign of a trend is known.
+        Published number; None if only a band or the sign of a trend was published.
     tolerance : float or (float, float)
-        Largest relative error (absolute where `published` is 0), or the band (lowest, highest) for the model, in
-        `unit`. Both ends belong to the band.
+        Either the largest accepted relative error, or the band (lowest, highest) of accepted numbers in `unit`,
+        including both ends. If `published` is 0, the error is absolute.
     source : str
         Source of the published number.
     note : str
-        Information for the reader: the assumed numbers of the scene, or the reason why the model misses.
+        Explanation for the reader: the assumed values of the scene, or the reason why the model misses or has no
+        number.
     trust : str
         A key of `TRUST`.
     unit : str
         Unit of `model` and `published`.
     scene : str
-        Scene or scenes of the run.
+        Scene of the run, or the code that computes the number.
     kind : str
         A key of `EVIDENCE_KINDS`.
     standing : str
         A key of `STANDINGS`.
     spread : (float, float), optional
-        Least and greatest number of the model over values that the source does not give; `model` is for the values in
-        the scene.
+        Smallest and largest number of the model over the values of quantities that the source does not give. `model` is
+        the number for the values in the scene.
     sign_agrees : bool, optional
-        Whether the model has the sign of a trend, over the whole spread.
+        Whether the model shows the published trend over the whole spread; None if the row is not about a trend.
     """
 
     name: str
@@ -99,7 +101,7 @@ class Row:
 
     @property
     def band(self) -> tuple[float, float]:
-        """The lowest and the highest number of the model that agree, in `unit`."""
+        """The lowest and the highest accepted number of the model, in `unit`."""
         if isinstance(self.tolerance, tuple):
             return self.tolerance
         assert self.published is not None
@@ -108,13 +110,13 @@ class Row:
 
     @property
     def ok(self) -> bool:
-        """Whether the model lies in the band; False if the model gives no number."""
+        """Whether `model` lies in the band; False if `model` is NaN."""
         low, high = self.band
         return low <= self.model <= high
 
     @property
     def agreement(self) -> str:
-        """AGREES, DEPENDS or MISSES."""
+        """One of `AGREES`, `DEPENDS` and `MISSES`."""
         low, high = self.band
         ends = self.spread or (self.model, self.model)
         if not self.ok:
@@ -123,31 +125,31 @@ class Row:
 
     @property
     def counts(self) -> bool:
-        """Whether agreement is meaningful, by the standing."""
+        """Whether the row counts as evidence, which depends on its standing."""
         return self.standing in COUNTED
 
     @property
     def ratio(self) -> float | None:
-        """Model over published number; None if one of them is missing."""
+        """`model` divided by `published`; None if one of the two is missing, or if `published` is 0."""
         if not self.published or not math.isfinite(self.model):
             return None
         return self.model / self.published
 
     @property
     def mark(self) -> str:
-        """The agreement; the standing of a row that does not count."""
+        """The agreement, or the standing if the row does not count."""
         return self.agreement if self.counts else self.standing
 
     @property
     def ratio_text(self) -> str:
-        """The ratio; for a row with a relative tolerance, the deviation of the ratio from 1."""
+        """The ratio as text, or its deviation from 1 if the row has a tolerance instead of a band."""
         if self.ratio is None or isinstance(self.tolerance, tuple):
             return number(self.ratio)
         return f"1 {'-+'[self.ratio >= 1.0]} {abs(self.ratio - 1.0):.0e}"
 
     @property
     def band_text(self) -> str:
-        """The band with its unit."""
+        """The band with its unit, or the tolerance, as text."""
         if not isinstance(self.tolerance, tuple):
             return f"within {self.tolerance:.2g}"
         low, high = self.band
@@ -158,19 +160,19 @@ class Row:
 
     @property
     def spread_text(self) -> str:
-        """The spread; empty if there is none."""
+        """The spread as text; empty if there is no spread."""
         return "" if self.spread is None else f"{self.spread[0]:.4g} to {self.spread[1]:.4g}"
 
     @property
     def sign_text(self) -> str:
-        """Whether the sign of the trend agrees; empty if there is no trend."""
+        """Text that says whether the sign of the trend agrees; empty if the row is not about a trend."""
         if self.sign_agrees is None:
             return ""
         return "agrees" if self.sign_agrees else "not all" if self.ok else "does not agree"
 
     @property
     def source_text(self) -> str:
-        """The source and its trust."""
+        """The source and the tag of its reliability."""
         return f"{self.source} [{self.trust}]"
 
     def to_dict(self) -> dict[str, Any]:
@@ -184,12 +186,13 @@ JSON_KEYS = (
     *("name", "model", "published", "ratio", "ok", "agreement", "kind", "standing", "counts", "unit", "spread"),
     *("sign_agrees", "source", "trust", "scene", "note"),
 )
-"""Attributes in a row of `validate.json`."""
+"""Attributes of a row that are written to `validate.json`."""
 
 
 Chapter = Callable[[bool], Iterator[Row]]
-"""Part of the report: runs scenes and yields each row as soon as the row is known. The argument `quick` leaves out
-parts that take more than a few seconds. A failed run gives a row with model NaN, and the note gives the reason."""
+"""Function for a part of the report, which runs scenes and yields each row as soon as it is finished. Its argument
+`quick` says whether parts that take more than a few seconds are left out. If a run fails, `model` of the row is NaN,
+and the note gives the reason."""
 
 
 def number(value: float | None) -> str:
