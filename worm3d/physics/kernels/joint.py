@@ -146,8 +146,9 @@ def _derivatives() -> tuple[ca.SX, ca.SX]:
     known = _angles_of_reduced()
     symbols = [strains, angles, *(part for frame in _FRAMES for part in frame)]
     values = [_strains_of(known), known, *(part for frame in _frames_of_reduced() for part in frame)]
-    at = ca.substitute(ca.triu2symm(ca.triu(curve)), ca.vertcat(*symbols), ca.vertcat(*values))
-    return ca.substitute(at, _REDUCED, _reduced())
+    at = ca.substitute([_linear().T @ roots, ca.triu2symm(ca.triu(curve))], symbols, values)
+    roots, curve = ca.substitute(at, [_REDUCED], [_reduced()])
+    return roots, curve
 
 
 def _moments() -> list[ca.SX]:
@@ -186,7 +187,7 @@ def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
 def hessian() -> ca.Function:
     """Return the outputs of `gradient`, and the whole Hessian row by row, padded with zeros (13 x 16)."""
     phi, slope = _potential()
-    rows = ca.vertcat(_hessian(), ca.SX.zeros(ROW - COORDINATES, COORDINATES))
+    rows = ca.vertcat(_derivatives()[1], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
     return JOINT_LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
 
 
