@@ -5,9 +5,9 @@ node i mod nodes. The segment is active while this node or one of the next `brea
 is the sum of a/beta over these nodes, at most 1. The unit of time of the cycle is chosen for a mean duration of
 `period` without feedback.
 
-*Feedback* sends the cycle on as soon as the active segments have done their part. Each node whose segments have
-shortened, on average over their chambers, by the share `strain_threshold` of the amplitude, or bear `load_threshold` on
-average, gives the next node j an input as long as it is active,
+*Feedback* makes the cycle continue as soon as the active segments have contracted or bear enough load. Each node whose
+segments have shortened, on average over their chambers, by the share `strain_threshold` of the amplitude, or bear
+`load_threshold` on average, gives the next node j an input as long as it is active,
 
     u_j = gain alpha_i beta_j a_i/beta_i,                                                                   (SH6)
 
