@@ -1,7 +1,7 @@
 """Estimation of the noise of the centre of mass samples from the innovations.
 
-The innovations e_k of a filter with a correct model are uncorrelated. With the predicted variance H P H^T
-(`control.estimation.kalman`) and the noise R of a sample,
+The innovations e_k of a filter are the differences between samples and predictions. If the model is correct, they are
+uncorrelated. With the predicted variance H P H^T (`control.estimation.kalman`) and the noise R of a sample,
 
     E (e_k - e_{k-1}) (e_k - e_{k-1})^T = 2 (H P H^T + R).                                                    (KF8)
 

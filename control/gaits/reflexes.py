@@ -15,15 +15,15 @@ A segment that presses hard enough therefore does not widen further, and it give
 faster than `rate`. Otherwise a worm that starts wedged, with many times the load, would lose the wall. The segment
 begins to release as soon as the contraction of the wave decreases, and not only when w has decreased to c. Therefore
 anchors hold as long in a narrow pipe as in a wide pipe, the steps of the worm are as long, and groups of anchors do not
-pull against each other. At c_min the correction e is 0 again, and the segment widens with the wave.
+pull against each other. When w has decreased to c_min, e is 0 again, and the segment then widens with the wave.
 
 `Reach`, with the load F0 that counts as contact:
 
     c = w (1 + e);   e' = 1/time  where w > 0 and F < F0,   -1/time where w <= 0,   else 0;   0 <= e <= most  (GR2)
 
-`Wait`, with the strain s_j of the neighbour j that contracts next. While w falls and the neighbour should be the more
-contracted of the two segments, but is not yet, -s_j < share w_j, the segment does not let go, c' = 0, for at most
-`patience`; after that the segment catches up with w in the same time.                                         (GR3)
+`Wait`, with the strain s_j of the neighbour j that contracts next. If w decreases and the neighbour should be more
+contracted than this segment, but is not yet, -s_j < share w_j, the segment does not let go, c' = 0, for at most
+`patience`. After that the segment catches up with w in the same time. (GR3)
 
 To add a reflex, derive a dataclass from `Reflex` with the name for scenes, `class Mine(Reflex, name="mine")`.
 """
@@ -85,7 +85,7 @@ class Reflex(Spelled, ABC):
 
     @abstractmethod
     def start(self, worm: Worm) -> ReflexMemory:
-        """Return a fresh memory for one run of a worm."""
+        """Return the initial memory for one run of a worm."""
 
 
 class _Segmentwise:

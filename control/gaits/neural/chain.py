@@ -2,9 +2,9 @@
 
 `control.gaits.neural.network` defines the equations. The segment at one end of the body gets the constant `drive`,
 above the threshold, as its input h: this segment bursts repeatedly without other input, and each burst runs along the
-body. Drive at the tail makes direct waves, as in a larva that crawls forward, drive at the head makes retrograde waves;
-nothing else differs. All populations of one side get `asymmetry` times TURNING more input, the populations of the other
-side as much less.
+body. Drive at the tail causes direct waves, as in a larva that crawls forward, and drive at the head causes retrograde
+waves. There is no other difference. The input of all populations of the left side is increased by `asymmetry` times
+TURNING, and the input of the right side is reduced by the same amount.
 
 The pace is an input as well. A faster pace shortens the time constants: tau_I is adjusted until the waves have the
 period T, and tau_E changes less, with the exponent p:

@@ -8,12 +8,12 @@ sum of the squares of
     (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET2)
     second difference of ln tau_e along the body, which is usually 1 and keeps tau_e smooth                       (ET3)
 
-and of CARRIED times the share of 60 noisy networks that do not carry direct and retrograde waves (ET4). g(e)
-is e^2, with the sign of e, since a small part of a frame is not visible, and linear beyond LINEAR_ERROR frames. (ET1)
-to (ET3) are smooth: least squares over tau_e, inhibition and pace exponent solve them for each of `COUPLINGS`, and the
-coupling with the least sum is taken. The period of a recording is no result: the pace is set to this period. Delays at
-two or more paces determine the exponent of pace; with a single pace the exponent keeps its initial value, since
-`control.gaits.neural.shared` already accounts for the expected exponent.
+and of CARRIED times the share of 60 noisy networks that do not carry direct and retrograde waves (ET4). g(e) is e^2,
+with the sign of e, since a small part of a frame is not visible, and linear beyond LINEAR_ERROR frames. (ET1) to (ET3)
+are smooth. They are minimised by least squares over tau_e, inhibition and pace exponent for each of `COUPLINGS`, and
+the coupling with the smallest sum is chosen. The period of a recording is not fitted, since the pace is set to this
+period. Delays at two or more paces determine the exponent of pace; with a single pace the exponent keeps its initial
+value, since `control.gaits.neural.shared` already accounts for the expected exponent.
 """
 
 from __future__ import annotations
