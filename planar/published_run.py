@@ -78,7 +78,7 @@ class Run(ReadOnly):
     def inverted_steps(self) -> int:
         """Number of steps after which a segment is inside out.
 
-        This means that its top is below its bottom, or its head-side main node is behind its tail-side main node.
+        In such a segment the top node is below the bottom node, or the two main nodes are in the wrong order along x.
         """
         height = self.q[1:, self.net.top, 1] - self.q[1:, self.net.bottom, 1]
         length = np.diff(self.q[1:, self.net.main, 0], axis=1)
