@@ -77,7 +77,7 @@ def test_what_is_rounding_is_no_result() -> None:
     """Without way there is no cost of transport; an actuator that does nothing has not been driven."""
     still = simulate(Worm(), Plane(), duration=0.5)
     assert still.summary()["cost_of_transport"] is None
-    assert "no way forward" in still.reasons()["cost_of_transport"]
+    assert "did not move forward" in still.reasons()["cost_of_transport"]
     assert "no `period`" in still.reasons()["mean_speed_m_s"]
     sparse = simulate(Worm(), Plane(), actuation=TravellingWave(period=0.5), duration=6.0, record_every=200)
     assert "store more rows" in sparse.reasons()["mean_speed_m_s"]
