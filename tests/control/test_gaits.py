@@ -247,7 +247,7 @@ def test_a_gait_that_is_defined_again_takes_the_place_of_the_former_one() -> Non
         (gaits.Periodic(phase=[0.0, 0.5]), r"phase: got shape \(2,\)"),
         (gaits.Inchworm(anchors=4), "anchors: got 4, must leave a segment"),
         (gaits.SHC(nu=[2.0, 3.0]), "nu: got 2 values, must be a number or 6 of them"),
-        (gaits.SHC(nodes=2), "nodes: got 2, must be 3 or more"),
+        (gaits.SHC(nodes=2), "nodes: got 2, must be at least 3"),
         (gaits.Reflexive(gaits.Inchworm(anchors=4), (gaits.WallLoad(),)), "anchors: got 4, must leave a segment"),
     ],
 )
