@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from math import inf, nan
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,16 @@ MAX_DIRECTION_DEVIATION = 0.3
 YIELDS = Uncertainty().slope_yield
 """Ratio of the crab angle [rad] to the slope across the heading, (KF2) in `control.estimation.kalman`."""
 _LOG = logging.getLogger(__name__)
+
+
+class _Way(NamedTuple):
+    """Fields of `Wave` about the path near the worm; the defaults hold without a path."""
+
+    turn: float = 0.0
+    sharpest: float = inf
+    aside: float | None = None
+    ahead: float | None = None
+    trespass: float = -inf
 
 
 class Watch:
@@ -107,7 +117,9 @@ class Watch:
                 self.faults.append(fault)
 
     def _wave(self, begin: float, end: float, estimate: Estimate | None) -> Wave:
-        gains, place, way, back = self._gains(), self._place(), dict[str, Any](), False
+        gain, gain_error, bend = self._gains()
+        place, place_time, place_error = self._place()
+        at_limit, made, expected = self._ability()
         able, times = self._feed_forward, np.linspace(begin, end, 9)
         try:
             at = np.full(len(times), self._near or 0.0)
@@ -118,19 +130,20 @@ class Watch:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters is not None and self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # the worm rests because it is commanded to: not too slow
-            way = self._way(place["place"], max(float(asked[0, -1]), 0.0), estimate)
+            way = self._way(place, max(float(asked[0, -1]), 0.0), estimate)
         except EXCEPTIONS:  # the reference may be a user's own code; without it, the other rules still work
             _LOG.warning("at %.3f s the reference could not be evaluated, its rules are skipped", end, exc_info=True)
-            asked, back = np.full_like(times, nan), False
-        known: dict[str, Any] = {}
-        pushes, jumps = 0, 0
+            asked, way, back = np.full_like(times, nan), _Way(), False
+        pushes = jumps = 0
+        crab = turning = heading_error = away = 0.0
+        ahead = way.ahead
         if estimate is not None:
             pushes, jumps = estimate.pushed, estimate.jumped
-            known = {"heading_error": float(estimate.deviations[2]), "crab": _crab(estimate)}
-            known["turning"] = float(estimate.state.turn_rate)
-            if known["heading_error"] < MAX_DIRECTION_DEVIATION:
-                way.setdefault("ahead", estimate.heading)
-                known["away"] = abs(float(wrapped(np.array(estimate.heading - way["ahead"]))))
+            crab, turning = _crab(estimate), float(estimate.state.turn_rate)
+            heading_error = float(estimate.deviations[2])
+            if heading_error < MAX_DIRECTION_DEVIATION:
+                ahead = estimate.heading if ahead is None else ahead
+                away = abs(float(wrapped(np.array(estimate.heading - ahead))))
         explained = not self._felt or any(fault.kind.startswith("chamber") for fault in self.faults)
         pushed, jumped = pushes > self._pushes and not explained, jumps > self._jumps
         self._pushes, self._jumps, self._felt = pushes, jumps, False
@@ -145,33 +158,46 @@ class Watch:
             pushed=pushed,
             length=self._length,
             jumped=jumped,
-            **gains,
-            **place,
-            **self._ability(),
-            **way,
-            **known,
+            gain=gain,
+            gain_error=gain_error,
+            bend=bend,
+            place=place,
+            place_time=place_time,
+            place_error=place_error,
+            at_limit=at_limit,
+            made=made,
+            expected=expected,
+            turn=way.turn,
+            sharpest=way.sharpest,
+            aside=way.aside,
+            ahead=ahead,
+            trespass=way.trespass,
+            away=away,
+            heading_error=heading_error,
+            turning=turning,
+            crab=crab,
         )
 
-    def _ability(self) -> dict[str, Any]:
+    def _ability(self) -> tuple[bool, float, float]:
         """Return the fields of `Wave` that the map gives for the commanded wave: `at_limit`, `made` and `expected`.
 
         The speed `made` is infinite if the parameters of the wave are unknown.
         """
         if self._parameters is None:
-            return {"at_limit": False, "made": inf}
+            return False, inf, 1.0
         top, size, pace = self._feed_forward.ranges, abs(self._parameters.amplitude), self._parameters.frequency
         if size == 0.0:
-            return {"at_limit": False, "made": 0.0}
+            return False, 0.0, 1.0
         most = top.amplitude[1]
         made, makes = (float(self._feed_forward.found.speed(each, pace, 0.0)) for each in (size, most))
         at_limit = size >= AT_LIMIT * most and pace >= AT_LIMIT * top.frequency[1]
         expected = min(made / size * most / makes, 1.0)
-        return {"at_limit": at_limit, "made": self._length * made, "expected": expected}
+        return at_limit, self._length * made, expected
 
-    def _gains(self) -> dict[str, Any]:
+    def _gains(self) -> tuple[FloatArray, FloatArray, float]:
         """Return the fields of `Wave` about the chambers: `gain`, `gain_error` and `bend`, by a least-squares fit."""
         nothing = np.full((self._segments, 2), nan)
-        unknown = {"gain": nothing, "gain_error": nothing, "bend": nan}
+        unknown = nothing, nothing, nan
         if len(self._strains) < MIN_GAIN_SAMPLES:
             return unknown
         phase, strain, told = (np.array(column) for column in zip(*self._strains, strict=True))
@@ -196,29 +222,26 @@ class Watch:
         bend = float(np.nanmax(tilt)) if np.isfinite(tilt).any() else nan
         error = np.sqrt(2.0 * variance / len(both)) / asked
         gain = amplitude[:chambers] / asked
-        return {"gain": gain.reshape(-1, 2), "gain_error": error.reshape(-1, 2), "bend": bend}
+        return gain.reshape(-1, 2), error.reshape(-1, 2), bend
 
-    def _place(self) -> dict[str, Any]:
+    def _place(self) -> tuple[FloatArray | None, float, float]:
         """Return the fields `place`, `place_time` and `place_error` of `Wave`.
 
         The error is estimated from the scatter of the samples.
         """
         if not self._places:
-            return {"place": None, "place_time": nan, "place_error": nan}
+            return None, nan, nan
         rows = np.array(sorted(self._places, key=lambda row: row[2]))
         twice = np.diff(rows[:, :2], n=2, axis=0)
         variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise: the motion is slow
-        return {
-            "place": rows[:, :2].mean(axis=0),
-            "place_time": float(rows[:, 2].mean()),
-            "place_error": float(np.sqrt(2.0 * variance / len(rows))),
-        }
+        error = float(np.sqrt(2.0 * variance / len(rows)))
+        return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), error
 
-    def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> dict[str, Any]:
-        """Return the fields of `Wave` about the path near the worm; empty if the reference has no path."""
+    def _way(self, place: FloatArray | None, speed: float, estimate: Estimate | None) -> _Way:
+        """Return the fields of `Wave` about the path near the worm; the defaults if the reference has no path."""
         path = self.reference.path
         if path is None or place is None:
-            return {}
+            return _Way()
         self._near = s = float(path.project(place, self._near))
         azimuth = float(path.heading(s))
         aside = float(offset(path, place, s))
@@ -226,13 +249,13 @@ class Watch:
         sure = estimate is not None and estimate.deviations[2] < MAX_DIRECTION_DEVIATION
         looks = np.array(estimate.heading if estimate is not None and sure else azimuth)
         inside = -float(self._body.clearance(self.reference.obstacles, place, looks))
-        return {
-            "turn": float(path.curvature(s)) * speed,
-            "sharpest": self._feed_forward.sharpest(speed),
-            "aside": abs(aside) / self._length,
-            "ahead": azimuth,
-            "trespass": max(aside - left, -aside - right, inside) / self._length,
-        }
+        return _Way(
+            turn=float(path.curvature(s)) * speed,
+            sharpest=self._feed_forward.sharpest(speed),
+            aside=abs(aside) / self._length,
+            ahead=azimuth,
+            trespass=max(aside - left, -aside - right, inside) / self._length,
+        )
 
 
 def _crab(estimate: Estimate) -> float:
