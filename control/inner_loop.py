@@ -15,7 +15,7 @@ other.
 The gains are estimated by comparing the strains with the commands actually sent, not from a remaining control error.
 Therefore neither delay nor noise of the strains can make the loop unstable. Commands are limited to the stroke of the
 worm. An alternative, a planner limited to the amplitude of the weakest chamber, made the worm 10 % slower. Such a
-planner uses faster waves, in which slow chambers contract even less.
+planner uses faster waves, and these make slow chambers contract even less.
 """
 
 from __future__ import annotations

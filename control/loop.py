@@ -77,7 +77,7 @@ class Decision:
     """Record of one choice of the gait parameters, and of what the controller knew at that time."""
 
     time: float
-    """Time from which on the parameters hold [s]."""
+    """The parameters hold from this time on [s]."""
     source: Source
     """Source of the parameters: an accepted plan ("mpc"), the continuation of an earlier plan ("shifted plan"), the
     feed-forward or the parameters already in force ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), a
@@ -135,7 +135,7 @@ class Driver(ABC):
     decisions : list of Decision
         Decisions so far. The `seconds` of a decision include all steps since the previous decision.
     failures : int
-        Number of decisions for which no plan was accepted or an exception was raised.
+        Number of decisions without an accepted plan or with an exception.
     """
 
     plans: ClassVar[bool] = False

@@ -59,7 +59,7 @@ def p10_friction(
     mu : tuple
         Coefficients for motion towards the head and towards the tail.
     threshold : float
-        Speed [m/s] up to which there is no friction.
+        There is no friction up to this speed [m/s].
     """
     forward, backward = mu
     return np.select([velocity > threshold, velocity < -threshold], [-forward * load, backward * load], 0.0)

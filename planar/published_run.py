@@ -33,8 +33,8 @@ class Run(ReadOnly):
     """Positions x, y of the nodes, shape (T, 3n+1, 2) [m]. Node 3 i is the main node i on the axis; nodes 3 i + 1 and
     3 i + 2 are the top and the bottom of segment i."""
     start: FloatArray
-    """Positions from which each step starts, shape (S, 3n+1, 2) [m]: q before the step, but nodes that touch the ground
-    are set to the height of the ground."""
+    """Initial positions of each step, shape (S, 3n+1, 2) [m]: q before the step, but nodes that touch the ground are
+    set to the height of the ground."""
     contraction_force: FloatArray
     """Contraction force on each node in each step, shape (S, 3n+1, 2) [N]."""
     friction_force: FloatArray
@@ -55,7 +55,7 @@ class Run(ReadOnly):
 
     @property
     def unconverged_steps(self) -> int:
-        """Number of steps in which Newton's method did not reach the tolerance. The program continues regardless."""
+        """Number of steps where Newton's method did not reach the tolerance. The program continues regardless."""
         return int((self.residual >= self.parameters.tolerance).sum())
 
     @cached_property

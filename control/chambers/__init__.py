@@ -1,1 +1,1 @@
-"""Commands to chambers and hinges in addition to the wave of a gait, with which the body bends along its path."""
+"""Commands to chambers and hinges that, in addition to the wave of a gait, bend the body along its path."""

@@ -1,9 +1,9 @@
 """Climbing with two anchors, at a pace that a controller sets, and with reflexes that limit the load on the walls.
 
-Each segment has one apex that points outward to the left and one to the right. On open ground at most one of the two
-bears a load, on the side to which the worm leans. In a pipe that is as narrow as a contracted segment is wide, both
-bear a load. A segment counts as enclosed if the load on each of these apexes exceeds a share of the segment's weight
-(`control.gaits.reflexes.TOUCH`).
+Each segment has one apex that points outward to the left and one to the right. On open ground the worm leans to one
+side or to none, so that at most one of the two bears a load. In a pipe that is as narrow as a contracted segment is
+wide, both bear a load. A segment counts as enclosed if the load on each of these apexes exceeds a share of the
+segment's weight (`control.gaits.reflexes.TOUCH`).
 
 First, all segments contract, so that both anchors hold. Then the gait begins, and its phase follows psi' = pace /
 period. At pace 0 the command is constant, so that an anchor keeps its hold.

@@ -40,7 +40,7 @@ MAX_POSITION_DEVIATION = 3.0
 NIS = ("nis_mean", "nis_low", "nis_high")
 """Names of the mean and the limits of (KF7) in the summary of a run."""
 SIGNIFICANT_EXCESS = 2.5
-"""Number of standard deviations by which an estimated value must exceed a limit to be significant."""
+"""An estimated value significantly exceeds a limit if the excess is above this number of standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Consistency:
-    """Mean of the NIS, and the interval in which it should lie, (KF7)."""
+    """Mean of the NIS, and the interval expected for this mean, (KF7)."""
 
     mean: float
     low: float

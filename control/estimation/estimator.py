@@ -12,8 +12,8 @@ Other methods were tried and gave worse results.
 * The motion of feet that do not slip, computed from the strains, explains a third to a half of the changes of the speed
   within a wave, and at most a fifth of the turn rate. The reason is that the feet of the default worm slide all the
   time.
-* Contact loads would improve little even if they were exact. The speed at which Coulomb friction balances under these
-  loads differs from the true speed, averaged over a wave, by 2 to 3 mm/s (the filter's error is 1.5 mm/s). Even this
+* Contact loads would improve little even if they were exact. Under these loads, Coulomb friction balances at a speed
+  that differs from the true speed, averaged over a wave, by 2 to 3 mm/s (the filter's error is 1.5 mm/s). Even this
   accuracy needs a factor and an offset fitted to each ground: 1.5 and -15 mm/s on the default ground, 1.2 and -4 mm/s
   on a slope of 3 degrees and with four times the friction (seeds 10 and 11). Loads do not improve the turn rate.
 * The mean of the position over a wave is half a wave old.
@@ -289,7 +289,7 @@ class Estimator:
             noise = sample.deviation, since, sample.frequency
             return [self._filter.with_com(each, com, wave, gated, *noise) for each in beliefs]
 
-        # Beliefs for which the sample is impossible lose their weight. If all beliefs do, the sample is refused.
+        # Beliefs that rule out the sample lose their weight. If all beliefs rule out the sample, it is refused.
         if last.placed is None or len(beliefs) > 1:
             found = corrected(gated=False)
             if last.placed is None or min(each.nis for each in found) <= IMPOSSIBLE:
@@ -303,7 +303,7 @@ class Estimator:
         return beliefs
 
     def _forget(self, before: float) -> None:
-        """Drop the samples that are too old to be processed again, except the one from which the filter continues."""
+        """Drop samples too old to be processed again, except the newest of these, where the filter continues."""
         while len(self._past) > 1 and self._past[1].sample.time < before:
             oldest = self._past.pop(0)
             if oldest.nis is not None:

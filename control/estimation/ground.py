@@ -14,7 +14,7 @@ ground. A Kalman filter estimates the gradient s of the ground from the displace
 All samples within a stride are averaged and count as one sample. Otherwise the errors of the position would be as large
 as the displacement between samples, and point in any direction. The noise of the average follows from the stated noise
 of the sensors. If the samples of a stride scatter significantly more, their scatter is used instead. Possible reasons
-are unknown noise, strains with which H is wrong, and wrong samples. Only the slope in the direction of motion is
+are unknown noise, strains that make H wrong, and wrong samples. Only the slope in the direction of motion is
 observable. The slope across this direction has a large variance until the worm has turned.
 """
 
@@ -34,8 +34,7 @@ ANYWHERE = 10.0
 MAX_GROUND_SAMPLES = 200
 """Maximum number of samples in the average. The limit is needed because a worm at rest never completes a stride."""
 BY_CHANCE = 4.0
-"""Number of standard errors by which the scatter of the samples must exceed the stated noise before it is used
-instead."""
+"""The scatter of the samples replaces the stated noise if the excess is above this number of standard errors."""
 
 
 @documented

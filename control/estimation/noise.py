@@ -21,7 +21,7 @@ from worm3d.values.arrays import FloatArray
 
 NOISE_WINDOW, NOISE_LATEST = 400, 50
 """Maximum number of samples for the estimate of the noise (20 s of the default sensors), and number of latest samples
-in which a change is detected. 400 samples give the noise to 4 %, 50 samples to 11 %."""
+that are checked for a change. 400 samples give the noise to 4 %, 50 samples to 11 %."""
 NOISE_LEAST = 8
 """Number of samples below which the noise is not estimated."""
 NOISE_CHANCE = 8.0

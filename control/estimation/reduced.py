@@ -55,7 +55,7 @@ from control.identification.identified import Identified
 from worm3d import Worm
 
 IDENTIFIED = 0.8
-"""Approximate frequency f_p at which the lag n_v was identified [Hz]."""
+"""The lag n_v was identified at about this frequency f_p [Hz]."""
 LONGEST_SUBSTEP = 0.5
 """Longest substep of the Runge-Kutta method, as a fraction of the shortest time constant."""
 
@@ -73,7 +73,7 @@ class ReducedState(NamedTuple):
     turn_rate: float | ca.SX
     """Turn rate w that the gait causes [rad/s]."""
     slip: float | ca.SX = 0.0
-    """Fraction of v by which the worm is slower than the map predicts."""
+    """Relative loss of speed: the worm moves at (1 - slip) v, while the map predicts v."""
     yaw_bias: float | ca.SX = 0.0
     """Turn rate that the gait does not cause [rad/s]."""
     drift: float | ca.SX = 0.0
@@ -83,7 +83,7 @@ class ReducedState(NamedTuple):
     turn_gain: float | ca.SX = 1.0
     """Ratio of the worm's turn rate to the map's turn rate."""
     crab: float | ca.SX = 0.0
-    """Constant angle by which the direction of motion lies to the left of the heading [rad]."""
+    """Constant angle from the heading to the direction of motion, positive to the left [rad]."""
 
 
 STATES = len(ReducedState._fields)

@@ -50,9 +50,9 @@ sign, the body has been bent from outside."""
 ONE_SIDED = 2.0
 """Ratio of a chamber's |E| to its twin's |E| above which only this chamber counts as faulty."""
 MIN_FAULT_DURATION = 0.02
-"""Time for which all conditions must hold before a fault is reported [s]."""
+"""A fault is reported once all conditions have held for this time [s]."""
 FOLLOWS = 1.0
-"""Time constant with which the twin follows the measured contraction of the faulty chamber [s]."""
+"""The twin follows the measured contraction of the faulty chamber with this time constant [s]."""
 
 
 @dataclass
@@ -62,9 +62,9 @@ class Held:
     side: int
     """Side of the faulty chamber; 0 is left."""
     held: float
-    """Contraction at which this chamber is held."""
+    """Held contraction of this chamber."""
     twin: float
-    """Contraction at which the other chamber is held."""
+    """Held contraction of the other chamber."""
 
 
 class Chambers:

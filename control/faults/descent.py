@@ -1,4 +1,4 @@
-"""Check for descents that are too steep, on which a worm on bristles slides down regardless of the wave.
+"""Check for descents so steep that a worm on bristles slides down regardless of the wave.
 
 Friction can hold a worm that lies along a descent of gradient g up to g = mu_forward. This is the smallest coefficient
 of friction, by default 0.03, or 1.7 degrees. On a steeper descent the worm slides even at rest, and ever faster.
@@ -26,12 +26,13 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 DESCENT_LOOKAHEAD = 0.3
-"""Distance ahead at which the slope of the path is checked [body lengths]. The worm covers it in about three waves."""
+"""The gradient is checked in the direction of the path at this distance ahead [body lengths]. The worm covers this
+distance in about three waves."""
 USABLE_FRICTION_SHARE = 0.8
-"""Greatest gradient on which a worm crawls downhill, as a share of the friction. It is below 1 because the feet that
-the wave moves do not hold the worm."""
+"""A worm crawls down gradients of up to this share of the friction. The share is below 1 because the feet that the wave
+moves do not hold the worm."""
 MAX_GRADIENT_DEVIATION = 0.5
-"""Greatest standard deviation of the gradient with which the worm is stopped, as a share of the friction. With a larger
+"""The worm is stopped only if the standard deviation of the gradient is below this share of the friction. With a larger
 deviation the worm goes on, since a worm at rest learns nothing about the ground."""
 HOLDS = 0.01
 """Displacement of a resting worm above which the worm is sliding [body lengths]."""
@@ -40,7 +41,7 @@ WAITS, LONGEST_WAIT = 4.0, 64.0
 
 
 class Descent:
-    """Check for steep descents ahead. `steepest` is the greatest gradient on which friction holds the worm.
+    """Check for steep descents ahead. Friction holds the worm on gradients up to `steepest`.
 
     `steepest` is infinite if there is no limit.
     """

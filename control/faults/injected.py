@@ -269,7 +269,7 @@ class _Planner:
 
 
 def _latest(before: Measurement | None, measurement: Measurement) -> Measurement:
-    """Return a measurement in which channels without a new sample keep the earlier sample."""
+    """Return `measurement` with the earlier sample in each channel that has no new sample."""
     if before is None:
         return measurement
     return measurement.changed(**{name: before[name] for name, s in measurement.items() if s.value is None})

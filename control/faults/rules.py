@@ -45,7 +45,7 @@ LEANS = 0.045
 With half of this limit, worms on slopes and in sharp turns would be reported. With twice this limit, half of the tipped
 worms would not be detected."""
 SURE_TO_LEAN = 4.0
-"""Number of standard errors by which this difference must exceed 0 before the worm counts as tipped."""
+"""The worm counts as tipped only if this difference is more than this number of standard errors from 0."""
 BENT = 0.02
 """Difference between the mean strains of left and right in a segment above which a push has bent the body. The gains
 are then not used."""
@@ -120,8 +120,8 @@ class Wave:
     made: float
     """Speed of the commanded wave according to the map, at the end of the wave [m/s]."""
     least_asked: float
-    """Smallest requested speed during the wave [m/s]. Requested speeds are limited to the speed at which the worm can
-    follow the path according to the map."""
+    """Smallest requested speed during the wave [m/s]. Requested speeds are limited to the worm's greatest speed on the
+    path according to the map."""
     most_asked: float
     """Greatest requested speed during the wave [m/s]."""
     reach: float

@@ -39,7 +39,7 @@ combined."""
 MOVES = 0.02
 """Minimum amplitude of a chamber's command for an estimate of its gain."""
 MAX_DIRECTION_DEVIATION = 0.3
-"""Maximum standard deviation of an estimated heading with which forward and backward can be distinguished [rad]."""
+"""Forward and backward can be distinguished if an estimated heading has a standard deviation below this value [rad]."""
 YIELDS = Uncertainty().slope_yield
 """Ratio of the crab angle [rad] to the slope across the heading, (KF2) in `control.estimation.kalman`."""
 _LOG = logging.getLogger(__name__)

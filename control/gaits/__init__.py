@@ -1,4 +1,4 @@
-"""Gaits: patterns of contraction over time, some of which use sensors, and the waves that controllers steer."""
+"""Gaits: patterns of contraction over time, with or without sensors, and the waves that controllers steer."""
 
 from typing import Any
 

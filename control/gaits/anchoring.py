@@ -47,7 +47,7 @@ class TwoAnchor(ExtendingGait, name="two_anchor"):
 
     PARTS: ClassVar[int] = 6
     REAR: ClassVar[tuple[int, int]] = (3, 5)
-    """Parts of the period in which the rear anchor lets go (extends), and in which it contracts again."""
+    """The rear anchor lets go (extends) in the first of these parts of the period, and contracts in the second."""
     BODY: ClassVar[tuple[int, int]] = (1, 4)
     FRONT: ClassVar[tuple[int, int]] = (0, 2)
 

@@ -113,7 +113,7 @@ class Discrete(Gait, name="discrete"):
         `of_state` contains the property for each of the four states, shape (4, ...).
         """
         pattern, steps = self.pattern(segments), segments // gcd(segments, self.shift)
-        # Rounding errors must not change the step to which a time belongs.
+        # Rounding errors must not move a time to another step.
         passed = times / self.period * steps + 1e-9
         step = np.floor(passed)
         way = self.shift if self.direction == "retrograde" else -self.shift

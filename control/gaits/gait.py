@@ -147,7 +147,7 @@ class Gait(Spelled, ABC):
 
 
 def direction_of_waves(default: Direction = "retrograde", more: str = "") -> Any:
-    """Return the field of the direction in which contractions pass along the body; `more` completes the meaning."""
+    """Return the field of the direction of the waves along the body; `more` completes the meaning."""
     meaning = "retrograde: waves run from head to tail, as in earthworms; direct: from tail to head, as in larvae"
     return parameter(default, meaning + more)
 

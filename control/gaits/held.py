@@ -37,7 +37,7 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 
 WAVE = GaitParameters(0.25, 1.0, hinge=0.07)
-"""Wave with which the turn of a pattern is measured, near the middle of the map."""
+"""The turn of a pattern is measured with this wave, near the middle of the map."""
 
 
 @dataclass(frozen=True)

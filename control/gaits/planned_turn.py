@@ -29,8 +29,8 @@ Of all solutions, the plan is the nearest to the straight wave; only segments in
     minimise sum_i ((l_i - l_c - f_i (l_e - l_c)) N)^2/f_i + sum_j b_j^2/g_j,   g_j = max(f_{j-1}, f_j)  (N3)
 
 (the tail's and the head's end may turn as their segments do). Segments that stand have f = 0: they neither bend nor
-change their length, and so keep their places. s is the longest step for which no length exceeds l_e. The next wave
-begins when this wave reaches the tail, N steps after its start, with standing segments between the two waves.
+change their length, and so keep their places. s is the longest step without a length above l_e. The next wave begins
+when this wave reaches the tail, N steps after its start, with standing segments between the two waves.
 
 A wave without a turn is an `ExtensionWave`. The plan is exact for a worm without mass and springs. The table compares
 the default worm at amplitude 0.3 and extension -1/3 with the `Steered` wave that turns about as fast (hinge 0.06 to
@@ -66,9 +66,9 @@ standing segments is then 1e-4 of a segment's length, and 4e-4 with half as many
 LARGEST_CHANGE = 0.6
 """Largest change of a bend in a Newton step [rad]."""
 JOINED = 1e-9
-"""Greatest gap with which tail and head count as joined [body lengths]."""
+"""Tail and head count as joined up to this gap [body lengths]."""
 SHORTENING_CANDIDATES = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
-"""Relative amounts by which a turning step may be shorter than a straight step. The first one that is possible is
+"""Candidates for the relative shortening of a turning step against a straight step. The first one that is possible is
 refined."""
 
 
@@ -205,7 +205,7 @@ def plan(reach: Reach, turn: float) -> Plan:
 
 
 def _shortening(reach: Reach, turn: float, straight: float) -> float | None:
-    """Return the smallest relative shortening of a turning step with which the turn is possible.
+    """Return the smallest relative shortening of a turning step that makes the turn possible.
 
     None if there is none.
     """

@@ -33,7 +33,7 @@ class Reflexive(Spelled):
     gait: Gait
     """Any gait, with or without memory and senses."""
     reflexes: tuple[Reflex, ...]
-    """Reflexes in the order in which they act."""
+    """Reflexes, in order of their action."""
 
     def __post_init__(self) -> None:
         arguments.instance("gait", self.gait, Gait, "a control.gaits.Gait such as control.gaits.TravellingWave()")

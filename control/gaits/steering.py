@@ -79,7 +79,7 @@ UNIT_STEERING: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bia
 
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
-"""Default number of waves in which a parameter covers 63 % of a change."""
+"""Default number of waves until a parameter has covered 63 % of a change."""
 PACE = 0.5
 """Lower limit of the frequency in the rate of change of the parameters [Hz]. It allows waves of frequency 0 to stop and
 restart."""
@@ -121,7 +121,7 @@ class GaitParameters(Spelled):
         return GaitParameters(self.amplitude, self.frequency, bias=steering * bias, hinge=steering * hinge)
 
     def steering(self, mechanism: Mechanism) -> float:
-        """Return the steering for which `steered` gives this wave, or the nearest one by least squares."""
+        """Return the steering that makes `steered` give this wave, or the nearest wave by least squares."""
         hinge, bias = UNIT_STEERING[mechanism]
         return (self.hinge * hinge + self.bias * bias) / (hinge**2 + bias**2)
 
@@ -145,7 +145,7 @@ UNCORRECTED = Correction(np.ones((1, 1)), np.zeros((1, 1)))
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Schedule(Spelled):
-    """Phases at which each segment contracts and bends within a wave, (S1) and (S2).
+    """Phases of the contraction and the bending of each segment within a wave, (S1) and (S2).
 
     The defaults steer the default worm.
     """
@@ -216,7 +216,7 @@ class SteeredWave(Spelled):
     parameters: GaitParameters
     schedule: Schedule = Schedule()
     blend: float = BLEND
-    """Number of waves in which the amplitude reaches 63 % of its final value."""
+    """Number of waves until the amplitude reaches 63 % of its final value."""
 
     def __post_init__(self) -> None:
         arguments.instance("parameters", self.parameters, GaitParameters, "a control.gaits.steering.GaitParameters")
@@ -260,7 +260,7 @@ class WaveGenerator(Spelled):
     schedule : Schedule
     body : Body
     blend : float
-        Number of waves in which a parameter covers 63 % of a change, above 0.
+        Number of waves until a parameter has covered 63 % of a change, above 0.
     """
 
     def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:

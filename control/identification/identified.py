@@ -91,7 +91,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Design:
-    """Runs from which a map is identified: combinations of amplitudes, periods and steerings to the left.
+    """Runs for identifying a map: combinations of amplitudes, periods and steerings to the left.
 
     Only the most informative combinations are run (`surrogate.informative`). 120 of the 240 give as good a map as all.
     """
@@ -135,7 +135,7 @@ class SteeringMap:
     drift: Polynomial
     """Distance to the left [body lengths per wave]."""
     misfits: Mapping[str, Misfit]
-    """Misfit of each polynomial for the runs to which it was fitted."""
+    """Misfit of each polynomial for the fitted runs."""
     checks: Mapping[str, Misfit]
     """Misfit of each polynomial for other runs."""
     roll: Polynomial | None = None
@@ -220,8 +220,8 @@ class Identified:
     held: tuple[HeldSteering | None, ...] = ()
     """Entry i is the steering while segment i is held still. Empty if not identified."""
     grip: float = inf
-    """Smallest coefficient of forward friction, which is the gradient up to which the ground holds the worm. It is not
-    stored in files."""
+    """Smallest coefficient of forward friction. The ground holds the worm on gradients up to this coefficient, which is
+    not stored in files."""
     strain: StrainModel | None = None
     """Model of the strains while all chambers are healthy. None if it is unknown."""
 

@@ -46,13 +46,13 @@ RIDGE = 1e-3
 """Information that is assumed before the first run. It makes the matrix invertible, and is small compared with the
 information of one run."""
 SMOOTH = 0.7
-"""Factor by which the coefficients of the error decrease per degree, (I5). Of 0.5, 0.7 and 1, this value has the
+"""The coefficients of the error decrease by this factor per degree, (I5). Of 0.5, 0.7 and 1, this value has the
 smallest error on worms with half the stiffness or with four segments, from 24 to 48 runs."""
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges in which a surrogate is valid. They must not be empty."""
+    """Ranges where a surrogate is valid. They must not be empty."""
 
     amplitude: tuple[float, float]
     """Smallest and greatest amplitude."""
@@ -150,7 +150,7 @@ def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
 
 
 def informative(ranges: Ranges, where: ArrayLike, number: int) -> list[int]:
-    """Return the indices of the most informative among M places, with which surrogates of both parities can be fitted.
+    """Return the indices of the most informative among M places for fitting surrogates of both parities.
 
     `where` contains the places, shape (M, 3). They are chosen one after the other. Each one increases the
     log-determinants of the two information matrices as much as possible (a D-optimal design, a greedy version of

@@ -1,4 +1,4 @@
-"""The learned controller, in which a policy chooses the wave from an observation, without an estimator."""
+"""The learned controller: a policy chooses the wave from an observation, without an estimator."""
 
 from __future__ import annotations
 

@@ -39,9 +39,9 @@ SPEED, CURVATURE = 1, 6
 FAST = 10.0
 """Factor of speeds in the observation: 10 s times the speed in body lengths/s [s]."""
 OBSERVATION_LIMIT = 2.0
-"""Limit to which the observation is clipped."""
+"""The numbers of the observation are clipped to at most this absolute value."""
 CURVATURE_DISTANCES = np.array([0.0, 0.15, 0.3, 0.45])
-"""Distances ahead of the worm at which the curvature is observed [body lengths]."""
+"""The curvature is observed at these distances ahead of the worm [body lengths]."""
 FADING = 10.0
 """Time constant of the exponentially weighted means [s]."""
 MIN_REFERENCE_SPEED = 1e-3

@@ -7,7 +7,7 @@ misses and c_k the excesses of the reduced model at the end of step k, each divi
     minimise 1/2 sum_k [ |m_k|^2 + |max(0, c_k)|^2 ],   -1 <= u <= 1                                           (O2)
 
 There are two exceptions to the bounds: frequencies may be lower than any identified frequency, and amplitudes change
-their sign where the worm goes backwards. Terms for which the reference has no goal are left out. The states and their
+their sign where the worm goes backwards. Terms without a goal in the reference are left out. The states and their
 derivatives follow from the reduced model:
 
     X_{k+1} = F(X_k, U_k),   dX_{k+1}/dU = A_k dX_k/dU + B_k dU_k/dU,   A_k = dF/dX, B_k = dF/dU at (X_k, U_k)   (O3)

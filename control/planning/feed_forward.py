@@ -109,8 +109,8 @@ class FeedForward:
     def reach(self, curvature: ArrayLike) -> FloatArray:
         """Return the greatest speeds on paths of given curvatures, according to the map [m/s].
 
-        `curvature` may have any shape [1/m]. For paths that are too sharp to follow, this is the greatest speed at
-        which the worm turns as sharply as possible.
+        `curvature` may have any shape [1/m]. For paths that are too sharp to follow, this is the greatest speed of the
+        sharpest possible turn.
         """
         begin = self._rises
         return np.asarray(np.interp(np.abs(curvature), self._sharpest[begin:][::-1], self._straight[begin:][::-1]))

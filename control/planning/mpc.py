@@ -44,9 +44,9 @@ from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 SIGNIFICANT_YAW_BIAS = 2.0
-"""Number of standard deviations by which the yaw bias must differ from 0 for the correction (P4)."""
+"""The integral of (P4) changes only if the yaw bias differs from 0 by more than this number of standard deviations."""
 INTEGRAL_TIME_CONSTANT = 6.4
-"""Time constant T of (P4) and (P5) [waves]. It is four times the time constant with which other offsets decay."""
+"""Time constant T of (P4) and (P5) [waves]. Other offsets decay with a quarter of this time constant."""
 MOST_LASTING = 0.01
 """Greatest offset that is integrated as a lasting offset [body lengths]. With a larger offset the worm is still
 returning to the path."""
@@ -68,7 +68,7 @@ class Plan:
     time: float
     """Start of the horizon [s]."""
     step: float
-    """Duration of each step, in which the input is constant [s]."""
+    """Duration of each step [s]. The input is constant during a step."""
     inputs: FloatArray
     """Amplitude, frequency [Hz] and steering, shape (H, 3)."""
     horizon: FloatArray
@@ -106,7 +106,7 @@ class GaitMPC:
     ----------
     worm : Worm
     identified : Identified
-        Maps of the worm from which `model` was built.
+        Maps of the worm; `model` was built from these maps.
     model : ReducedModel
     terms : sequence of CostTerm, optional
         Terms of the cost; by default `control.planning.terms.default_terms`.
@@ -247,7 +247,7 @@ class GaitMPC:
         return replace(preview, room_left=preview.room_left - unsure, room_right=preview.room_right - unsure)
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
-        """Return the inputs from which the search may start, shape (H, 3) each.
+        """Return the possible initial inputs of the search, shape (H, 3) each.
 
         These are the previous plan, if there is one, and the plain wave.
         """

@@ -6,7 +6,7 @@ from control.gaits.steering import Wave
 from control.identification.identified import SteeringMap
 
 SHARE = 0.95
-"""Requested speed from which on a run uses the steep wave, as a share of the sine's greatest speed.
+"""A run uses the steep wave if the requested speed is at least this share of the sine's greatest speed.
 
 The greatest speed of the default worm with the sine is 0.143 m/s, so that at 0.14 m/s the sine has no reserve to catch
 up. The mean rms offset from an S-curve is then 0.0046 body lengths with the sine and 0.0030 with the steep wave (seeds

@@ -22,7 +22,7 @@ path as the cost predicts.
 offset e over the distance s with free slope e', the integral of (e/a_e)^2 + (e'/a_h)^2 is smallest for e ~ exp(-s/L),
 with L = a_e/a_h. The cost after the horizon is then e_H^2 L/a_e^2, as much as L/w steps of length w. Therefore an
 offset decays over the distance L, however short the horizon is. If the estimate misses a turn rate b, an offset of b
-L^2/V remains, at which the steering for the offset cancels b. For the default worm, the turn rate is uncertain by 5
+L^2/V remains: there the steering for the offset cancels b. For the default worm, the turn rate is uncertain by 5
 mrad/s, and this offset is 1.3 mm.
 
 *Large misses.* The decay of a large offset takes a long distance: 2.7 L from 0.3 body lengths to 0.02. A worm far from
@@ -262,9 +262,9 @@ remaining offset b L^2/V. This changed the offset from 0.0081 to 0.0065 on a sid
 from 0.030 to 0.026 with a push, and from 0.0020 to 0.0022 on circles of 1.5 body lengths. A worm that begins beside the
 line reaches the line after 8.4 waves instead of 9.6 (means over the seeds 10 to 14).
 
-The speed miss from which on the cost is linear was chosen among 0.004 to 0.02 and infinity. With 0.02, a worm that
-begins beside the line reaches the line soonest (seeds 10 to 13, with an offset tolerance of 0.015): after 9.4 waves on
-average. With 0.012 this takes more than 10 waves, and with infinity 9.6.
+The cost is linear in speed misses above a limit. This limit was chosen among 0.004 to 0.02 and infinity. With 0.02, a
+worm that begins beside the line reaches the line soonest (seeds 10 to 13, with an offset tolerance of 0.015): after 9.4
+waves on average. With 0.012 this takes more than 10 waves, and with infinity 9.6.
 """
 
 

@@ -95,7 +95,7 @@ class Quantity(Spelled):
     angle: bool = False
     """Whether samples are angles, which are wrapped to (-pi, pi]."""
     may_stay: float = 2.5
-    """Time for which a number may stay the same to the last bit while the worm moves [s]. The default is the duration
+    """While the worm moves, a number may stay the same to the last bit for this time [s]. The default is the duration
     of a wave: a chamber rests during part of a wave, and its strain is then constant, whatever the resolution of the
     sensor."""
 

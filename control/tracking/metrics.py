@@ -51,7 +51,7 @@ HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
 PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl", "cross_track_mean_bl")
 HEAD_METRICS = ("head_offset_rms_bl", "head_offset_max_bl")
 WITHIN = 0.02
-"""Greatest offset at which a worm counts as on the path [body lengths]."""
+"""Greatest offset of a worm that counts as on the path [body lengths]."""
 BODY_CLEARANCE = "body_clearance_min_bl"
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
 METRICS = (
@@ -310,7 +310,7 @@ def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[f
 
 
 def _arriving(reference: Reference, window: _Window, place: FloatArray, wanted: FloatArray) -> Bools:
-    """Return a mask of the windows in which the worm is stopping at the end of the path.
+    """Return a mask of the windows where the worm is stopping at the end of the path.
 
     It starts three periods before the end.
     """

@@ -72,7 +72,7 @@ class Line(Spelled, Path):
     azimuth: float = 0.0
     """Azimuth of the line's direction [rad]."""
     length: float = math.inf
-    """Arc length at which the line ends, if the reference has an end [m]."""
+    """Arc length at the line's end, if the reference has an end [m]."""
 
     closed = False
 
@@ -108,7 +108,7 @@ class Circle(Spelled, Path):
     azimuth: float = 0.0
     """Azimuth of the tangent at s = 0 [rad]."""
     towards: Side = "left"
-    """Side of the tangent on which the circle's centre lies: "left" or "right"."""
+    """The circle's centre lies on this side of the tangent: "left" or "right"."""
 
     closed = True
 
@@ -165,7 +165,7 @@ class SCurve(Curve, Path):
     azimuth: float = 0.0
     """Azimuth of the tangent at s = 0 [rad]."""
     towards: Side = "left"
-    """Side of the wave's axis on which the first half-wave lies: "left" or "right"."""
+    """The first half-wave lies on this side of the wave's axis: "left" or "right"."""
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)

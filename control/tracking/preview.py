@@ -5,8 +5,8 @@ speed at arc length s of the path and time t is the smallest of
 
     |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
-V_reach is the greatest speed at which the worm can turn as sharply as the path. With the last of these speeds, the
-distance from the end decreases as exp(-t/T).
+V_reach is the greatest speed of the worm in turns as sharp as the path. With the last of these speeds, the distance
+from the end decreases as exp(-t/T).
 
 Around obstacles the worm follows a detour (`control.tracking.detour`). The corridor bounds the offset of the worm's
 middle from the detour, and the obstacles bound the offset of both ends of the body. These bounds are fixed before the
@@ -28,8 +28,8 @@ from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
 
 APPROACH = 2.0
-"""Time T in which the distance from the end of a path decreases to 37 % [waves]. It is longer than the lag of the
-speed, which is one wave."""
+"""The distance from the end of a path decreases to 37 % in this time T [waves]. T is longer than the lag of the speed,
+which is one wave."""
 TURNS_IN = 0.3
 """Distance over which the curvature of a path is averaged [body lengths]. A worm needs at least this distance to turn
 by a right angle."""
@@ -107,7 +107,7 @@ def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = A
 
 
 def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
-    """Return the greatest speeds at which the worm can follow the path, at arc lengths `s` of any shape [m/s]."""
+    """Return the greatest speeds that still let the worm follow the path, at arc lengths `s` of any shape [m/s]."""
     s, path, way = np.asarray(s, dtype=float), reference.path, TURNS_IN * able.length
     if path is None:
         return able.reach(np.zeros(s.shape))
@@ -115,7 +115,7 @@ def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
 
 
 def _ending(reference: Reference, s: FloatArray, wave: float) -> tuple[FloatArray, FloatArray]:
-    """Return the greatest backward and forward speeds with which the worm still stops at the ends of the path [m/s]."""
+    """Return the greatest backward and forward speeds that let the worm stop at the ends of the path [m/s]."""
     if reference.path is None or not reference.ends:
         return np.full(s.shape, np.inf), np.full(s.shape, np.inf)
     T = APPROACH * wave

@@ -1,4 +1,4 @@
-"""Search for a way around obstacles, including the side and the distance at which each obstacle is passed.
+"""Search for a way around obstacles, with a side and a distance for each obstacle.
 
 The body is modelled as all points within its greatest half width w from a chord. The chord is as long as the body, has
 its middle on the way and points along the way. A way is described by its offset e(s) to the left of the path, at the
@@ -7,9 +7,9 @@ every obstacle, and the curvature below a bound. The best way has the lowest cos
 
     int e^2 + B^4 e''^2 ds                                                                                     (P2)
 
-Because of this cost, an offset that no obstacle requires decays over the length B. The cost also decides on which side
-each obstacle is passed. Let V_k(e, e') be the lowest cost up to point k of a grid over offsets e and slopes e'. Dynamic
-programming minimises over the curvatures c:
+Because of this cost, an offset that no obstacle requires decays over the length B. The cost also decides whether each
+obstacle is passed on the left or on the right. Let V_k(e, e') be the lowest cost up to point k of a grid over offsets e
+and slopes e'. Dynamic programming minimises over the curvatures c:
 
     V_k(e, e') = least of V_{k-1}(e - e' ds, e' - c ds) + (e^2 + B^4 c^2) ds  over curvatures c                (P3)
 
@@ -68,7 +68,7 @@ SLOPES, TURNS = np.arange(-8, 9), np.arange(-4, 5)
 """Slopes of the grid against the path [cells per step], up to 0.8, and possible changes of the slope between steps.
 Offsets of up to 1 body length do not need steeper ways."""
 CHORD = np.linspace(-0.5, 0.5, 11)
-"""Points of the chord at which distances are evaluated [body lengths]."""
+"""Distances are evaluated at these points of the chord [body lengths]."""
 
 
 class NoWayError(ValueError):
@@ -282,7 +282,7 @@ class Search:
         return ca.SX(ca.vertcat(*found))
 
     def _need(self, margin: float) -> float:
-        """Return the distance of the chord from obstacles at which the body keeps the margin."""
+        """Return the distance of the chord from obstacles if the body keeps exactly the margin."""
         return self.body.half_width / self.unit + margin
 
     def _needs(self, margin: float, slack: float) -> FloatArray:

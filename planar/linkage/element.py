@@ -93,7 +93,7 @@ class Now(NamedTuple):
     push: FloatArray
     """(N, 2) constant forces on the apexes along x."""
     regime: NDArray[np.int64]
-    """(N, 2) regime in which each contact is held, or BY_LAW if the law decides."""
+    """(N, 2) prescribed regime of each contact, or BY_LAW if the law decides."""
 
 
 @njit

@@ -4,17 +4,17 @@ Normal contact is a stiff quadratic penalty on the penetration d = max(0, -z), w
 
     N = (k + c/dt) max(0, d - d*),   d* = (c/dt) d_n / (k + c/dt)                   (G1)
 
-An anchor is a point on the ground to which friction ties a touching apex, as with a spring. s is the displacement of
-the apex from its anchor along the ground, positive towards the head, and y = s - s* (s* is defined below). With
-mu = mu_forward for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
+Friction ties a touching apex to an anchor, a point on the ground, as with a spring. s is the displacement of the apex
+from its anchor along the ground, positive towards the head, and y = s - s* (s* is defined below). With mu = mu_forward
+for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
 
     h = mu y^2/(2 b)  while |y| <= b,   else mu (|y| - b/2),   b = r/max(mu, mu_0)     (G2)
 
 The terms 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n come from a damper parallel to the anchor's spring. The sum of the
-two forces is at most N mu. rho_b is the displacement at which a contact breaks away, times its mu. It is the same
-number for all contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 =
-`Ground.least`, including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay
-far behind. If the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
+two forces is at most N mu. rho_b is the breakaway displacement of a contact times mu. It is the same number for all
+contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 = `Ground.least`,
+including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay far behind. If
+the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
 
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
@@ -48,7 +48,7 @@ RESTING_PENETRATION = 1e-5
 """Penetration of an apex under the weight of one segment, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
-"""Displacement at which the contact with the smallest coefficient breaks away, as a fraction of the segment length."""
+"""Breakaway displacement of the contact with the smallest coefficient, as a fraction of the segment length."""
 
 SMALLEST_COEFFICIENT = 0.01
 """Coefficients below this fraction of the largest coefficient, including 0, do not set the breakaway displacement.

@@ -1,7 +1,7 @@
 """Newton-Raphson (P1), (P2) with an exact Jacobian and a line search.
 
 Each pass has two parts. The first part minimises the potential of a step for given normal loads. Its Hessian is
-symmetric, and every search direction descends. The second part, the polish, takes full Newton steps in which the loads
+symmetric, and every search direction descends. The second part, the polish, takes full Newton steps, with loads that
 depend on the iterate. Its Jacobian is exact, but unsymmetric. If the polish does not converge, the given loads are
 updated and the next pass begins.
 
@@ -183,7 +183,7 @@ def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
 def _resting_points(
     q: FloatArray, direction: FloatArray, body: Body, ground: Ground, now: Now, steps: FloatArray
 ) -> int:
-    """Write the step lengths in (0, 1) at which contacts come to rest into `steps`, and return their number.
+    """Write the step lengths in (0, 1) where contacts come to rest into `steps`, and return their number.
 
     The step lengths are exact to first order. A stuck contact comes to rest where it passes from its softer to its
     stiffer direction. The step ends just beyond this point, so that the next Hessian contains the stiffness that holds

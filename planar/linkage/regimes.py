@@ -1,4 +1,4 @@
-"""Regimes of the contacts, for steps in which the kinks of the contact law prevent convergence of Newton's method.
+"""Regimes of the contacts, for steps where the kinks of the contact law prevent convergence of Newton's method.
 
 A contact is open, stuck, or sliding. A stuck or sliding contact is displaced towards the head or towards the tail. With
 given regimes the equations of a step are smooth. An open contact has no load even if it penetrates the ground, a closed

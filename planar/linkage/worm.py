@@ -139,7 +139,7 @@ class Linkage(ReadOnly):
 
         A segment that stands on its bottom apex has its joints at the height h and its top apex at 2 h. Since
         dh/dl = -l/(4 h), it carries the load w in equilibrium if dE/dl = w l/(4 h), where E is its elastic energy. The
-        limit point is the largest w for which this equation has a solution in l_cmd < l < 2 a. Under a larger load the
+        limit point is the largest w such that this equation has a solution in l_cmd < l < 2 a. Under a larger load the
         rhombus collapses. `contraction` is the command to all segments.
         """
         shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)

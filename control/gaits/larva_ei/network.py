@@ -51,7 +51,7 @@ class Crawling:
 
     @property
     def starts(self) -> FloatArray:
-        """Times at which the middle segment becomes active [tau_E]."""
+        """Times when the middle segment becomes active [tau_E]."""
         active = self.excitation[:, self.excitation.shape[1] // 2 - 1] > self.parameters.E_half
         return self.time[1:][active[1:] & ~active[:-1]]
 

@@ -1,4 +1,4 @@
-"""Waves in recordings of crawling animals: the times at which each band of a row was pulled along, and the delays.
+"""Waves in recordings of crawling animals: when each band of a row was pulled along, and the delays.
 
 A trough is a minimum below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation of the
 measured values; values of exactly 0 were not measured), or below two thirds of the band's deepest value, if that is
@@ -26,8 +26,8 @@ LEAST_GAP = 1.0
 MAX_DELAY, MAX_REVERSE_DELAY = 0.4, 0.1
 """Maximum delay between neighbouring bands in the direction of the wave, and against it [s]."""
 MIN_PAUSE = 1.5
-"""Minimum duration of a pause, in which all bands stay within a robust standard deviation [s]. Flashes stop a larva for
-2 to 12 s. Between two waves of slow crawling a larva is quiet for less than 1 s."""
+"""Minimum duration of a pause [s]. During a pause all bands stay within a robust standard deviation. Flashes stop a
+larva for 2 to 12 s. Between two waves of slow crawling a larva is quiet for less than 1 s."""
 INTERVAL = (50.0 * (1.0 - 0.9), 50.0 * (1.0 + 0.9))
 """Percentiles at the ends of the sampling intervals, which contain 90 %."""
 
@@ -139,7 +139,7 @@ def _scaled(values: FloatArray) -> FloatArray:
 
 
 def _least(x: FloatArray) -> NDArray[np.intp]:
-    """Return the samples at which there is a sufficiently deep trough."""
+    """Return the samples with a sufficiently deep trough."""
     inner = (x[1:-1] < -DEPTH) & (x[1:-1] <= x[:-2]) & (x[1:-1] < x[2:])
     return 1 + np.flatnonzero(inner)
 

@@ -31,7 +31,7 @@ value was chosen in view of all four recordings."""
 STRENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, np.inf)
 """Strengths of the shrinkage that are compared."""
 ALONE = 1.0
-"""Strength for a single recording, for which leave-one-out validation is impossible. Half of the profile is used."""
+"""Strength for a single recording, which does not allow leave-one-out validation. Half of the profile is used."""
 EXPONENTS = np.linspace(0.0, 2.0, 201)
 """Exponents of pace that are compared."""
 

@@ -46,9 +46,9 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 DELTA = 0.1
-"""Share of beta at which a passage ends and a transition begins; the transition ends at 1 - DELTA."""
+"""A passage ends and a transition begins at this share of beta; the transition ends at 1 - DELTA."""
 EARLY = 1e-6
-"""Share c of beta at which the path to the next saddle begins in (SH5); the error of (SH5) is proportional to c."""
+"""In (SH5) the path to the next saddle begins at this share c of beta; the error of (SH5) is proportional to c."""
 BLOCK_STEPS = 4096
 """Number of steps, and of random numbers, in a block."""
 
@@ -136,7 +136,7 @@ class Cycle:
         return Cycle(self.nodes, alpha=self.alpha * faster, beta=self.beta, nu=self.nu, noise=noise)
 
     def _way(self, node: int) -> tuple[float, float]:
-        """Return the time T of (SH5) from a node to the next, and the time at which both are equally active [s]."""
+        """Return the time T of (SH5) from a node to the next, and the time when both are equally active [s]."""
         here = (np.arange(3) + node) % self.nodes
         beta, then = self.beta[here], float(self.leaving[here[1]])
         rho = tuple(map(tuple, self.rho[np.ix_(here, here)].tolist()))
@@ -155,7 +155,7 @@ def _quiet_way(
     Returns
     -------
     end, switch : float
-        Time t_e, and time at which nodes 0 and 1 are equally active, both since a_1 = EARLY beta_1 [s].
+        Time t_e, and time when nodes 0 and 1 are equally active, both since a_1 = EARLY beta_1 [s].
     variance : float
         v of node 2 at the end [s].
     """
@@ -209,7 +209,7 @@ class Walk:
 
 
 def sojourns(walk: Walk, count: int) -> FloatArray:
-    """Return the time for which each of the next nodes has the largest a/beta, shape (count,) [s].
+    """Return how long each of the next nodes has the largest a/beta, shape (count,) [s].
 
     The first counted sojourn begins with the first switch.
     """

@@ -109,7 +109,7 @@ class SHC(FeedbackGait, name="shc"):
         return np.arange(segments)[:: 1 if self.direction == "direct" else -1]
 
     def start(self, body: Body) -> Turns:
-        """Return the initial memory, in which node 0 is active."""
+        """Return the initial memory, with node 0 active."""
         return Turns(self, body.segments)
 
 
