@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 @contextmanager
 def _listening() -> Iterator[list[int]]:
-    """Context in which Ctrl-C raises KeyboardInterrupt, as usual, and also adds an item to the yielded list."""
+    """Context where Ctrl-C raises KeyboardInterrupt, as usual, and also adds an item to the yielded list."""
     pressed: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""Checks that involve several keys, for scenes in which each key is valid on its own.
+"""Checks that involve several keys, for scenes whose keys are each valid on their own.
 
 A check declares the keys that it reads. If one of these keys is wrong, the check is skipped. If only other keys are
 wrong, the check runs, so that a user sees as many mistakes as possible at once.
@@ -30,8 +30,8 @@ class Check:
     """A rule about the values of several keys."""
 
     needs: tuple[str, ...]
-    """Dotted keys or sections that the check reads. A section is passed to `test` as an object. The first key is the
-    key at which an error is reported if `test` returns a single text."""
+    """Dotted keys or sections that the check reads. A section is passed to `test` as an object. If `test` returns
+    a single text, the error is reported at the first key."""
     test: Callable[..., Found]
     """Function of the values of these keys, in this order, that returns the error or None. If the function returns
     texts by key, the reported text is that of the first key that the user wrote in an override, or, if there is none,
@@ -53,7 +53,7 @@ class Check:
 
 
 LACKING = object()
-"""Placeholder for a section in which a mandatory key is missing."""
+"""Placeholder for a section that lacks a mandatory key."""
 
 Passed = dict[Check, tuple[Any, ...]]
 """For each check that found no error: the data of its sections when it ran."""
@@ -249,7 +249,7 @@ def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
     A key with its default value is accepted.
     """
     if known.is_for(kind):
-        allowed = known.words_for(kind)  # empty for a user's own part, for which all words are allowed
+        allowed = known.words_for(kind)  # empty for a user's own part, which allows all words
         if not allowed or value in allowed or value not in known.choices:
             return None
         return f"got {value!r}: not for {by} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"

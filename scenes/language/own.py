@@ -125,7 +125,7 @@ def _with_tables(name: str, section: type[Section], given: Mapping[str, Any]) ->
 
 
 def _tables(section: type[Section], given: Mapping[str, Any]) -> Iterator[tuple[str, str, Kind, list[Any]]]:
-    """Yield the arrays of tables of a section in which each table describes a part.
+    """Yield a section's arrays of tables that describe parts.
 
     Each item has the key of the array, the key of a table that names the part, the kind of the parts, and the tables.
     """
@@ -217,7 +217,7 @@ def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
 
 @cache
 def _with_table(section: type[Section], key: str, parts: tuple[tuple[str, Any], ...]) -> type[Section]:
-    """Return a section in which the array of tables `key` also has the keys of a user's own parts.
+    """Return a section whose array of tables `key` also has the keys of a user's own parts.
 
     `parts` are pairs of `module:NAME` and the part.
     """

@@ -83,7 +83,7 @@ class Outcome:
     wall_s: float
     """Wall time of the simulation, without checks, files and pictures [s]."""
     checkpoint: tuple[Variable, ...] = ()
-    """State from which the run can be continued; empty if the model does not support this."""
+    """State for a continuation of the run; empty if the model does not support this."""
     timing: tuple[Variable, ...] = ()
     """Further wall-clock values; single numbers are written to `summary.json`."""
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -129,7 +129,7 @@ class Pictures:
     animate: Callable[[Record], Movie] | None = None
     """Function that returns the movie of a record."""
     view: View | None = None
-    """Function that writes a page, on which a browser shows the run. If a model has this function, a run writes the
+    """Function that writes a page that shows the run in a browser. If a model has this function, a run writes the
     page instead of an animation. With `skin=True`, the worm has a smooth skin."""
     mesh: Callable[[Record, float | None], bytes] | None = None
     """Function that returns a mesh of the worm at an instant [s] as the content of a GLB file. None means the end."""
@@ -165,5 +165,5 @@ class Model(Pictures, Generic[S]):
     """Function that returns arguments of `worm3d.results.pictures.arrays`: the period of the gait, and what is drawn in
     addition to the worm."""
     refers_to: Callable[[S], object] | None = None
-    """Function that returns the data on which a run depends in addition to the scene and the files named in it. The
-    data can be written as JSON."""
+    """Function that returns the data that affect a run in addition to the scene and the files named in it. The data
+    can be written as JSON."""

@@ -221,7 +221,7 @@ def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
 
 
 def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
-    """Return a message in which the names of parameters are replaced by the keys of the scene.
+    """Return a message with the names of parameters replaced by the keys of the scene.
 
     Only names with an underscore are replaced, since other names may be ordinary words.
     """

@@ -25,7 +25,7 @@ from worm3d.values.spelling import did_you_mean
 
 @dataclass(frozen=True)
 class Scene:
-    """A checked scene, in which every key that was left out has its default."""
+    """A checked scene, with defaults for all keys that were left out."""
 
     name: str
     model: Model[Any]
@@ -41,7 +41,7 @@ class Scene:
 
 
 class ImpossibleError(SceneError):
-    """An error of a scene in which each key is valid on its own, but the keys do not fit together."""
+    """An error of a scene whose keys are each valid on their own, but do not fit together."""
 
     def __init__(self, scene: Scene, lines: Iterable[str]) -> None:
         super().__init__(*lines)

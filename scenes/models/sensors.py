@@ -46,7 +46,7 @@ class ChannelSection(PartSection, holds={ITSELF: CHANNEL}):
 def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
     """Return the channels `names` as a section describes them, and the user's own channels in the section.
 
-    A channel for which the section has no keys is a usual sensor. This happens if a module that was imported after the
+    A channel without keys in the section is a usual sensor. This happens if a module that was imported after the
     section was defined, for example the module of a controller, added the channel to `QUANTITIES`.
 
     Raises

@@ -17,7 +17,7 @@ from scenes.models.loading import with_own_parts
 
 
 def template(model: Model[Any], overrides: Iterable[str] = ()) -> str:
-    """Return a scene of a model in which every key has its default and a comment with its meaning, unit and range.
+    """Return a scene of a model. Every key has its default and a comment with its meaning, unit and range.
 
     `overrides` are items `section.key=value` that replace defaults. They may name a user's own parts.
 

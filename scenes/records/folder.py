@@ -20,7 +20,7 @@ from pathlib import Path
 from scenes.language.errors import DiscError, SceneError
 
 RUNS = Path("runs")
-"""Folder in which runs without the option --out create their folders."""
+"""Folder where runs without the option --out create their folders."""
 
 RESULT = "result.nc"
 SUMMARY = "summary.json"

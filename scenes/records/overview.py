@@ -21,7 +21,7 @@ from worm3d.viewer import colours
 Colour = tuple[int, int, int] | str
 
 SCALE = 3
-"""Factor by which a picture is drawn larger and then reduced, which smooths the edges. Pillow itself does not."""
+"""A picture is drawn larger by this factor and then reduced, which smooths the edges. Pillow itself does not."""
 
 INK, GRID = "#333333", "#dddddd"
 

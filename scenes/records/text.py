@@ -21,7 +21,7 @@ class Column(NamedTuple):
     form: str = ""
     """Format specification of the values, as after the colon in an f-string."""
     scale: float = 1.0
-    """Factor by which the values are multiplied."""
+    """Factor that multiplies the values."""
     none: str = ""
     """Text for None and NaN."""
     name: str = ""
@@ -61,7 +61,7 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iter
 
 
 def csv_bytes(rows: Iterable[Iterable[Any]]) -> bytes:
-    """Return rows, the first of which has the titles, as the bytes of a CSV file.
+    """Return rows as the bytes of a CSV file. The first row has the titles.
 
     Cells with None or a number that is not finite are empty.
     """

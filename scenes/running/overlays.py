@@ -157,14 +157,14 @@ OVERLAYS: dict[str, Overlay] = {
 
 
 def drawn(records: Records) -> Iterator[tuple[str, Figure]]:
-    """Yield the figures for which the records have data, each with the name of its file without the ending."""
+    """Yield the figures whose data the records contain, each with the name of its file without the ending."""
     for stem, draw in OVERLAYS.items():
         if (found := draw(records)) is not None:
             yield stem, found[0]
 
 
 def measured_pictures(record: Record) -> Pictures:
-    """Return the figures for which a measurement has data."""
+    """Return the figures whose data a measurement contains."""
     present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
     figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
     return Pictures(name=measured.MEASURED_MODEL, title="a measurement", figures=figures, overview=None)

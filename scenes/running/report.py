@@ -41,7 +41,7 @@ class Heading(NamedTuple):
 
 
 class Items(NamedTuple):
-    """List in which each item is a sentence."""
+    """List with a sentence for each item."""
 
     sentences: Sequence[str]
 
@@ -174,7 +174,7 @@ def report_study(
     name : str
         Name of the study.
     study : callable
-        Function that computes the report. Its argument is the folder, in which it may store intermediate results.
+        Function that computes the report. Its argument is the folder. Intermediate results may be stored there.
     out : Path, optional
         Folder for the files. The default is `runs/<name>-<time>`.
     force, quiet : bool

@@ -83,7 +83,7 @@ def counted(number: int, what: str) -> str:
 
 
 def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
-    """Return a context in which a terminal shows that the task `what` is going on."""
+    """Return a context that shows the running task `what` on a terminal."""
     if quiet or not sys.stderr.isatty():
         return nullcontext()
     from rich.console import Console
@@ -92,7 +92,7 @@ def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
 
 
 class Interruption:
-    """Context in which the first SIGINT or SIGTERM sets `requested` only. A second signal has its usual effect."""
+    """Context where the first SIGINT or SIGTERM sets `requested` only. A second signal has its usual effect."""
 
     def __init__(self) -> None:
         self.requested = False

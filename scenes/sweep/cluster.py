@@ -50,7 +50,7 @@ class Local:
 
     workers: int
     bind: str = LOOPBACK
-    """Network address at which the scheduler and the workers listen."""
+    """Network address where the scheduler and the workers listen."""
 
     def __post_init__(self) -> None:
         if self.workers < 1:

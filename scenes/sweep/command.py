@@ -26,7 +26,7 @@ from scenes.sweep.table import Table
 from scenes.sweep.vary import cases_of, texts
 
 QUICKLY_CHECKED = 500
-"""Smallest number of cases for which the progress of the checks is displayed. Fewer cases take only a moment."""
+"""From this number of cases on, the progress of the checks is displayed. Fewer cases take only a moment."""
 
 
 @dataclass(frozen=True)

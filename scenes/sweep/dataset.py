@@ -57,7 +57,7 @@ def sweep(
     scheduler : str, optional
         Address of a Dask scheduler whose workers run the cases.
     bind : str
-        Network address at which the scheduler for `workers` listens.
+        Network address where the scheduler for `workers` listens.
     case_limit_s : float, optional
         Time limit of a case [s], counted from the first step. A case that exceeds the limit fails. The default is the
         limit in the section [sweep], or an hour.

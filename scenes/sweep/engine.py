@@ -180,7 +180,7 @@ def chosen(workers: int | None = None, scheduler: str | None = None, bind: str =
     scheduler : str, optional
         Address of a running Dask scheduler, such as tcp://127.0.0.1:8786.
     bind : str
-        Network address at which the scheduler for `workers` listens. Other machines can reach it, unless it is
+        Network address where the scheduler for `workers` listens. Other machines can reach it, unless it is
         127.0.0.1.
 
     Raises

@@ -17,12 +17,12 @@ from worm3d.values.arrays import FloatArray
 FAILED_MARKER: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
 
 MOST_LABELS = 12
-"""Maximum number of numeric values on an axis for which each value gets a label, and maximum number of curves for which
-there is a legend."""
+"""Maximum number of numeric values on an axis with a label for each value, and maximum number of curves with a
+legend."""
 MOST_NUMBERS = 64
-"""Maximum number of cells of a map for which the value is printed in each cell."""
+"""Maximum number of cells of a map with the value printed in each cell."""
 LEAST_RATIO = 8.0
-"""Minimum ratio of the largest to the smallest value for which an axis may be logarithmic."""
+"""Minimum ratio of the largest to the smallest value on a logarithmic axis."""
 CATEGORIES = ("seed",)
 """Keys whose values are numbers but are treated as categories, because their magnitude has no meaning."""
 

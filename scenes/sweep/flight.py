@@ -41,9 +41,9 @@ long as a short case."""
 LOOK = 1.0
 """Time between two counts of the workers [s]."""
 NOTICE = 10.0
-"""Time without a worker after which the user gets a message [s]."""
+"""Time without a worker until the user gets a message [s]."""
 WORKER_TIMEOUT_S = 600.0
-"""Time without a worker after which the sweep ends [s]."""
+"""Time without a worker until the sweep ends [s]."""
 DEATH = f"its worker died in each of {len(COMPANY)} tries: killed, out of memory, or a crash of compiled code"
 RESUME_ADVICE = "finished cases are kept, the same command runs the rest"
 

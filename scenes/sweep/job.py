@@ -72,7 +72,7 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     MissingPartError
         If a package is missing.
     SceneError
-        If the versions of the programs, or data on which the scene depends, are not the same as for the driver.
+        If the versions of the programs, or data that the scene needs, are not the same as for the driver.
     """
     if (earlier := found(job)) is not None:
         return _ended(earlier)

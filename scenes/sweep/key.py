@@ -26,7 +26,7 @@ def key_of(scene: Scene, *, possible: bool = True) -> str:
     """Return the key of a checked scene.
 
     It is a hash of the settings including the seed, of the files that the scene names, of the modules of a user's own
-    parts, of further data on which the run depends (`Model.refers_to`), and of the programs. For a scene that is not
+    parts, of further data that affect the run (`Model.refers_to`), and of the programs. For a scene that is not
     `possible`, the further data are left out.
     """
     refers = scene.model.refers_to if possible else None

@@ -2,8 +2,8 @@
 
 A case that exceeds the limit is ended after its current step. If the step does not end, a worker process ends itself,
 and Dask starts a new one. This is done by a thread of `faulthandler`, which works even if the Python interpreter is
-blocked. It writes a file before, from which the next try of the case learns that the case has used up its time. The
-time is counted from the first step, so that it does not include compilation.
+blocked. The thread first writes a file. From this file the next try of the case learns that the case has used up its
+time. The time is counted from the first step, so that it does not include compilation.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ LONGEST_START = 600.0
 stuck. Compiling all functions takes up to 120 s on a busy machine. With half this time, cases could fail on slow
 machines. With twice this time, a stuck case would block a worker longer."""
 LONGEST_STEP = 5.0
-"""Time after the limit in which a case on a worker may finish its step and write its file [s]. With half this time, a
+"""Time after the limit for a case on a worker to finish its step and write its file [s]. With half this time, a
 case with a large file on a slow disc could fail. With twice this time, a stuck case would block a worker longer."""
 
 _witness: IO[Any] | None = None
-"""Open file of the current case on this worker, to which `faulthandler` writes if it ends the process."""
+"""Open file of the current case on this worker. `faulthandler` writes to this file if it ends the process."""
 
 
 class Clock:
@@ -94,6 +94,6 @@ def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
 
 
 def _end_process_after(seconds: float) -> None:
-    """Set the time after which the worker process is ended [s]. It replaces the time of an earlier call."""
+    """Set the time until the worker process is ended [s]. It replaces the time of an earlier call."""
     if _witness is not None:
         faulthandler.dump_traceback_later(seconds, exit=True, file=_witness)

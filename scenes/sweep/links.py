@@ -28,7 +28,7 @@ class Links:
     always: Mapping[str, Any]
     """Values or formulas of keys for all cases. If a choice sets the same key, the value of the choice is used."""
     settings: Section
-    """Settings of the scene, from which formulas take the values of keys that are not varied."""
+    """Settings of the scene. They supply formulas with the values of keys that are not varied."""
 
     def axes(self, vary: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values along all axes of the sweep, first of the varied keys and then of the choices."""
@@ -68,7 +68,7 @@ class Links:
         return {*self.choices, *(name for name in named if _is_no_key(self.settings, path_of(name)[0]))}
 
     def _settled(self, value: Any, known: Mapping[str, Any]) -> Any:
-        """Return a value in which formulas are replaced by their results. The value may be a list of formulas."""
+        """Return a value with formulas replaced by their results. The value may be a list of formulas."""
         if isinstance(value, list):
             return [self._settled(item, known) for item in value]
         return _plain(evaluated(value, partial(self._number, known, value))) if is_formula(value) else value

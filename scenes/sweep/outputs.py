@@ -1,8 +1,8 @@
 """Outputs of a sweep in addition to the cases: a table, a data set, a summary, and figures.
 
 The table `sweep.csv` has a row for each case. The data set `sweep.nc` has an array over the varied keys for each
-quantity (NetCDF4, in the format of `worm3d.values.netcdf`). Their content does not depend on the order in which the
-cases ran, nor on the machine, except for the computing times in the group `timing` of `sweep.nc`.
+quantity (NetCDF4, in the format of `worm3d.values.netcdf`). Their content depends neither on the order of the runs
+nor on the machine, except for the computing times in the group `timing` of `sweep.nc`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FIGURE = "sweep_{}.png"
 """Pattern for the file name of the figure of a metric."""
 
 NOT_DRAWN = ("energy_balance_error",)
-"""Headlines for which no figure is drawn, since they only show the numerical accuracy of a run."""
+"""Headlines without a figure, since they only show the numerical accuracy of a run."""
 
 MOST_ROWS = 1000
 """Largest number of cases, and of failed cases, that `summary.json` lists. `sweep.csv` lists all cases."""

@@ -32,7 +32,7 @@ can read the seed from a table."""
 _NUMBER_PATTERN = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 MOST_WRONG = 20
-"""Number of cases with invalid keys after which no further cases are checked."""
+"""After this number of cases with invalid keys, no further cases are checked."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Source:
     """The scene as TOML."""
     name: str
     folder: Path | None = None
-    """Folder to which relative paths of files in the scene refer."""
+    """Base folder of relative paths of files in the scene."""
     overrides: tuple[str, ...] = ()
     """Overrides `section.key=value` that apply to all cases."""
 

@@ -30,7 +30,7 @@ from worm3d.values.spelling import did_you_mean
 MOST_CASES = 100_000
 """Largest number of cases of a sweep. It is limited because each case has a file."""
 DIGITS = 12
-"""Number of significant digits to which values of a range are rounded, so that rounding errors such as
+"""Values of a range are rounded to this number of significant digits, so that rounding errors such as
 0.30000000000000004 do not appear."""
 
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"

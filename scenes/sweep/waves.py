@@ -1,4 +1,4 @@
-"""Wavelength of the gait of a case in segments, and the wavelength up to which segments cannot represent a wave."""
+"""Wavelength of the gait of a case in segments, and the longest wave that segments cannot represent."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from scenes.language.schema import key_at
 from scenes.sweep.case_file import CaseResult
 
 WAVELENGTHS = {"wavelength": "", "wavelength_m": "length_m"}
-"""Keys of the section [gait] for the wavelength. The value is the key of [worm] by which the wavelength is divided to
-get body lengths, or empty if the wavelength is in body lengths."""
+"""Keys of the section [gait] for the wavelength. The value is a key of [worm], the divisor for body lengths, or
+empty if the wavelength is in body lengths."""
 ALIASED = 1.0 + math.sqrt(2.0)
-"""Wavelength up to which a wave counts as aliased [segments].
+"""Longest wavelength of a wave that counts as aliased [segments].
 
 Since each segment has a single contraction, a wave of n segments contains a second wave, its alias. The alias has a
 wavelength of n / (n - 1) segments, the opposite direction, and 1 / (n - 1) of the amplitude. At n = 2

@@ -1,7 +1,7 @@
 """Measures of contact: slip of loaded contacts, anchoring of segments, wall load, penetration and roll.
 
 Between two rows, each contact point p slides by s_p. N_p is the mean of its normal loads at both rows. The measures use
-the last whole waves, in which the worm travels the distance D (`worm3d.measures.waves`):
+the last whole waves. In these waves the worm travels the distance D (`worm3d.measures.waves`):
 
     slip_per_metre      = sum over rows of (sum_p N_p s_p / sum_p N_p) / D                          (J4)
     backslide_per_metre = the same with s_p max(0, -cos a_p) in place of s_p                        (J5)

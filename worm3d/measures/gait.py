@@ -9,7 +9,7 @@ body length. Means and sums are over the periods:
     turning_radius_bl   = mean |d_k| / (2 L |sin(phi/2)|),  phi = mean phi_k                       (J2)
     drift_per_metre     = sum d_k.n_k / sum |d_k|                                                 (J3)
 
-(J2) is the radius of the circle on which the centre of mass moves. The displacement |d_k| is a chord of this circle. In
+The centre of mass moves on a circle with the radius (J2). The displacement |d_k| is a chord of this circle. In
 a pipe, d_k.e_k and |d_k| are measured along the centre line.
 """
 
@@ -23,7 +23,7 @@ from worm3d.measures.way import NO_WAY
 from worm3d.recorded.finished import FinishedRun
 
 MIN_STRAIGHT_RADIUS = 1000.0
-"""Turning radius above which a worm is considered to crawl straight [body lengths]."""
+"""A worm is considered to crawl straight above this turning radius [body lengths]."""
 IN_A_PIPE = "in a pipe the wall determines the direction of the worm"
 
 

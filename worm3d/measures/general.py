@@ -205,7 +205,7 @@ def _forward(result: FinishedRun, com: FloatArray) -> float:
 
 
 def carried(result: FinishedRun) -> float:
-    """Return weight times distance [J], by which work is divided in a cost of transport.
+    """Return weight times distance [J], the divisor of work in a cost of transport.
 
     Raises
     ------

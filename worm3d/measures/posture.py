@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from worm3d.worlds import World
 
 ON_ITS_SIDE = float(np.deg2rad(35.0))
-"""Roll from which a worm is considered to lie on its side [rad].
+"""A worm is considered to lie on its side above this roll [rad].
 
 A default worm that lies on its side has a roll of 45 degrees. A crawling worm has a roll of at most 5 degrees on level
 ground and on slopes, and 20 degrees in the bend of a pipe. For moments it has 18 degrees on rubble and 30 degrees in a
@@ -55,7 +55,7 @@ class Rolled:
     roll: FloatArray
     """Roll, shape (R,) [rad]; NaN as in the function `roll`."""
     step: int
-    """Number of these rows between two rows at which `on_its_side` looks; they are a tenth of a second apart."""
+    """Interval of the rows that `on_its_side` checks, in rows; the checked rows are a tenth of a second apart."""
 
     @property
     def largest(self) -> float | None:
@@ -75,7 +75,7 @@ def rolled(result: FinishedRun) -> Rolled:
 
 @kept
 def on_its_side(result: FinishedRun) -> float | None:
-    """Return the first time from which a worm lies on its side for `MIN_SIDE_TIME` [s]; None if it never does."""
+    """Return the time when a worm first begins to lie on its side for `MIN_SIDE_TIME` [s]; None if it never does."""
     if len(result.time) < 2:
         return None
     found = rolled(result)

@@ -51,7 +51,7 @@ class Spread:
 
 
 def rough(result: FinishedRun) -> bool:
-    """Return whether the ground has bumps above 1 % of a segment length, on which the start affects the distance."""
+    """Return whether the ground has bumps above 1 % of a segment length. There the start affects the distance."""
     length = result.worm.l0
     return result.world is not None and result.world.bumps(length) > 0.01 * length
 

@@ -29,7 +29,7 @@ from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray, IntArray
 
 RISEN = 0.9
-"""Fraction of a change of speed or heading at which a worm is considered to have responded."""
+"""A worm is considered to have responded after this fraction of a change of speed or heading."""
 FEW_PERIODS = "the run has fewer than three whole periods"
 UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
 
@@ -102,7 +102,7 @@ def _earlier(time: FloatArray, values: FloatArray, by: float) -> FloatArray:
 
 
 def rise_time(time: FloatArray, values: FloatArray, before: float, after: float, lasting: float) -> float:
-    """Return the time after time[0] from which at least 90 % of the change from `before` to `after` is reached.
+    """Return the time from time[0] until at least 90 % of the change from `before` to `after` is reached and kept.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def rise_time(time: FloatArray, values: FloatArray, before: float, after: float,
     before, after : float
         Initial value and final value.
     lasting : float
-        Time for which the values have to stay there [s]. A value that stays there until the end also counts.
+        The values have to stay there for this time [s]. A value that stays there until the end also counts.
 
     Raises
     ------

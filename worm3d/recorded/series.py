@@ -29,7 +29,7 @@ from worm3d.values.variable import Variable
 T = TypeVar("T")
 
 UPRIGHT = 1e-3
-"""Horizontal part of a chord, as a fraction of the chord, below which the chord counts as vertical."""
+"""A chord counts as vertical if the horizontal part is below this fraction of the chord."""
 
 _declared = count()
 

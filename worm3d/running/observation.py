@@ -1,4 +1,4 @@
-"""The true state of a worm, from which sensors compute measurements."""
+"""The true state of a worm. Sensors compute measurements from this state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @with_fields
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """The true state of a worm of N segments, from which sensors compute measurements.
+    """The true state of a worm of N segments. Sensors compute measurements from this state.
 
     It has only quantities that a real robot might measure.
     """

@@ -317,11 +317,11 @@ class Plant:
 
     @property
     def natural_time(self) -> float:
-        """Time in which a body falls half the body length [s]; see `worm3d.physics.friction.natural_time`."""
+        """Time that a body takes to fall half the body length [s]; see `worm3d.physics.friction.natural_time`."""
         return natural_time(self.worm, self._weight)
 
     def refused(self, status: Status) -> tuple[int, str]:
-        """Return the segment for which a step was refused with this status, and the reason in words."""
+        """Return the segment that caused a step to be refused with this status, and the reason in words."""
         return self._not_finite() if status is Status.NOT_FINITE else refused(self.arrays, self.n, status)
 
     def _not_finite(self) -> tuple[int, str]:

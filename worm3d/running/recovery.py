@@ -30,7 +30,7 @@ from worm3d.values.spelling import spelled
 
 @spelled
 def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.01, seed: int = 0) -> FloatArray:
-    """Return the factor per period by which the effect of each push decays, shape (pushes,).
+    """Return the decay factor of the effect of each push per period, shape (pushes,).
 
     The gait is stable if the factors are below 1. A factor of about 1 means that the push has brought the worm to
     another cycle, or that the worm does not recover.

@@ -46,7 +46,7 @@ MAX_STEPS_UNOBSERVED = 1000
 force. Otherwise the number is 50."""
 
 BEAT = 0.1
-"""Interval between the times at which a run with adaptive steps can be observed or interrupted [s]."""
+"""A run with adaptive steps can be observed or interrupted at this interval [s]."""
 
 COMMANDED = 1e-3
 """Interval between two commands of a gait, or between two values of the external force, in a run with adaptive steps

@@ -59,7 +59,7 @@ REST_TOLERANCE_LOOSE = 1e-9
 rounding errors may prevent `REST_TOLERANCE`."""
 
 HASTE = 1e6
-"""Factor by which the actuators are faster while the worm comes to rest. Slow valves would otherwise prevent rest.
+"""The actuators are faster by this factor while the worm comes to rest. Slow valves would otherwise prevent rest.
 
 The value has almost no effect on the result. With factors from 1e3 to 1e12, pneumatic chambers with valves from 1e-10
 to 1e-3 kg/(s Pa) come to rest in poses that differ by at most 4e-13 m. With a factor of 1, a worm with valves of 1e-8
@@ -79,7 +79,7 @@ neighbours of the best angle of the round before. The angle is accurate to 1e-7.
 it has a maximum there."""
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
-"""Statuses in the order of the numbers with which the solver ends a step (`worm3d.solver.guard`)."""
+"""Statuses in the order of the solver's numbers for the end of a step (`worm3d.solver.guard`)."""
 
 
 class LimitPointError(ValueError):
@@ -91,7 +91,7 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
 
     The joints of a segment are at a height h above its lower apexes, and carry a vertical load w. Such a segment of
     length l is in equilibrium if dE/dl = w dh/dl, where E is the energy of both chambers with the given `contraction`.
-    The largest w for which this equation has a solution is the limit point. Under a larger load the segment collapses.
+    The largest w with a solution of this equation is the limit point. Under a larger load the segment collapses.
     """
     shapes = zip(np.asarray(worm.k_spring), np.asarray(worm.k_apex), worm.link_length, strict=True)
     return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])

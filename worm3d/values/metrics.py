@@ -17,7 +17,7 @@ METRIC_UNITS = {
 
 
 METRIC_ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
-"""Size, by unit, below which a metric is regarded as a rounding error and is written as 0."""
+"""A metric below this size, by unit, is regarded as a rounding error and is written as 0."""
 
 
 def written(value: float, unit: str, digits: int = 6) -> str:

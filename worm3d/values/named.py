@@ -30,7 +30,7 @@ EXCEPTIONS = (Exception, SystemExit)
 """Exceptions of a user's own code that become error messages. SystemExit would otherwise end the program silently."""
 FUNCTIONS = (FunctionType, BuiltinFunctionType)
 PARTS_ATTRIBUTE = "__worm3d_parts__"
-"""Attribute of a class or function with the kinds of parts for which it is marked."""
+"""Attribute of a class or function. `marked` stores the kinds of parts there."""
 _bases, _names, _title = (type.__dict__[name].__get__ for name in ("__mro__", "__dict__", "__name__"))
 """Functions that return the bases (including the class itself), the attributes and the name of a class, without running
 code of a metaclass."""
@@ -208,7 +208,7 @@ def _class_of(part: Any) -> Any:
 
 
 def _marks(part: Any) -> frozenset[str]:
-    """Return the kinds for which a function, or a class or one of its bases, is marked by `marked`."""
+    """Return the kinds that `marked` has stored in a function, or in a class and its bases."""
     is_function = type(part) is FunctionType
     spaces = [part.__dict__] if is_function else [_names(base) for base in _bases(_class_of(part))]
     return frozenset().union(*(space.get(PARTS_ATTRIBUTE, ()) for space in spaces))

@@ -1,7 +1,7 @@
 """Files of named arrays. Every run of a planar or 3D worm is stored in a NetCDF4 file of this form.
 
 The root group has the variables with named dimensions, `units` and `long_name`. Further groups have wall-clock times
-and the checkpoint from which a run can be resumed. Variables are not compressed, because writing would take six times
+and the checkpoint for resuming a run. Variables are not compressed, because writing would take six times
 as long. They are not divided into chunks, so that the checksums of HDF5 (fletcher32) cannot be used.
 
 Two digests detect damage. The first digest covers the bytes of the file. It is stored after the HDF5 data, where

@@ -48,7 +48,7 @@ EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
         ),
     }
 )
-"""Properties of array parameters, by the objects for which an array has numbers.
+"""Properties of array parameters, by the objects that the numbers of an array describe.
 
 The properties are the largest number of dimensions, the type for docstrings, and the form in words.
 """
@@ -65,7 +65,7 @@ class Parameter:
     bounds: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     """Range, as the values of some of the bounds gt, ge, lt and le."""
     each: Literal["", "segment", "joint", "side", "sample"] = ""
-    """Objects for which an array has numbers, a key of `EACH`. Empty for a single number."""
+    """Objects that the numbers of an array describe, a key of `EACH`. Empty for a single number."""
     infinite: bool = False
     """Whether the parameter may be infinite."""
     allowed: str = ""

@@ -28,8 +28,8 @@ def azimuths(frames: Frames) -> FloatArray:
 def floor(world: tuple[WorldMesh, ...]) -> FloatArray | None:
     """Return the plane z = a + b x + c y that fits the opaque meshes best, as (a, b, c).
 
-    The result is None if there are no opaque meshes. The plane is level in directions in which the meshes are too
-    narrow to determine its tilt.
+    The result is None if there are no opaque meshes. In directions where the meshes are too narrow to determine
+    the tilt of the plane, the plane is level.
     """
     solid = [mesh.vertices for mesh in world if mesh.opacity == 1.0 and len(mesh.vertices)]
     if not solid:
@@ -43,7 +43,7 @@ def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
     """Return the position of the inside camera and the point that it looks at in every frame, each (T, 3) [m].
 
     If the head is near the centre line of a pipe, the camera is just above this line, ahead of the head. Otherwise it
-    is ahead of the head in the direction in which the head points, further away and higher.
+    is ahead of the head in the head's direction, further away and higher.
     """
     heads, size = frames.joints[:, -1], frames.body_length
     pointing = heads - frames.joints[:, max(frames.segments - 2, 0)]

@@ -25,7 +25,7 @@ HORIZON: Colour = (0.85, 0.10, 0.62)
 
 
 def strain_limit(strain: FloatArray) -> float:
-    """Return the strain at which colours have their full intensity, i.e. the largest strain, but at least 0.05."""
+    """Return the strain for colours of full intensity, i.e. the largest strain, but at least 0.05."""
     return max(float(np.abs(strain).max(initial=0.0)), 0.05)
 
 

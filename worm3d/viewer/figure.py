@@ -52,7 +52,7 @@ class Projection:
         """Return the cosine of the angle between each polygon's normal and the direction to the viewer, shape (K,).
 
         It is positive if the polygon faces the viewer. The corners, shape (K, C, 3), are in anticlockwise order seen
-        from the side to which the normal points.
+        from the tip of the normal.
         """
         normal = np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)
         size = np.linalg.norm(normal, axis=1)
@@ -188,7 +188,7 @@ class Stage:
         frames, through = self.frames, self.frames.centre[index]
         cuts = [(mesh, view.cut(mesh.vertices, mesh.faces, through)) for mesh in frames.world]
         if view.up[2] > 0.0:
-            # An opaque mesh is ground, below which the side view is filled. A transparent mesh is a wall.
+            # The side view is filled below an opaque mesh, which is ground. A transparent mesh is a wall.
             bottom = axes.get_ylim()[0]
             areas = [_down(line, bottom) for mesh, cut in cuts if mesh.opacity == 1.0 for line in cut]
             axes.add_collection(PolyCollection(areas, facecolors=[GROUND], lw=0.0, antialiaseds=False))

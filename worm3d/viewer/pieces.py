@@ -46,7 +46,7 @@ class Scales:
     """Scales of colours and force arrows."""
 
     strain: float = 0.45
-    """Strain at which the colour of a chamber has its full intensity."""
+    """Strain of a chamber whose colour has full intensity."""
     force: float = 0.2
     """Force that is drawn as an arrow of the length `arrow_length` [N]."""
 

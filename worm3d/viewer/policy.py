@@ -1,4 +1,4 @@
-"""Content security policies, with which a page runs only its own scripts and sends no requests to other hosts.
+"""Content security policies. They make a page run only its own scripts and send no requests to other hosts.
 
 If a title or a scene contained malicious markup, this markup could then not run code.
 """

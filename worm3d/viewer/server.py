@@ -33,15 +33,15 @@ many would make the view slow.
 """
 
 PING_TIMEOUT = 10.0
-"""Time in which a browser must answer a ping [s]. A browser that does not read its data never answers.
+"""A browser must answer a ping within this time [s]. A browser that does not read its data never answers.
 
 With half this value, slow browsers that are loading a large world would be dropped. With double, browsers that do not
 answer would be counted among `MOST_BROWSERS` for longer.
 """
 
 MOST_UNREAD = 32_000_000
-"""Number of unread bytes, in addition to the first scene, above which a browser is dropped. They correspond to about a
-thousand pictures. Half would be enough, and double would waste memory.
+"""Largest number of unread bytes, in addition to the first scene. A browser with more is dropped. This limit
+corresponds to about a thousand pictures. Half would be enough, and double would waste memory.
 """
 
 LOCAL_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")

@@ -1,7 +1,7 @@
 """Meshes of the world for pictures: planes, pipes, heightfields, and surfaces where a function is zero.
 
 The function of such a surface is given on a grid ("naive surface nets", Gibson 1998). The mesh has a vertex in each
-grid cell through which the surface passes. The vertex is the mean of the points where the surface crosses the edges of
+grid cell that the surface crosses. The vertex is the mean of the points where the surface crosses the edges of
 the cell. If the sign of the function changes along an edge of the grid, the vertices of the four cells around this edge
 form a quadrilateral of the mesh.
 """
@@ -193,7 +193,7 @@ def _crossed_cells(values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
 
 
 def _across(values: FloatArray, number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
-    """Return the triangles around the edges of the grid along an axis at which the sign changes, shape (F, 3)."""
+    """Return the triangles around the grid edges with a change of sign, for the edges along an axis, shape (F, 3)."""
     value, cell = np.moveaxis(values, axis, 0), np.moveaxis(number, axis, 0)
     solid = value < 0.0
     changes = solid[1:] != solid[:-1]

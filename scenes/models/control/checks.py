@@ -149,7 +149,7 @@ OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
 """Sensor channels that a robot may lack."""
 
 FAULTY = ("fault", "controller", "sensor", "worm", *PARTS)
-"""Sections on which it depends which faults are possible."""
+"""Sections that determine the possible faults."""
 STEP_KEYS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,

@@ -210,7 +210,7 @@ def _index(name: str) -> int:
 def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estimated: FloatArray) -> FloatArray:
     """Return entry k of the true pose (x, y or heading) at the given instants, averaged over the surrounding period.
 
-    Values for which no whole period is known are NaN. A heading is shifted by whole turns to be near `estimated`.
+    Values without a known whole period are NaN. A heading is shifted by whole turns to be near `estimated`.
     """
     if seen is None:
         return np.full(len(time), np.nan)

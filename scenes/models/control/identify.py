@@ -1,7 +1,7 @@
 """Identification of a worm by simulated runs.
 
-Runs with steady waves give the map from the parameters of the gait to the motion. Runs in which the parameters step or
-vary as a sine give the lags of the motion.
+Runs with steady waves give the map from the parameters of the gait to the motion. Runs with steps and sines of the
+parameters give the lags of the motion.
 """
 
 from __future__ import annotations
@@ -53,19 +53,19 @@ at 31 degrees."""
 BEFORE = 8
 """Number of waves before and after a step of the parameters."""
 SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
-"""Phases of the wave at which the parameters step. The response depends on which feet stand on the ground at the step;
-therefore it is averaged over these phases."""
+"""The parameters step at these phases of the wave. The response depends on the feet that stand on the ground at the
+step; therefore it is averaged over these phases."""
 FREQUENCY = 0.875
 """Frequency of the wave in the runs with steps [Hz]. It is in the middle of the range of the map."""
 EXCITED = 60
-"""Duration of the run to which the strain model is fitted [s]. The parameters of the wave change every second."""
+"""Duration of the run for fitting the strain model [s]. The parameters of the wave change every second."""
 SUFFICIENT_SHARE = 2.0 / 3.0
 """Smallest sufficient turn of a worm with one segment held still, as a fraction of the turn of an intact worm.
 
 If the usual hinge angles reach it, no other hinge angles are sought for this segment. For segments 0, 2, 4 and 5 of the
 default worm the usual hinge angles give 0.87 or more. Other hinge angles for these segments would reduce the turn, and
-change the distance from a line by -0.0002 to 0.003 body lengths (seed 10). The same fraction is used for the shortest
-part of a run to which the strain model is fitted.
+change the distance from a line by -0.0002 to 0.003 body lengths (seed 10). The strain model is fitted to at least the
+same fraction of a run.
 """
 WINDING = 0.1
 """Frequency of the sine of the steering, in the runs for the lag of the turn rate [Hz]."""
@@ -125,8 +125,8 @@ def identify(
     watch : callable
         Function that is called with the number of finished mechanisms of steering.
     most_held : int
-        Largest number of segments for which steering with one segment held still is measured. For longer worms it is
-        left out, since the number of runs grows with the square of the number of segments.
+        Steering with one segment held still is measured for worms with at most this number of segments. For longer
+        worms it is left out, since the number of runs grows with the square of the number of segments.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: Stee
     The errors are the same as in `identify`.
     """
     for attempt in range(4):
-        greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller after each attempt in which the worm tips over
+        greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller after each attempt where the worm tips over
         ranges = design.ranges(greatest)
         fitted = samples(subject, design, design.parameters(mechanism, greatest))
         checks = fitted and samples(subject, design, check_parameters(ranges, mechanism))
@@ -179,7 +179,7 @@ def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameter
 
 
 def _risk(given: GaitParameters) -> float:
-    """Return a sort key that puts the waves at which a worm tips over most easily first.
+    """Return a sort key for waves. The waves that tip a worm over most easily come first.
 
     These are waves with a large amplitude and sharp steering. If the worm tips over, the other runs are not needed.
     """

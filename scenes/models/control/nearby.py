@@ -29,7 +29,7 @@ the quantity itself:
     friction 1.3, 0.7, 0.7     10      3    29         1.5    1.1    6           1.1   0.7   5
     friction 0.7, 1.3, 1.3      7      2    25         1.2    1.3   11           0.9   0.9  10
 
-The three numbers after "friction" are the factors by which mu_f, mu_b and mu_l are multiplied. The lags of the
+The three numbers after "friction" are factors of mu_f, mu_b and mu_l. The lags of the
 corrected map are those of the default worm. The corrected map is checked with additional runs
 (`scenes.models.control.identify.check_parameters`). If an error exceeds `MAX_MAP_ERRORS`, the worm is too different
 from the default worm. It is then refused, and has to be identified.

@@ -1,4 +1,4 @@
-"""Sections of a scene in which a controller drives the 3D worm: controller, cost, constraints, sensors and faults."""
+"""Sections of a scene where a controller drives the 3D worm: controller, cost, constraints, sensors and faults."""
 
 from __future__ import annotations
 

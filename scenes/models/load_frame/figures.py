@@ -35,7 +35,7 @@ def force_over_cable(record: Record) -> tuple[Figure, Axes]:
 
 
 def _measured(record: Record) -> Record | None:
-    """Return the measurement from which the motion of the cable was taken, or None if it has no force."""
+    """Return the measurement that supplied the motion of the cable, or None if it has no force."""
     scene = trusted(LoadFrameScene, own.without(LoadFrameScene, tomllib.loads(record.scene)))
     path = file_of(scene.frame)
     if path is None:

@@ -53,7 +53,7 @@ def _worm_fits(
     chamber_offset_m: float,
     tail_m: Any,
 ) -> Found:
-    """Return an error for a worm that is wider at rest than the pipe in which it starts."""
+    """Return an error for a worm that starts in a pipe and is wider at rest than this pipe."""
     if kind != PIPE:
         return None
     pipe = 2.0 * (float(radii[0]["radius_m"]) if radii and tail_m[0] <= radii[0]["at_m"] else radius_m)

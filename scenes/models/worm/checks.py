@@ -41,9 +41,9 @@ IMPOSSIBLE = (ValueError, ArithmeticError)
 BODY = ("worm", *PARTS)
 """Sections that describe the body of a 3D worm."""
 STARTS_WITH = ("worm", "world", "start", "run")
-"""Sections on which it depends whether a planar worm can start."""
+"""Sections that decide whether a planar worm can start."""
 SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
-"""Sections on which it depends whether a 3D worm can start."""
+"""Sections that decide whether a 3D worm can start."""
 
 
 def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:

@@ -84,7 +84,7 @@ def frames_of(
     fps, at : float, optional
         The same as in `worm3d.results.pictures.frames_of`.
     until : float, optional
-        Time after which the run is left out [s].
+        The run is left out after this time [s].
     """
     scene = scene_of(record)
     rows = slice(None) if until is None else record["time"] <= until

@@ -39,7 +39,7 @@ WINDOW = 2.5
 default map. With 2 s, a worm with exactly the desired speed would have an error of 5 %, due to the rocking in such a
 wave. With 5 s, the average would hide the response to a step."""
 STARTUP_TIME_S = 2.5
-"""Time in which a worm reaches its speed from rest, two waves [s]. This part of a run is in no window."""
+"""Time that a worm takes to reach its speed from rest, two waves [s]. This part of a run is in no window."""
 MIN_RUN_DURATION_S = STARTUP_TIME_S + 2.0 * WINDOW
 """Time of a run after which its errors are counted [s]. A run must be longer."""
 COARSEST = WINDOW / 25.0

@@ -20,7 +20,7 @@ from scenes.records.text import Column
 from scenes.studies.bench.control import DONE, Found, Value
 
 RIVAL = "pi_los"
-"""Controller with which all others are compared: line-of-sight guidance with proportional-integral control."""
+"""All others are compared with this controller: line-of-sight guidance with proportional-integral control."""
 FLOOR = 0.005
 """Smallest error that is distinguished from zero: 0.5 % of the required distance, which is 1 mm in a window at 0.08
 m/s. The motion of the centre of mass within each wave causes an error of about this size."""
@@ -55,7 +55,7 @@ def scores(found: Sequence[Found]) -> list[Score]:
 
 
 def names(found: Sequence[Found]) -> list[str]:
-    """Return the names of the controllers, in the order in which the results first mention them."""
+    """Return the names of the controllers, in the order of their first results."""
     return list(dict.fromkeys(each.controller for each in found))
 
 

@@ -198,7 +198,7 @@ def _heading(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _stop_and_go(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a line on which the worm stops twice."""
+    """Yield a line with two stops of the worm."""
     stop, rest, again, last = random.uniform((12.0, 4.0, 10.0, 4.0), (20.0, 8.0, 16.0, 8.0)).cumsum()
     yield _steps((stop, 0.0), (rest, float(_log_uniform(random, *SPEEDS))), (again, 0.0), (last, speed))
 

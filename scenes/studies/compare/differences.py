@@ -19,7 +19,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.metrics import METRIC_ROUNDING, named
 
 ROUNDED = 1e-9
-"""Range of a series, as a fraction of its largest magnitude, below which the series counts as constant."""
+"""Largest range of a series that counts as constant, as a fraction of the series' largest magnitude."""
 CASE = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}$")
 """Pattern of the hexadecimal key that ends the label of a sweep case without a name of its own."""
 MOST_SETTINGS = 3

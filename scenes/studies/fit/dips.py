@@ -13,12 +13,12 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 DISTANCES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1)
-"""Distances from the minimum at which the sum is evaluated, as fractions of a key's scale. The distance is the change
+"""The sum is evaluated at these distances from the minimum, as fractions of a key's scale. The distance is the change
 of the key that changes most."""
 
 
 def dips(squares: Callable[[FloatArray], float], u: FloatArray, axes: FloatArray) -> list[FloatArray]:
-    """Return points around a minimum from which a search may reach another minimum, sorted by the sum of squares.
+    """Return points around a minimum where a search for another minimum may start, sorted by the sum of squares.
 
     Parameters
     ----------

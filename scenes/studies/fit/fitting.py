@@ -92,8 +92,8 @@ class Fit:
     finished: bool
     """Whether a minimum was found; False if the allowed runs were used up first."""
     exact: bool
-    """Whether the model matches the data to within integration errors. In this case there is no noise from which
-    intervals could be computed."""
+    """Whether the model matches the data to within integration errors. In this case intervals cannot be computed,
+    since there is no noise."""
     left_out: tuple[str, ...]
     """Channels that no key affects. They are removed from `data` and `channels` if there are many channels."""
     runs: int

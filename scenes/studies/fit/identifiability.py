@@ -21,12 +21,12 @@ MIN_SINGULAR_VALUE = 1e-3
 """Smallest singular value, for columns of length 1, of a direction that the data determine. The error of the slopes is
 about a tenth of this value."""
 NEGLIGIBLE_EFFECT = 1e-6
-"""Effect of a change of a key by its scale below which the key has no effect: the root mean square change of the
+"""Smallest effect of a change of a key by its scale that is not neglected: the root mean square change of the
 simulation relative to the rms of the residuals."""
 INVOLVED = 0.1
-"""Smallest component of a key in a direction of length 1 at which the key is reported as part of the direction."""
+"""Smallest component of a key that is reported as part of a direction of length 1."""
 VAGUE = 0.3
-"""Standard error along a direction, in units of the keys' scales, above which the direction counts as undetermined."""
+"""Largest standard error along a direction that counts as determined, in units of the keys' scales."""
 
 Probe = Callable[[FloatArray], FloatArray]
 """Function from a direction in the space of the keys, shape (P,), to the weighted slope along it, shape (M,)."""
@@ -134,7 +134,7 @@ def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) 
 
 
 def relation(varied: Sequence[Varied], direction: FloatArray, slopes: FloatArray) -> Relation:
-    """Return a direction, shape (P,), as changes of the keys of which the largest is a tenth of the key's scale.
+    """Return a direction, shape (P,), as changes of the keys. The largest change is a tenth of the key's scale.
 
     Keys that do not change are left out.
     """

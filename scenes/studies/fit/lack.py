@@ -83,7 +83,7 @@ class Lack:
 
     @property
     def widening(self) -> float:
-        """Factor by which the standard errors of the fitted values are enlarged; 1 without a lack of fit.
+        """Factor that enlarges the standard errors of the fitted values; 1 without a lack of fit.
 
         If the slow residuals have r times the power of noise, the errors of the fitted values are sqrt(r) times as
         large.
@@ -192,7 +192,7 @@ def _worst(relative: FloatArray) -> FloatArray:
 def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
     """Return random noise of variance 1, shape (NOISE_DRAWS, length); `noise` contains a and q of (FL2)."""
     a, q = map(float, noise)
-    burn_in = 100  # number of samples after which the start of a series has no influence
+    burn_in = 100  # number of samples until the start of a series has no influence
     innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((NOISE_DRAWS, length + burn_in))
     coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, burn_in:]
     coloured += np.sqrt(q) * random.standard_normal(coloured.shape)

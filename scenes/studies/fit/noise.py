@@ -70,7 +70,7 @@ class Noise:
         return np.asarray(fft.rfft(lags, size))
 
     def _memory(self) -> int:
-        """Return the number of samples, at most 20 000, after which an innovation has decayed to 1e-6 of its size."""
+        """Return the number of samples, at most 20 000, until an innovation has decayed to 1e-6 of its size."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
         if radius == 0.0:
             return 0

@@ -46,21 +46,21 @@ MIN_RESIDUAL_FRACTION = 1e-6
 """Lower limit of the standard deviation of residuals, as a fraction of the standard deviation of the data. Smaller
 residuals are integration errors."""
 COARSE_TOLERANCE = 1e-3
-"""Relative change of the sum of squares at which the first minimisations end."""
+"""The first minimisations end at this relative change of the sum of squares."""
 DEEPER = 0.01
-"""Smallest relative decrease of the sum of squares for which the final search moves to another minimum."""
+"""Smallest relative decrease of the sum of squares that moves the final search to another minimum."""
 VALLEYS = 3
 """Largest number of moves from one minimum to a lower minimum."""
 SUSPECT = 4.0
-"""Ratio (FL1) of `scenes.studies.fit.lack` from which a minimum may be the wrong one. In tests with 100 sets of six
-channels of noise, no set reached this value at a correlation of neighbouring samples of 0.5, and one set at 0.8. A fit
-that ended in the wrong minimum had a ratio of 7."""
+"""If the ratio (FL1) of `scenes.studies.fit.lack` reaches this value, a minimum may be wrong. In tests with 100 sets of
+six channels of noise, no set reached this value at a correlation of neighbouring samples of 0.5, and one set at 0.8. A
+fit that ended in the wrong minimum had a ratio of 7."""
 STARTS = 6
-"""Number of random points around such a minimum from which the search is repeated."""
+"""The search is repeated from this number of random points around such a minimum."""
 AROUND = 0.02
 """Standard deviation of the distances of these points from the minimum, as a fraction of each key's scale."""
 AT_BOUND = 1e-3
-"""Largest distance from a bound, as a fraction of a key's scale, at which a value counts as being at the bound."""
+"""Largest distance between a bound and a value that counts as being at the bound, as a fraction of the key's scale."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +72,13 @@ class Solution:
     simulated: FloatArray
     """Channels of the run with these values, shape (C, T)."""
     at_bound: tuple[str, ...]
-    """Bound at which each key is, "lowest" or "highest"; empty if a key is not at a bound."""
+    """Bound that each key has reached, "lowest" or "highest"; empty if a key is not at a bound."""
     known: BoolArray
     """Whether a key is determined by the data and not at a bound, shape (P,)."""
     uncertainty: Uncertainty
     """Errors of the keys in their units, valid for the keys that are `known`."""
     relations: tuple[Relation, ...]
-    """Directions in which the data do not determine the values."""
+    """Directions that the data do not determine."""
     finished: bool
     """Whether the values are a minimum; False if the allowed runs were used up first."""
     exact: bool

@@ -41,12 +41,12 @@ ZEROS = {"worm.drag_N_s_m": 0.1, "world.slope_deg": 1.0, "ground.slope_deg": 1.0
 LAWS = ("friction.law=viscous", "friction.law=coulomb", "hysteresis.kind=jenkins", "hysteresis.kind=none")
 """Overrides that replace a law of the scene."""
 FACTOR = 1.5
-"""Factor by which the value of a key is multiplied or divided. With 1.1, the effect of the change is hidden by contacts
+"""The value of a key is multiplied or divided by this factor. With 1.1, the effect of the change is hidden by contacts
 that stick a time step earlier or later. With 3, the worm moves in a very different way."""
 EFFECT = 1e-3
 """Smallest length of r relative to the length of d. If r is shorter, the varied keys reproduce the change."""
 CHANCE = 0.005
-"""Largest probability under noise at which a fraction is significant. Of 200 fits of correct scenes, one is significant
+"""A fraction is significant up to this probability under noise. Of 200 fits of correct scenes, one is significant
 by chance."""
 CHANCE_DRAWS = 400
 """Number of random series. With 200, the probability cannot be compared with `CHANCE`. With 800, the result is the same

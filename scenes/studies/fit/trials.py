@@ -41,7 +41,7 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True)
 class Data:
-    """Measured series for which the simulation has a counterpart: C channels at T times."""
+    """Measured series with a counterpart in the simulation: C channels at T times."""
 
     names: tuple[str, ...]
     """Name of each channel with its unit, as in the column names of a table: `com_x_m`."""
@@ -137,7 +137,7 @@ class Trials:
         return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
 
     def narrow(self, used: BoolArray) -> None:
-        """From now on, leave out the channels for which `used`, shape (C,), is False."""
+        """From now on, leave out the channels where `used`, shape (C,), is False."""
         self.left_out += tuple(name for name, use in zip(self.data.names, used, strict=True) if not use)
         names, units = (tuple(np.array(each)[used].tolist()) for each in (self.data.names, self.data.units))
         self.data = Data(names, units, self.data.time, self.data.values[used])

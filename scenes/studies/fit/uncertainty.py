@@ -9,7 +9,7 @@ with A = J' W J, so that
 `scenes.studies.fit.noise`. Because residuals of a fit are smaller and less correlated than the noise, (F2) is too
 small. To correct this, random series are drawn from the model and fitted in the same way. They give the bias and the
 variance of (F2). The variance gives the degrees of freedom of Student's distribution (F. E. Satterthwaite, Biometrics
-Bulletin 2, 1946), from which the intervals are computed.
+Bulletin 2, 1946). The intervals are computed from this distribution.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ class Varied:
     key: str
     """Dotted name, such as `friction.forward`."""
     start: float
-    """Value from which the search starts."""
+    """Initial value of the search."""
     low: float
     """Lower end of the range; may be infinite."""
     high: float

@@ -24,8 +24,8 @@ from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
 MIN_PERIOD_RATIO = 1.5
-"""Smallest ratio of the two wave periods at which the chain is fitted to the delays. If the periods are closer
-together, they do not determine how the delays depend on the period."""
+"""The chain is fitted to the delays only if the ratio of the two wave periods is at least this large. If the periods
+are closer together, they do not determine how the delays depend on the period."""
 
 
 def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: bool) -> int:

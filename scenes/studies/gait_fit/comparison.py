@@ -19,7 +19,7 @@ COMPARISON_NOISE, COMPARISON_DRAWS = 0.1, 40
 
 @dataclass(frozen=True)
 class Row:
-    """Delay of a band of a recording: the time by which a wave reaches the band later than the middle band."""
+    """Delay of a band of a recording: the time between a wave's arrivals at the middle band and at this band."""
 
     recording: str
     use: str
@@ -84,10 +84,10 @@ class Comparison:
     rows: tuple[Row, ...]
     paces: tuple[Pace, ...]
     carried: float
-    """Fraction of randomly changed chains in which waves run in both directions, at the mean period of the
+    """Fraction of randomly changed chains with waves in both directions, at the mean period of the
     recordings."""
     told: LeftOut | None = None
-    """Errors with which the fitted recordings predict each other; None if only one recording was fitted."""
+    """Errors of predicting each fitted recording from the others; None if only one recording was fitted."""
 
     def worst(self, use: str, attribute: str) -> float:
         """Return the largest error of the recordings with a given use [s], or NaN if there is no such recording.
@@ -113,7 +113,7 @@ def compared(
     fitted : sequence of str
         Names of the recordings that were used in the fit.
     told : LeftOut, optional
-        Errors with which the fitted recordings predict each other.
+        Errors of predicting each fitted recording from the others.
     """
     rows, paces = [], []
     for each in recordings:

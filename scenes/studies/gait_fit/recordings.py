@@ -2,7 +2,7 @@
 
 A file has a column `time_s`, and one column per band of the body (for example per segment), in the order from the front
 of the animal to the rear. The names of these columns are arbitrary. If a file contains several recordings, its column
-`recording` has the name of the recording to which the row belongs. A local minimum of a band's values is the time when
+`recording` has the name of the row's recording. A local minimum of a band's values is the time when
 the band is pulled along. Cells that are blank or exactly 0 mean "not measured".
 """
 
@@ -32,7 +32,7 @@ class Recording:
     time: FloatArray
     """Times [s], shape (T,)."""
     values: FloatArray
-    """Recorded values of the bands, shape (T, bands), in the order in which a wave reaches the bands."""
+    """Recorded values of the bands, shape (T, bands), in the order of the arrival of a wave."""
     waves: Waves
 
 

@@ -28,15 +28,15 @@ CURVE_STEERINGS: dict[Mechanism, tuple[float, ...]] = {
     "hinge": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.2, 0.25, 0.3),
     "bias": (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3),
 }
-"""Values of the steering at which each mechanism is tested: hinge angle [rad] or bias, to the left. Steering to the
+"""Tested values of the steering of each mechanism: hinge angle [rad] or bias, to the left. Steering to the
 right gives the mirror image."""
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
-"""Factors by which the stiffness of the yaw joints is multiplied, by the name of the curve."""
+"""Factors of the stiffness of the yaw joints, by the name of the curve."""
 IN_STEP = "the default wave, bent in step with its contraction"
 CURVES = len(CURVE_STEERINGS) * (1 + len(YAW_FACTORS))
 """Number of curves: for each mechanism one in step with the contraction, and one for each factor."""
 GOAL_DEG = 10.0
-"""Turn per wave at which the speeds are compared [deg]."""
+"""Speeds are compared at this turn per wave [deg]."""
 
 STEERING: dict[Mechanism, float] = {"hinge": 0.06, "bias": 0.04}
 """Steering in the runs over the phase."""
@@ -76,7 +76,7 @@ class Curve:
 
     @property
     def standing(self) -> tuple[Point, ...]:
-        """The points before the first point at which the worm tips over."""
+        """The points before the first point where the worm tips over."""
         return tuple(takewhile(lambda point: not point.tipped, self.points))
 
     @property

@@ -1,4 +1,4 @@
-"""Environments of Gymnasium in which an agent chooses the parameters of the wave of one worm, or of many worms.
+"""Environments of Gymnasium where an agent chooses the parameters of the wave of one worm, or of many worms.
 
     env = WormEnv("path_circle", control_period=0.2)
     envs = WormVectorEnv(8, "path_s_curve", vary={"reference.amplitude_m": "0.05:0.6", "sensor.com_noise_m": "0:0.01"})

@@ -63,7 +63,7 @@ class Terms:
 
 
 class Episode:
-    """A run of a scene in which an agent chooses the parameters of the wave.
+    """A run of a scene with an agent that chooses the parameters of the wave.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class Episode:
         }
 
     def _reward(self, facts: dict[str, Any]) -> float:
-        """Return (LE1). The term of the speed is left out in the first waves, in which the speed is not known."""
+        """Return (LE1). The term of the speed is left out in the first waves, since the speed is not known yet."""
         asked = max(float(self._reference.speed(self._time)), MIN_REFERENCE_SPEED * self._length)
         miss = 0.0 if facts["speed_m_s"] is None else facts["speed_m_s"] / asked - 1.0
         return float(reward_of(facts["offset_m"] / self._length, miss))

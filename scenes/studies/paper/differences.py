@@ -1,8 +1,8 @@
 """Differences between the text of the paper and the program of its author, and their effects on the results.
 
-The effect of most differences is measured by a run with six segments and a wave period of 2 s, in which the program
-follows the text in this point and is unchanged otherwise. If the program has no parameter for the point, the effect is
-computed from the unchanged run.
+The effect of most differences is measured by a run with six segments and a wave period of 2 s. In this run the
+program follows the text in this point and is unchanged otherwise. If the program has no parameter for the point, the
+effect is computed from the unchanged run.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ CONTRACTION_FORCE = published.Parameters().contraction_force
 """Force of a segment at activation 1 [N]."""
 
 ENGINE = SegmentDriven()
-"""The paper's gait in which single segments contract one after the other, with its default values."""
+"""The paper's gait of single segments that contract one after the other, with its default values."""
 
 T_CONTRACT = ENGINE.T_wave / 6
 """Duration of a contraction in figures 7 and 8 [s]. With this value, the segments contract one at a time."""

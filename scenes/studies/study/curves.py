@@ -21,7 +21,7 @@ RIPPLE = 0.05
 """Largest change against the trend that is ignored, as a fraction of the range of the curve. With 0.025, errors of the
 time steps would be reported as extremes. With 0.1, the dip at half a wavelength would be missed."""
 NEGLIGIBLE_LOSS = 0.05
-"""Largest relative difference from the best value at which a value counts as nearly the best."""
+"""A value counts as nearly the best up to this relative difference from the best value."""
 AT_END, AT_GAP = "the range ends there", "the values end there"
 
 Told = Callable[[int], str]

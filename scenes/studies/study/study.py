@@ -164,7 +164,7 @@ class Grid:
         return self.table.errors.get(name, np.full(len(self.table), np.nan))
 
     def _least(self, name: str) -> float:
-        """Return the magnitude of a figure below which a value counts as a rounding error."""
+        """Return the smallest magnitude of a figure that does not count as a rounding error."""
         known = np.abs(self._column(name))
         largest = float(known[np.isfinite(known)].max(initial=0.0))
         return max(METRIC_ROUNDING.get(named(name)[1], 0.0), RELATIVE_ROUNDING * largest)

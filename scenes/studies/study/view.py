@@ -1,4 +1,4 @@
-"""Axes, figures and values of a study, and the texts by which a report describes them."""
+"""Axes, figures and values of a study, and the texts that describe them in a report."""
 
 from __future__ import annotations
 

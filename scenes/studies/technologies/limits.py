@@ -16,10 +16,10 @@ from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
 MOVES = 0.002
-"""Distance per period [body lengths, BL] above which a worm counts as moving."""
+"""A worm counts as moving above this distance per period [body lengths, BL]."""
 
 ALL = "all"
-"""Name of the run in which all limits are removed."""
+"""Name of the run with all limits removed."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Verdict:
     periods: tuple[Trial, ...]
     """Runs at other periods."""
     without: dict[str, Trial] = field(default_factory=dict)
-    """Runs with the scene's gait in which a limit is removed, by the name of the limit, and `ALL` without any limit."""
+    """Runs with the scene's gait and one limit removed, by the name of the limit, and `ALL` without any limit."""
 
     @property
     def best(self) -> Trial:

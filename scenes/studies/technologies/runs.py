@@ -78,7 +78,7 @@ class Acting(NamedTuple):
     area: FloatArray
     """Cross-section of the actuator of each segment's chambers, shape (N,) [m^2]."""
     needed: FloatArray
-    """Cross-section at which the actuators have enough force for the worm, shape (N,) [m^2]."""
+    """Cross-section that gives the actuators enough force for the worm, shape (N,) [m^2]."""
 
     @property
     def slowest(self) -> float:

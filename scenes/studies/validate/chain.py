@@ -1,4 +1,4 @@
-"""Chains of rigid feet and muscles, for which closed forms exist, and their runs as scenes of the 3D worm.
+"""Chains of rigid feet and muscles with solutions in closed form, and their runs as scenes of the 3D worm.
 
 In such a scene every segment of the worm is either a *foot* or a *muscle*. A foot has a constant length. A muscle
 changes its length; it is lower than the feet and does not touch the ground. All feet have the same height, which does

@@ -15,7 +15,7 @@ from scenes.studies.validate.measures import Changes, Figure, Measure, StoppedEr
 from scenes.studies.validate.rows import Chapter, Row
 
 ABOVE_1, BELOW_1 = (1.0, math.inf), (-math.inf, 1.0)
-"""Bands of ratios for which the source says only that they are above 1 or below 1."""
+"""Bands of ratios that the source gives only as above 1 or below 1."""
 
 NO_TREND = 0.05
 """A ratio that differs from 1 by at most this value does not show a trend.
@@ -66,7 +66,7 @@ class Comparison:
     standing: str = "prediction"
     unit: str = "1"
     unknown: Sequence[Changes] = ()
-    """Changes of the scene, each of which sets other values of quantities that the source does not give."""
+    """Changes of the scene. Each change sets other values of quantities that the source does not give."""
     others: Sequence[Measure] = ()
     """Further measures with other values of such quantities, if these values apply to only some runs of a measure."""
     trend: bool = False

@@ -89,7 +89,7 @@ def _colour(row: Row) -> str:
 
 
 def _scale(row: Row) -> float | None:
-    """Return the number by which the values of a row are divided; None if a logarithmic axis cannot show the row."""
+    """Return the divisor of the values of a row; None if a logarithmic axis cannot show the row."""
     if row.published is None:
         return 1.0 if row.unit == "1" else None
     return row.published or None

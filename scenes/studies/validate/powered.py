@@ -1,7 +1,7 @@
 """Comparisons of robots with published speeds, where the model has the same kind of actuators as the robot.
 
-The actuators come from `worm3d.physics.technologies` and have their default sizes. The period is the period at which
-the model is fastest. The scene of each robot lists the published values and the assumptions.
+The actuators come from `worm3d.physics.technologies` and have their default sizes. The period is chosen so that the
+model is fastest. The scene of each robot lists the published values and the assumptions.
 `scenes.studies.validate.robots` explains the method.
 """
 
@@ -15,9 +15,9 @@ from scenes.studies.validate.robots import CMMWORM, GROUNDS, SOFT_TO_STIFF
 
 BRAID_TABLE = Source("the table of robots of Active Braid Crawler's authors", "R2", "robot")
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.021)
-"""Periods of the search, as multiples of the scene's period, in the order in which they are tried. The search ends when
-two consecutive periods are slower than an earlier period. A single slower period is not enough, because it may be a
-local minimum of the speed."""
+"""Periods in the order of the search, as multiples of the scene's period. The search ends when two consecutive periods
+are slower than an earlier period. A single slower period is not enough, because it may be a local minimum of the
+speed."""
 STRONG = ("actuator.reserve=10", "actuator.room=0.3")
 """Changes for actuators with five times the default force."""
 FASTER_COILS = ("actuator.rise_s=0.17", "actuator.fall_s=0.67")

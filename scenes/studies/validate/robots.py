@@ -47,7 +47,7 @@ hinges with a friction moment of 0.66 N m turn by 1.13 rad and back."""
 RUBBING = ("worm.spring_N=1000.0", *RUBBING_JOINTS)
 """Changes for joints with friction and stiff servos."""
 THREE_MOVE = ("gait.moving=0.5", "gait.held=0.3333333333333333")
-"""Changes for a gait in which three of six segments move at a time, called waveform 3x1 in the source."""
+"""Changes for a gait with three of six segments moving at a time, called waveform 3x1 in the source."""
 
 PIPES = (0.0725, 0.0775)
 """Further radii of the braid crawler's pipe for the spread [m]."""
