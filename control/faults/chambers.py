@@ -136,7 +136,7 @@ class Chambers:
             twice = (first - 2.0 * second + third) ** 2
             known = twice[np.isfinite(twice)]
             if known.size:
-                scatter = float(known.mean()) / 6.0  # the variance, if the noise is white
+                scatter = float(known.mean()) / 6.0  # the variance of white noise
                 self._variance += 0.05 * (scatter - self._variance)
         return float(np.sqrt(2.0 * self._variance * share / (2.0 - share)))
 

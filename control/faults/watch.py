@@ -207,7 +207,7 @@ class Watch:
             return {"place": None, "place_time": nan, "place_error": nan}
         rows = np.array(sorted(self._places, key=lambda row: row[2]))
         twice = np.diff(rows[:, :2], n=2, axis=0)
-        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise: the motion is slow
+        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # noise is white, motion is slow
         return {
             "place": rows[:, :2].mean(axis=0),
             "place_time": float(rows[:, 2].mean()),

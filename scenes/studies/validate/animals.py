@@ -117,7 +117,7 @@ ANIMAL_COMPARISONS = (
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
     Comparison(
-        "Earthworm of 1 g: stride in a burrow over stride on the ground",
+        "Earthworm of 1 g: ratio of strides, burrow to ground",
         in_burrow_over_free(0.0042),
         0.04 / 0.15,
         within(2.0, 0.04 / 0.15),
