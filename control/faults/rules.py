@@ -298,8 +298,7 @@ def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
     known = [wave.aside for wave in waves[follows:] if wave.aside is not None]
     if len(known) > 1 and waves[-1].aside is not None and known[-1] > max(min(known) + LEFT_PATH, known[-2]):
         what = f"the worm is {known[-1]:.2g} body lengths beside its path, and goes farther from it"
-        advice = "look at ground and slope, and whether the worm stands upright"
-        yield Fault(waves[-1].end, "off the path", what, advice)
+        yield Fault(waves[-1].end, "off the path", what, "look at ground, slope, and whether the worm stands upright")
 
 
 def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -318,8 +317,7 @@ def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
     error = min((wave.heading_error if wave.made > 0.0 else 0.0 for wave in waves[-3:]), default=0.0)
     if len(waves) >= 3 and error > ASTRAY:
         what = f"the heading is known to {np.rad2deg(min(error, ANY_WAY)):.0f} degrees at best for three waves"
-        advice = "look at the sensors of place and heading, or give the worm such a sensor"
-        yield Fault(waves[-1].end, "lost heading", what, advice)
+        yield Fault(waves[-1].end, "lost heading", what, "look at the sensors of place and heading, or add a sensor")
 
 
 def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -356,8 +354,7 @@ def _beside_heading(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
     advice = "look at the sensor of the heading, and whether the ground slopes across the way"
     if wave.jumped:
-        what = "the sensor of the heading has jumped, but the worm did not turn like this"
-        yield Fault(wave.end, "heading off", what, advice)
+        yield Fault(wave.end, "heading off", "the sensor of the heading jumped, but the worm did not turn", advice)
     elif len(waves) > 1 and min(wave.crab, waves[-2].crab) > CRABS:
         what = f"the worm goes at least {np.rad2deg(wave.crab):.0f} degrees beside its measured heading"
         yield Fault(wave.end, "heading off", what, advice)
@@ -374,5 +371,4 @@ def _trespassing(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
     if wave.trespass > TRESPASS:
         what = f"the worm is {wave.trespass:.2g} body lengths inside an obstacle or outside its corridor"
-        advice = "leave the worm more room and a longer way for turning, or ask for less speed"
-        yield Fault(wave.end, "out of bounds", what, advice)
+        yield Fault(wave.end, "out of bounds", what, "leave the worm more room, also for turns, or ask for less speed")
