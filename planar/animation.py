@@ -73,7 +73,7 @@ class Movie:
         """Return the lower left and the upper right corner of the first view [m].
 
         The view is at most three body lengths wide. If the worm crawls further, the view moves with it (`_follow`). The
-        height is at most 0.6 of the width, even if a diverging run throws nodes far away.
+        height is at most 0.6 of the width, even if corners of the rhombi are far away in a diverging run.
         """
         low, high = self.corners.min(axis=(0, 1, 2)), self.corners.max(axis=(0, 1, 2))
         if ground is not None:
@@ -135,7 +135,7 @@ class Movie:
 
 def _writer(path: Path, suffix: str, interval: float) -> AbstractMovieWriter:
     if suffix == ".gif":
-        # PillowWriter rounds the delay down to whole milliseconds.
+        # PillowWriter rounds the delay down to whole milliseconds. The factor keeps 50 ms from becoming 49 ms.
         return PillowWriter(fps=cast(int, (1.0 - 1e-9) / interval))
     if suffix != ".mp4":
         raise ValueError(f"animation file: got {path.name!r}, the ending must be .gif or .mp4")

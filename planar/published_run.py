@@ -62,7 +62,8 @@ class Run(ReadOnly):
     def reported_com(self) -> FloatArray:
         """The "centre of mass" that the program reports, shape (T,) [m].
 
-        By mistake it is the mean of the entries 3 i, i = 0, ..., n, of the flat coordinates (x0, y0, x1, y1, ...).
+        By mistake, the program takes the mean of the entries 3 i, i = 0, ..., n, of the flat coordinates (x0, y0, x1,
+        y1, ...).
         """
         flat = self.q.reshape(len(self.q), -1)
         return np.asarray(flat[:, 3 * np.arange(self.n + 1)].mean(axis=1))
@@ -91,8 +92,8 @@ class Run(ReadOnly):
     def work_contract(self) -> FloatArray:
         """Work of the contraction force in each step by the rule of the program, with sign, shape (S,) [J].
 
-        The rule is (P11) with q_{k+1} - `start` in place of q_{k+1} - q_k. It thus leaves out the motion of nodes that
-        are set on the ground.
+        The rule is (P11) with q_{k+1} - `start` in place of q_{k+1} - q_k. The motion of nodes that are set on the
+        ground is thus left out.
         """
         return p11_work(self.contraction_force, self.q[1:] - self.start)
 
@@ -130,7 +131,7 @@ class Run(ReadOnly):
     def cumulative_cot(self) -> FloatArray:
         """Curve of the cost of transport that the paper plots, shape (S,) [J/m].
 
-        It is the cumulative sum of |work / dx| over the steps with |dx| > 1e-6 m, where dx is the change of
+        The curve is the cumulative sum of |work / dx| over the steps with |dx| > 1e-6 m, where dx is the change of
         `reported_com`.
         """
         steps = p12_cost_of_transport(np.abs(self.work_contract), self.reported_com, threshold=1e-6)

@@ -1,4 +1,4 @@
-"""Detection and compensation of chambers that do not follow their commands, within a part of a wave.
+"""Detection and compensation of chambers that do not follow their commands. Both take less than a wave.
 
 If a chamber is stuck while the chamber on the other side of the segment (its twin) contracts, the body bends in every
 wave. The worm turns, goes sideways, and often tips over within one and a half waves (for 5 of the 12 chambers of the
@@ -11,12 +11,12 @@ own command causes, and f the part that the same command would cause in a health
 
     E' = (m - E)/tau,   M' = (m + e - f - M)/tau,   F' = (f - F)/tau,   D = E_left - E_right                  (CH1)
 
-D does not depend on loads and walls, which affect both sides. A chamber is considered faulty if, for a short time, |D|
-exceeds a limit, |E| is at least twice the |E| of the twin, |M| is more than half of |F|, and the neighbouring segments
-do not have a similar D of the same sign. On paths, in a pipe, in sharp turns and across slopes, |D| of the default worm
-stays below 0.06. Pushes bend several segments alike: |D| is up to 0.18 in one segment, and at least 0.4 times as large
-in the neighbouring segments. A chamber without pressure has a |D| of 0.13 to 0.25, and the neighbouring segments at
-most 0.2 times as much, mostly of the opposite sign.
+D does not depend on loads and walls, which affect both sides. A chamber is considered faulty if all these conditions
+hold for `MIN_FAULT_DURATION`: |D| exceeds a limit, |E| is at least twice the |E| of the twin, |M| is more than half of
+|F|, and the neighbouring segments do not have a similar D of the same sign. On paths, in a pipe, in sharp turns and
+across slopes, |D| of the default worm stays below 0.06. Pushes bend several segments alike: |D| is up to 0.18 in one
+segment, and at least 0.4 times as large in the neighbouring segments. A chamber without pressure has a |D| of 0.13 to
+0.25. The neighbouring segments then have at most 0.2 times this |D|, mostly with the opposite sign.
 
 *Compensation.* Both chambers of the segment are held. The faulty chamber is held at the contraction that it had when
 the fault was detected. The twin slowly follows the contraction measured in the faulty chamber. The segment is held
@@ -91,7 +91,7 @@ class Chambers:
         if strain is None:
             return []
         share = 1.0 - np.exp(-passed / MISS_TIME_CONSTANT)
-        known = np.isfinite(gains.miss)  # neither an unknown strain nor one from before the first command
+        known = np.isfinite(gains.miss)  # False if there is no strain, or no command before the strain
         miss = np.where(known, gains.miss, 0.0)
         self._miss += share * (miss - self._miss)
         self._short += share * (miss + gains.expected - gains.healthy - self._short)
@@ -136,7 +136,7 @@ class Chambers:
             twice = (first - 2.0 * second + third) ** 2
             known = twice[np.isfinite(twice)]
             if known.size:
-                scatter = float(known.mean()) / 6.0  # of white noise
+                scatter = float(known.mean()) / 6.0  # the variance of white noise
                 self._variance += 0.05 * (scatter - self._variance)
         return float(np.sqrt(2.0 * self._variance * share / (2.0 - share)))
 

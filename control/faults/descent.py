@@ -85,11 +85,11 @@ class Descent:
             return None
         self._descent = descent
         down, slides = degrees(atan(descent)), degrees(atan(holds))
-        what = f"the way leads down by {down:.2g} degrees; this worm slides from {slides:.2g} on"
-        return Fault(t, "too steep down", what, "it stops: lead it down more gently, or along the slope")
+        what = f"the way leads down by {down:.2g} degrees; this worm slides from {slides:.2g} degrees on"
+        return Fault(t, "too steep down", what, "the worm stops: lead it down a gentler slope, or along the slope")
 
     def _azimuth(self, estimate: Estimate, back: bool) -> float:
-        """Return the direction of the way ahead [rad], or of the way back."""
+        """Return the direction of the way ahead [rad]; if `back` is true, the direction of the way back."""
         path, turned = self.reference.path, pi if back else 0.0
         if path is None:
             return float(estimate.heading) + turned

@@ -69,12 +69,12 @@ class Injected(Checked):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class FaultyChamber(Injected, name="chamber"):
-    """A chamber that holds a constant contraction, or adds this to a share of its command."""
+    """A chamber whose contraction is a constant plus a share of the commanded contraction."""
 
     segment: int = parameter(0, "which segment, 0 is the tail", ge=0)
     side: Literal["left", "right"] = parameter("left", "which of its chambers")
-    contraction: float = parameter(0.0, "contraction that it holds", ge=-1, lt=1)
-    share: float = parameter(0.0, "share of its command that it follows beside that", ge=0, le=1)
+    contraction: float = parameter(0.0, "constant contraction", ge=-1, lt=1)
+    share: float = parameter(0.0, "share of the command that is added to the constant contraction", ge=0, le=1)
 
     def require(self, worm: Worm) -> None:
         """Raise ValueError if the worm has no such chamber."""
@@ -118,15 +118,15 @@ class FaultySensor(Injected, name="sensor"):
     )
     mode: Literal["lost", "frozen", "off", "drifting", "swapped"] = parameter(
         "lost",
-        "lost: no samples; frozen: the last one as if it were new; off: with an error added; drifting: with an "
-        "error that grows; swapped: with left and right exchanged",
+        "lost: no samples; frozen: the last sample again, as if it were new; off: an error is added; drifting: a "
+        "growing error is added; swapped: left and right are exchanged",
     )
     error: float = parameter(
-        0.0, "error that is added, in the unit of the channel (SI); of a drifting one, in a second"
+        0.0, "added error, in the SI unit of the channel; in mode drifting, the error added per second"
     )
-    component: int = parameter(ALL, "of which component only, as 1 for the y of com; -1: of all", ge=ALL)
-    segment: int = parameter(ALL, "of which segment only; -1: of all", ge=ALL)
-    side: Literal["both", "left", "right"] = parameter("both", "of which side of that segment")
+    component: int = parameter(ALL, "the only faulty component, such as 1 for the y of com; -1: all components", ge=ALL)
+    segment: int = parameter(ALL, "the only faulty segment; -1: all segments", ge=ALL)
+    side: Literal["both", "left", "right"] = parameter("both", "faulty side of this segment")
 
     def require(self, worm: Worm) -> None:
         """Raise ValueError if there is no such channel, or the channel has no such component, segments or sides."""

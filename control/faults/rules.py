@@ -213,7 +213,7 @@ def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
         what = (
             f"the worm leans on its {SIDE_NAMES[leans[-1][0] < 0.0]} side, or lies on it: the chambers there carry it"
         )
-        advice = "set it upright; no wave does that. Ask for gentler turns, or for less of a slope across"
+        advice = "set the worm upright, which no wave can do; ask for gentler turns, or for less slope across the way"
         yield Fault(waves[-1].end, "tipped", what, advice)
 
 
@@ -233,30 +233,30 @@ def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
     for segment, side in product(range(len(surely[0])), (0, 1)):
         if all(gain[segment, side] < limit for gain, limit in zip(surely, least, strict=True)):  # false if any is NaN
             share = 100 * last[-1].gain[segment, side] / medians[-1]
-            what = f"the {SIDE_NAMES[side]} chamber of segment {segment} moves by {share:.0f} % of what the others do"
+            what = f"the {SIDE_NAMES[side]} chamber of segment {segment} moves by {share:.0f} % of the others' motion"
             yield Fault(last[-1].end, f"chamber {segment} {SIDE_NAMES[side]}", what, CHAMBER_ADVICE)
 
 
 def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
     if wave.most_asked > UNREACHABLE_SPEED_SHARE * wave.reach:
-        what = f"{wave.most_asked:.3g} m/s are asked for, by the identified map this worm's wave makes {wave.reach:.3g}"
+        what = f"{wave.most_asked:.3g} m/s are asked for, but by the identified map this worm makes {wave.reach:.3g}"
         yield Fault(wave.end, "unreachable speed", what, "ask for less speed")
     if wave.least_asked < 0.0:
         what = f"{wave.least_asked:.3g} m/s are asked for; by the identified map no wave of this worm goes backwards"
-        advice = "ask for speeds of 0 or more, and turn where it is to go back; bristles let it go forward only"
+        advice = "ask for speeds of 0 or more, and let the worm turn round to go back; bristles let it go forward only"
         yield Fault(wave.end, "unreachable speed", what, advice)
 
 
 def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) > 1 and all(abs(wave.turn) > TURNS * wave.sharpest for wave in waves[-2:]):
         turn, most = np.rad2deg([abs(waves[-1].turn), waves[-1].sharpest])
-        what = f"the path turns by {turn:.3g} deg/s, by the identified map this worm turns by {most:.3g}"
+        what = f"the path turns by {turn:.3g} deg/s, but by the identified map this worm turns by {most:.3g} deg/s"
         yield Fault(waves[-1].end, "unreachable turn", what, "ask for less speed, or for wider turns")
 
 
 def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
-    if len(waves) <= 4:  # the first wave swells
+    if len(waves) <= 4:  # the amplitude still grows in the first wave
         return
     last = waves[-4:]  # the first and the last of these are three waves apart
     if any(wave.back != last[-1].back or wave.away >= AWAY for wave in last):
@@ -265,12 +265,12 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
     least, most = min(wave.least_asked for wave in last), max(wave.most_asked for wave in last)
     slow = SLOW_AT_LIMIT if all(wave.at_limit for wave in last[1:]) else SLOW
     if least > CREEPS * last[-1].reach and way + 3.0 * error < slow * least:
-        what = f"the worm makes {way:.3g} m/s over three waves, {least:.3g} are asked for"
+        what = f"the worm makes {way:.3g} m/s over three waves, but {least:.3g} m/s are asked for"
         yield Fault(last[-1].end, "too slow", what, "ask for less speed; look at ground, slope, load and chambers")
     made = max(wave.made for wave in last)
     if abs(way) - 3.0 * error > FAST * max(most, made, 0.25 * last[-1].reach):
-        what = f"the worm is carried along at {abs(way):.3g} m/s, {most:.3g} are asked for"
-        yield Fault(last[-1].end, "too fast", what, "hold it: it slides, or something moves it")
+        what = f"the worm is carried along at {abs(way):.3g} m/s, but {most:.3g} m/s are asked for"
+        yield Fault(last[-1].end, "too fast", what, "hold the worm: it slides, or something moves it")
 
 
 def _way(waves: Sequence[Wave]) -> tuple[float, float]:
@@ -298,7 +298,7 @@ def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
     known = [wave.aside for wave in waves[follows:] if wave.aside is not None]
     if len(known) > 1 and waves[-1].aside is not None and known[-1] > max(min(known) + LEFT_PATH, known[-2]):
         what = f"the worm is {known[-1]:.2g} body lengths beside its path, and goes farther from it"
-        yield Fault(waves[-1].end, "off the path", what, "look at ground and slope, and whether it stands upright")
+        yield Fault(waves[-1].end, "off the path", what, "look at ground, slope, and whether the worm stands upright")
 
 
 def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -317,17 +317,17 @@ def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
     error = min((wave.heading_error if wave.made > 0.0 else 0.0 for wave in waves[-3:]), default=0.0)
     if len(waves) >= 3 and error > ASTRAY:
         what = f"the heading is known to {np.rad2deg(min(error, ANY_WAY)):.0f} degrees at best for three waves"
-        yield Fault(waves[-1].end, "lost heading", what, "look at the sensors of place and heading, or give it one")
+        yield Fault(waves[-1].end, "lost heading", what, "look at the sensors of place and heading, or add a sensor")
 
 
 def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
-    lately = waves[1:][-3:]  # the first wave swells
+    lately = waves[1:][-3:]  # the amplitude still grows in the first wave
     if (
         any(wave.pushed for wave in lately)
         and not any(wave.jumped for wave in lately)
         and _unexplained(lately) > PUSH_VELOCITY_CHANGE
     ):
-        what = "the centre of mass moves otherwise than the wave makes it: the worm is pushed, or the sensor drifts"
+        what = "the wave does not explain the motion of the centre of mass: the worm is pushed, or the sensor drifts"
         advice = "look at what touches the worm, at the ground, and at the sensor of the centre of mass"
         yield Fault(waves[-1].end, "push or drift", what, advice)
 
@@ -354,7 +354,7 @@ def _beside_heading(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
     advice = "look at the sensor of the heading, and whether the ground slopes across the way"
     if wave.jumped:
-        yield Fault(wave.end, "heading off", "the sensor of the heading has jumped: the worm did not turn so", advice)
+        yield Fault(wave.end, "heading off", "the sensor of the heading jumped, but the worm did not turn", advice)
     elif len(waves) > 1 and min(wave.crab, waves[-2].crab) > CRABS:
         what = f"the worm goes at least {np.rad2deg(wave.crab):.0f} degrees beside its measured heading"
         yield Fault(wave.end, "heading off", what, advice)
@@ -364,11 +364,11 @@ def _facing_away(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
     if wave.away >= AWAY and wave.made > 0.0:
         what = f"the worm faces {np.rad2deg(wave.away):.0f} degrees away from its path, and turns round first"
-        yield Fault(wave.end, "facing away", what, "begin with a worm that looks along its path")
+        yield Fault(wave.end, "facing away", what, "start with the worm facing along its path")
 
 
 def _trespassing(waves: Sequence[Wave]) -> Iterator[Fault]:
     wave = waves[-1]
     if wave.trespass > TRESPASS:
         what = f"the worm is {wave.trespass:.2g} body lengths inside an obstacle or outside its corridor"
-        yield Fault(wave.end, "out of bounds", what, "leave it more room, and way to turn in, or ask for less speed")
+        yield Fault(wave.end, "out of bounds", what, "leave the worm more room, also for turns, or ask for less speed")

@@ -4,13 +4,13 @@ Let d = s_left - s_right be the measured difference of the strains of a segment,
 `control.estimation.chamber_gains` predicts. Both are smoothed over a time tau. The strains count as swapped if, over
 the last waves,
 
-    sum (d - d_e)^2 - sum (d + d_e)^2 > sure standard errors,   standard error = 4 (v 2 tau/dt sum d_e^2)^1/2   (SD1)
+    sum (d - d_e)^2 - sum (d + d_e)^2 > `SWAP_THRESHOLD` e,   e = 4 (v 2 tau/dt sum d_e^2)^1/2                   (SD1)
 
-for n samples at intervals of dt. `sure` is `SWAP_THRESHOLD`. The variance v is the smaller of the two sums, divided by
-n. The segment with the largest sums is left out, since it may have a faulty chamber. The left side of (SD1) was at most
-0.6 standard errors for 14 healthy worms on lines, circles and curves. For 8 worms that turned with swapped strains, it
-reached 2.3 to 4.7 standard errors within three waves. If both sides do the same, as in a straight worm with equal
-chambers, a swap cannot be detected, but it also does hardly any harm.
+where e is the standard error of the left side for n samples at intervals of dt. The variance v is the smaller of the
+two sums, divided by n. The segment with the largest sums is left out, since it may have a faulty chamber. The left side
+of (SD1) was at most 0.6 e for 14 healthy worms on lines, circles and curves, and reached 2.3 e to 4.7 e within three
+waves for 8 worms that turned with swapped strains. If the left and the right chambers do the same, as in a straight
+worm with equal chambers, a swap cannot be detected, but a swap also does hardly any harm.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from worm3d.values.arrays import FloatArray
 DIFFERENCE_SMOOTHING_TIME = 0.1
 """Time tau over which the differences are smoothed [s]. It equals the lag of the default chambers."""
 SWAP_THRESHOLD = 1.5
-"""Number of standard errors in (SD1) above which strains count as swapped."""
+"""Number of standard errors e in (SD1) above which strains count as swapped."""
 
 
 class Sides:
@@ -44,7 +44,8 @@ class Sides:
     def take(self, t: float, phase: float, strain: FloatArray | None, gains: ChamberGains) -> list[Fault]:
         """Process the strains of time t [s], and return the newly detected faults.
 
-        `strain` has the shape (N, 2), and `gains` has already processed it. `phase` is the phase of the wave [rad].
+        `strain` has the shape (N, 2). `gains` has already processed the same strains. `phase` is the phase of the wave
+        [rad].
         """
         if strain is None or self.swapped:
             return []
@@ -66,7 +67,7 @@ class Sides:
         self.swapped = len(self._waves) == self._waves.maxlen and self._surely()
         if not self.swapped:
             return []
-        what = "the strains of left and right are swapped: each side shortens as the other one is told to"
+        what = "the strains of left and right are swapped: each side shortens as the other side is commanded"
         return [Fault(t, "swapped sides", what, "look at the plugs of the strain sensors; commands are not corrected")]
 
     def _none(self) -> tuple[FloatArray, int, float]:

@@ -11,8 +11,8 @@ for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
     h = mu y^2/(2 b)  while |y| <= b,   else mu (|y| - b/2),   b = r/max(mu, mu_0)     (G2)
 
 The terms 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n come from a damper parallel to the anchor's spring. The sum of the
-two forces is at most N mu. rho_b is the breakaway displacement of a contact times mu. It is the same number for all
-contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 = `Ground.least`,
+two forces is at most N mu. rho_b is the displacement at which a contact breaks away, times its mu. rho_b is the same
+for all contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 = `Ground.least`,
 including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay far behind. If
 the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
 
@@ -59,7 +59,9 @@ LEAST_BESIDE_SMALL = 0.1
 coefficient. `worm3d` uses the same value."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Damping ratio of the contact with the smallest coefficient and the mass that it carries; others are damped more.
+"""Damping ratio of the contact with the smallest coefficient, for the mass that the contact carries.
+
+Other contacts are damped more.
 
 Since the limit of friction applies to the sum of spring and damper, the damper changes the motion only by micrometres
 and for milliseconds. With a damping ratio of 1, a contact under a suddenly applied load overshoots and breaks away too
@@ -74,9 +76,9 @@ WEIGHTLESS = 0.075
 LIMIT_TOLERANCE = 1e-9
 """Relative tolerance of the limit of friction.
 
-A contact breaks away if its friction is closer to the limit than this (G4). An anchor moves only if the friction
-exceeds the limit by more than this, so that rounding does not make the anchor creep. A given regime agrees with the law
-if it violates the law by no more than this.
+A contact breaks away if its friction is closer to the limit than this tolerance (G4). An anchor moves only if the
+friction exceeds the limit by more than this tolerance, so that rounding does not make the anchor creep. A given regime
+agrees with the law if it violates the law by no more than this tolerance.
 """
 
 
@@ -172,6 +174,6 @@ class Ground(NamedTuple):
 def natural_gravity(worm: Linkage, gravity: float) -> float:
     """Return the acceleration that scales the contacts [m/s^2].
 
-    It is `gravity`, or, if `gravity` is 0, the acceleration that gives the worm the weight of `WEIGHTLESS`.
+    The result is `gravity`. If `gravity` is 0, it is the acceleration that gives the worm the weight of `WEIGHTLESS`.
     """
     return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.total_mass

@@ -142,7 +142,9 @@ def simulate(
     stepper: Stepper
     if ground == "clamped":
         if held is not None or friction_law != "anchored":
-            raise ValueError("held and friction_law are for ground='contact'; the clamped worm has its own")
+            raise ValueError(
+                "held and friction_law are for ground='contact'; the clamped worm has its own friction law"
+            )
         stepper = ClampedStepper(worm, weight, friction.coefficients(n), velocity_threshold)
     else:
         require_equilibrium(worm, -weight[1])

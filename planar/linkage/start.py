@@ -124,7 +124,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
 def shape_checked(
     function: Callable[[float], FloatArray], shape: tuple[int, ...]
 ) -> Callable[[float], FloatArray | None]:
-    """Return a function of the time that returns `function(t)`, or None if that has another shape or is not finite."""
+    """Return a function of the time that returns `function(t)`, or None if it has another shape or is not finite."""
 
     def checked(t: float) -> FloatArray | None:
         value = np.array(function(t), dtype=float)

@@ -25,8 +25,8 @@ CONNECT = 5.0
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # `scenes.sweep.flight` decides which cases are tried again
     "distributed.deploy.lost-worker-timeout": f"{WORKER_TIMEOUT_S}s",  # on a busy machine a worker is slow to return
-    "distributed.worker.profile.enabled": False,  # takes time of the cases
-    "distributed.admin.system-monitor.interval": "10s",  # so does this
+    "distributed.worker.profile.enabled": False,  # would slow down the cases
+    "distributed.admin.system-monitor.interval": "10s",  # would slow down the cases, too
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,  # a paused worker would never finish
@@ -76,7 +76,7 @@ class Local:
                 threads_per_worker=1,
                 host=self.bind,
                 dashboard_address=f"{LOOPBACK}:0",
-                memory_limit=0,  # none
+                memory_limit=0,  # no limit
                 preload=[DEAF],
                 silence_logs="CRITICAL",
             )
@@ -141,7 +141,8 @@ def _require_folder(client: Client, folder: Path) -> None:
     for worker, sees in found.items():
         if isinstance(sees, Exception):
             raise MissingPartError(
-                f"the worker at {worker} cannot run worm3d ({type(sees).__name__}: {sees}): install there what is here"
+                f"the worker at {worker} cannot run worm3d ({type(sees).__name__}: {sees}): install the same packages "
+                "there as here"
             )
         if not sees:
             raise SceneError(f"the worker at {worker} does not see {folder}: choose an --out that all machines share")

@@ -19,8 +19,8 @@ class Varied:
     key: str
     """Dotted name, such as `gait.period_s`."""
     dim: str
-    """Dimension along which the key varies. In a grid it has the name of the key; otherwise it is `case` or `sample`,
-    which several keys share."""
+    """Dimension along which the key varies. In a grid, the dimension has the name of the key. Otherwise the
+    dimension is `case` or `sample`, and several keys may share it."""
     values: tuple[Any, ...]
     """Values along the dimension, of any type that TOML has: numbers, texts, truth values, lists, or tables."""
     unit: str = ""

@@ -1,11 +1,12 @@
 """Running cases on the workers of a Dask scheduler, with retries if a worker dies.
 
-If a worker dies, the case that it was running and the cases that were waiting on it are lost. One of these cases may
-have killed the worker. The lost cases are tried again after all other cases, with a single case at a time on each
-worker, and a last time with a single case at a time on all workers together. A case whose worker has died in every try
-fails.
+If a worker dies, the case that the worker was running and the cases in the queue of this worker are lost. One of these
+cases may have killed the worker. The lost cases are tried again after all other cases, with a single case at a time on
+each worker, and a last time with a single case at a time on all workers together. A case whose worker has died in every
+try fails.
 
-A worker reports the end of cases as an event of the scheduler. This takes two thirds of the time of fetching a result.
+A worker reports the outcome of its cases by an event of the scheduler. Fetching the result of a task instead would take
+1.5 times as long.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ class Flight:
         return False
 
     def _try(self, number: int, jobs: Sequence[Job], company: int) -> Iterator[Ended]:
-        waiting, left = iter(jobs), len(jobs)  # jobs are submitted bit by bit, since all may not fit into memory
+        waiting, left = iter(jobs), len(jobs)  # jobs are submitted bit by bit, since memory may be too small for all
         while (left or self._under_way) and not self._stopped():
             self._look()
             places = max(1, company * self._workers)
@@ -136,7 +137,11 @@ class Flight:
             self._client.cancel(list(self._under_way.values()))
 
     def _send(self, batch: Batch, number: int) -> None:
-        """Submit jobs as a task. If a killed driver has submitted the same task before, it is not run a second time."""
+        """Submit jobs as a task.
+
+        The driver is the process that distributes the cases. If an earlier driver was killed after it had submitted the
+        same task, the scheduler does not run the task a second time.
+        """
         key = ("case", number, *(job.path for job in batch))
         future = self._client.submit(_perform, self._perform, batch, self._topic, key=key)
         self._under_way[batch[0].key] = future
@@ -175,7 +180,13 @@ class Flight:
         return _Report(batch[0].key, TASK, [(batch[0].key, FAILED_STATUS, f"{type(error).__name__}: {error}")])
 
     def _look(self) -> None:
-        """Count the workers, if the last count is older than `LOOK`, and raise an error if there have been none."""
+        """Count the workers, if the last count is older than `LOOK`.
+
+        Raises
+        ------
+        SchedulerError
+            If the scheduler has ended, or there has been no worker for `WORKER_TIMEOUT_S`.
+        """
         now = time.monotonic()
         if now < self._looked + LOOK:
             return

@@ -80,7 +80,7 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     scene = trusted_scene(data, job.name)
     if key_of(scene) != job.key:
         raise SceneError(
-            f"{job.name}: a worker's worm3d, its libraries, or a file or map that the scene needs, is not that of the "
+            f"{job.name}: worm3d, its libraries, or a file or map that the scene needs differ between a worker and the "
             "driver: install the same versions where both run"
         )
     clock = Clock(job.limit_s)
@@ -103,15 +103,15 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
 def too_late(job: Job) -> Ended:
     """Return the report about a case that exceeded its time limit.
 
-    The case has no file, so that it is run again, since it may be fast enough on another machine.
+    The case gets no file. The next sweep therefore runs the case again, since it may be fast enough on another machine.
     """
     return Ended(job.key, FAILED_STATUS, told(job.limit_s))
 
 
 def found(job: Job) -> CaseResult | None:
-    """Return the result of an earlier run of a case, or None if it has to be run.
+    """Return the result of an earlier run of a case, or None if the case has to be run.
 
-    It has to be run if its file is missing or damaged, or has no whole record although the job needs one.
+    A case has to be run if its file is missing or damaged, or has no whole record although the job needs one.
     """
     whole, short = Path(job.path).with_suffix(".nc"), Path(job.path).with_suffix(".json")
     if (earlier := read(whole)) is not None:

@@ -1,9 +1,9 @@
 """Time limit of a case, so that a case that never ends does not block the other cases.
 
-A case that exceeds the limit is ended after its current step. If the step does not end, a worker process ends itself,
-and Dask starts a new one. This is done by a thread of `faulthandler`, which works even if the Python interpreter is
-blocked. The thread first writes a file. From this file the next try of the case learns that the case has used up its
-time. The time is counted from the first step, so that it does not include compilation.
+A case that exceeds the limit is ended after its current step. If the step does not end, a thread of `faulthandler` ends
+the worker process, and Dask starts a new process. This thread works even if the Python interpreter is blocked. Before
+the process ends, the thread writes a file. This file tells the next try of the case that the case has used up its time.
+The time is counted from the first step, so that it does not include compilation.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Clock:
         return bool(self._begun) and time.monotonic() > self._begun + self._limit
 
     def looks(self) -> bool:
-        """Return whether the case may continue. It is called after each step, and the first call starts the clock."""
+        """Return whether the case may continue. Call it after each step; the first call starts the clock."""
         if not self._begun:
             self._begun = time.monotonic()
             _end_process_after(self._limit + LONGEST_STEP)
@@ -94,6 +94,6 @@ def ended_when_stuck(path: Path, limit_s: float) -> Iterator[bool]:
 
 
 def _end_process_after(seconds: float) -> None:
-    """Set the time until the worker process is ended [s]. It replaces the time of an earlier call."""
+    """Set the time after which the worker process is ended [s]. A later call replaces this time."""
     if _witness is not None:
         faulthandler.dump_traceback_later(seconds, exit=True, file=_witness)

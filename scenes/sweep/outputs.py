@@ -161,10 +161,10 @@ def _content(base: Scene, table: Table, summary: Summary) -> Content:
     """Return the results of a sweep as the content of a NetCDF4 file."""
     sizes = table.design.sizes
     keys = [varied.key for varied in table.design.varied]
-    texts = {"case": "key of the case", "status": "how it ended", "reason": "why"}
+    texts = {"case": "key of the case", "status": "how the case ended", "reason": "reason of the status"}
     cells = {"case": table.keys, "status": table.status, "reason": table.reasons}
     dims, shape = tuple(sizes), tuple(sizes.values())
-    seed = Variable(SEED_KEY, dims, np.array(table.seeds).reshape(shape), "1", "seed of everything random")
+    seed = Variable(SEED_KEY, dims, np.array(table.seeds).reshape(shape), "1", "seed of all random numbers")
     attributes = {
         "name": base.name,
         "model": SWEEP,

@@ -60,7 +60,7 @@ class Source:
     def base(self) -> Scene:
         """Return the scene without variation.
 
-        Each key must be valid. The combination of the keys may be impossible, because the varied keys replace some.
+        Each key must be valid. The combination of the values may be impossible, since the sweep replaces some values.
         """
         try:
             return self.parse()
@@ -175,7 +175,7 @@ def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:
 
 
 def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, Any]) -> Scene:
-    """Return the scene of a case with a seed that depends only on the seed of the sweep and on the case's values."""
+    """Return the scene of a case with a seed that depends only on the seed of the sweep and the values of the case."""
     said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
     return replace(scene, settings=replace(scene.settings, **{SEED_KEY: seed}))

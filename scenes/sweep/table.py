@@ -46,7 +46,7 @@ class Table:
 
     @classmethod
     def of(cls, design: Design, results: Iterable[CaseResult]) -> Table:
-        """Return the table of the given results, one for each case of the design in its order."""
+        """Return the table of results. There must be one result for each case, in the order of the design."""
         table = cls(design)
         for result in results:
             table._add(result)

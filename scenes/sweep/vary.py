@@ -155,7 +155,7 @@ def _columns(listed: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     for number, row in enumerate(listed, start=1):
         if set(row) != set(keys):
             raise SceneError(
-                f"case {number}: got the keys {', '.join(row)}, must be those of the first: {', '.join(keys)}"
+                f"case {number}: got the keys {', '.join(row)}, must be the keys of the first case: {', '.join(keys)}"
             )
     return {key: [_plain(row[key]) for row in listed] for key in keys}
 
@@ -165,7 +165,7 @@ def _of_a_size(design: Design) -> Design:
     if number > MOST_CASES:
         sizes = " x ".join(map(str, design.sizes.values()))
         raise SceneError(
-            f"{design.scene}: {number} cases ({sizes}): at most {MOST_CASES}; vary fewer values, or divide it"
+            f"{design.scene}: {number} cases ({sizes}): at most {MOST_CASES}; vary fewer values, or divide the sweep"
         )
     return design
 
@@ -291,7 +291,7 @@ def _drawn(schema: type[Section], key: str, limits: tuple[str, str, bool], numbe
 
 def _require_positive(key: str, low: float, high: float) -> None:
     if min(low, high) <= 0.0:
-        raise SceneError(f"vary {key}: got limits {low:g} and {high:g}: those of a range with 'log' must be above 0")
+        raise SceneError(f"vary {key}: got limits {low:g} and {high:g}: limits of a range with 'log' must be above 0")
 
 
 def _rounded(schema: type[Section], key: str, values: Any) -> list[Any]:

@@ -135,7 +135,7 @@ def test_no_command_goes_on_from_a_damaged_result(record: Record, worm3d, tmp_pa
         ended = worm3d(*command)
         assert ended.code == 2
         assert ended.complaints == [
-            "run/result.nc: damaged: its bytes are not those that were written (their checksum is wrong); take a copy "
-            "of it, or run it again"
+            "run/result.nc: damaged: its bytes are not those that were written (their checksum is wrong); take a "
+            "backup copy, or run its scene again"
         ], command
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["result.nc"]

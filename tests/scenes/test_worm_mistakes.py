@@ -52,7 +52,7 @@ def test_every_mistake_gives_its_line() -> None:
     assert lines_about(ELEVEN, "start.lift_m=-1") == [
         "line 4: run.dt_s: got 0.5 s, must be at most a 10th of the gait's period, 2 s, or the wave falls between "
         "the steps",
-        "line 5: run.gravity_m_s2: got a list of 2: must be one number, g downwards, or three, x, y, z",
+        "line 5: run.gravity_m_s2: got a list of 2: must be one number (g, downwards) or a list of three (x, y, z)",
         "line 8: worm.chamber_offset_m: got 0.0: input should be greater than 0 [m], 0 < … (default 0.03)",
         "line 9: worm.yaw_J: got 2 values, must be a number or 5 of them",
         "line 10: worm.k_twist: unknown key; did you mean 'twist_J'?",

@@ -23,7 +23,7 @@ def _effort(result: FinishedRun) -> float:
     return float(np.sqrt(waves.mean((given**2).mean(axis=(1, 2))))) / stroke
 
 
-@measure("commands_at_limit", "recorded instants at which the contraction asked of a chamber met an end of its stroke")
+@measure("commands_at_limit", "recorded instants at which the command of a chamber was at an end of the stroke")
 def _at_limit(result: FinishedRun) -> float:
     """Return the number of rows with a command at an end of the stroke. An end at 0, the rest position, is ignored."""
     worm = result.worm
@@ -40,7 +40,7 @@ def _input(result: FinishedRun) -> float:
     actuator = result.worm.actuator
     if not actuator.has_source:
         name = actuator.name or type(actuator).__name__
-        raise NoValueError(f"the actuator {name!r} has no source of energy: its work is all that is known")
+        raise NoValueError(f"the actuator {name!r} has no source of energy: only its work is known")
     return float(result.energy.work_contract.sum())
 
 

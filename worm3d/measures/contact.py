@@ -29,9 +29,10 @@ from worm3d.values.arrays import FloatArray
 AT_REST = 1e-3
 """Largest slide of an anchored segment [body lengths per period]. Elastic motion of anchors does not count as slide.
 
-The slide of a sliding segment is about 0.05. Half or twice this limit give the same anchoring duty of the default worm.
+The slide of a sliding segment is about 0.05. With half or twice this limit, the anchoring duty of the default worm is
+the same.
 """
-NO_WALL = "there is no world in which it could sink"
+NO_WALL = "there is no world into which the worm could sink"
 NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
 
 
@@ -144,6 +145,6 @@ def roll_max(result: FinishedRun) -> float:
     return float(np.rad2deg(largest))
 
 
-@measure("roll_margin_deg", "how much less it rolls than a worm that lies on its side; negative where it tipped")
+@measure("roll_margin_deg", "roll of a worm that lies on its side, minus the largest roll; negative if the worm tipped")
 def _margin(result: FinishedRun) -> float:
     return float(np.rad2deg(ON_ITS_SIDE)) - roll_max(result)

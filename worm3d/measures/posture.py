@@ -55,7 +55,7 @@ class Rolled:
     roll: FloatArray
     """Roll, shape (R,) [rad]; NaN as in the function `roll`."""
     step: int
-    """Interval of the rows that `on_its_side` checks, in rows; the checked rows are a tenth of a second apart."""
+    """Stride in these rows with which `on_its_side` reads the roll; it corresponds to a tenth of a second."""
 
     @property
     def largest(self) -> float | None:

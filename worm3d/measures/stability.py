@@ -34,7 +34,9 @@ FEW_PERIODS = "the run has fewer than three whole periods"
 UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
 
 
-@measure("return_map_radius", "factor by which the change of shape from wave to wave shrinks; below 1 it is stable")
+@measure(
+    "return_map_radius", "factor by which the change of shape shrinks from wave to wave; below 1 if the gait is stable"
+)
 def _return_map(result: FinishedRun) -> float:
     waves, apart = waves_of(result), float(result.time[1] - result.time[0])
     step = round(waves.period / apart)

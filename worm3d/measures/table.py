@@ -1,6 +1,6 @@
 """The table of measures of a run. Each measure is declared once, with its name, meaning and function.
 
-All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in the figures of sweeps. This adds a
+All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in the figures of sweeps. To add a
 measure:
 
     @measure("lift_m", "how far the head is above the tail at the end")

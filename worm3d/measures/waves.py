@@ -64,7 +64,7 @@ class Waves:
         return weights
 
     def mean(self, values: FloatArray) -> float:
-        """Return the mean over the periods of values that belong to the intervals of `weights`."""
+        """Return the mean of `values` over the periods. Each value belongs to one of the intervals of `weights`."""
         return float(self.weights @ values / self.weights.sum())
 
     @cached_property
@@ -92,7 +92,10 @@ class Waves:
 
     @cached_property
     def course(self) -> FloatArray | None:
-        """Progress along the centre line of a pipe in each period, shape (K,) [m]. None in a world without a course."""
+        """Progress along the course of the world (for example, of a pipe) in each period, shape (K,) [m].
+
+        None if the world has no course.
+        """
         result = self._result
         if result.world is None:
             return None

@@ -57,9 +57,9 @@ SEAL_LENGTH = len(SEAL) + 65
 MAX_READ_SECONDS = 60
 """Longest time for reading a file that another program wrote [s]."""
 MAX_READ_MEMORY = 3 * int(MOST_MEMORY)
-"""Largest memory of the process that reads such a file [byte]. It is enough for the arrays, a copy, and programs."""
+"""Largest memory of the process that reads such a file [byte]. The arrays, a copy, and the program fit into it."""
 REFUSED = 2
-"""Exit code of this process if it refuses the file and has written the reason."""
+"""Exit code of the reading process if it refuses the file and has written the reason."""
 
 
 class FileError(ValueError):
@@ -103,8 +103,8 @@ class Content:
             holds = False
         if not holds:
             raise FileError(
-                f"{name}: does not say what worm3d wrote (its attribute 'digest' is of something else): damaged, or "
-                "changed by another program; take the original, or run it again"
+                f"{name}: does not say what worm3d wrote (its attribute 'digest' does not match): damaged, or changed "
+                "by another program; take the original file, or run its scene again"
             )
 
 
@@ -184,8 +184,8 @@ def load(path: Path) -> Content:
         return unpacked(io.BytesIO(handed_on(path)), str(path))
     if not whole:
         raise FileError(
-            f"{path}: damaged: its bytes are not those that were written (their checksum is wrong); take a copy of it, "
-            "or run it again"
+            f"{path}: damaged: its bytes are not those that were written (their checksum is wrong); take a "
+            "backup copy, or run its scene again"
         )
     return unpacked(path, str(path))
 

@@ -41,7 +41,7 @@ def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]
         Variables of each group by the name of the group, which is "" for the root group. Each group has its own
         dimensions.
     """
-    # The file is written in memory, because the HDF5 library crashes if the disc is full. Its name "image" is not used.
+    # The file is written in memory, because the HDF5 library crashes if the disc is full. The name "image" is unused.
     with h5py.File("image", "w", driver="core", backing_store=False, track_order=True) as file:
         dimensions = 0
         for name, variables in groups.items():
@@ -83,7 +83,7 @@ def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
 def _is_free(variable: Variable, sizes: Mapping[str, int]) -> bool:
     """Return whether a variable keeps its own name in the file.
 
-    It does if no dimension has this name, or if the variable is the coordinate variable of this dimension.
+    A variable keeps its name if no dimension has this name, or if it is the coordinate variable of this dimension.
     """
     return variable.name not in sizes or variable.dims == (variable.name,)
 

@@ -16,13 +16,13 @@ def averaged(com: FloatArray, window: int) -> FloatArray:
 
 
 def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
-    """Return the length of the path of the centre of mass, averaged over a period about each instant [m].
+    """Return the length of the path of the averaged centre of mass [m].
 
-    The mean over a period removes the oscillation of the centre of mass with each wave. For the parts of the run
-    without a complete period around the instant, the path is a straight line from the first position to the mean over
-    the first period, and from the mean over the last period to the last position. Between the given instants, the
-    centre of mass is assumed to move on straight lines. A run shorter than a period has a single mean, over the whole
-    run.
+    Each point of the path is the mean of the centre of mass over a period around an instant. This mean removes the
+    oscillation with each wave. In the first and the last half period of the run, the path is a straight line: from the
+    first position to the mean over the first period, and from the mean over the last period to the last position.
+    Between the times in `time`, the centre of mass is assumed to move on straight lines. A run shorter than a period
+    has a single mean, over the whole run.
 
     Parameters
     ----------
@@ -44,9 +44,10 @@ def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
 
 
 def integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the integrals from time[0] to the times t of values that are linear between given times, shape (K, D).
+    """Return the integrals of `values` from time[0] to each time in t, shape (K, D).
 
-    t has the shape (K,), `values` has the shape (T, D), and `time` has the shape (T,).
+    The values are assumed to be linear between the times in `time`. The shape of `values` is (T, D), the shape of
+    `time` is (T,), and the shape of t is (K,).
     """
     step = np.diff(time)[:, None]
     up_to = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])

@@ -29,8 +29,8 @@ PRINTED_COLUMNS, PRINTED_LINES = 110, 5
 class ReadOnly(Spelled):
     """Base of frozen dataclasses with arrays, or mappings of arrays, as fields.
 
-    The inherited `__post_init__` makes the arrays read-only. A dataclass with its own `__post_init__` has to do so
-    there.
+    The inherited `__post_init__` makes the arrays read-only. A dataclass with its own `__post_init__` has to
+    make its arrays read-only in this method.
     """
 
     def __init_subclass__(cls) -> None:

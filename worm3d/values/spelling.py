@@ -72,7 +72,7 @@ class Spelled:
 
 
 class Checked(Spelled):
-    """Base of frozen dataclasses that consist of parameters (`worm3d.values.parameters`). It checks the parameters."""
+    """Base of frozen dataclasses of parameters (`worm3d.values.parameters`), which checks the parameters."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -47,7 +47,7 @@ SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
 
 
 def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:
-    """Return the check that the worm of a scene can start, which depends on the sections `names`."""
+    """Return the check that the worm of a scene can start. The check reads the sections `names`."""
 
     def can_start(mass_kg: float | None, *sections: Section) -> Found:
         return _refusal(scene_with(schema, names, sections))
@@ -68,7 +68,10 @@ def _sized(section: Section, segments: int) -> None:
 
 
 def _refusal(scene: Any) -> Found:
-    """Return an error of the solver that occurs before the first step, for example a weight that flattens the worm."""
+    """Return the error with which the solver refuses a scene before the first step, or None.
+
+    For example, the solver refuses a worm that is flattened by its weight.
+    """
     try:
         with np.errstate(all="ignore"):
             worm, world, gravity = worm_of(scene), world_of(scene.world), gravity_of(scene)
@@ -89,7 +92,7 @@ def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
     if isinstance(gravity_m_s2, list | tuple):
         if len(gravity_m_s2) == 3:
             return None
-        return f"got a list of {len(gravity_m_s2)}: must be one number, g downwards, or three, x, y, z"
+        return f"got a list of {len(gravity_m_s2)}: must be one number (g, downwards) or a list of three (x, y, z)"
     return (
         None if gravity_m_s2 >= 0 else f"got {gravity_m_s2} m/s^2: g is at least 0; a list of x, y, z may point upwards"
     )
@@ -98,7 +101,10 @@ def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
 def _clamped_by_coulomb(law: str, kind: str) -> str | None:
     if kind != "clamped" or law == "coulomb":
         return None
-    return f"got {law!r}: on world.kind = 'clamped' friction is (P10), Coulomb's; leave it out, or take another world"
+    return (
+        f"got {law!r}: with world.kind = 'clamped' the law is always Coulomb friction, (P10); leave this key out, or "
+        "take another world"
+    )
 
 
 def _accuracy_by_bdf2(accuracy: float | None, integrator: str) -> str | None:
@@ -137,7 +143,7 @@ REFLEX_CHECKS = (
     *switched_checks(REFLEXES, "reflexes", Reflexes, "reflex"),
     Check(("sensor", "reflexes", "gait.kind"), _errors_are_felt),
 )
-"""Checks of the sensor signals for a gait and its reflexes."""
+"""Checks that no parameter is set for a reflex that is off, and no sensor error for a worm that uses no sensors."""
 
 WORLD_CHECKS = (
     *RUN_CHECKS,

@@ -53,15 +53,15 @@ def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
 
 
 def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
-    """Return rows for the faults of a run: a worm that fell on its side, or a result that is not accurate enough."""
+    """Return rows for the faults of a run: the worm fell on its side, or the result is not accurate enough."""
     since, error, found = result.on_its_side, result.error_estimate, []
     if since is not None:
-        advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
+        advice = "a worm on its side does not follow its gait: ask for gentler turns, less slope or a weaker push"
         found.append(fault_row(since, "on its side", "the worm lies on its side", advice))
     if error is not None and not error.met:
         from worm3d.measures.spread import UNEVEN_GROUND_ADVICE, rough  # imports the statistics
 
-        small_causes = "small causes decide here: ask for less, or take the mean of several starts"
+        small_causes = "small causes have large effects here: allow a larger error, or take the mean of several starts"
         advice = UNEVEN_GROUND_ADVICE if rough(result) else small_causes
         found.append(fault_row(float(result.time[-1]), "not accurate", error.sentence, advice))
     return found
@@ -108,7 +108,7 @@ def _errors(result: worm3d.Result) -> dict[str, float]:
 def _period(scene: GaitScene, record: Record) -> float | None:
     """Return the period of the gait of a stored run [s].
 
-    For a user's own gait it is read from the record, since it need not be a key of the scene.
+    The period of a user's own gait is read from the record, since the scene need not have a key for the period.
     """
     own = is_own(scene.gait.kind)
     found: float | None = json.loads(record.run or "{}").get("period") if own else scene.gait.period_s

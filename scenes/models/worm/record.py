@@ -24,7 +24,7 @@ ENERGY_TERMS = tuple(each.name for each in fields(worm3d.Energy))
 
 
 def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
-    """Return the whole run. The record is the first part of the run, and `rest` is the continuation."""
+    """Return the whole run. `earlier` is the record of the first part, and `rest` is the continuation."""
 
     def whole(name: str, later: FloatArray) -> FloatArray:
         """Return a series of the whole run.

@@ -97,7 +97,7 @@ class Senses(ChannelSection, keys=channel_keys(exact=True)):
 
 class Measures(
     PartSection,
-    keys={"parts": parts_key((), meaning="measures of your own, beside those that every summary has")},
+    keys={"parts": parts_key((), meaning="measures of your own, in addition to the measures of every summary")},
     holds={"parts": MEASURE},
 ):
     """Measures for the evaluation of the run."""
@@ -107,12 +107,12 @@ class PlanarStart(Section):
     """Start of the straight worm: position."""
 
     position_m: Pair = setting(
-        (0.0, 0.0), unit="m", meaning="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
+        (0.0, 0.0), unit="m", meaning="x, y of the tail, seen from above; in a pipe: distance along the pipe, and 0"
     )
-    lift_m: float = setting(0.0, unit="m", ge=0, meaning="height above the place where it touches the world")
+    lift_m: float = setting(0.0, unit="m", ge=0, meaning="height above the place where the worm touches the world")
     settle: bool | None = setting(
-        meaning="whether it is first brought to rest on its world; false: it starts to fall as the run begins",
-        left_out="where it touches the world",
+        meaning="whether the worm is first brought to rest on its world; false: it starts to fall as the run begins",
+        left_out="true if the worm touches the world",
     )
 
 
@@ -122,16 +122,17 @@ class AimedStart(PlanarStart):
     azimuth_deg: float = setting(
         0.0,
         unit="deg",
-        meaning="heading, from x towards y; in a pipe 0 looks along it, 180 back",
+        meaning="heading, from x towards y; in a pipe: 0 is along the pipe, 180 back",
         aka=("heading_deg", "direction_deg"),
     )
 
 
 class Start(AimedStart):
-    """Start of the straight worm: position, heading, and whether the chambers are contracted as by the gait."""
+    """Start of the straight worm: position, heading, and whether the gait contracts the chambers at the start."""
 
     contracted: bool = setting(
-        False, meaning="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
+        False,
+        meaning="whether the chambers start with the gait's contractions, so that the worm is wedged in a steep pipe",
     )
 
 
@@ -140,25 +141,28 @@ class Push(Section):
 
     joint: int = setting(0, ge=0, meaning="which joint: 0 is the tail, the number of segments is the head")
     force_N: Triple = setting((0.0, 0.0, 0.0), unit="N", meaning="x, y, z of the force; all 0: no push")
-    begin_s: float = setting(0.0, unit="s", ge=0, meaning="when it begins")
-    duration_s: float | None = setting(unit="s", gt=0, left_out="to the end of the run", meaning="how long it lasts")
+    begin_s: float = setting(0.0, unit="s", ge=0, meaning="time at which the push begins")
+    duration_s: float | None = setting(unit="s", gt=0, left_out="to the end of the run", meaning="duration of the push")
 
 
 class WormRun(Run):
     """Duration, time step, integrator, gravity and recording of the run."""
 
     integrator: Literal["bdf2", "implicit_euler"] = setting(
-        "bdf2", meaning="bdf2 is of second order, implicit_euler the paper's"
+        "bdf2", meaning="bdf2 is of second order; implicit_euler is the method of the paper"
     )
     accuracy: float | None = setting(
         ge=1e-4,
         le=0.1,
         left_out="steps of dt_s, whose error is not known",
-        meaning="largest error of the distance, relative to it or to 0.1 body lengths; steps are as long as that lets "
-        "them be, and dt_s is the time between rows and between decisions of a controller",
+        meaning="largest error of the distance, relative to the distance or to 0.1 body lengths; the steps are as long "
+        "as this error allows, and dt_s is the time between rows and between decisions of a controller",
     )
     tolerance: float = setting(
-        2e-15, ge=2e-15, le=1e-7, meaning="of Newton: motion as a fraction of the body length; 1e-9 is a fifth faster"
+        2e-15,
+        ge=2e-15,
+        le=1e-7,
+        meaning="tolerance of Newton's method: motion as a fraction of the body length; 1e-9 is a fifth faster",
     )
     gravity_m_s2: Each[float] = setting(9.81, unit="m/s^2", meaning="g, downwards; or a list of x, y, z", aka=("g",))
 

@@ -122,17 +122,17 @@ PACE_COLUMNS = {
     "use": Column("use"),
     "waves": Column("waves"),
     "period [s]": Column("period_s", ".2f"),
-    "network's": Column("network_s", ".2f"),
+    "network's period [s]": Column("network_s", ".2f"),
 }
 DELAY_COLUMNS = {
-    "delay [ms] of": Column("band"),
-    "in": Column("recording"),
+    "delay [ms] of band": Column("band"),
+    "recording": Column("recording"),
     "recorded": Column("delay_s", ".0f", 1e3),
     "90 % interval": Column("interval_text"),
     "network": Column("network_s", ".0f", 1e3),
-    "off": Column("network_error_s", "+.0f", 1e3),
+    "error": Column("network_error_s", "+.0f", 1e3),
     "uniform": Column("uniform_s", ".0f", 1e3),
-    "uniform off": Column("uniform_error_s", "+.0f", 1e3),
+    "error of uniform": Column("uniform_error_s", "+.0f", 1e3),
 }
 """Columns of the two tables that are printed in the terminal."""
 

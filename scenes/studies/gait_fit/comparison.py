@@ -19,7 +19,7 @@ COMPARISON_NOISE, COMPARISON_DRAWS = 0.1, 40
 
 @dataclass(frozen=True)
 class Row:
-    """Delay of a band of a recording: the time between a wave's arrivals at the middle band and at this band."""
+    """Time from the arrival of a wave at the middle band to its arrival at another band of the body, in a recording."""
 
     recording: str
     use: str
@@ -30,7 +30,7 @@ class Row:
     low_s: float
     """Lower end of the 90 % bootstrap interval of the median [s]."""
     high_s: float
-    """Upper end of this interval [s]."""
+    """Upper end of the same interval [s]."""
     network_s: float
     """Delay in the fitted chain at the period of the recording [s]."""
     uniform_s: float
@@ -64,7 +64,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Pace:
-    """Period of the waves of a recording, and period of the chain that is set to this period."""
+    """Period of the recorded waves, and period of the waves of a chain that is set to the recorded period."""
 
     recording: str
     use: str
@@ -139,28 +139,29 @@ def sentences(found: Comparison) -> Iterator[str]:
         if rows:
             kept = sum(row.kept for row in rows)
             yield (
-                f"recordings {use}: {kept} of {len(rows)} delays within {allowed}, the worst "
-                f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms off; uniform delays "
+                f"recordings {use}: {kept} of {len(rows)} delays within {allowed}; largest error "
+                f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms, with uniform delays "
                 f"{1e3 * found.worst(use, 'uniform_error_s'):.0f} ms"
             )
     if found.told:
         yield from learnt(found.told)
     yield (
         f"noise of {COMPARISON_NOISE:.0%} in all constants: {round(found.carried * COMPARISON_DRAWS)} of "
-        f"{COMPARISON_DRAWS} networks, none of them of the fit, carry waves forward and backward"
+        f"{COMPARISON_DRAWS} networks, which the fit did not use, carry waves forward and backward"
     )
 
 
 def learnt(told: LeftOut) -> Iterator[str]:
-    """Yield conclusions from the errors of predictions of one recording by the others."""
+    """Yield conclusions from the errors with which each recording is predicted from the other recordings."""
     gain, ends = 1e3 * (told.uniform_s - told.shared_s), [1e3 * end for end in told.gain_s]
     yield (
-        f"a recording left out is missed by {1e3 * told.shared_s:.0f} ms rms with the delays that the others "
-        f"share, by {1e3 * told.uniform_s:.0f} ms with uniform ones: {gain:.0f} ms less, {ends[0]:.0f} to "
-        f"{ends[1]:.0f} with a probability of 90 % by sampling"
+        f"a recording that is left out is predicted with an rms error of {1e3 * told.shared_s:.0f} ms from the delays "
+        f"that the other recordings share, and of {1e3 * told.uniform_s:.0f} ms with uniform delays; the difference is "
+        f"{gain:.0f} ms (90 % sampling interval: {ends[0]:.0f} to {ends[1]:.0f} ms)"
     )
     yield (
-        f"learnt: the size of the delays, the exponent of pace ({told.exponents[0]:.2f} to {told.exponents[1]:.2f})"
+        "learnt: the size of the delays, the exponent of the period in the delays "
+        f"({told.exponents[0]:.2f} to {told.exponents[1]:.2f})"
         f"{' and a profile along the body' if told.learnt else ''}; not learnt: "
-        f"{'a time constant of each segment by itself' if told.learnt else 'any profile along the body'}"
+        f"{'a separate time constant for each segment' if told.learnt else 'any profile along the body'}"
     )

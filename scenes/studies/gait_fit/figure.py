@@ -26,7 +26,7 @@ def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> Figu
     grid[0][0].legend(fontsize=8)
     grid[-1][0].set_xlabel("band, in the order of the wave")
     grid[-1][1].set_xlabel("time [s]")
-    grid[0][1].set_title("recorded bands, and their troughs that make waves", fontsize=9)
+    grid[0][1].set_title("recorded bands, and the troughs that form waves", fontsize=9)
     figure.suptitle(title, fontsize=11)
     return figure
 

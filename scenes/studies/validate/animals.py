@@ -16,7 +16,7 @@ LIU = Source("Liu et al., eLife 83328 (2023), as quoted by others", "R2", "anima
 HECKSCHER = Source("Heckscher et al. 2012, as quoted in eLife 11031", "R2", "animal")
 
 BURROWS = (0.00395, 0.0045)
-"""Further radii of the earthworm's burrow for the spread [m]."""
+"""Further radii of the earthworm's burrow, for which the model's number is computed too [m]."""
 ASYMMETRIES = (("friction.forward=0.03",), ("friction.forward=0.3",))
 STRAINS = (("gait.amplitude=0.1",), ("gait.amplitude=0.3",))
 GRAMS = (0.1, 1.0, 8.0)
@@ -50,8 +50,9 @@ pressure in its body are the same as in the first instar."""
 def earthworm(grams: float) -> Changes:
     """Return the changes that scale the earthworm of 1 g to another mass m by published power laws.
 
-    The length is proportional to m^0.34 at the same shape, the frequency to m^-0.07. The pressure in the body is the
-    same, so that the strength of the springs is proportional to the cross-section and that of the joints to the volume.
+    The shape and the pressure in the body do not depend on the mass. The length is proportional to m^0.34, and the
+    frequency to m^-0.07. At the same pressure, the strength of the springs is proportional to the cross-section of the
+    body, and the strength of the joints to the volume of the body.
     """
     size, beat = grams**0.34, grams**-0.07
     scaled = {
@@ -77,7 +78,8 @@ ANIMAL_COMPARISONS = (
         0.15,
         (0.1, 0.3),
         QUILLIN,
-        "The stride is nearly in proportion to the assumed strain, 0.2 (0.1 to 0.3). Band: plausible for all worms.",
+        "The stride is nearly in proportion to the assumed strain, 0.2 (0.1 to 0.3). The band contains the strides "
+        "that are plausible for all worms.",
         unit="BL",
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
@@ -87,7 +89,8 @@ ANIMAL_COMPARISONS = (
         0.037,
         (0.02, 0.06),
         QUILLIN,
-        "The stride above times the published frequency, 0.25 Hz, which the model is given. Band: preferred speeds.",
+        "The model is given the published frequency, 0.25 Hz. The speed is the stride above times this frequency. The "
+        "band contains the preferred speeds of earthworms.",
         standing="input",
         unit="BL/s",
         unknown=(*STRAINS, *ASYMMETRIES),
@@ -98,8 +101,8 @@ ANIMAL_COMPARISONS = (
         0.33,
         (0.23, 0.43),
         QUILLIN_1999,
-        "0.1, 1 and 8 g; length and frequency by their published exponents, 0.34 and -0.07, at the same strain: "
-        "their sum, 0.27, is what comes out.",
+        "Masses of 0.1, 1 and 8 g, with the same strain. The length and the frequency are scaled with their published "
+        "exponents, 0.34 and -0.07. The exponent of the model's speed is therefore the sum, 0.27.",
         standing="input",
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
@@ -109,18 +112,18 @@ ANIMAL_COMPARISONS = (
         0.41,
         (0.31, 0.51),
         QUILLIN_1999,
-        "As above. At the same strain the model's stride grows as the length, with the exponent 0.34.",
+        "As above. At the same strain, the model's stride is proportional to the length, which has the exponent 0.34.",
         standing="input",
         unknown=(*STRAINS, *ASYMMETRIES),
     ),
     Comparison(
-        "Earthworm of 1 g: stride in a burrow over free",
+        "Earthworm of 1 g: ratio of strides, burrow to ground",
         in_burrow_over_free(0.0042),
         0.04 / 0.15,
         within(2.0, 0.04 / 0.15),
         QUILLIN,
-        "The model's burrow is an open pipe, 10 % wider than the worm (4 to 18 %), in which it moves as on the ground; "
-        "animals that burrow push earth away, and make other movements.",
+        "The model's burrow is an open pipe, which is 10 % (4 to 18 %) wider than the worm. The model's worm moves in "
+        "the pipe as on the ground. Animals that burrow push earth away, and make other movements.",
         others=tuple(map(in_burrow_over_free, BURROWS)),
         trend=True,
     ),
@@ -130,8 +133,8 @@ ANIMAL_COMPARISONS = (
         31.8e-6,
         (23.5e-6, 48.6e-6),
         GREANEY,
-        "Contracted segments are thick and carry the model's worm; a larva lifts them. Assumed: friction 0.1 forward, "
-        "0.5 backward (forward 0.03 to 0.3).",
+        "The contracted segments of the model's worm are thick and carry the worm. A larva lifts its contracted "
+        "segments. Assumed: friction 0.1 (0.03 to 0.3) forward, 0.5 backward.",
         unit="m/s",
         unknown=ASYMMETRIES,
     ),
@@ -151,7 +154,8 @@ ANIMAL_COMPARISONS = (
         1.0e-3,
         (0.35e-3, 1.23e-3),
         LIU,
-        "At 1.5 waves a second and a contraction of 30 %; about 1 mm/s (Hughes and Thomas 2007, quoted).",
+        "The model makes 1.5 waves a second with a contraction of 30 %. The published number, about 1 mm/s, is by "
+        "Hughes and Thomas (2007), as quoted by others.",
         unit="m/s",
         unknown=ASYMMETRIES,
     ),
@@ -161,8 +165,8 @@ ANIMAL_COMPARISONS = (
         None,
         (0.0, math.inf),
         HECKSCHER,
-        "Three segments are off the ground where the wave is, so a larva would get forward on any ground. The model's "
-        "worm goes the other way: its contracted segments hold the ground.",
+        "A larva lifts the three segments where the wave is, and would therefore get forward on any ground. The "
+        "model's worm goes the other way, because its contracted segments hold the ground.",
         unit="m/s",
         trend=True,
     ),

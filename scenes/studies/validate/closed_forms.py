@@ -1,6 +1,6 @@
 """Comparison of closed forms of crawling and swimming with `worm3d.simulate`.
 
-`CASES` is the table of the cases. Each consists of a scene, a formula (`scenes.studies.validate.formulas`) and a
+`CASES` is the table of the cases. Each case consists of a scene, a formula (`scenes.studies.validate.formulas`) and a
 tolerance.
 """
 
@@ -102,8 +102,8 @@ def is_muscle(feet: int, muscles_each: int = 1) -> BoolArray:
 def body(feet: int, *, tall: float = 0.016, low: float = 0.002) -> tuple[str, ...]:
     """Return the overrides for the body of a chain of `feet` feet, with one muscle between consecutive feet.
 
-    Each segment has a length of 0.02 m and a mass of 0.01 kg. `tall` is the half-height of the feet [m], and `low` that
-    of the muscles. The friction is set separately, by `friction`.
+    Each segment has a length of 0.02 m and a mass of 0.01 kg. `tall` and `low` are the
+    half-heights of the feet and of the muscles [m]. The friction is set separately, by `friction`.
     """
     n = 2 * feet - 1
     return (
@@ -193,7 +193,7 @@ CASES = [
             (override,),
             of_wave,
             1e-3,
-            note="required are 1 % at N >= 400 and 0.1 % at N = 4000; because N q = 10.5, 50 feet are sufficient",
+            note="required: 1 % at N >= 400 and 0.1 % at N = 4000; 50 feet are sufficient, because N q = 10.5",
         )
         for override in (DIRECT, RETROGRADE)
     ),

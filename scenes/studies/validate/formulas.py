@@ -27,27 +27,22 @@ next larger velocity sticks. Distances are per cycle of the gait.
 
          N a cos(pi (k + 1/2)/N)/cos(pi/(2 N)),   for N -> infinity N a cos(pi q), which is V = A c cos(pi q)
 
-     It is the same for both directions of the wave. A is the amplitude of the strain, and c is the speed of the wave
-     in the material.
-(Y4) No foot slips back (k = 0). The distance is 2 n a in unison (phi = 0). It is n a with phi = 2 pi/n, because the
-first
-     and the last foot then move alike, and n phases remain in (Y3).
+     The distance is the same for both directions of the wave. A is the amplitude of the strain, and c is the speed of
+     the wave in the material.
+(Y4) No foot slips back (k = 0). The distance is 2 n a in unison (phi = 0). The distance is n a with phi = 2 pi/n,
+     because the first and the last foot then move alike, and n phases remain in (Y3).
 (Y5) Equal friction, mu_f = mu_b, an odd N, and a wave with w(t + T/2) = -w(t). The median of the velocities has the
-same
-     symmetry, so that the distance is 0 for every phi.
+     same symmetry, so that the distance is 0 for every phi.
 (Y6) A pulse runs along a chain that is otherwise at rest, and shortens the chain by delta. If fewer than half of the
-feet
-     move at once, the other feet stick. Each foot moves by delta, in the direction of a pulse of contraction, or
+     feet move at once, the other feet stick. Each foot moves by delta, in the direction of a pulse of contraction, or
      against the direction of a pulse of extension. This is true even if mu_f = mu_b.
 (Y7) Two feet with the loads p_rear and p_front. The distance is d if mu_f/mu_b < p_rear/p_front < mu_b/mu_f. Otherwise
      the lighter foot moves to and fro, and the distance is 0.
-(Y8) A steady wave, which runs through the material at the speed c_m. The stretch is lam(X - c_m t), and it is lam_a
-where
-     the body sticks to the ground. The velocity is v = c (1 - lam/lam_a), where c = c_m lam_a is the speed of the wave
-     over the ground. The mean of v is c_m (lam_a - 1).
+(Y8) A steady wave, which runs through the material at the speed c_m. The stretch is lam(X - c_m t), with the value
+     lam_a where the body sticks to the ground. The velocity is v = c (1 - lam/lam_a), where c = c_m lam_a is the speed
+     of the wave over the ground. The mean of v is c_m (lam_a - 1).
 (Y9) A medium that resists the motion of every joint equally. The sum of the forces is zero, so that the mean position
-of
-     the joints does not move.
+     of the joints does not move.
 (Y10) A medium that resists the motion of a segment in proportion to 1 + B cos(k X - w t + phi). The strain is
      A cos(k X - w t), with an integer number of waves on N segments of length l0. The middle of a segment moves at
      V - A w (l0/2) cot(k l0/2) cos(k X - w t). Because the sum of the forces is zero,

@@ -37,7 +37,7 @@ def larva() -> Iterator[Row]:
         ("largest contraction", found.peak_contraction, 0.298, "1"),
         ("segments that are lifted, median", found.lifted, 3.0, "1"),
     )
-    note = "ten segments on their own mechanics; the text has about 0.04, 0.04, 30 % and 3"
+    note = "ten segments with the mechanics of the source; the source's text gives about 0.04, 0.04, 30 % and 3"
     command = "control.gaits.larva_ei.network.crawling()"
     for name, model, published, unit in figures:
         yield Row(
@@ -56,8 +56,8 @@ def cycles() -> Iterator[Row]:
             cycle.formula_period / nodes,
             0.03,
             HORCHLER,
-            "passage time and least transition time; the limit of small noise, derived here, gives "
-            f"{cycle.mean_period / nodes:.4g} s",
+            "published: the sum of the passage time and the least transition time; the limit of small noise, derived "
+            f"here, is {cycle.mean_period / nodes:.4g} s",
             unit="s",
             scene=f"control.gaits.shc.cycle.Cycle({nodes}, ...)",
             kind=KIND,

@@ -75,9 +75,9 @@ POWERED_COMPARISONS = (
         0.017,
         within(2.0, 0.017),
         BRAID_TABLE,
-        "Missing in the model: the coils along the body, which pull back what those around it have squeezed long; here "
-        "the mesh's springs do. Assumed: mass, friction, springs, coils of the default size (or five times as strong), "
-        "times of the coils, moving segments.",
+        "The robot also has coils along the body, which shorten the segments that the coils around the body have made "
+        "longer. In the model, the springs of the mesh shorten these segments. Assumed: mass, friction, springs, coils "
+        "of the default size (or five times as strong), times of the coils, moving segments.",
         unit="BL/s",
         unknown=(STRONG, FASTER_COILS, SLOWER_COILS, (*STRONG, *FASTER_COILS), *GROUNDS, ("gait.moving=0.6",)),
     ),
@@ -87,9 +87,9 @@ POWERED_COMPARISONS = (
         0.0031,
         within(2.0, 0.0031),
         BRAID_TABLE,
-        "The published speed may not be the fastest: its gait and its times are not known. The coil that is strong "
-        "enough for the model is thin, 0.7 mm, and so it is fast. Assumed: amplitude and times of the coils, which "
-        "decide most, friction, springs, number of segments.",
+        "The published speed may not be the highest speed of the robot; the gait and the times of the coils are not "
+        "published. A coil that is strong enough for the model is thin, 0.7 mm, and therefore fast. Assumed: "
+        "amplitude and times of the coils, which have the largest effect, friction, springs, number of segments.",
         unit="BL/s",
         unknown=(
             SLOWER_COILS,

@@ -25,9 +25,9 @@ CHAPTERS: Mapping[str, Chapter] = {
 """Chapters of the report by their titles."""
 
 PREFACE = (
-    "A spread is over numbers that the source does not tell. A row agrees if the whole spread lies in the band, and "
-    "depends if only the number for the scene's values does. Numbers were chosen to meet rows that are fitted, which "
-    "do not count, and no others."
+    "A spread is the range of the model's number over values that the source does not give. A row agrees if the whole "
+    "spread lies in the band. A row depends if only the number for the scene's own values lies in the band. Values of "
+    "the scenes were chosen to meet the published numbers only in fitted rows, which do not count."
 )
 """Explanation above the tables of `validate.md`."""
 
@@ -64,7 +64,7 @@ class Found:
 
 
 def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
-    """Make all comparisons, write the report and return the exit code. The options are those of the command.
+    """Make all comparisons, write the report and return the exit code. The command has the same options.
 
     The exit code does not depend on whether the model agrees with the published numbers.
 
@@ -116,7 +116,7 @@ def verdict(found: Found) -> list[str]:
     """Return lines that say how many rows of each kind agree, how many trends agree, and how many rows do not count."""
     rows, lines = found.rows, []
     for kind, n in counts(rows).items():
-        depends = f", {n[DEPENDS]} more for the scene's values of what is not published" if n[DEPENDS] else ""
+        depends = f", {n[DEPENDS]} more only for the values assumed in the scene" if n[DEPENDS] else ""
         lines.append(f"{kind}: {n[AGREES]} of {n['rows']} agree{depends}")
     signs = [row.sign_agrees for row in rows if row.counts and row.sign_agrees is not None]
     if signs:
@@ -125,13 +125,13 @@ def verdict(found: Found) -> list[str]:
     if left := sum(not row.counts for row in rows):
         lines.append(f"not counted, fitted or following from an input: {left}")
     if found.quick:
-        lines.append("without the spreads over what is not published, over which some of these rows would not agree")
+        lines.append("without the spreads over unpublished values, with which some of these rows would not agree")
     return lines
 
 
 def _page(found: Found) -> Iterator[Block]:
     yield Heading("Validation", 1)
-    yield "What the model gives beside what was published, counted by what it is compared with:"
+    yield "Numbers of the model compared with published numbers. Rows that agree, by the kind of evidence:"
     yield Items(verdict(found))
     yield PREFACE
     for title, meanings in (("Against", EVIDENCE_KINDS), ("Standing", STANDINGS), ("Sources", TRUST)):

@@ -50,16 +50,16 @@ THREE_MOVE = ("gait.moving=0.5", "gait.held=0.3333333333333333")
 """Changes for a gait with three of six segments moving at a time, called waveform 3x1 in the source."""
 
 PIPES = (0.0725, 0.0775)
-"""Further radii of the braid crawler's pipe for the spread [m]."""
+"""Further radii of the braid crawler's pipe, for which the model's number is computed too [m]."""
 
 
 def in_pipe_over_free(radius: float) -> Ratio:
-    """Return the ratio of the braid crawler's speed in a level pipe, with a radius [m], to that on the ground."""
+    """Return the ratio of the braid crawler's speed in a level pipe, with a radius [m], to its speed on the ground."""
     return Ratio(speed("braid_crawler", *pipe(radius)), speed("braid_crawler"))
 
 
 def up_over_level(radius: float) -> Ratio:
-    """Return the ratio of the braid crawler's speed in a vertical pipe, with a radius [m], to that in a level pipe."""
+    """Return the ratio of the braid crawler's speeds in a vertical and in a level pipe, both with a radius [m]."""
     level, up = pipe(radius), pipe(radius, "world.tilt_deg=90")
     return Ratio(speed("braid_crawler", *up), speed("braid_crawler", *level))
 
@@ -87,8 +87,8 @@ ROBOT_COMPARISONS = (
         None,
         ABOVE_1,
         CMMWORM,
-        "Faster where friction is larger. In the model that holds of worms that are stiff or whose joints rub; soft "
-        "ones are held back by friction.",
+        "The robot is faster where friction is larger. In the model this is true for worms that are stiff or have "
+        "joints that rub. Friction holds soft worms back.",
         unknown=(*SOFT_TO_STIFF, RUBBING),
         trend=True,
     ),
@@ -108,7 +108,8 @@ ROBOT_COMPARISONS = (
         None,
         ABOVE_1,
         KANDHARI,
-        "The cost of transport is least with few moving segments; there it is the power that holds segments in shape.",
+        "The cost of transport is least with few moving segments. In the source, the cost is the power that holds the "
+        "segments in shape.",
         unknown=(*SOFT_TO_STIFF, RUBBING, *GROUNDS),
         trend=True,
     ),
@@ -118,7 +119,7 @@ ROBOT_COMPARISONS = (
         0.0385,
         (0.029, 0.048),
         RIDDLE,
-        "Another simulation, no measurement: 29 to 48 mm/s over friction of 0.1 to 0.9.",
+        "The published number is from another simulation, not measured: 29 to 48 mm/s for friction from 0.1 to 0.9.",
         unit="m/s",
         unknown=(*SOFT_TO_STIFF, RUBBING, friction(0.1), friction(0.9)),
     ),
@@ -128,8 +129,8 @@ ROBOT_COMPARISONS = (
         None,
         ABOVE_1,
         RIDDLE,
-        "There a stiff mesh is faster on more friction. Stiff here: springs of 1000 N (500 to 5000), joints that do "
-        "not rub (or do).",
+        "In the source, a stiff mesh is faster on more friction. Assumed for a stiff mesh: springs of 1000 N (500 to "
+        "5000), joints that do not rub (or do).",
         others=(*(on_more_friction(f"worm.spring_N={k}") for k in (500, 5000)), on_more_friction(*RUBBING)),
         trend=True,
     ),
@@ -139,8 +140,8 @@ ROBOT_COMPARISONS = (
         None,
         BELOW_1,
         RIDDLE,
-        "There a soft mesh is slower on more friction. Soft here: springs of 26 N, by the measured work (13 to 52), "
-        "joints that do not rub (or do).",
+        "In the source, a soft mesh is slower on more friction. Assumed for a soft mesh: springs of 26 N (13 to 52), "
+        "which follow from the measured work, joints that do not rub (or do).",
         unknown=(("worm.spring_N=13.0",), ("worm.spring_N=52.0",), RUBBING_JOINTS),
         trend=True,
     ),
@@ -164,25 +165,25 @@ ROBOT_COMPARISONS = (
         unit="N",
     ),
     Comparison(
-        "Active Braid Crawler: speed in a level pipe over free",
+        "Active Braid Crawler: ratio of speeds, level pipe to ground",
         in_pipe_over_free(0.075),
         72 / 22,
         within(2.0, 72 / 22),
         BRAID,
-        "On the ground the robot loses 70 % of what it gains in a pipe to slip. The model's worm, whose sections keep "
-        "their lengths whatever they meet, slips little.",
+        "On the ground, slip costs the robot 70 % of its speed in a pipe. The model's worm slips little, because its "
+        "sections keep their lengths under any load.",
         unknown=(*GROUNDS, ("worm.spring_N=300.0",), ("worm.spring_N=3000.0",)),
         others=tuple(map(in_pipe_over_free, PIPES)),
         trend=True,
     ),
     Comparison(
-        "Active Braid Crawler: speed in a vertical pipe over level",
+        "Active Braid Crawler: ratio of speeds, vertical to level pipe",
         up_over_level(0.075),
         27 / 72,
         within(2.0, 27 / 72),
         BRAID,
-        "The model's cranks lift the robot without slowing down or giving way, in a pipe of 145 to 152 mm; in one of "
-        "155 mm, in which a section alone has no hold at times, it slides down.",
+        "In a pipe of 145 to 152 mm, the model's cranks lift the robot without slowing down or giving way. In a pipe "
+        "of 155 mm, a single section has no hold at times, and the model's robot slides down.",
         unknown=(*GROUNDS, ("worm.spring_N=3000.0",)),
         others=tuple(map(up_over_level, PIPES)),
         trend=True,

@@ -22,15 +22,15 @@ EVIDENCE_KINDS = {
     "animal": "measured on animals",
     "other model": "found by another simulation or analysis, not measured",
     "closed form": "an exact solution of the equations",
-    "pattern generator": "what its authors' equations or formulas give",
+    "pattern generator": "computed from the equations or formulas of the generator's authors",
 }
-"""Kinds of evidence, what the model is compared with, and their meanings."""
+"""Kinds of evidence with which the model is compared, and their meanings."""
 
 STANDINGS = {
     "prediction": "the model was not told the number",
     "verification": "shows that equations are solved right, nothing about robots or animals",
     "fitted": "the scene was fitted to the number; does not count",
-    "input": "the number follows from one that the scene was given; does not count",
+    "input": "the number follows from a published number that the scene was given; does not count",
 }
 """Standings of a row, and what agreement means for each of them."""
 

@@ -132,7 +132,7 @@ def test_options_of_the_command() -> None:
         ({"gait.period_s": "1:2"}, {}, "a range needs a number of values, gait.period_s=1:2:5, or --random N"),
         ({"gait.period_s": "1:2:1"}, {}, "must be from 2 to 100000 values"),
         ({"gait.period_s": "1:2:99999999999999"}, {}, "must be from 2 to 100000 values"),
-        ({"gait.period_s": "-1:2:5:log"}, {}, "those of a range with 'log' must be above 0"),
+        ({"gait.period_s": "-1:2:5:log"}, {}, "limits of a range with 'log' must be above 0"),
         ({"gait.period_s": "1,2"}, {"random": 3}, "--random: no key to draw"),
         ({"gait.period_s": "2:1"}, {"random": 3}, "the first limit must be below the second"),
         ({"gait.period_s": "0:1:log"}, {"random": 3}, "must be above 0"),

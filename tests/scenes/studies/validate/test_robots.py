@@ -190,7 +190,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert "misses  x" in said
     for line in (
         "robot: 1 of 2 agree\n",
-        "animal: 0 of 1 agree, 1 more for the scene's values of what is not published",
+        "animal: 0 of 1 agree, 1 more only for the values assumed in the scene",
         "closed form: 1 of 2 agree",
         "of them trends: 1 of 1 have the right sign, over their whole spreads",
         "not counted, fitted or following from an input: 1",
