@@ -213,13 +213,14 @@ def test_the_page_of_rules_is_that_of_the_tables() -> None:
     least, most = control_trials.SPEEDS
     for sentence in (
         f"# {Options().trials} trials of seed 0",
-        f"ends with {control_report.LOST_TRIAL_EXIT_CODE} if a trial was lost",
+        f"exit code of the command is {control_report.LOST_TRIAL_EXIT_CODE} if a trial was lost",
         f"`--quick` runs {quick}, for {control_trials.SHORT[0].partition('=')[2]} s each",
         f"averaged over windows of {control_error.WINDOW:g} s",
-        f"counts from {control_error.MIN_RUN_DURATION_S:g} s on",
+        f"count from {control_error.MIN_RUN_DURATION_S:g} s on",
         f"into the first {control_error.STARTUP_TIME_S:g} s.",
         f"E = max(error, {control_score.FLOOR:g})",
-        f"{len(CLASSES)} classes of tasks take turns. All last 60 s; speeds are {least:g} to {most:g} m/s.",
+        f"{len(CLASSES)} classes of tasks in turn. Each trial lasts 60 s; the required speeds are {least:g} to "
+        f"{most:g} m/s.",
     ):
         assert sentence in kept
 
