@@ -31,7 +31,7 @@ AT_REST = 1e-3
 
 The slide of a sliding segment is about 0.05. Half or twice this limit give the same anchoring duty of the default worm.
 """
-NO_WALL = "there is no world in which it could sink"
+NO_WALL = "there is no world in which the worm could sink"
 NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
 
 
@@ -70,7 +70,7 @@ def _joint_slides(result: FinishedRun, rows: slice) -> FloatArray:
     return slides
 
 
-@measure("slip_per_metre", "metres that the contacts slide, mean weighted by load, for each metre of way")
+@measure("slip_per_metre", "distance that contacts slide per metre of way, as a mean weighted by load")
 def _slip(result: FinishedRun) -> float:
     waves = waves_of(result)
     found = contacts(result, waves)
@@ -144,6 +144,6 @@ def roll_max(result: FinishedRun) -> float:
     return float(np.rad2deg(largest))
 
 
-@measure("roll_margin_deg", "how much less it rolls than a worm that lies on its side; negative where it tipped")
+@measure("roll_margin_deg", "roll from which a worm lies on its side, minus the largest roll; negative if it tipped")
 def _margin(result: FinishedRun) -> float:
     return float(np.rad2deg(ON_ITS_SIDE)) - roll_max(result)
