@@ -62,8 +62,8 @@ class Held(Spelled):
             value = _as_given(name, getattr(self, name))
             if value.dtype != bool:
                 raise ValueError(
-                    f"held.{name}: got {value.dtype} values, must be an array of True or False, not the numbers of the "
-                    "held coordinates"
+                    f"held.{name}: got {value.dtype} values, must be True or False for each coordinate, not the "
+                    "numbers of the held coordinates"
                 )
             try:
                 part[:] = value
