@@ -116,8 +116,8 @@ def space_time(
     Parameters
     ----------
     panels : mapping of label to (time, values)
-        The label is the name of a quantity with its unit. `time` has the shape (T,) [s], and `values`, a column for
-        each place, the shape (T, n).
+        The label is the name of a quantity with its unit. `time` has the shape (T,) [s]. `values` has the shape (T, n),
+        with a column for each place.
     ylabel : str
         Label of the vertical axis, which counts the places (for example segments).
 

@@ -4,7 +4,7 @@
     CoT^(n) = W^(n) / dx_COM^(n)               (P12), (P14)
 
 Source: the paper, section IV. This cost of transport has the unit J/m. The cost of transport of the corrected worm is
-dimensionless, W / (m g d), with the mass m, gravity g and the distance d.
+dimensionless: W / (m g d), with the mass m, gravity g and the distance d.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The paper's mechanism with correct physics: an independent reference for the 3D worm.
 
-The model is a chain of rhombic linkages (`planar.linkage.worm`). The unknowns q are the positions of the joints; the
-links are rigid, so that the joints determine the apexes. One step of implicit Euler (P1), (P2), (P4), (P5) makes the
-gradient of this potential zero:
+The model is a chain of rhombic linkages (`planar.linkage.worm`). The tags (P1) to (P14) are equations of the paper. The
+unknowns q of a time step are the positions of the joints at the end of the step. The links are rigid, so that the
+joints determine the apexes. A step of implicit Euler (P1), (P2), (P4), (P5) makes the gradient of this potential zero:
 
     sum_k m_k/(2 dt^2) |X_k(q) - X_k - dt V_k|^2 - m_k g.X_k        inertia (P4) and weight, joints and apexes
     + sum_i k l0/2 (1 - l/l_cmd)^2                                  springs (P7), l_cmd = l0 (1 - contraction)
@@ -12,9 +12,17 @@ gradient of this potential zero:
     + sum_k drag_k/(2 dt) |p_k - p_k,n|^2                           viscous medium (P8)
     + contact and friction                                          `planar.linkage.ground`
 
-where the friction uses the normal loads at the solution. The paper's worm is clamped instead: its joint heights z are
-fixed, the normal loads are the reaction forces (P9), and the friction is (P10). The tags (P1) to (P14) are the
-equations of the paper.
+The friction uses the normal loads at the solution. The worm of this model stands on its apexes. The worm of the paper
+is clamped instead: the heights z of its joints are fixed, the normal loads are the reaction forces (P9), and the
+friction is (P10).
+
+The index k counts joints and apexes, or joints only in the term of the medium. i counts segments, and j counts the
+joints between two segments. Point k has the mass m_k, and the position X_k(q) at the end of the step. At the start of
+the step, point k has the position X_k and the velocity V_k. Joint k is at p_k at the end of the step, and at p_k,n at
+the start. A segment has the length l, the length at rest l0, and links of length a. The cross product of the tangents
+of two neighbouring segments is cross. The strains s are l, angle and cross; their values at the start of the step are
+s_n. At rest, the values of cross and angle are cross0 and angle0. The duration of the step is dt, and tau is
+`Linkage.kelvin_voigt_time`.
 """
 
 from planar.linkage.ground import Friction

@@ -12,9 +12,9 @@ for y > 0 and mu_backward for y < 0, the potential of friction is N h(y):
 
 The terms 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n come from a damper parallel to the anchor's spring. The sum of the
 two forces is at most N mu. rho_b is the displacement at which a contact breaks away, times its mu. rho_b is the same
-for all contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 = `Ground.least`,
-including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay far behind. If
-the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
+number for all contacts, and the displacement does not depend on the normal load. Contacts with mu below mu_0 =
+`Ground.least`, including mu = 0, break away at the same displacement as with mu_0; otherwise their anchors would stay
+far behind. If the apex slides in a step, the anchor moves after the step until the friction is at its limit again:
 
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
@@ -59,9 +59,8 @@ LEAST_BESIDE_SMALL = 0.1
 coefficient. `worm3d` uses the same value."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Damping ratio of the contact with the smallest coefficient, for the mass that the contact carries.
-
-Other contacts are damped more.
+"""Damping ratio of the contact with the smallest coefficient and the mass that it carries; other contacts are damped
+more.
 
 Since the limit of friction applies to the sum of spring and damper, the damper changes the motion only by micrometres
 and for milliseconds. With a damping ratio of 1, a contact under a suddenly applied load overshoots and breaks away too
@@ -103,7 +102,7 @@ class Friction(ReadOnly):
         each="segment",
         aka=("mu_backward",),
     )
-    static_ratio: float = parameter(1.2, "static over kinetic coefficient, anchored", ge=1)
+    static_ratio: float = parameter(1.2, "static over kinetic coefficient, for the anchored law of friction", ge=1)
 
     def __post_init__(self) -> None:
         check(self)

@@ -15,13 +15,13 @@ X are the positions of the mass points (joints and apexes), V their velocities, 
   -F.dq.
 * Viscous loss is c (ds)^2/dt in the Kelvin-Voigt dampers, and the loss in the medium (P8) and in the dampers of
   friction.
-* Impact is the loss in the damper of the normal contact. If an apex strikes the ground in a step (`_lands`), impact is
-  instead the impulse N dt times the mean of the normal velocities before and after the step, less the energy stored in
-  the contact. The impulse of friction is treated in the same way. The term -m g.(dt (V + V_n)/2 - J dq) removes the
-  work of the weight during the impact.
+* Impact is the loss in the damper of the normal contact. In a step in which an apex strikes the ground (`_lands`), the
+  impact is instead the impulse N dt times the mean of the normal velocities before and after the step, less the energy
+  stored in the contact. The impulse of friction is treated in the same way. The term -m g.(dt (V + V_n)/2 - J dq)
+  removes the work of the weight during the impact.
 * Numerical loss is m |dV|^2/2, and E_n - E_{n+1} + gradE_{n+1}.dq for every energy. Since X(q) and s(q) are not linear,
-  it also contains force times (J dq - dX) for inertia, contact, friction and dampers. The part that counts as impact is
-  subtracted.
+  the numerical loss also contains force times (J dq - dX) for inertia, contact, friction and dampers. The part that
+  counts as impact is subtracted.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class _Terms:
         return np.stack([middle - reach, middle + reach], axis=-2)
 
     def _lands(self) -> FloatArray:
-        """Return 1 for each part in which an apex strikes the ground, else 0, by the rule of `worm3d.solver`."""
+        """Return 1 for each part in which an apex strikes the ground, else 0; `worm3d.solver` has the same rule."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
         return np.asarray(strikes.any(axis=(1, 2)).astype(float))

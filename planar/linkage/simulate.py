@@ -142,9 +142,7 @@ def simulate(
     stepper: Stepper
     if ground == "clamped":
         if held is not None or friction_law != "anchored":
-            raise ValueError(
-                "held and friction_law are for ground='contact'; the clamped worm has its own friction law"
-            )
+            raise ValueError("held and friction_law: must be left out for ground='clamped', which determines both")
         stepper = ClampedStepper(worm, weight, friction.coefficients(n), velocity_threshold)
     else:
         require_equilibrium(worm, -weight[1])

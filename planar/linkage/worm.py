@@ -42,7 +42,7 @@ class Linkage(ReadOnly):
     mass: float | None = parameter(None, "mass of the whole worm", "kg", gt=0, left_out="density x rest area x depth")
     apex_mass_fraction: float = parameter(
         0.5,
-        "share of the mass on the apexes, equally; the rest is on the joints, like rod nodes (the ends half as much)",
+        "share of the mass on the apexes, equally; the rest is on the joints, with half as much on an end joint",
         ge=0,
         le=1,
     )
@@ -55,16 +55,18 @@ class Linkage(ReadOnly):
     cross0: float | FloatArray = parameter(0.0, "rest value of the cross product in (P6)", gt=-1, lt=1, each="joint")
     k_apex: float | FloatArray = parameter(
         0.12,
-        "stiffness of each of the two apex hinges of a rhombus, on its angle",
+        "torsional stiffness of each of the two apex hinges of a rhombus",
         "N m/rad",
         ge=0,
         each="segment",
         key="apex_hinge_N_m_rad",
     )
-    kelvin_voigt_time: float = parameter(0.05, "damping of every strain over its stiffness", "s", ge=0)
+    kelvin_voigt_time: float = parameter(
+        0.05, "ratio of damping coefficient and stiffness, the same for every strain", "s", ge=0
+    )
     drag: float = parameter(
         0.0,
-        "viscous medium, (P8): force over speed of the whole worm, shared over the joints like their mass",
+        "viscous medium, (P8): force on the whole worm over speed; an end joint has half the share of another joint",
         "N s/m",
         ge=0,
     )
@@ -138,9 +140,9 @@ class Linkage(ReadOnly):
         """Return the weight on each segment's bottom apex that flattens the segment (limit point), shape (N,) [N].
 
         A segment that stands on its bottom apex has its joints at the height h and its top apex at 2 h. Since
-        dh/dl = -l/(4 h), it carries the load w in equilibrium if dE/dl = w l/(4 h), where E is its elastic energy. The
-        limit point is the largest w such that this equation has a solution in l_cmd < l < 2 a. Under a larger load the
-        rhombus collapses. `contraction` is the command to all segments.
+        dh/dl = -l/(4 h), the segment carries the load w in equilibrium if dE/dl = w l/(4 h), where E is the elastic
+        energy of the segment. The limit point is the largest w for which this equation has a solution in
+        l_cmd < l < 2 a. Under a larger load the rhombus collapses. `contraction` is the command to all segments.
         """
         shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)
         return np.array([self._limit_point(*shape, contraction) for shape in shapes])

@@ -114,11 +114,12 @@ def _variable(name: str, group: Mapping[int, Column], table: FloatArray, axes: i
     for column in group.values():
         if (len(column.index), column.axis is None, column.unit) != (len(first.index), first.axis is None, first.unit):
             raise SceneError(
-                f"column '{column.title}': must have as many indices, axis and kind of unit as '{first.title}'"
+                f"column '{column.title}': must have as many indices as '{first.title}', an axis only if "
+                f"'{first.title}' has an axis, and the same kind of unit"
             )
         place: tuple[int, ...] = (*column.index, *(() if column.axis is None else (column.axis,)))
         if other := seen.get(place):
-            raise SceneError(f"column '{column.title}': the same quantity as '{other.title}', must be there once")
+            raise SceneError(f"column '{column.title}': has the same quantity as '{other.title}', must occur once")
         seen[place] = column
     sizes = [max(place) + 1 for place in zip(*(column.index for column in group.values()), strict=True)]
     shape = (len(table), *sizes, *(() if first.axis is None else (axes,)))

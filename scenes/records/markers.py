@@ -58,7 +58,7 @@ def require_same(said: Mapping[str, Place], columns: set[str]) -> None:
     """
     for name in sorted(columns - said.keys()):
         raise SceneError(
-            f"marker {name}: not said where on the body it sits, must have a line such as '# marker {name}: joint 0' "
+            f"marker {name}: got no position on the body, must have a line such as '# marker {name}: joint 0' "
             f"or '# marker {name}: body 0.5'"
         )
     for name in sorted(said.keys() - columns):

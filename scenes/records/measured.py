@@ -31,7 +31,7 @@ JOINTS = ("joints", "joint", "main_node")
 """Names that the records of different models use for the variable with the joints, from tail to head."""
 
 TIME_TOLERANCE = 1e-9
-"""An instant of a measurement may lie outside a simulation by this fraction of the simulation's duration."""
+"""Fraction of the duration of a simulation by which an instant of a measurement may lie outside the simulation."""
 
 
 def load(path: Path) -> Record:

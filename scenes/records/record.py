@@ -33,10 +33,17 @@ class MissingVariableError(SceneError, KeyError):
 
 @dataclass(frozen=True)
 class Summary:
-    """Metrics of a run by name. NaN and infinite values are replaced by None. For None, a reason must be given."""
+    """Metrics of a run by name. NaN and infinite values are replaced by None.
+
+    Raises
+    ------
+    ValueError
+        A metric is None, and `reasons` has no reason for this metric.
+    """
 
     metrics: Mapping[str, Metric]
     reasons: Mapping[str, str] = field(default_factory=dict)
+    """Reason why a metric is None, by the name of the metric. Reasons for other metrics are dropped."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Estimated errors of metrics by name, for the metrics whose errors are known."""
 
@@ -45,7 +52,7 @@ class Summary:
         absent = [name for name, metric in metrics.items() if metric is None]
         unexplained = sorted(set(absent) - self.reasons.keys())
         if unexplained:
-            raise ValueError(f"summary: {', '.join(unexplained)} without a value, must have a reason")
+            raise ValueError(f"summary: got no value of {', '.join(unexplained)}, must have a reason")
         object.__setattr__(self, "metrics", MappingProxyType(metrics))
         object.__setattr__(self, "reasons", MappingProxyType({name: self.reasons[name] for name in absent}))
 
@@ -55,7 +62,7 @@ class Summary:
 
     @property
     def faults(self) -> list[dict[str, Cell]]:
-        """Faults of the run, sorted by time, as rows of `fault_row`."""
+        """Faults of the run, sorted by time. Each fault is a dict with the keys that `fault_row` returns."""
         found = self.metrics.get("faults")
         return found if isinstance(found, list) else []
 
@@ -70,7 +77,11 @@ def _has_value(metric: Metric) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """The record of a run. If the same scene is run again, all fields except `timing` are the same, bit for bit."""
+    """The record of a run.
+
+    If the same scene is run again on the same machine with the same versions of the programs, all fields except
+    `timing` are the same, bit for bit.
+    """
 
     name: str
     """Name of the scene."""
@@ -89,12 +100,13 @@ class Record:
     timing: tuple[Variable, ...] = ()
     """Computing times."""
     checkpoint: tuple[Variable, ...] = ()
-    """State at the end of the run. A run continued from it is the same, bit for bit, as a run without interruption."""
+    """State at the end of the run. A run that continues from this state gives the same result, bit for bit, as a run
+    without interruption."""
     run: str = ""
-    """Description of the worm, the world and the end of the run as JSON, in the format that `worm3d.load` reads. Empty
-    for models without a 3D worm."""
+    """Description of the worm, of the world, and of how the run ended, as JSON text in the format that `worm3d.load`
+    reads. Empty for models without a 3D worm."""
     parts: tuple[Variable, ...] = ()
-    """Arrays that belong to the description `run`."""
+    """Larger arrays of the description `run`, which are stored beside the JSON text."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))
@@ -139,4 +151,6 @@ def _require_consistent(variables: tuple[Variable, ...]) -> None:
     for variable in variables:
         for dim, size in variable.sizes.items():
             if sizes.setdefault(dim, size) != size:
-                raise ValueError(f"{variable.name}: got {size} along '{dim}', must be {sizes[dim]} as before")
+                raise ValueError(
+                    f"{variable.name}: got {size} along '{dim}', must be {sizes[dim]} as in the variables before"
+                )

@@ -189,7 +189,7 @@ def _series(records: Records, name: str) -> Curves:
 
 
 def _component(curves: Curves, k: int) -> Curves:
-    """Return component k of curves with values of shape (T, K). Curves without finite values of it are left out."""
+    """Return component k of curves with values of shape (T, K), without the curves that have no finite value of it."""
     return {
         label: (time, values[:, k])
         for label, (time, values) in curves.items()
@@ -211,7 +211,8 @@ def _numbers(records: Records) -> dict[str, str]:
 def _tracks(record: Record, records: Records) -> dict[str, FloatArray]:
     """Return the positions of the centre of mass and the markers of a record, by name.
 
-    They have the shape (T, 2) or (T, 3) [m]. For a simulation, the markers are those of the measurements in `records`.
+    The positions have the shape (T, 2) or (T, 3) [m]. For a simulation, the markers are the markers of the measurements
+    in `records`.
     """
     own = measured.series_of(record)
     found = {"com": np.asarray(own["com"].values, dtype=float)} if "com" in own else {}

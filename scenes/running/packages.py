@@ -40,7 +40,7 @@ def require_own_packages() -> None:
         found, own = _found(name), HOME / name / "__init__.py"
         if found != own or (name == "control" and OWN_CONTROL_LINE not in own.read_text(encoding="utf-8")):
             raise SceneError(
-                f"the import name '{name}' leads to {found or 'nothing'}, which is not worm3d's package; "
+                f"the import name '{name}' leads to {found or 'nothing'}, must lead to worm3d's own package; "
                 f"run 'pip uninstall {name}' (or take its folder off PYTHONPATH), then install worm3d again"
             )
 

@@ -69,14 +69,15 @@ def lengthened(earlier: Record, more: float | None = None) -> Scene:
         raise SceneError(f"{earlier.name}: has no checkpoint to go on from (model '{model.name}')")
     if earlier.status not in ("done", "interrupted"):
         raise SceneError(
-            f"{earlier.name}: {earlier.sentence}; it would end there again: {model.advice}, and run the scene anew"
+            f"{earlier.name}: {earlier.sentence}; a continued run would end there again: {model.advice}, and run the "
+            "scene anew"
         )
     planned = parse_scene(earlier.scene, earlier.name)
     run, done = planned.settings.run, earlier.sizes["step"]
     if done % run.record_every:
         raise SceneError(
             f"{earlier.name}: stopped after step {done}, between two stored states (run.record_every = "
-            f"{run.record_every}): nothing could be joined to it; run the scene anew"
+            f"{run.record_every}), so that it cannot be continued; run the scene anew"
         )
     if more is None and done < planned.settings.steps:
         return planned

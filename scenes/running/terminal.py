@@ -165,7 +165,8 @@ def _metrics(record: Record, model: Model[Any]) -> list[str]:
 def _error(record: Record) -> list[tuple[str, str, str]]:
     """Return the headline for the error of the distance, as a list with at most one item.
 
-    The list is empty if the run has no error estimate, unless the reason is that the ground is uneven.
+    The list is empty if the run has no error estimate. On uneven ground the list has the headline without an estimate,
+    because its reason contains advice for the user.
     """
     from worm3d.measures.spread import UNEVEN_GROUND_ADVICE
 

@@ -121,7 +121,10 @@ def test_lengthening_lowers_the_limit_point(default_worm: Linkage) -> None:
         ({"external_force": lambda t: np.zeros((6, 2))}, r"external_force: got shape \(6, 2\), must be \(7, 2\)"),
         ({"gravity": float("nan")}, "gravity: got nan, must be finite and at least 0"),
         ({"slope": 2.0}, "slope: got 2.0 rad, must be finite and in"),
-        ({"ground": "clamped", "friction_law": "threshold"}, "held and friction_law are for ground='contact'"),
+        (
+            {"ground": "clamped", "friction_law": "threshold"},
+            "held and friction_law: must be left out for ground='clamped'",
+        ),
         ({"friction": Friction(np.ones(5), 0.2)}, r"forward: got 5 values, must be a number or 6 of them"),
     ],
 )

@@ -30,7 +30,7 @@ def test_a_foreign_package_is_named(name: str, tmp_path: Path) -> None:
     done = version_with(tmp_path)
     assert done.returncode == 2
     assert done.stderr == (
-        f"the import name '{name}' leads to {foreign}, which is not worm3d's package; "
+        f"the import name '{name}' leads to {foreign}, must lead to worm3d's own package; "
         f"run 'pip uninstall {name}' (or take its folder off PYTHONPATH), then install worm3d again\n"
     )
 
@@ -43,7 +43,7 @@ def test_a_merged_package_is_named(tmp_path: Path) -> None:
     merged.write_text('"""The Python Control Systems Library."""\n')
     done = version_with(tmp_path)
     assert done.returncode == 2
-    assert f"the import name 'control' leads to {merged}, which is not worm3d's package" in done.stderr
+    assert f"the import name 'control' leads to {merged}, must lead to worm3d's own package" in done.stderr
 
 
 def test_a_missing_package_is_named(tmp_path: Path) -> None:

@@ -208,7 +208,7 @@ MISTAKES: Mapping[str, tuple[str, str]] = {
     "no quantity": ("time_s,_x_m\n0,0\n1,1\n", "the name of a quantity is missing"),
     "twice": (
         "time_s,com_x_m,com_x_mm\n0,0,0\n1,1,1\n",
-        "'com_x_mm': the same quantity as 'com_x_m', must be there once",
+        "'com_x_mm': has the same quantity as 'com_x_m', must occur once",
     ),
     "two kinds": ("time_s,a_0_m,a_m\n0,0,0\n1,1,1\n", "'a_m': must have as many indices"),
     "two units": ("time_s,a_0_m,a_1_N\n0,0,0\n1,1,1\n", "'a_1_N': must have as many indices"),

@@ -48,7 +48,7 @@ def test_a_variable_is_numbers_with_named_axes(dims: tuple[str, ...], values: An
 
 
 def test_a_dimension_has_one_length() -> None:
-    with pytest.raises(ValueError, match="b: got 3 along 'time', must be 2 as before"):
+    with pytest.raises(ValueError, match="b: got 3 along 'time', must be 2 as in the variables before"):
         record_of(Variable("a", ("time",), np.zeros(2), "m", ""), Variable("b", ("time",), np.zeros(3), "m", ""))
 
 
@@ -74,5 +74,5 @@ def test_a_metric_without_a_value_has_a_reason(metric: float | None) -> None:
 
 
 def test_a_reason_cannot_be_forgotten() -> None:
-    with pytest.raises(ValueError, match="summary: a without a value, must have a reason"):
+    with pytest.raises(ValueError, match="summary: got no value of a, must have a reason"):
         Summary({"a": math.nan})

@@ -223,7 +223,7 @@ def test_a_run_that_fails_keeps_what_it_has_and_cannot_go_on(worm3d, tmp_path: P
     assert json.loads((tmp_path / "x" / "summary.json").read_text())["status"] == "diverged"
     ended = worm3d("resume", "x", "--duration", "1", "--out", "y")
     assert ended.code == 2
-    assert "it would end there again: try a smaller run.dt_s" in ended.complaints[0]
+    assert "a continued run would end there again: try a smaller run.dt_s" in ended.complaints[0]
     assert not (tmp_path / "y").exists()
 
 

@@ -51,7 +51,7 @@ STRAIGHT = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.
         ({"held": np.zeros((6, 3), dtype=bool)}, r"held.joints: got shape \(6, 3\), must be \(7, 3\)"),
         ({"held": Held(roll=np.zeros(7, dtype=bool))}, r"held.roll: got shape \(7,\), must be \(6,\)"),
         ({"held": Held(bend=np.zeros((6, 2), dtype=bool))}, r"held.bend: got shape \(6, 2\), must be \(6,\)"),
-        ({"worm": Worm(chamber_offset=0.0)}, "chamber_offset: got 0 with bends that are free; hold them"),
+        ({"worm": Worm(chamber_offset=0.0)}, "chamber_offset: got 0 with free bends, must be above 0; or hold"),
         ({"state": State(joints=STRAIGHT[:5])}, "state: got 4 segments, the worm has 6"),
         ({"state": State(joints=STRAIGHT * [1.3, 1, 1])}, "state: the chambers of segment 0 are 0.2167 .* must lie"),
         (

@@ -23,7 +23,7 @@ def _effort(result: FinishedRun) -> float:
     return float(np.sqrt(waves.mean((given**2).mean(axis=(1, 2))))) / stroke
 
 
-@measure("commands_at_limit", "recorded instants at which the command of a chamber was at an end of the stroke")
+@measure("commands_at_limit", "number of rows with a commanded contraction at an end of the stroke")
 def _at_limit(result: FinishedRun) -> float:
     """Return the number of rows with a command at an end of the stroke. An end at 0, the rest position, is ignored."""
     worm = result.worm
@@ -40,10 +40,10 @@ def _input(result: FinishedRun) -> float:
     actuator = result.worm.actuator
     if not actuator.has_source:
         name = actuator.name or type(actuator).__name__
-        raise NoValueError(f"the actuator {name!r} has no source of energy: only its work is known")
+        raise NoValueError(f"the actuator {name!r} has no source of energy, so that only its work is known")
     return float(result.energy.work_contract.sum())
 
 
-@measure("cost_of_transport_input", "energy that the actuators drew, over weight and distance")
+@measure("cost_of_transport_input", "energy that the actuators drew, divided by (weight times distance)")
 def _cost_of_input(result: FinishedRun) -> float:
     return _input(result) / carried(result)

@@ -32,7 +32,7 @@ AT_REST = 1e-3
 The slide of a sliding segment is about 0.05. With half or twice this limit, the anchoring duty of the default worm is
 the same.
 """
-NO_WALL = "there is no world into which the worm could sink"
+NO_WALL = "there is no world in which the worm could sink"
 NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
 
 
@@ -71,7 +71,7 @@ def _joint_slides(result: FinishedRun, rows: slice) -> FloatArray:
     return slides
 
 
-@measure("slip_per_metre", "metres that the contacts slide, mean weighted by load, for each metre of way")
+@measure("slip_per_metre", "distance that contacts slide per metre of way, as a mean weighted by load")
 def _slip(result: FinishedRun) -> float:
     waves = waves_of(result)
     found = contacts(result, waves)
@@ -145,6 +145,6 @@ def roll_max(result: FinishedRun) -> float:
     return float(np.rad2deg(largest))
 
 
-@measure("roll_margin_deg", "roll of a worm that lies on its side, minus the largest roll; negative if the worm tipped")
+@measure("roll_margin_deg", "roll from which a worm lies on its side, minus the largest roll; negative if it tipped")
 def _margin(result: FinishedRun) -> float:
     return float(np.rad2deg(ON_ITS_SIDE)) - roll_max(result)

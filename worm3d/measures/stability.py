@@ -31,12 +31,10 @@ from worm3d.values.arrays import FloatArray, IntArray
 RISEN = 0.9
 """A worm is considered to have responded after this fraction of a change of speed or heading."""
 FEW_PERIODS = "the run has fewer than three whole periods"
-UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
+UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is one"
 
 
-@measure(
-    "return_map_radius", "factor by which the change of shape shrinks from wave to wave; below 1 if the gait is stable"
-)
+@measure("return_map_radius", "factor by which the change of shape shrinks from wave to wave; stable if below 1")
 def _return_map(result: FinishedRun) -> float:
     waves, apart = waves_of(result), float(result.time[1] - result.time[0])
     step = round(waves.period / apart)
@@ -113,12 +111,12 @@ def rise_time(time: FloatArray, values: FloatArray, before: float, after: float,
     before, after : float
         Initial value and final value.
     lasting : float
-        The values have to stay there for this time [s]. A value that stays there until the end also counts.
+        Time for which at least 90 % of the change has to be kept [s]. A change that is kept until the end also counts.
 
     Raises
     ------
     NoValueError
-        The values never stay there.
+        The values do not keep at least 90 % of the change for this time.
     """
     share = (values - before) / (after - before)
     risen = share >= RISEN

@@ -1,7 +1,7 @@
 """The table of measures of a run. Each measure is declared once, with its name, meaning and function.
 
-All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in the figures of sweeps. To add a
-measure:
+All measures are in every summary of a run, in `summary.json`, in `sweep.csv` and in the figures of sweeps. The
+following code adds a measure:
 
     @measure("lift_m", "how far the head is above the tail at the end")
     def lift(result):
@@ -32,7 +32,7 @@ Value = float | str
 Function = Callable[[Any], Value]
 F = TypeVar("F", bound=Function)
 
-OVERFLOW = "it is too large for a number"
+OVERFLOW = "the value is too large for a number"
 
 
 class NoValueError(Exception):

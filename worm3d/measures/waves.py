@@ -15,7 +15,7 @@ from worm3d.values.read_only import kept
 
 FEWEST_ROWS = 8
 """Minimum number of recorded rows per period. With fewer, the motion within the period is not resolved."""
-SPARSE_IN_PERIOD = f"the result has fewer than {FEWEST_ROWS} rows in a period of the gait: record more of them"
+SPARSE_IN_PERIOD = f"the result has fewer than {FEWEST_ROWS} rows in a period of the gait: record more rows"
 
 
 class Waves:

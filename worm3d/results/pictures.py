@@ -78,7 +78,8 @@ def draw(
     reference : array_like, shape (P, 3), optional
         Path that the worm had to follow [m]. It is drawn on the ground below, if there is any.
     horizon : array_like, shape (T, H, 3), optional
-        Points that a controller expected to pass, at each instant of the result [m]. They are also drawn on the ground.
+        Points through which a controller expected the centre of mass to move, at each instant of the result [m]. The
+        points are also drawn on the ground.
     title : str
         Title of a page.
 

@@ -32,7 +32,7 @@ class Command(ReadOnly):
     """
 
     contraction: FloatArray
-    """Shortening of each chamber [left, right] as a fraction, shape (N, 2); negative values lengthen the chamber.
+    """Shortening of each chamber [left, right], as a fraction of its length at rest, shape (N, 2).
 
     The commanded rest length is l0 (1 - contraction). A negative value lengthens the chamber.
     """
@@ -79,7 +79,7 @@ class Commands(NamedTuple):
 
 @runtime_checkable
 class Gait(Protocol):
-    """A pattern of motion. Bound to a worm, it is a function of time, or a controller if the gait uses sensors."""
+    """A pattern of motion. For a given worm, `bind` returns the motion as a function of time or as a controller."""
 
     def bind(self, worm: Worm) -> Callable[[float], Command] | Controller:
         """Return the command as a function of time [s], or a controller that returns a command at each step.
@@ -87,7 +87,7 @@ class Gait(Protocol):
         If a gait returns a controller, its `step` is called with the time of the end of each step, and with the
         measurement at the start of the step; the command applies at the end. Before the first step of a run, `step` is
         called once with the start time and the measurement None, for the command at the start of the run. In the
-        first step the actuators ramp from this command to that of the step.
+        first step the actuators ramp from this command to the command of the step.
         """
 
 
@@ -96,7 +96,7 @@ class Controller(Protocol):
     """Computes a command from a measurement at every time step."""
 
     def reset(self) -> None:
-        """Return to the initial state. It is called at the start of a run."""
+        """Return to the initial state. The method is called at the start of a run."""
 
     def step(self, t: float, measurement: Any) -> Command:
         """Return the command that applies from time t [s]."""
@@ -168,7 +168,9 @@ class Driver:
             return None
         try:
             return self.rows(self._at.commands(times), len(times))  # type: ignore[attr-defined]
-        except EXCEPTIONS:  # in a user's code: with single calls the error has a time, and earlier steps are kept
+        except EXCEPTIONS:
+            # The code of a user's actuation raised an error. If `at` is called for each time instead, the run knows the
+            # time of the error, and keeps the earlier steps.
             return None
 
     def rows(self, given: Commands, k: int) -> FloatArray | None:

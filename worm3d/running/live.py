@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
-"""Function of the time [s] and the centre of mass, shape (3,) [m]. It returns the points that a controller expects to
-pass, shape (H, 3) [m], or None."""
+"""Function of the time [s] and the centre of mass, shape (3,) [m]. It returns None, or the points through which a
+controller expects the centre of mass to move, shape (H, 3) [m]."""
 
 FASTEST = 1e6
 """Largest speed, as simulated time over real time. A higher speed is reduced to this value."""
@@ -41,13 +41,14 @@ FASTEST = 1e6
 class Live(Spelled):
     """View that shows runs in a browser.
 
-    Use the object in a `with` statement, which closes the port and the server process. The view shows the chambers,
-    links and end faces of the worm. Only the page of a finished result also has a smooth skin.
+    Use the object in a `with` statement, which stops the server at its end. The view shows the chambers, links and end
+    faces of the worm. Only the page of a finished result also has a smooth skin.
 
     Parameters
     ----------
     speed : float
-        Simulated time over real time. The run waits so that it is not faster. Infinity means full speed.
+        Largest speed of the run, as simulated time over real time. The run waits before a picture that would be too
+        early. Infinity means no waiting.
     open_browser : bool
         Whether a browser is opened.
     began : callable, optional
@@ -57,15 +58,16 @@ class Live(Spelled):
         Address of a running meshcat server, for example "tcp://127.0.0.1:6000". By default, a server is started.
     horizon : callable, optional
         Function that is called for each picture with the time [s] and the centre of mass, shape (3,) [m]. It returns
-        points to show, which a controller expects to pass, shape (H, 3) [m], or None.
+        None, or the points to show: the points through which a controller expects the centre of mass to move, shape
+        (H, 3) [m].
 
     Raises
     ------
     ValueError
         The speed is not above 0.
     ConnectionError
-        The server does not start or does not answer when a run begins. If it fails later, there is only a warning, and
-        the run goes on.
+        The server does not start or does not answer when a run begins. If the server fails during a run, there is only
+        a warning, and the run goes on without the view.
     """
 
     def __init__(
@@ -99,9 +101,9 @@ class Live(Spelled):
                 warnings.warn(f"{error}; the run goes on unseen", RuntimeWarning, stacklevel=2)
                 self.close()
 
-        rows = self.speed / (FPS * run.dt * run.every)  # between two pictures
-        # A run with a controller is slower and shows every row. Any other run shows a picture after at most about 50
-        # steps.
+        rows = self.speed / (FPS * run.dt * run.every)  # rows between two pictures, at FPS pictures per second
+        # A run that is slower than `speed` would show too few pictures per second. Therefore the number of rows is
+        # limited: to one row in a run with a controller, and otherwise to the rows of about 50 steps.
         most = 1.0 if run.driver.controller is not None else 50 / run.every + 1.0
         return Observer(look, run.every * round(min(max(rows, 1.0), most)))
 
@@ -123,7 +125,7 @@ class Live(Spelled):
         self.began(self._view.url)
 
     def _show(self, result: Result) -> None:
-        """Show the new rows of a result, each at its time."""
+        """Show pictures of the rows that are new since the last call, and wait for the time of each picture."""
         rows = range(self._rows, len(result.time))
         if self._view is None or not rows:
             return

@@ -49,15 +49,16 @@ MIN_NEWTON_TOLERANCE = 2e-15
 """Smallest tolerance of Newton's method, as a fraction of the body length. Smaller Newton steps are rounding errors."""
 
 ROLL_DAMPING = 1e-7
-"""Damping of roll of a worm with all its mass on the axis, divided by the sum of its largest stiffnesses [J], in s.
+"""Damping of the roll [N m s] of a worm whose mass lies on the axis, divided by the sum of the largest stiffnesses of
+the worm [J]. The unit of the quotient is s.
 
 The roll of such a worm has no inertia and, in the air, no stiffness. Newton's matrix would be singular without this
 damping. A tenth of this value and ten times this value work equally well.
 """
 
 MASSLESS = 1e-3
-"""The damping of roll acts if less than this share of a segment's mass lies off the axis. It has its full value if no
-mass lies off the axis."""
+"""The damping of roll acts if less than this share of a segment's mass lies off the axis. The damping has its full
+value if no mass lies off the axis."""
 
 HISTORIES = [name for name, row in arrays.ARRAYS.items() if row.history]
 """Names of the arrays that hold the values at two instants, at the present instant first."""
@@ -140,7 +141,7 @@ class Plant:
         own = type(worm.hysteresis)
         around, loads = type(worm.medium), tuple(map(type, worm.loads))
         self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads)
-        if chamber.__module__.partition(".")[0] != "worm3d":  # tests cover the other actuators
+        if chamber.__module__.partition(".")[0] != "worm3d":  # the tests of worm3d check its own actuators
             warn_of_imbalance(worm)
         width = max(vectors.VECTOR_WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
@@ -209,7 +210,10 @@ class Plant:
         self.arrays["stuck"][:] = 1.0
 
     def _put(self, rows: Layout, array: str, count: int, values: Mapping[str, Any], prefix: str = "") -> None:
-        """Write values to the first `count` lanes of an array. `rows` gives the rows of each name, after `prefix`."""
+        """Write values to the first `count` lanes of an array.
+
+        `rows` gives the rows of the array for the name of each value, with `prefix` in front of the name.
+        """
         for name, value in values.items():
             rows.of(prefix + name, self.arrays[array])[:, :count] = value
 
@@ -305,7 +309,7 @@ class Plant:
         self.arrays["loads"][0] = begun
 
     def hasten(self, times: float) -> None:
-        """Speed up the actuators by the factor `times`. If it differs from 1, there is no friction in the joints."""
+        """Speed up the actuators by the factor `times`. Unless `times` is 1, there is no friction in the joints."""
         for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
             layout.of(actuator.ACTUATOR_PREFIX + actuator.HASTE, self.arrays[name])[:] = times
 

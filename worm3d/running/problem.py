@@ -62,8 +62,8 @@ class Held(Spelled):
             value = _as_given(name, getattr(self, name))
             if value.dtype != bool:
                 raise ValueError(
-                    f"held.{name}: got {value.dtype} values, must be True or False for each, not the numbers of those "
-                    "that are held"
+                    f"held.{name}: got {value.dtype} values, must be True or False for each coordinate, not the "
+                    "numbers of the held coordinates"
                 )
             try:
                 part[:] = value
@@ -78,7 +78,7 @@ def _as_given(name: str, value: ArrayLike) -> NDArray[Any]:
     try:
         return np.array(value)
     except Exception as error:  # lists of unequal length
-        raise ValueError(f"held.{name}: got {type(value).__name__}, must be True or False for each") from error
+        raise ValueError(f"held.{name}: got {type(value).__name__}, must be an array of True or False") from error
 
 
 def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamped: bool) -> BoolArray:
@@ -129,7 +129,7 @@ class Problem(Spelled):
         if self.steps % self.record_every:
             raise ValueError(
                 f"record_every: got {arguments.shown(self.record_every)}, must divide the {self.steps} time steps of "
-                "the run: its end is kept"
+                "the run, so that the last step is recorded"
             )
         # At later times rounding makes the steps unequal.
         if self.state is not None and abs(self.state.time) > 1e10 * self.dt:
@@ -138,9 +138,9 @@ class Problem(Spelled):
             )
         if self.world is not None and self.world.clamped and self.friction.law != Coulomb():
             name = self.friction.law.name
-            raise ValueError(f"ground: got the law {name!r} on a ClampedGround, must be 'coulomb': (P10) is its law")
+            raise ValueError(f"ground: got the law {name!r} on a ClampedGround, must be 'coulomb': its law is (P10)")
         if self.worm.chamber_offset == 0.0 and not self.held_mask.reshape(-1, 5)[:, 4].all():
-            raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
+            raise ValueError("chamber_offset: got 0 with free bends, must be above 0; or hold the bends with held.bend")
 
     def _check_types(self) -> None:
         arguments.instance("worm", self.worm, Worm, "a worm3d.Worm")
@@ -167,7 +167,7 @@ class Problem(Spelled):
         if self.accuracy is not None:
             arguments.number("accuracy", self.accuracy, ge=1e-4, le=0.1)
             if self.integrator != "bdf2":
-                raise ValueError(f"accuracy: got one for {self.integrator!r}, must be None: only bdf2 has steps for it")
+                raise ValueError(f"accuracy: got one for {self.integrator!r}, must be None: only bdf2 adapts its steps")
         if self.settle_first is not None:
             arguments.flag("settle_first", self.settle_first)
 

@@ -39,7 +39,7 @@ MAX_HALVINGS = 6
 """If a step does not converge, it is halved repeatedly, at most this many times."""
 
 NEVER = 2**62
-"""Number of steps between two rows of the result that stands for no row at all."""
+"""Number of steps between two rows of the result. The number is so large that no row is recorded."""
 
 MAX_STEPS_UNOBSERVED = 1000
 """Largest number of steps in a call of the solver if a gait gives all commands in advance and there is no external
@@ -56,7 +56,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Observer(NamedTuple):
-    """A function that observes a run at the start, after every `every` steps, and at the end."""
+    """A function that is called with a run at the start, after every `every` steps, and at the end."""
 
     look: Callable[[Run], bool | None]
     """Function of the run. The run ends if the function returns False."""
@@ -259,7 +259,11 @@ class Run:
         return found
 
     def _halve(self, command: FloatArray) -> Status:
-        """Take a step in parts by implicit Euler. For the next step, the past is stored as if it were a whole step."""
+        """Take a step in parts by implicit Euler.
+
+        Afterwards, the values of the previous instant are stored as if the parts had been a whole step, because the
+        next step uses them.
+        """
         arrays = self.plant.arrays
         before, last = self.plant.memory(), self.pace[LAST]
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}

@@ -56,7 +56,7 @@ REST_TOLERANCE = 1e-13
 
 REST_TOLERANCE_LOOSE = 1e-9
 """After the last allowed step, a motion below this fraction of the body length is also accepted as rest, because
-rounding errors may prevent `REST_TOLERANCE`."""
+rounding errors may keep the motion above `REST_TOLERANCE`."""
 
 HASTE = 1e6
 """The actuators are faster by this factor while the worm comes to rest. Slow valves would otherwise prevent rest.
@@ -76,7 +76,7 @@ OVERLAP = 10.0 * RESTING_PENETRATION
 LIMIT_ANGLES = 65
 """Number of angles in each of the five rounds of the search for the limit point. Each round searches between the
 neighbours of the best angle of the round before. The angle is accurate to 1e-7. The weight is accurate to 1e-14 because
-it has a maximum there."""
+the weight has its maximum at this angle."""
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
 """Statuses in the order of the solver's numbers for the end of a step (`worm3d.solver.guard`)."""
@@ -275,8 +275,9 @@ class Placed(NamedTuple):
 def touches(plant: Plant, start: State) -> bool:
     """Return whether the worm touches the world at the start.
 
-    It is sufficient that a contact point would touch the world with contracted chambers, which are higher. A straight
-    worm that was `laid` on rough ground touches the world if the gap is at most the half-height.
+    Contracted actuators make the chambers higher than at rest. Therefore the worm also counts as touching if the gap to
+    the world is at most this increase of the height. A straight worm that was `laid` on rough ground touches the world
+    if the gap is at most the half-height.
     """
     worm, height = plant.worm, np.asarray(plant.worm.half_height)
     half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0

@@ -51,8 +51,8 @@ class Projection:
     def facing(self, corners: FloatArray) -> FloatArray:
         """Return the cosine of the angle between each polygon's normal and the direction to the viewer, shape (K,).
 
-        It is positive if the polygon faces the viewer. The corners, shape (K, C, 3), are in anticlockwise order seen
-        from the tip of the normal.
+        The cosine is positive if the polygon faces the viewer. The corners, shape (K, C, 3), are in anticlockwise order
+        seen from the side to which the normal points.
         """
         normal = np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1)
         size = np.linalg.norm(normal, axis=1)
@@ -87,7 +87,7 @@ class Projection:
         The plane of the section is parallel to the picture and contains the point `through`.
         """
         height, after = (vertices - through) @ self.near, np.roll(faces, -1, axis=1)
-        crossed = (height[faces] >= 0.0) != (height[after] >= 0.0)  # of each face, either two edges or none
+        crossed = (height[faces] >= 0.0) != (height[after] >= 0.0)  # the plane crosses two edges of a face, or none
         a, b = faces[crossed], after[crossed]
         share = height[a] / (height[a] - height[b])
         places = vertices[a] + share[:, None] * (vertices[b] - vertices[a])

@@ -78,7 +78,7 @@ class Frames:
     centreline: FloatArray | None = None
     """Centre line of the pipe, for the camera inside the pipe, shape (C, 3) [m]."""
     horizon: FloatArray | None = None
-    """Points that the controller expects to pass, shape (T, H, 3) [m]."""
+    """Points through which the controller expects the centre of mass to move, shape (T, H, 3) [m]."""
     world: tuple[WorldMesh, ...] = ()
     """Meshes of the surroundings."""
 

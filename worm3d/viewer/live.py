@@ -1,4 +1,4 @@
-"""Live view of the simulated worm in a browser, through a meshcat server. The server stops with this process."""
+"""Live view of the simulated worm in a browser, through a meshcat server."""
 
 from __future__ import annotations
 
@@ -111,7 +111,10 @@ class LiveView:
         self._window.settle()
 
     def close(self) -> None:
-        """Close the connection, and stop the server if this view has started it. It may be called several times."""
+        """Close the connection, and stop the server if this view has started it.
+
+        The method may be called several times.
+        """
         self._closed = True
         self._opened.close()
 
@@ -189,12 +192,13 @@ class Connection:
 
 
 class Server:
-    """A meshcat server that also stops when this process ends for any reason."""
+    """A meshcat server in a process of its own. The server stops when `stop` is called, or when this process ends."""
 
     def __init__(self, timeout: float = STARTUP) -> None:
         self._process = subprocess.Popen(
-            # It runs as a file because importing the package would import the simulator. With -P, Python does not
-            # import the neighbouring files.
+            # The server runs as a file, not as a module, because an import of the package would import the simulator.
+            # Without -P, Python would search the folder of the server's file first, and import html.py in this folder
+            # instead of the standard module html.
             [sys.executable, "-P", str(SERVER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -215,7 +219,10 @@ class Server:
         self.address = address[0]
 
     def _read(self) -> None:
-        """Read all output of the server, which would block otherwise. The first lines have the addresses."""
+        """Read all output of the server, because the server would block if nobody read its output.
+
+        The first lines of the output are the addresses.
+        """
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines = [*self._lines[-20:], line.strip()]

@@ -40,7 +40,7 @@ CONTROLLERS = ("mpc", "pi_los", "open_loop")
 DONE = "done"
 """Status of a run that has come to its end, so that its error counts."""
 TOO_SLOW = "its median control step takes longer than the control period"
-"""Status of a run that other load on the machine may have slowed down; such a case runs again."""
+"""Status of a run that other programs on the machine may have slowed down. Such a case runs again."""
 
 Value = float | None
 
@@ -64,7 +64,8 @@ class Case:
         run = scene.settings.run
         if run.duration_s <= MIN_RUN_DURATION_S:
             raise SceneError(
-                f"run.duration_s: got {run.duration_s:g} s, must be above {MIN_RUN_DURATION_S:g} s, when errors count"
+                f"run.duration_s: got {run.duration_s:g} s, must be above {MIN_RUN_DURATION_S:g} s: errors count "
+                "only from then on"
             )
         if run.record_every * run.dt_s > COARSEST:
             raise SceneError(
@@ -72,7 +73,8 @@ class Case:
             )
         if not speeds_of(scene.settings).any():
             raise SceneError(
-                "reference.speed_m_s: got 0 at all times, must be a way to go: errors are shares of that way"
+                "reference.speed_m_s: got 0 at all times, must be above 0 at some time: errors are fractions of the "
+                "required distance"
             )
         return scene
 
@@ -137,7 +139,7 @@ def study(
             ended.append(each)
             watch(len(ended))
     except BrokenProcessPool as error:
-        raise SceneError("a worker process died; started again on the same --out, the rest is run") from error
+        raise SceneError("a worker process died; with the same --out, the next call runs the missing cases") from error
     finally:
         if pool:
             pool.shutdown(cancel_futures=True)
@@ -191,7 +193,7 @@ def _lost(record: Record, settings: ControlScene) -> str:
     if faults:
         return faults[0]
     if further:
-        return f"it senses {', '.join(further)}, of which robots of the trials have no sensor"
+        return f"it senses {', '.join(further)}, for which the worms of the trials have no sensor"
     if record["force"].any():
         return "it commands forces of the chambers, which the worms of the trials do not have"
     return TOO_SLOW if timing(record)["control_step_ms_p50"] > 1e3 * settings.controller.period_s else DONE

@@ -26,10 +26,11 @@ CONTROL_FIGURE_FILE = "control.png"
 LOST_TRIAL_EXIT_CODE = 5
 """Exit code if a trial is lost, see `scenes.studies.bench.control.Found.status`."""
 SAYS = (
-    "Error of a run: 0, the worm is always where it ought to be; 1, it stands or does worse, or the trial is lost. "
-    "Score: geometric mean over the trials of the error over that of pi_los. Real time: seconds simulated in a second, "
-    "by simulator and controller together, in the slowest trial. Step: what a controller computes in a control period, "
-    "as a share of the period, median and 99th percentile, each in the trial where it is largest; above 100 % is late."
+    "Error of a run: 0 if the worm always does its task exactly, 1 if the worm stands still or does worse, or if the "
+    "trial is lost. Score: geometric mean over the trials of the error divided by the error of pi_los. Real time: "
+    "simulated seconds per second of computing time of simulator and controller together, in the slowest trial. Step: "
+    "computing time of a controller in a control period, as a fraction of the period, median and 99th percentile, each "
+    "in the trial where it is largest; a controller with more than 100 % is too slow."
 )
 METRICS = ("way", "offset_bl", "heading_deg", "real_time_factor", "step_share_p50", "step_share_p99")
 """Columns of `control.csv` after the error."""
@@ -110,11 +111,11 @@ def _require_controllers(names: Sequence[str]) -> None:
 
 
 def _of_the_folder(study: Study) -> str:
-    """Return a sentence with the numbers of cases that were kept from before, were run again, and are new."""
+    """Return a text with the numbers of cases that were kept from before, were repeated, and are new."""
     new = len(study.found) - study.kept - study.outdated
     return (
-        f"Of {counted(len(study.found), 'run')} {study.kept} kept from before, {study.outdated} run again (scene, "
-        f"programs or map have changed since), {new} new"
+        f"{counted(len(study.found), 'run')}: {study.kept} kept from before, {study.outdated} repeated (their scene, "
+        f"programs or map have changed), {new} new"
     )
 
 
@@ -168,7 +169,7 @@ def draw(found: Sequence[Found]) -> Figure:
     for name in names(found):
         errors = {each.trial: each.error for each in found if each.controller == name}
         axes.plot(list(errors.values()), [trials.index(each) for each in errors], "o", label=name)
-    axes.set(xscale="log", xlabel="error (1: as if it stood)", ylim=(len(trials) - 0.5, -0.5))
+    axes.set(xscale="log", xlabel="error (1: the worm stands still)", ylim=(len(trials) - 0.5, -0.5))
     axes.set_yticks(range(len(trials)), trials)
     axes.grid(True, alpha=0.3)
     figure.legend(loc="outside upper center", ncols=4, fontsize=9)

@@ -79,7 +79,7 @@ class Group(NamedTuple):
 
 SLOPE = Group(
     0.5,
-    "a slope, of whatever direction (not in pipes)",
+    "a slope that rises in a random direction (not in pipes)",
     (Range("world.slope_deg", 0.0, 2.5, ".2f"), Range("world.heading_deg", -180, 180, ".0f")),
 )
 GROUPS = (
@@ -94,7 +94,7 @@ GROUPS = (
     ),
     Group(
         0.5,
-        "chambers that follow their commands by a factor of their own, up to 1.1",
+        "unequal chambers: each contracts by its command times a random factor between `fault.unequal_least` and 1.1",
         (Range("fault.unequal_least", 0.7, 1.0), Range("fault.unequal_seed", 0, 999, "d")),
         ("fault.unequal=true",),
     ),
@@ -156,7 +156,7 @@ def _s_curve(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _eight(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a figure of eight that starts at the end of a loop."""
+    """Yield a figure of eight that starts at the outer end of a loop."""
     # x = a sin u, y = 0.31 a sin 2u, with radii of at least a/4, turned to begin along +x where u = pi/2. A worm that
     # begins at the crossing would be on two branches at once.
     u, a = np.pi / 2.0 + np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False), random.uniform(1.2, 1.6)
@@ -172,7 +172,7 @@ def _spiral(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _square(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a square with round corners that starts in the middle of a side and has three corners."""
+    """Yield a path along a square, from the middle of a side around three corners, which are round."""
     half = random.uniform(0.7, 1.1)
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [-1.0, 2.0], [-1.0, 0.3]])
     yield f"reference.radius_m={random.uniform(0.3, 0.6):.3g}"
@@ -189,7 +189,7 @@ def _waypoints(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _heading(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a heading with two steps."""
+    """Yield a heading that changes twice, in steps."""
     first, second = random.uniform(-40.0, 40.0, 2)
     yield (
         f"reference.heading_steps=[{{at_s={random.uniform(10.0, 20.0):.1f}, heading_deg={first:.1f}}}, "
@@ -204,14 +204,14 @@ def _stop_and_go(random: Generator, speed: float) -> Iterator[str]:
 
 
 def _speed_steps(random: Generator, speed: float) -> Iterator[str]:
-    """Yield a circle with two steps of the speed."""
+    """Yield a circle; the required speed changes twice, in steps."""
     yield from _circle(random, speed)
     times = random.uniform((15.0, 35.0), (25.0, 45.0))
     yield _steps(*zip(times, _log_uniform(random, *SPEEDS, 2), strict=True))
 
 
 def _speed_sine(random: Generator, speed: float) -> Iterator[str]:
-    """Yield an S-curve with a sine of the speed."""
+    """Yield an S-curve; the required speed varies as a sine of time."""
     yield from _s_curve(random, speed)
     yield f"reference.speed_sine_m_s={speed * random.uniform(0.15, 0.4):.2g}"
     yield f"reference.speed_sine_period_s={random.uniform(15.0, 30.0):.3g}"

@@ -64,7 +64,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Pace:
-    """Period of the recorded waves, and period of the waves of a chain that is set to the recorded period."""
+    """Period of the waves of a recording, and period of the waves of the chain if it is set to this period."""
 
     recording: str
     use: str
@@ -139,15 +139,15 @@ def sentences(found: Comparison) -> Iterator[str]:
         if rows:
             kept = sum(row.kept for row in rows)
             yield (
-                f"recordings {use}: {kept} of {len(rows)} delays within {allowed}; largest error "
-                f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms, with uniform delays "
-                f"{1e3 * found.worst(use, 'uniform_error_s'):.0f} ms"
+                f"recordings {use}: {kept} of {len(rows)} delays within {allowed}; largest error of a delay: "
+                f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms with the network, "
+                f"{1e3 * found.worst(use, 'uniform_error_s'):.0f} ms with uniform delays"
             )
     if found.told:
         yield from learnt(found.told)
     yield (
         f"noise of {COMPARISON_NOISE:.0%} in all constants: {round(found.carried * COMPARISON_DRAWS)} of "
-        f"{COMPARISON_DRAWS} networks, which the fit did not use, carry waves forward and backward"
+        f"{COMPARISON_DRAWS} networks, none of which was in the fit, carry waves forward and backward"
     )
 
 
@@ -155,9 +155,9 @@ def learnt(told: LeftOut) -> Iterator[str]:
     """Yield conclusions from the errors with which each recording is predicted from the other recordings."""
     gain, ends = 1e3 * (told.uniform_s - told.shared_s), [1e3 * end for end in told.gain_s]
     yield (
-        f"a recording that is left out is predicted with an rms error of {1e3 * told.shared_s:.0f} ms from the delays "
-        f"that the other recordings share, and of {1e3 * told.uniform_s:.0f} ms with uniform delays; the difference is "
-        f"{gain:.0f} ms (90 % sampling interval: {ends[0]:.0f} to {ends[1]:.0f} ms)"
+        f"rms error of the delays of a recording that is left out: {1e3 * told.shared_s:.0f} ms with the delays that "
+        f"the other recordings share, {1e3 * told.uniform_s:.0f} ms with uniform delays; difference {gain:.0f} ms, "
+        f"90 % interval by sampling {ends[0]:.0f} to {ends[1]:.0f} ms"
     )
     yield (
         "learnt: the size of the delays, the exponent of the period in the delays "

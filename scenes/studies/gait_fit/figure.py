@@ -1,4 +1,7 @@
-"""The figure of a fitted chain: delays along the body, and a part of each recording with its waves."""
+"""The figure of a chain of neurons that was fitted to recordings of animals.
+
+The figure shows the delays of the waves along the body, and a part of each recording with the waves in it.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,19 @@ HALF_STRETCH_S = 12.5
 
 
 def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> Figure:
-    """Return the figure, which has a row for each of the first eight recordings."""
+    """Return the figure, which has a row for each of the first eight recordings.
+
+    The left panel of a row compares the recorded delays with the delays in the fitted chain and in a wave with uniform
+    delays. The right panel shows a part of the recording.
+
+    Parameters
+    ----------
+    found : Comparison
+        Comparison of the fitted chain with the recordings.
+    recordings : sequence of Recording
+    title : str
+        Title of the figure.
+    """
     shown = recordings[:8]
     figure = Figure(figsize=(13.0, 1.0 + 2.6 * len(shown)), layout="constrained", dpi=110)
     grid = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.0, 2.2))
@@ -24,9 +39,9 @@ def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> Figu
         _draw_delays(left, found, each)
         _draw_stretch(right, each)
     grid[0][0].legend(fontsize=8)
-    grid[-1][0].set_xlabel("band, in the order of the wave")
+    grid[-1][0].set_xlabel("bands, in the order in which a wave reaches them")
     grid[-1][1].set_xlabel("time [s]")
-    grid[0][1].set_title("recorded bands, and the troughs that form waves", fontsize=9)
+    grid[0][1].set_title("grey: recorded values of each band; red: the troughs of each wave", fontsize=9)
     figure.suptitle(title, fontsize=11)
     return figure
 
@@ -45,7 +60,7 @@ def _draw_delays(axes: Axes, found: Comparison, each: Recording) -> None:
     axes.set_xticks(range(len(waves.bands)), waves.bands)
     axes.set_ylabel(f"delay after {waves.bands[waves.middle]} [s]", fontsize=8)
     use = own[0].use
-    axes.set_title(f"{each.name}: {use}, {len(waves.times)} waves, {waves.period:.2f} s", fontsize=9)
+    axes.set_title(f"{each.name}: {use}, {len(waves.times)} waves, period {waves.period:.2f} s", fontsize=9)
     axes.grid(alpha=0.25)
 
 

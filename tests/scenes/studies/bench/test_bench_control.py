@@ -192,7 +192,7 @@ def test_outside_controllers_run_beside_those_that_ship(
     options = (*options, "--controller", "outside:Mine", "--out", "it")
     for new, kept in ((4, 0), (0, 3)):
         ended = worm3d(*options)
-        assert f"Of 4 runs {kept} kept from before" in ended.out, ended.out
+        assert f"4 runs: {kept} kept from before" in ended.out, ended.out
         assert f"{new} new" in ended.out
         lines = {line.split()[0]: line.split()[1:5] for line in ended.out.splitlines() if line.count(".") > 2}
         assert {"mpc", "pi_los", "open_loop", "outside:Mine"} <= set(lines)
@@ -213,13 +213,14 @@ def test_the_page_of_rules_is_that_of_the_tables() -> None:
     least, most = control_trials.SPEEDS
     for sentence in (
         f"# {Options().trials} trials of seed 0",
-        f"ends with {control_report.LOST_TRIAL_EXIT_CODE} if a trial was lost",
+        f"exit code of the command is {control_report.LOST_TRIAL_EXIT_CODE} if a trial was lost",
         f"`--quick` runs {quick}, for {control_trials.SHORT[0].partition('=')[2]} s each",
         f"averaged over windows of {control_error.WINDOW:g} s",
-        f"counts from {control_error.MIN_RUN_DURATION_S:g} s on",
+        f"count from {control_error.MIN_RUN_DURATION_S:g} s on",
         f"into the first {control_error.STARTUP_TIME_S:g} s.",
         f"E = max(error, {control_score.FLOOR:g})",
-        f"{len(CLASSES)} classes of tasks take turns. All last 60 s; speeds are {least:g} to {most:g} m/s.",
+        f"{len(CLASSES)} classes of tasks in turn. Each trial lasts 60 s; the required speeds are {least:g} to "
+        f"{most:g} m/s.",
     ):
         assert sentence in kept
 
@@ -263,11 +264,12 @@ def test_the_figure_shows_every_run() -> None:
     [
         (("--seeds", 0), "--seeds: got 0, must be at least 1"),
         (("--seed", -1), "--seed: got -1, must be at least 0"),
-        (("-o", "run.duration_s=7"), "run.duration_s: got 7 s, must be above 7.5 s, when errors count"),
+        (("-o", "run.duration_s=7"), "run.duration_s: got 7 s, must be above 7.5 s: errors count only from then on"),
         (("-o", "run.record_every=20"), "run.record_every: got 20, must store a state every 0.1 s or sooner"),
         (
             ("-o", "reference.speed_m_s=0"),
-            "reference.speed_m_s: got 0 at all times, must be a way to go: errors are shares of that way",
+            "reference.speed_m_s: got 0 at all times, must be above 0 at some time: errors are fractions of the "
+            "required distance",
         ),
     ],
 )
@@ -284,7 +286,7 @@ def test_it_ends_with_a_code_after_everything_is_written(
     monkeypatch.setattr(control, "study", lambda *args: study)
     ended = worm3d("bench", "control", "--out", "bench")
     assert ended.code == code
-    assert "Of 1 run 1 kept from before, 0 run again (scene, programs or map have changed since), 0 new" in ended.out
+    assert "1 run: 1 kept from before, 0 repeated (their scene, programs or map have changed), 0 new" in ended.out
     assert {path.name for path in (tmp_path / "bench").iterdir()} == {
         "cases",
         "control.csv",

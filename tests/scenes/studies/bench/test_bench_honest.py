@@ -57,7 +57,7 @@ def test_a_sensor_of_its_own_loses_the_trial(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(QUANTITIES, "truth", replace(QUANTITIES["com"], standard=False))
     case = Case(LINE_TRIAL._replace(overrides=(*LINE_TRIAL.overrides, "run.duration_s=8")), "cheats:Sees")
     lost = control._measured(case, case.load())
-    assert (lost.error, lost.status) == (1.0, "it senses truth, of which robots of the trials have no sensor")
+    assert (lost.error, lost.status) == (1.0, "it senses truth, for which the worms of the trials have no sensor")
 
 
 def test_the_time_of_a_controller_is_measured_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
