@@ -239,5 +239,5 @@ def test_training_finds_what_made_the_delays(monkeypatch) -> None:
     assert np.log(own[0] / own[1]) == pytest.approx(np.log(slow / fast), abs=0.05)
     with pytest.raises(training.StoppedError):
         training.fit(targets, go_on=lambda tried: tried < 5)
-    with pytest.raises(ValueError, match=r"targets: got delays of \[4, 5\] segments, must be of one number"):
+    with pytest.raises(ValueError, match=r"targets: got delays of \[4, 5\] segments, must be equally many"):
         training.fit([targets[0], training.Target(2.0, targets[0].delays[1:])])
