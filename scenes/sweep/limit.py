@@ -2,8 +2,8 @@
 
 A case that exceeds the limit is ended after its current step. If the step does not end, a worker process ends itself,
 and Dask starts a new one. This is done by a thread of `faulthandler`, which works even if the Python interpreter is
-blocked. It writes a file before, from which the next try of the case learns that the case has used up its time. The
-time is counted from the first step, so that it does not include compilation.
+blocked. Before the process ends, the thread writes a file, from which the next try of the case learns that the case has
+used up its time. The time is counted from the first step, so that it does not include compilation.
 """
 
 from __future__ import annotations
