@@ -42,7 +42,7 @@ class Linkage(ReadOnly):
     mass: float | None = parameter(None, "mass of the whole worm", "kg", gt=0, left_out="density x rest area x depth")
     apex_mass_fraction: float = parameter(
         0.5,
-        "share of the mass on the apexes, equally; the rest is on the joints, like rod nodes (the ends half as much)",
+        "share of the mass on the apexes, equally; the rest is on the joints, half as much on each end joint",
         ge=0,
         le=1,
     )
@@ -61,7 +61,7 @@ class Linkage(ReadOnly):
         each="segment",
         key="apex_hinge_N_m_rad",
     )
-    kelvin_voigt_time: float = parameter(0.05, "damping of every strain over its stiffness", "s", ge=0)
+    kelvin_voigt_time: float = parameter(0.05, "damping of every strain divided by the stiffness", "s", ge=0)
     drag: float = parameter(
         0.0,
         "viscous medium, (P8): force over speed of the whole worm, shared over the joints like their mass",

@@ -34,8 +34,8 @@ class Check:
     key at which an error is reported if `test` returns a single text."""
     test: Callable[..., Found]
     """Function of the values of these keys, in this order, that returns the error or None. If the function returns
-    texts by key, the reported text is that of the first key that the user wrote in an override, or, if there is none,
-    in the file."""
+    texts by key, the reported text is the text for the first key that the user wrote in an override, or, if there is
+    none, in the file."""
     builds: bool = False
     """Whether the test builds an object from whole sections. If keys of these sections are wrong, the test still runs,
     with the defaults of these keys. If the test reports a key, it is repeated with the default of this key, until it
