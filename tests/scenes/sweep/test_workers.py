@@ -326,7 +326,7 @@ def test_what_cannot_be_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
         chosen(bind="0.0.0.0")
     with pytest.raises(SceneError, match=r"the workers cannot be started on 192\.0\.2\.1"):
         list(chosen(workers=1, bind="192.0.2.1").run([Job("a", "a", b"", "a")], perform, never))
-    assert "warning: the scheduler listens on 192.0.2.1: whoever reaches" in capsys.readouterr().err
+    assert "warning: the scheduler listens on 192.0.2.1: anyone who can connect" in capsys.readouterr().err
 
 
 def test_dask_is_imported_on_demand() -> None:
