@@ -155,7 +155,7 @@ class Linkage(ReadOnly):
             return np.asarray(tension * 4.0 * h / length)
 
         low, high = l_cmd, 2 * a * (1 - 1e-12)
-        for _ in range(5):  # each round searches between the neighbours of the best length, in the end to 1e-7 of it
+        for _ in range(5):  # each round searches between the two neighbours of the best length so far
             place = np.linspace(low, high, 65)
             carried = weight(place)
             best = int(np.argmax(carried))

@@ -258,6 +258,6 @@ def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
         return None
     kinds = " or ".join(few([repr(each) for each in known.only])) or "others"
     return (
-        f"only for {by} = {kinds}, which this scene is not ('{kind}'): leave it out (default {known.default_text}), "
+        f"only for {by} = {kinds}, but this scene has '{kind}': leave it out (default {known.default_text}), "
         f"or change {by}"
     )

@@ -76,7 +76,7 @@ class Local:
                 threads_per_worker=1,
                 host=self.bind,
                 dashboard_address=f"{LOOPBACK}:0",
-                memory_limit=0,  # none
+                memory_limit=0,  # no limit
                 preload=[DEAF],
                 silence_logs="CRITICAL",
             )

@@ -52,7 +52,7 @@ class Clock:
 
 def told(limit_s: float) -> str:
     """Return the reason for the failure of a case that exceeded the limit."""
-    return f"took longer than {limit_s:g} s, the time limit of a case: give it longer by --case-limit-s"
+    return f"took longer than {limit_s:g} s, the time limit of a case: give cases more time by --case-limit-s"
 
 
 def limit_of(sweep: Any, asked: float | None) -> float:

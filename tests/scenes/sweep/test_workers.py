@@ -234,7 +234,7 @@ def test_the_worker_of_a_case_that_never_ends_is_replaced(tmp_path: Path) -> Non
     ended = list(cluster.Local(2).run([innocent[0], stuck, *innocent[1:]], perform, never))
     assert time.monotonic() < begun + 60.0
     told = {each.key: each for each in ended}
-    why = "took longer than 0.5 s, the time limit of a case: give it longer by --case-limit-s"
+    why = "took longer than 0.5 s, the time limit of a case: give cases more time by --case-limit-s"
     assert told.pop(stuck.key) == Ended(stuck.key, "failed", why)
     assert {each.status for each in told.values()} == {"done"}
     assert len(told) == len(innocent)
