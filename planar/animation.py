@@ -24,7 +24,7 @@ class Movie:
     time : ndarray, shape (T,)
         Evenly spaced instants [s].
     main, top, bottom : ndarray, shape (T, n + 1, 2), (T, n, 2), (T, n, 2)
-        Corners of the rhombi [m]: the joints between the segments, the upper apexes and the lower apexes.
+        Corners of the rhombi [m]: the joints, including both ends of the worm, the upper apexes and the lower apexes.
     activation : ndarray, shape (T, n)
         Activation of each segment, which sets the colour: white at 0, red at 1, blue at -1.
     ground : float, optional
@@ -135,7 +135,8 @@ class Movie:
 
 def _writer(path: Path, suffix: str, interval: float) -> AbstractMovieWriter:
     if suffix == ".gif":
-        # PillowWriter rounds the delay down to whole milliseconds. The factor keeps 50 ms from becoming 49 ms.
+        # PillowWriter rounds the delay down to whole milliseconds. The factor makes the delay slightly longer, so that
+        # a rounding error does not remove a millisecond.
         return PillowWriter(fps=cast(int, (1.0 - 1e-9) / interval))
     if suffix != ".mp4":
         raise ValueError(f"animation file: got {path.name!r}, the ending must be .gif or .mp4")

@@ -3,8 +3,8 @@
     W^(n) = F . (q^{n+1} - q^n)                (P11) with F_contract, (P13) with F_friction
     CoT^(n) = W^(n) / dx_COM^(n)               (P12), (P14)
 
-Source: the paper, section IV. This cost of transport has the unit J/m. The cost of transport of the corrected worm is
-dimensionless: W / (m g d), with the mass m, gravity g and the distance d.
+Source: the paper, section IV. This cost of transport has the unit J/m. The corrected worm has a dimensionless cost
+of transport, W / (m g d), with the mass m, gravity g and the distance d.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def p10_friction(
     load, velocity : ndarray
         Normal load [N] and velocity, positive towards the head [m/s], of each contact.
     mu : tuple
-        Coefficients for motion towards the head and towards the tail.
+        Coefficients of friction for motion towards the head and towards the tail.
     threshold : float
         There is no friction up to this speed [m/s].
     """

@@ -88,7 +88,10 @@ def _solve_free(J: FloatArray, f: FloatArray, held: NDArray[np.bool_], free: NDA
 
 
 def travelling_wave(n: int, T_wave: float, parameters: Parameters) -> Activation:
-    """Return the program's wave: A_i(t) = max(0, sin(2 pi (x_i/lambda - t/T_wave))), x_i = (i + 1/2) L/n."""
+    """Return the program's wave: A_i(t) = max(0, sin(2 pi (x_i/lambda - t/T_wave))), x_i = (i + 1/2) L/n.
+
+    If `Parameters.rectified` is false, A_i(t) is the sine itself.
+    """
     x = (np.arange(n) + 0.5) / n * parameters.length
 
     def activation(t: float) -> FloatArray:

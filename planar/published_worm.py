@@ -39,7 +39,7 @@ class Parameters(Spelled):
     )
     velocity_threshold: float = parameter(1e-6, "speed below which there is no friction, eps", "m/s", ge=0)
     normal_load: Literal["weight", "residual"] = parameter(
-        "weight", "normal load N_i: weight, m_i g (as the program), or residual, |r_y,i| (as the text, P9)"
+        "weight", "normal load N_i: weight, m_i g, as in the program; or residual, |r_y,i|, as in the text, (P9)"
     )
     contraction_force: float = parameter(
         10.0, "force on a connector at activation 1", "N", key="force_N", aka=("amplitude_N",)
@@ -48,9 +48,9 @@ class Parameters(Spelled):
     ground_clearance: float = parameter(
         0.02, "height of the lowest connector at rest above the ground", "m", ge=0, key="clearance_m"
     )
-    snap: bool = parameter(True, "whether the corrector starts with the nodes whose contact changed on the ground")
-    elastic_sign: float = parameter(-1.0, "sign of the elastic force: -1 as the program, 1 as in mechanics")
-    rectified: bool = parameter(True, "true: the default wave is max(0, sin), as the program; false: sin, as the text")
+    snap: bool = parameter(True, "whether the corrector starts with all nodes in contact at the height of the ground")
+    elastic_sign: float = parameter(-1.0, "sign of the elastic force: -1 as in the program, 1 as in mechanics")
+    rectified: bool = parameter(True, "true: the default wave is max(0, sin) (the program); false: sin (the text)")
     tolerance: float = parameter(
         1e-6, "norm of the residual below which Newton's method makes one more update and stops", "N", gt=0
     )

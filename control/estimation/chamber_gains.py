@@ -11,7 +11,7 @@ weights w_m of the healthy model, the strain s is
 A healthy chamber has p = 1 and q = 0. If the other inputs are given, s is linear in the chamber's own p, q and b. One
 Kalman filter per chamber estimates these three states from the strains, sample by sample, with the latest states of the
 other chambers. The states may change slowly from wave to wave. An error of the model lasts for a part of a wave instead
-of one sample. Therefore its variance is multiplied by the number of samples in this time.
+of one sample. Therefore the variance of the error is multiplied by the number of samples in this time.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ class GainTrust(Checked):
     wander: float = parameter(0.01, "change of p and q in a wave", ge=0)
     wander_mean: float = parameter(0.003, "change of b in a wave", ge=0)
     missed: float = parameter(0.014, "strain that the model of a healthy worm misses", gt=0)
-    lasts: float = parameter(0.25, "time for which such a miss lasts", "waves", gt=0)
+    lasts: float = parameter(0.25, "time for which the missed strain lasts", "waves", gt=0)
     judged: float = parameter(2.0, "time over which the misfit is averaged", "waves", gt=0)
     smoothing: float = parameter(0.05, "time over which noise in unexplained strains is averaged", "s", gt=0)
     usual_strain: float = parameter(0.1, "strain caused by the command, rms, before the first sample", gt=0)
-    least_strain: float = parameter(0.01, "least such strain for which the misfit is judged", gt=0)
+    least_strain: float = parameter(0.01, "least strain caused by the command for which the misfit is judged", gt=0)
 
 
 class ChamberGains:
@@ -140,7 +140,8 @@ class ChamberGains:
         x = self._lagged = lagged(self._lagged, self._given, self._told, self._lags, passed)
         self._given = self._told
         rate = turned / passed
-        y = (self._given - x) / (self._lags * rate) if rate > 1e-3 else np.zeros_like(x)  # unknown as the wave stands
+        # While the wave stands still, the slopes y are unknown.
+        y = (self._given - x) / (self._lags * rate) if rate > 1e-3 else np.zeros_like(x)
         self._past.append((t, x, y))
         while self._past[0][0] < t - self._span:
             self._past.popleft()

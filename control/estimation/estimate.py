@@ -12,9 +12,9 @@ distribution with d degrees of freedom, independently of earlier samples. The me
 
     nis = sum nis_k / n   lies in   [chi2^-1(0.025; n d), chi2^-1(0.975; n d)] / n                            (KF7)
 
-with a probability of 95 %. A mean above the interval shows that the estimator trusts model or sensors too much, a mean
-below it that it trusts them too little. (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and
-Navigation, 5.4.2.)
+with a probability of 95 %. If the mean is above the interval, the estimator trusts the model or the sensors too much.
+If the mean is below the interval, the estimator trusts them too little. (Bar-Shalom, Li, Kirubarajan: Estimation with
+Applications to Tracking and Navigation, 5.4.2.)
 """
 
 from __future__ import annotations

@@ -2,21 +2,22 @@
 
 The estimator is an extended Kalman filter (`control.estimation.kalman`) for the reduced model (R1). When a delayed
 sample of the centre of mass arrives, the filter returns to the instant of the sample, and then processes the later
-samples again. The noise of the samples equals the stated noise of the sensors unless the innovations show otherwise
+samples again. The filter assumes the stated noise of the sensors, unless the innovations show a different noise
 (KF8). The strains give the wave that rocks the centre of mass (`control.estimation.wave`). Gyroscopes, if there are
 any, give the mean turn rate (`control.estimation.turning`). If the initial heading is unknown, several filters start
 with headings all round the circle. Within about one wave of crawling, they agree or are dropped.
 
 Other methods were tried and gave worse results.
 
-* The motion of feet that do not slip, computed from the strains, explains a third to a half of the changes of the speed
-  within a wave, and at most a fifth of the turn rate. The reason is that the feet of the default worm slide all the
-  time.
-* Contact loads would improve little even if they were exact. Under these loads, Coulomb friction balances at a speed
-  that differs from the true speed, averaged over a wave, by 2 to 3 mm/s (the filter's error is 1.5 mm/s). Even this
+* The strains give the motion that a worm would have if its feet did not slip. This motion explains a third to a half
+  of the changes of the speed within a wave, and at most a fifth of the turn rate, because the feet of the default worm
+  slide all the time.
+* Contact loads would improve little even if they were exact. The speed at which Coulomb friction balances under these
+  loads differs from the true speed, averaged over a wave, by 2 to 3 mm/s (the filter's error is 1.5 mm/s). Even this
   accuracy needs a factor and an offset fitted to each ground: 1.5 and -15 mm/s on the default ground, 1.2 and -4 mm/s
   on a slope of 3 degrees and with four times the friction (seeds 10 and 11). Loads do not improve the turn rate.
-* The mean of the position over a wave is half a wave old.
+* The mean of the samples of the centre of mass over the latest wave does not contain the rocking, but is the position
+  half a wave ago.
 * The rocking (4 mm rms) is not white noise. When the filter treated it as noise, the errors were twice as large as the
   covariance indicated (at 100 samples per second).
 """
@@ -67,7 +68,8 @@ TOO_SURE = 1.5
 """If the estimated noise exceeds the noise assumed for the latest sample by this factor, the stored samples are
 processed again."""
 BEGIN = {"speed": 0.08, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
-"""Initial standard deviations for a worm at rest that follows the identified map, in body lengths and rad."""
+"""Initial standard deviations: speed [body lengths/s], turn rate and yaw bias [rad/s], slip and gain of turning [1].
+The initial means are the values of a worm at rest whose motion equals the prediction of the identified map."""
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
 """Noise [rad/sqrt(s)] and initial standard deviation [rad] of the crab angle if a sensor measures the heading."""
 UNSTEADY = 0.005
@@ -79,16 +81,21 @@ BEGIN_ROCKING = 0.05
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Samples of one instant. All of them are None if the filter only advanced to this instant."""
+    """Samples of one instant. `com`, `heading` and `rate` are all None if the filter only advanced to this instant."""
 
     time: float
     com: FloatArray | None = None
     wave: FloatArray | None = None
+    """Measured wave (W2) at this instant, shape (2,)."""
     deviation: float = 0.0
+    """Standard deviation of `com` that the filter assumed [m]."""
     standing: float = 0.0
+    """Height of the axis above the ground by (KF5) [m]."""
     frequency: float = 0.0
+    """Frequency of the wave [Hz]."""
     heading: float | None = None
     rate: float | None = None
+    """Mean turn rate of a wave by gyroscopes (TR1) [rad/s]."""
 
 
 @dataclass(eq=False)
@@ -106,7 +113,7 @@ class _Fused:
 
 
 class Estimator:
-    """Extended Kalman filter of a worm. The attribute `noise` is the estimated noise of the centre of mass.
+    """Extended Kalman filter of a worm. The attribute `noise` estimates the noise of samples of the centre of mass.
 
     Parameters
     ----------
@@ -182,7 +189,10 @@ class Estimator:
     def for_sensors(
         cls, worm: Worm, model: ReducedModel, schedule: Schedule, sensors: Mapping[str, Channel]
     ) -> Estimator:
-        """Return the estimator for sensors of known quality, as in `control.sensing.sensors.Sensors.channels`."""
+        """Return the estimator that assumes the noise, bias and delay of the given channels.
+
+        `sensors` contains the channels by name, like `control.sensing.sensors.Sensors.channels`.
+        """
         noise = {name: channel.noise for name, channel in sensors.items()}
         place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
         rates, root = sensors.get("angular_rate"), np.sqrt(worm.segments)
@@ -289,7 +299,8 @@ class Estimator:
             noise = sample.deviation, since, sample.frequency
             return [self._filter.with_com(each, com, wave, gated, *noise) for each in beliefs]
 
-        # Beliefs that rule out the sample lose their weight. If all beliefs rule out the sample, it is refused.
+        # A belief for which the sample is impossible loses weight. If the sample is impossible for all beliefs, it may
+        # be refused.
         if last.placed is None or len(beliefs) > 1:
             found = corrected(gated=False)
             if last.placed is None or min(each.nis for each in found) <= IMPOSSIBLE:
@@ -315,7 +326,10 @@ class Estimator:
             self._believe("crab", angle, 0.0)
 
     def turns(self, gain: float) -> None:
-        """Set the ratio of the worm's turn rate to the turn rate of the map from now on."""
+        """Set the gain of turning, which is the ratio of the worm's turn rate to the map's turn rate.
+
+        The gain is limited to `GAINS`.
+        """
         self._believe("turn_gain", min(max(gain, GAINS[0]), GAINS[1]), BEGIN["turn_gain"])
 
     def forget_ground(self) -> None:
@@ -367,7 +381,7 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float, leng
     if heading is not None:
         return [_believed(trust, heading, deviation, length)]
     count, apart = 24, 2.0 * np.pi / 24
-    # Mirror images of each other, so that mirrored worms are treated alike.
+    # The headings are symmetric about 0, so that a worm and its mirror image are treated alike.
     sides = ((np.arange(count) + 0.5 - count / 2.0) * apart).tolist()
     return [_believed(trust, side, apart / 2.0, length) for side in sides]
 

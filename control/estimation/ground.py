@@ -113,7 +113,7 @@ class Standing:
         self._delta = 0.1 * float(np.mean(worm.half_height))
 
     def height(self, strain: FloatArray) -> float:
-        """Return the height (KF5) for strains of shape (N, 2), with NaN where unknown [m]."""
+        """Return the height (KF5) [m]. The strains have the shape (N, 2), with NaN where unknown."""
         squared = self._link**2 - (self._length * (1.0 + strain)) ** 2 / 4.0
         half_height = np.sqrt(np.maximum(squared, 0.0))
         height = self._mean(half_height)

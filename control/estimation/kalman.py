@@ -12,9 +12,9 @@ at 3 degrees, or kappa = 4. Across a slope, the worm slides downhill in the same
 10 degrees at 3 degrees, or kappa = 3.4.
 
 Feet on dry friction go as far in a slow wave as in a fast wave, so that the uncertainty per wave is the same. Therefore
-the noise densities depend on the frequency f through p = min(1, f / f_0). Those for angles, slip, gain and C are
-proportional to p, the density for the drift to p^2, and the densities for rates to p^3. A sample of the centre of mass
-is
+the noise densities depend on the frequency f through p = min(1, f / f_0). The densities for angles, slip, gain and C
+are proportional to p, the density for the drift to p^2, and the densities for rates to p^3. A sample of the centre of
+mass is
 
     (x, y) + T(h) C wave(psi)                                                                                (KF3)
 
@@ -30,8 +30,8 @@ additional state. With the Jacobians F of the prediction and H of the sample, th
 *Observability.* Position, speed and course (the direction of motion) follow from the samples of the centre of mass
 within a wave. The heading follows from course and drift. The filter expects drift to decay with tau. Therefore it
 interprets a constant drift that no known slope explains as a change of the heading. Only a sensor of the heading can
-distinguish the two. In this case the slowly changing crab angle represents the drift. The gain of turning and the yaw
-bias can be distinguished if the steering changes. At rest, neither heading nor slip is observable.
+distinguish the two. If there is such a sensor, the slowly changing crab angle represents the drift. The gain of turning
+and the yaw bias can be distinguished if the steering changes. At rest, neither heading nor slip is observable.
 
 *Starts and stops.* While the wave grows or slows down, the distance that the worm covers depends on the phase. If the
 worm is slower or faster than the wave by e, the noise density of the position along the heading is increased by
@@ -115,9 +115,9 @@ class Uncertainty(Checked):
     heading_sample: float = parameter(0.025, "standard deviation of a sample of the heading", "rad", gt=0)
     place: float = parameter(0.0005, "noise of the position", "m/sqrt(s)", ge=0)
     heading: float = parameter(0.004, "noise of the heading without turning", "rad/sqrt(s)", ge=0)
-    turning: float = parameter(0.12, "increase of that noise per turn rate", "sqrt(s)", ge=0)
+    turning: float = parameter(0.12, "increase of the noise of the heading per turn rate", "sqrt(s)", ge=0)
     changing: float = parameter(
-        1.0, "increase of the noise ahead per speed that the worm lacks to its wave", "sqrt(s)", ge=0
+        1.0, "noise of the position ahead per difference between the speeds of the worm and its wave", "sqrt(s)", ge=0
     )
     speed: float = parameter(0.006, "noise of the speed that the gait makes", "m/s/sqrt(s)", ge=0)
     turn_rate: float = parameter(0.008, "noise of the turn rate that the gait makes", "rad/s/sqrt(s)", ge=0)
@@ -128,12 +128,14 @@ class Uncertainty(Checked):
     rate_sample: float = parameter(
         0.005, "standard deviation of the mean turn rate of a wave by gyroscopes", "rad/s", gt=0
     )
-    rate_offset: float = parameter(0.0, "standard deviation of their constant error; 0: there are none", "rad/s", ge=0)
+    rate_offset: float = parameter(
+        0.0, "standard deviation of the constant error of the gyroscopes; 0: no gyroscopes", "rad/s", ge=0
+    )
     drift: float = parameter(0.0018, "standard deviation of the drift that no slope explains", "m/s", ge=0)
-    drift_time: float = parameter(2.0, "correlation time tau of that drift", "s", gt=0)
+    drift_time: float = parameter(2.0, "correlation time tau of the drift", "s", gt=0)
     rocking: float = parameter(0.001, "noise of the entries of C", "m/sqrt(s)", ge=0)
-    frequency: float = parameter(0.8, "f_0 from which these hold; slower waves have less noise", "Hz", gt=0)
-    slope_yield: float = parameter(3.6, "kappa, share of the speed that a slope takes, over the slope", ge=0)
+    frequency: float = parameter(0.8, "frequency f_0 below which the noise decreases with the frequency", "Hz", gt=0)
+    slope_yield: float = parameter(3.6, "kappa, the lost share of the speed divided by the slope", ge=0)
 
     def sized(self, length: float) -> Uncertainty:
         """Return the uncertainty for a worm of a given length [m]. All motion is proportional to the length."""

@@ -26,7 +26,7 @@ NOISE_LEAST = 8
 """Number of samples below which the noise is not estimated."""
 NOISE_CHANCE = 8.0
 """Relative error of the variance that is attributed to chance, multiplied by the square root of the number of samples.
-It is five standard errors of (KF8), each of 1.6."""
+It is five standard errors of (KF8). One standard error is 1.6 on this scale."""
 
 
 class Noise:

@@ -143,7 +143,8 @@ class ReducedModel:
         symbols = ReducedState(*ca.vertsplit(state)), ReducedInput(*ca.vertsplit(given))
         lags, ranges = identified.lags[mechanism], identified.maps[mechanism].ranges
         lag = max(lags.amplitude - BLEND, 0.05) / IDENTIFIED
-        pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])  # below, the feet stick: no further lag
+        # Below the identified frequencies the feet stick, and the lag does not increase further.
+        pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])
         rate = _rate(*symbols, worm, identified, mechanism, pace / lags.amplitude)
         followed = _rate(*symbols, worm, identified, mechanism, ca.SX(1.0 / lag))
         highest = ranges.frequency[1]

@@ -55,7 +55,7 @@ class InputHistory:
         self._times.append(t)
         self._phases.append(phase)
         self._inputs.append(last if np.array_equal(last, given) else given)
-        if self._times[0] < t - 2.0 * self._span:  # many at once, cheaper than one by one
+        if self._times[0] < t - 2.0 * self._span:  # many at once, which is cheaper
             old = bisect_left(self._times, t - self._span)
             del self._times[:old], self._phases[:old], self._inputs[:old], self._amplitudes[:old]
 

@@ -83,7 +83,7 @@ class Now(NamedTuple):
     anchor: FloatArray
     """(N, 2) x of the anchors."""
     direction: FloatArray
-    """(N,) +1 where the head lies towards +x."""
+    """(N,) +1 if the head end of the segment lies towards +x, else -1."""
     slide_n: FloatArray
     """(N, 2) displacement from the anchor at t_n."""
     cap: FloatArray
@@ -117,7 +117,10 @@ def friction_gauge(
 
 @njit
 def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
-    """Return y, mu and b of (G2) for apex j of segment i at x; mu follows from the regime of the apex."""
+    """Return y, mu and b of (G2) for apex j of segment i at x.
+
+    For a given regime, STICK or SLIDE, mu follows from the direction of the regime, otherwise from the sign of y.
+    """
     forward, backward = ground.mu_forward[i], ground.mu_backward[i]
     if now.regime[i, j] >= STICK:
         forward = backward = forward if now.regime[i, j] % 2 == 0 else backward

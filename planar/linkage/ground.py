@@ -19,7 +19,7 @@ far behind. If the apex slides in a step, the anchor moves after the step until 
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
 The limit of friction is cap N mu, where cap = static_ratio while the contact is stuck and cap = 1 otherwise. The
-stiffness is the same.
+stiffness of the contact is the same in both cases.
 
 A step is solved first with cap = static_ratio for all contacts that are stuck at the start of the step. Then all stuck
 contacts whose friction has reached the limit in the solution,

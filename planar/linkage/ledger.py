@@ -166,7 +166,7 @@ class _Terms:
         return np.stack([middle - reach, middle + reach], axis=-2)
 
     def _lands(self) -> FloatArray:
-        """Return 1 for each part in which an apex strikes the ground, else 0; `worm3d.solver` has the same rule."""
+        """Return 1 for each part in which an apex strikes the ground, else 0. `worm3d.solver` has the same rule."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
         return np.asarray(strikes.any(axis=(1, 2)).astype(float))

@@ -142,7 +142,7 @@ def simulate(
     stepper: Stepper
     if ground == "clamped":
         if held is not None or friction_law != "anchored":
-            raise ValueError("held and friction_law: must be left out for ground='clamped', which determines both")
+            raise ValueError("held and friction_law are for ground='contact' only, not for the clamped worm")
         stepper = ClampedStepper(worm, weight, friction.coefficients(n), velocity_threshold)
     else:
         require_equilibrium(worm, -weight[1])

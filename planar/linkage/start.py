@@ -84,7 +84,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
         i = int(np.argmax(wrong))
         raise ValueError(
             f"start: segment {i} is {length[i]:.4g} m long, must lie between 0 and {2 * worm.link_length[i]:.4g} m, "
-            "twice its links"
+            "twice the length of its links"
         )
     lowest = float(apexes(joints, worm.link_length)[..., 1].min())
     if on_ground and lowest < -OVERLAP * worm.l0:
@@ -124,7 +124,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
 def shape_checked(
     function: Callable[[float], FloatArray], shape: tuple[int, ...]
 ) -> Callable[[float], FloatArray | None]:
-    """Return a function of the time that returns `function(t)`, or None if it has another shape or is not finite."""
+    """Return a function of the time that returns `function(t)`, or None if its shape is wrong or it is not finite."""
 
     def checked(t: float) -> FloatArray | None:
         value = np.array(function(t), dtype=float)

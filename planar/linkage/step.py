@@ -251,8 +251,5 @@ class ThresholdStepper(Stepper):
 
 
 def _at_joints(per_segment: FloatArray) -> FloatArray:
-    """Return values for the joints, shape (N+1,), as means of the adjacent segments.
-
-    An end joint has the value of the end segment.
-    """
+    """Return values for the joints, shape (N+1,), as means of the adjacent segments; an end has only one segment."""
     return 0.5 * (np.append(per_segment[:1], per_segment) + np.append(per_segment, per_segment[-1:]))

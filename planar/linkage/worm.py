@@ -42,7 +42,7 @@ class Linkage(ReadOnly):
     mass: float | None = parameter(None, "mass of the whole worm", "kg", gt=0, left_out="density x rest area x depth")
     apex_mass_fraction: float = parameter(
         0.5,
-        "share of the mass on the apexes, equally; the rest is on the joints, with half as much on an end joint",
+        "share of the mass on the apexes, equally; the rest is on the joints, half as much on each end joint",
         ge=0,
         le=1,
     )
@@ -61,9 +61,7 @@ class Linkage(ReadOnly):
         each="segment",
         key="apex_hinge_N_m_rad",
     )
-    kelvin_voigt_time: float = parameter(
-        0.05, "ratio of damping coefficient and stiffness, the same for every strain", "s", ge=0
-    )
+    kelvin_voigt_time: float = parameter(0.05, "damping of every strain divided by the stiffness", "s", ge=0)
     drag: float = parameter(
         0.0,
         "viscous medium, (P8): force on the whole worm over speed; an end joint has half the share of another joint",
@@ -157,7 +155,7 @@ class Linkage(ReadOnly):
             return np.asarray(tension * 4.0 * h / length)
 
         low, high = l_cmd, 2 * a * (1 - 1e-12)
-        for _ in range(5):  # each round searches between the neighbours of the best length, in the end to 1e-7 of it
+        for _ in range(5):  # each round searches between the two neighbours of the best length so far
             place = np.linspace(low, high, 65)
             carried = weight(place)
             best = int(np.argmax(carried))

@@ -1,1 +1,1 @@
-"""The command line of `worm3d`: arguments and help. The commands themselves run in `sweep`, `studies` and `running`."""
+"""The command line of `worm3d`: arguments and help. Each command calls other packages of `scenes` to do its work."""

@@ -83,7 +83,7 @@ def run(
     ] = None,
     o: Overrides = None,
     accuracy: Annotated[
-        float | None, typer.Option(help="Relative error of the distance that is allowed, as the key run.accuracy.")
+        float | None, typer.Option(help="Largest relative error of the distance; sets the key run.accuracy.")
     ] = None,
     resume: Annotated[
         Path | None,
@@ -92,7 +92,7 @@ def run(
     duration: Annotated[
         float | None,
         typer.Option(
-            "--duration", metavar="SECONDS_MORE", help="With --resume: time to add; left out: to its planned end."
+            "--duration", metavar="SECONDS_MORE", help="With --resume: time to add. Default: up to the planned end."
         ),
     ] = None,
     out: Out = None,
@@ -109,7 +109,7 @@ def run(
     """
     if resume is not None:
         if scene is not None or o or accuracy is not None:
-            raise SceneError("run: --resume goes on with a run as it was; leave out SCENE, -o and --accuracy")
+            raise SceneError("run: --resume continues a run without changes; leave out SCENE, -o and --accuracy")
         go_on(resume, duration, out, force, quiet)
     if scene is None:
         context.fail("Nothing to run: name a SCENE of 'worm3d list' or a TOML file, or give --resume RESULT.")
@@ -214,7 +214,10 @@ def init(
 
 @app.command()
 def plot(result: ResultArgument, out: Out = None) -> None:
-    """Draw all figures of a result, into its folder or another."""
+    """Draw all figures of a result.
+
+    The figures are written into the folder of the result, or into the folder --out.
+    """
     from scenes.records.folder import made
     from scenes.records.store import load
     from scenes.running import drawing
@@ -230,11 +233,11 @@ def view(
     result: Annotated[
         str, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc; with --live a scene.")
     ],
-    live: Annotated[bool, typer.Option("--live", help="Run a scene and show it meanwhile; nothing is kept.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show a scene while it runs; nothing is stored.")] = False,
     o: Overrides = None,
     speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="With --live: simulated over real time.")] = 1.0,
-    skin: Annotated[bool, typer.Option(help="Cover the worm with a smooth skin; without it: chambers, links.")] = True,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Only name the page.")] = False,
+    skin: Annotated[bool, typer.Option(help="Show a smooth skin, or else the chambers and links.")] = True,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Only print the path of the page.")] = False,
     no_code: NoCode = False,
 ) -> None:
     """Open the page of a result in a browser, or watch a run live.
@@ -249,7 +252,7 @@ def view(
 
         raise typer.Exit(viewing.watch(load_scene(result, o or ()), speed=speed, opens=not no_open))
     if o:
-        raise SceneError("view: -o changes a scene, and a result has been computed; it goes with --live")
+        raise SceneError("view: -o changes a scene, and RESULT is finished; use -o only with --live")
     from scenes.records.folder import VIEWER, made
     from scenes.records.store import load
     from scenes.running import drawing
@@ -265,10 +268,10 @@ def view(
 @app.command()
 def export(
     result: ResultArgument,
-    csv: Annotated[Path | None, file_option("--csv", help="What is known at each instant, a row each.")] = None,
+    csv: Annotated[Path | None, file_option("--csv", help="The series over time, one row per instant.")] = None,
     npz: Annotated[Path | None, file_option("--npz", help="All variables, for numpy.load.")] = None,
     glb: Annotated[Path | None, file_option("--glb", help="A mesh of worm and world, for 3D programs.")] = None,
-    at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh; left out: the end.")] = None,
+    at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh. Default: the end.")] = None,
     film: Annotated[
         Path | None, file_option("--film", help="A film in real time, .gif or .mp4 (needs ffmpeg), of 30 s at most.")
     ] = None,

@@ -31,14 +31,16 @@ Overrides = Annotated[
 file_option = partial(typer.Option, metavar="FILE", parser=path_of)
 """Function that returns an option whose value is the path of a file."""
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=path_of, help="Folder to write to.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace existing files.")]
 NoCode = Annotated[
     bool,
     typer.Option(
-        "--no-code", callback=_refuse_code, help="Refuse a scene that names a module (module:NAME), which it would run."
+        "--no-code",
+        callback=_refuse_code,
+        help="Refuse a scene that names a module (module:NAME), whose code would run.",
     ),
 ]
-"""Option whose callback does everything. Commands that have it need not use its value."""
+"""Option whose callback does everything. Commands that have this option need not use the value."""
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
 RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Run cases again that failed before.")]
 Workers = Annotated[int | None, typer.Option("--workers", metavar="N", help="Run on N processes of this machine.")]
@@ -47,7 +49,7 @@ CaseLimit = Annotated[
     typer.Option(
         "--case-limit-s",
         metavar="SECONDS",
-        help="Longest time of a case, which fails if it takes longer (left out: 3600, or as [sweep] says).",
+        help="Time limit of a case; a slower case fails. Default: the limit in [sweep], or 3600.",
     ),
 ]
 ForceAll = Annotated[bool, typer.Option("--force", help="Run all cases anew, and write to a folder with other files.")]

@@ -25,7 +25,7 @@ from scenes.commands.arguments import (
 )
 
 batch = typer.Typer(rich_markup_mode=None)
-"""Commands that `scenes.commands.app` adds to the program beside `run`."""
+"""Commands that `scenes.commands.app` adds to the program in addition to its own commands."""
 
 Vary = Annotated[
     list[str] | None,
@@ -43,7 +43,9 @@ Scheduler = Annotated[
 ]
 Bind = Annotated[
     str,
-    typer.Option("--bind", metavar="ADDRESS", help="Where the scheduler of --workers listens; others may reach it."),
+    typer.Option(
+        "--bind", metavar="ADDRESS", help="Address of the scheduler that --workers starts; others may reach it."
+    ),
 ]
 
 
@@ -135,13 +137,15 @@ def learn(
     scene: SceneArgument,
     to: Annotated[Path, file_option("--to", help="Policy to write, ending in .npz.")],
     minutes: Annotated[float, typer.Option("--minutes", help="Time to train.")] = 10.0,
-    practice: Annotated[float, typer.Option("--practice", help="Minutes in a reduced model before.")] = 0.0,
-    acts: Annotated[str, typer.Option("--acts", help="What actions mean: course or wave.")] = "course",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of what is drawn.")] = 0,
+    practice: Annotated[
+        float, typer.Option("--practice", help="Minutes of training in a reduced model, which comes first.")
+    ] = 0.0,
+    acts: Annotated[str, typer.Option("--acts", help="Meaning of the actions: course or wave.")] = "course",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")] = 0,
     vary: Vary = None,
     o: Overrides = None,
-    worms: Annotated[int, typer.Option("--worms", min=1, help="Worms at once.")] = 16,
-    threads: Annotated[int, typer.Option("--threads", min=1, help="Worms that crawl at the same time.")] = 1,
+    worms: Annotated[int, typer.Option("--worms", min=1, help="Number of worms that are trained at once.")] = 16,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="Number of threads that simulate the worms.")] = 1,
     force: Force = False,
     quiet: Quiet = False,
     no_code: NoCode = False,

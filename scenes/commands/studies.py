@@ -82,10 +82,10 @@ def swept(
 ) -> None:
     """Run a study: a sweep with a table, a figure and conclusions for a designer.
 
-    Without a name, the command lists the studies. The name can also be that of a scene with a section [sweep], whose
-    section [study] defines the conclusions. The study writes the same files as 'worm3d sweep', and study.md, study.csv
-    and study.png. Each number is reported with its estimated error: each case runs with run.accuracy=0.01, unless the
-    scene or -o sets another value.
+    Without a name, the command lists the studies. The name of a scene with a section [sweep] is also valid; the section
+    [study] of this scene defines the conclusions. The study writes the same files as 'worm3d sweep', and study.md,
+    study.csv and study.png. Each number is reported with its estimated error: each case runs with run.accuracy=0.01,
+    unless the scene or -o sets another value.
     """
     from scenes.studies.study import command
     from scenes.sweep.command import Options

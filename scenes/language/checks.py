@@ -34,8 +34,8 @@ class Check:
     a single text, the error is reported at the first key."""
     test: Callable[..., Found]
     """Function of the values of these keys, in this order, that returns the error or None. If the function returns
-    texts by key, the reported text is that of the first key that the user wrote in an override, or, if there is none,
-    in the file."""
+    texts by key, the reported text is the text for the first key that the user wrote in an override, or, if there is
+    none, in the file."""
     builds: bool = False
     """Whether the test builds an object from whole sections. If keys of these sections are wrong, the test still runs,
     with the defaults of these keys. If the test reports a key, it is repeated with the default of this key, until it
@@ -258,6 +258,6 @@ def of_this_kind(value: Any, kind: str, *, by: str, known: Key) -> Found:
         return None
     kinds = " or ".join(few([repr(each) for each in known.only])) or "others"
     return (
-        f"only for {by} = {kinds}, which this scene is not ('{kind}'): leave it out (default {known.default_text}), "
+        f"only for {by} = {kinds}, but this scene has '{kind}': leave it out (default {known.default_text}), "
         f"or change {by}"
     )

@@ -124,8 +124,8 @@ def keys_of(
     these, without : collection of str
         Parameters that get a key (all if empty), and parameters that get no key.
     bounds, defaults, units : mapping
-        Ranges, defaults and units by the name of the parameter, in place of those of the dataclass. The ranges are in
-        the units of the section.
+        Ranges, defaults and units by the name of the parameter, which replace the ranges, defaults and units of the
+        dataclass. The ranges are in the units of the section.
     prefix, about : str
         Text before each key, and text before each meaning.
     only : tuple of str

@@ -33,7 +33,7 @@ class Sweep(Section):
         unit="s",
         gt=0,
         le=LONGEST_CASE_LIMIT,
-        meaning="maximum computing time of a case, after which it fails",
+        meaning="maximum computing time of a case; a slower case fails",
     )
     choices: dict[str, dict[str, dict[str, Any]]] = setting(
         {}, meaning='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }'

@@ -1,7 +1,7 @@
 """The file of a case of a sweep. It contains the results, and the scene to run the case again.
 
 The file is `<key>.json` in the folder `cases` of the sweep. If whole records are stored, it is `<key>.nc` instead, with
-the same content as the `result.nc` of `worm3d run`. A case that failed without a record has a JSON file in both cases.
+the same content as the `result.nc` of `worm3d run`. A case that failed without a record has a JSON file even then.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ CASES = "cases"
 """Name of the folder with the files of the cases, in the folder of a sweep."""
 CASE_FORMAT = "worm3d case 1"
 FAILED_STATUS = "failed"
-"""Status of a case that has no record, because the scene is impossible, an error occurred, or the worker died."""
+"""Status of a case that has no record, because the scene is impossible, an error occurred, the time limit was exceeded,
+or the worker died. In the last two situations, the case has no file either."""
 NOT_RUN = "not run"
-"""Status of a case that has no file, because the sweep was interrupted before the case ended."""
+"""Status of a case that has no file, because the sweep was stopped before the case ended."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class CaseResult:
     """Name of the scene."""
     model: str
     status: str
-    """`done`, `diverged` or `failed`, or `not run` if there is no file."""
+    """`done`, `diverged` or `failed`, or `not run` if the sweep was stopped before the case ended."""
     sentence: str
     """Sentence that says how the case ended."""
     seed: int

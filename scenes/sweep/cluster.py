@@ -25,8 +25,8 @@ CONNECT = 5.0
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # `scenes.sweep.flight` decides which cases are tried again
     "distributed.deploy.lost-worker-timeout": f"{WORKER_TIMEOUT_S}s",  # on a busy machine a worker is slow to return
-    "distributed.worker.profile.enabled": False,  # would slow down the cases
-    "distributed.admin.system-monitor.interval": "10s",  # would slow down the cases, too
+    "distributed.worker.profile.enabled": False,  # the profiler would slow down the cases
+    "distributed.admin.system-monitor.interval": "10s",  # frequent monitoring would slow down the cases, too
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,  # a paused worker would never finish
@@ -39,8 +39,8 @@ DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 Ctrl-C on a terminal reaches all processes. Only the driver, the process that distributes the cases, handles it.
 """
 WARNING = (
-    "warning: the scheduler listens on {}: whoever reaches that address can run programs as you do; use it only in a "
-    "network that you trust"
+    "warning: the scheduler listens on {}: anyone who can connect to this address can run programs with your rights; "
+    "use it only in a network that you trust"
 )
 
 
@@ -82,8 +82,8 @@ class Local:
             )
         except (OSError, RuntimeError, ValueError) as error:
             raise SceneError(
-                f"the workers cannot be started on {self.bind}: {error} (a program of your own must call this under "
-                "if __name__ == '__main__', since workers import it)"
+                f"the workers cannot be started on {self.bind}: {error} (your own program must start a sweep under "
+                "if __name__ == '__main__', since each worker imports the program)"
             ) from error
 
 
@@ -141,8 +141,8 @@ def _require_folder(client: Client, folder: Path) -> None:
     for worker, sees in found.items():
         if isinstance(sees, Exception):
             raise MissingPartError(
-                f"the worker at {worker} cannot run worm3d ({type(sees).__name__}: {sees}): install the same packages "
-                "there as here"
+                f"the worker at {worker} cannot run worm3d ({type(sees).__name__}: {sees}): install the packages of "
+                "this machine there, in the same versions"
             )
         if not sees:
             raise SceneError(f"the worker at {worker} does not see {folder}: choose an --out that all machines share")

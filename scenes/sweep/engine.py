@@ -144,7 +144,7 @@ class Sweep:
 
     def _without_file(self, case: Case) -> CaseResult:
         reason = self._lost.get(case.key)
-        status, sentence = (NOT_RUN, "the sweep was stopped before") if reason is None else (FAILED_STATUS, reason)
+        status, sentence = (NOT_RUN, "the sweep was stopped earlier") if reason is None else (FAILED_STATUS, reason)
         return CaseResult(case.key, self.plan.base.name, self.plan.base.model.name, status, sentence, case.seed)
 
     def _remove_parts(self) -> None:
@@ -190,7 +190,7 @@ def chosen(workers: int | None = None, scheduler: str | None = None, bind: str =
     """
     if workers is not None and scheduler is not None:
         raise SceneError(
-            "--workers starts processes, --scheduler uses those of a running scheduler: give one of the two"
+            "--workers starts processes, --scheduler uses the workers of a running scheduler: give one of the two"
         )
     if workers is None and bind != LOOPBACK:
         raise SceneError("--bind is the address of the scheduler that --workers starts: give --workers too")

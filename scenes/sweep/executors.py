@@ -36,7 +36,7 @@ class Executor(Protocol):
         Raises
         ------
         SceneError
-            If the executor cannot continue, or `perform` raises the error, for example because the disc is full.
+            If the executor cannot continue, or `perform` raises a SceneError, for example because the disc is full.
         """
         ...
 

@@ -103,7 +103,7 @@ class Flight:
         SchedulerError
             If the scheduler has ended, or there has been no worker for `WORKER_TIMEOUT_S`.
         SceneError
-            If a worker raises the error.
+            If a job raises a SceneError on a worker.
         """
         rest = jobs
         for number, company in enumerate(COMPANY):

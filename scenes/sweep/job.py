@@ -80,8 +80,8 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     scene = trusted_scene(data, job.name)
     if key_of(scene) != job.key:
         raise SceneError(
-            f"{job.name}: worm3d, its libraries, or a file or map that the scene needs differ between a worker and the "
-            "driver: install the same versions where both run"
+            f"{job.name}: a worker's worm3d, its libraries, or a file or map that the scene needs, differs from the "
+            "driver's: install the same versions on all machines"
         )
     clock = Clock(job.limit_s)
     try:

@@ -1,9 +1,9 @@
 """Time limit of a case, so that a case that never ends does not block the other cases.
 
-A case that exceeds the limit is ended after its current step. If the step does not end, a thread of `faulthandler` ends
-the worker process, and Dask starts a new process. This thread works even if the Python interpreter is blocked. Before
-the process ends, the thread writes a file. This file tells the next try of the case that the case has used up its time.
-The time is counted from the first step, so that it does not include compilation.
+A case that exceeds the limit is ended after its current step. If the step does not end, a worker process ends itself,
+and Dask starts a new one. This is done by a thread of `faulthandler`, which works even if the Python interpreter is
+blocked. Before the process ends, the thread writes a file, from which the next try of the case learns that the case has
+used up its time. The time is counted from the first step, so that it does not include compilation.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Clock:
 
 def told(limit_s: float) -> str:
     """Return the reason for the failure of a case that exceeded the limit."""
-    return f"took longer than {limit_s:g} s, the time limit of a case: give it longer by --case-limit-s"
+    return f"took longer than {limit_s:g} s, the time limit of a case: give cases more time by --case-limit-s"
 
 
 def limit_of(sweep: Any, asked: float | None) -> float:

@@ -77,7 +77,7 @@ class Links:
         value = known[name] if name in known else value_at(self.settings, name, None)
         if isinstance(value, bool) or not isinstance(value, int | float):
             got = "is not known" if value is None else f"is {shown(value)}, no number"
-            raise SceneError(f"formula '{formula}': {name} {got}; names are keys of the scene, varied ones and others")
+            raise SceneError(f"formula '{formula}': {name} {got}; the names in a formula are keys of the scene")
         return float(value)
 
 

@@ -161,7 +161,7 @@ def planned(
 def _explained(design: Design, scene: Scene) -> Design:
     """Return a design with the units and meanings of all keys.
 
-    Some keys, such as those of parts that a case selects, are not in the base scene but only in the scene of a case.
+    Some keys, such as the keys of parts that a case selects, are not in the base scene but only in the scene of a case.
     """
     if all(each.title for each in design.varied):
         return design

@@ -79,7 +79,7 @@ def design_of(
     if random is not None and not 1 <= random <= MOST_CASES:
         raise SceneError(f"--random: got {random}, must be from 1 to {MOST_CASES}")
     if random is not None and listed:
-        raise SceneError("--random and --list: both name the cases one by one; give one of them")
+        raise SceneError("--random and --list: both choose the cases; give one of the two")
     grid: list[Varied] = []
     drawn: dict[str, Any] = {}
     for key, given in vary.items():
@@ -101,7 +101,7 @@ def design_of(
     design = Design(scene, (*grid, *(_described(schema, key, dim, values) for key, values in single.items())))
     paths = [path_of(each.key) for each in design.varied]
     if again := [each.key for k, each in enumerate(design.varied) if paths[k] in paths[:k]]:
-        raise SceneError(f"vary {again[0]}: varied twice, as its key may be written with quotes and without")
+        raise SceneError(f"vary {again[0]}: varied twice, since a key with quotes is the same as the key without them")
     if not design.varied:
         raise SceneError(f"{scene}: nothing to vary; give --vary key=v1,v2,... or --list FILE, or a section [sweep]")
     return _of_a_size(design)
@@ -122,7 +122,7 @@ def texts(given: Iterable[str]) -> dict[str, str]:
         if not (equals and key and values.strip()):
             raise SceneError(f"--vary: got '{text}': must be key=values, such as gait.period_s=2,3,4 ({HOW})")
         if path_of(key) in map(path_of, found):
-            raise SceneError(f"--vary {key}: given twice; write all its values in one")
+            raise SceneError(f"--vary {key}: given twice; write all values of the key in one option")
         found[key] = values
     return found
 
@@ -220,7 +220,7 @@ def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
 def _told_of_range(low: str, high: str, number: str, spacing: str | None) -> str:
     """Return the text of an error about an invalid range, with the range that was probably meant."""
     if not number.isdecimal() and (spacing is not None or did_you_mean(number, SPACINGS) is None):
-        return f"the number of values must be a whole one, {low}:{high}:5"
+        return f"the number of values must be a whole number, {low}:{high}:5"
     last = number if spacing is None else spacing
     meant = did_you_mean(last, SPACINGS) or "log"
     counted = "" if spacing is None else f":{number}"
@@ -291,7 +291,7 @@ def _drawn(schema: type[Section], key: str, limits: tuple[str, str, bool], numbe
 
 def _require_positive(key: str, low: float, high: float) -> None:
     if min(low, high) <= 0.0:
-        raise SceneError(f"vary {key}: got limits {low:g} and {high:g}: limits of a range with 'log' must be above 0")
+        raise SceneError(f"vary {key}: got {low:g} and {high:g}: the limits of a range with 'log' must be above 0")
 
 
 def _rounded(schema: type[Section], key: str, values: Any) -> list[Any]:

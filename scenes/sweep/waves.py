@@ -17,8 +17,8 @@ ALIASED = 1.0 + math.sqrt(2.0)
 """Longest wavelength of a wave that counts as aliased [segments].
 
 Since each segment has a single contraction, a wave of n segments contains a second wave, its alias. The alias has a
-wavelength of n / (n - 1) segments, the opposite direction, and 1 / (n - 1) of the amplitude. At n = 2
-both waves have the same amplitude. At this limit the alias has half the power of the wave, and at n = 3 a quarter.
+wavelength of n / (n - 1) segments, the opposite direction, and 1 / (n - 1) of the amplitude. At n = 2 both waves have
+the same amplitude. At n = `ALIASED` the alias has half the power of the wave, and at n = 3 a quarter.
 """
 
 

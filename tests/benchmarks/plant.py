@@ -60,7 +60,7 @@ def main(
     rival: Annotated[list[str] | None, typer.Option(help="Rival to measure; repeatable.")] = None,
     ground: Annotated[list[str] | None, typer.Option(help="One of bristles, isotropic; repeatable.")] = None,
     search_s: Annotated[float, typer.Option(help="Wall-clock limit of a search for a step [s].")] = 60.0,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
     """Compare worm3d with other simulators at the same error of the distance."""
     try:

@@ -224,7 +224,7 @@ def test_the_help_names_all_commands_once_on_a_screen_and_former_names_still_wor
 @pytest.mark.parametrize("more", [("flat",), ("-o", "run.dt_s=0.1"), ("--accuracy", "0.1")])
 def test_a_run_that_goes_on_takes_no_scene_and_no_changes(worm3d, result: Path, more: tuple[str, ...]) -> None:
     ended = worm3d("run", "--resume", result, *more)
-    assert ended.complaints == ["run: --resume goes on with a run as it was; leave out SCENE, -o and --accuracy"]
+    assert ended.complaints == ["run: --resume continues a run without changes; leave out SCENE, -o and --accuracy"]
 
 
 def test_frames_per_second_and_capital_endings(worm3d, result: Path) -> None:

@@ -268,7 +268,7 @@ def test_a_case_that_never_ends_has_a_time_limit(
     command = ("sweep", "path_line", "-o", "run.duration_s=0.7", *vary, *workers, "--out", "x")
     ended = worm3d(*command, "--case-limit-s", "8")
     assert ended.code == 5
-    assert "failed: took longer than 8 s, the time limit of a case: give it longer by --case-limit-s" in ended.err
+    assert "failed: took longer than 8 s, the time limit of a case: give cases more time by --case-limit-s" in ended.err
     assert "2 of 2 cases, 1 failed" in ended.out
     assert len([*(tmp_path / "x" / "cases").iterdir()]) == 1, "the case that was late has no file"
     own.write_text(MODULE)

@@ -120,17 +120,17 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
         ),
         (
             "[gait]\ncontract_time_s = 0.3",
-            "gait.contract_time_s: only for gait.kind = 'segment_driven', which this scene is not ('travelling_wave'): "
+            "gait.contract_time_s: only for gait.kind = 'segment_driven', but this scene has 'travelling_wave': "
             "leave it out (default 0.25), or change gait.kind",
         ),
         (
             "[gait]\nalternating = false",
-            "gait.alternating: only for gait.kind = 'segment_driven', which this scene is not ('travelling_wave'): "
+            "gait.alternating: only for gait.kind = 'segment_driven', but this scene has 'travelling_wave': "
             "leave it out (default true), or change gait.kind",
         ),
         (
             '[gait]\nkind = "segment_driven"\nwavelength_m = 0.5',
-            "gait.wavelength_m: only for gait.kind = 'travelling_wave', which this scene is not ('segment_driven'): "
+            "gait.wavelength_m: only for gait.kind = 'travelling_wave', but this scene has 'segment_driven': "
             "leave it out (default 1.0), or change gait.kind",
         ),
         (

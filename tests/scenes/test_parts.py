@@ -116,7 +116,7 @@ def test_some_parameters_in_other_units_and_ranges() -> None:
         ),
         (
             {"pressure_Pa": 1.0},
-            "drive.pressure_Pa: only for drive.kind = 'piston', which this scene is not ('spring'): leave it out "
+            "drive.pressure_Pa: only for drive.kind = 'piston', but this scene has 'spring': leave it out "
             "(default 30000.0), or change drive.kind",
         ),
     ],

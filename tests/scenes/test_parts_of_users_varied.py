@@ -165,7 +165,7 @@ def test_a_sweep_over_a_wrong_value_or_key_gives_one_sentence(worm3d, vary: str,
     ("more", "said"),
     [
         (("-o", "fault.zoo:Weak.share=0.5"), 'fault."zoo:Weak".share: both varied and fixed by an override (-o)'),
-        (("--vary", "fault.zoo:Weak.share=0.5"), "--vary fault.zoo:Weak.share: given twice; write all its values in"),
+        (("--vary", "fault.zoo:Weak.share=0.5"), "--vary fault.zoo:Weak.share: given twice; write all values"),
         (("--list", "cases.csv"), "vary fault.zoo:Weak.share: varied twice"),
     ],
 )

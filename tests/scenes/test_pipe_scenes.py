@@ -126,7 +126,7 @@ MISTAKES = [
     ("points_m = [[0, 0, 0], [0, 0, 0]]", "line 2: world: points: two that follow each other coincide"),
     ("points_m = [[0, 0], [0, 0, 0]]", "line 4: world.points_m[0]: got [0, 0]: "),
     ("slope_deg = 3.0", "line 4: world.slope_deg: only for world.kind = 'plane' or 'slope_into_pipe', which"),
-    ("mouth_m = 3.0", "line 4: world.mouth_m: only for world.kind = 'slope_into_pipe', which this scene is not"),
+    ("mouth_m = 3.0", "line 4: world.mouth_m: only for world.kind = 'slope_into_pipe', but this scene has"),
     ("[start]\nposition_m = [0.0, 0.1]", "line 5: start.position_m: got [0.0, 0.1]: in a pipe it is"),
     ("[start]\nazimuth_deg = 30.0", "line 5: start.azimuth_deg: got 30.0: in a pipe it is 0"),
     ("[gait]\nkind = 'two_anchor'\nanchors = 3", "line 6: gait.anchors: got 3, must leave a segment of the worm's 6"),

@@ -95,8 +95,9 @@ def test_a_file_that_is_not_ours(record: Record, tmp_path: Path, content: bytes 
 def test_another_netcdf_file(tmp_path: Path) -> None:
     with h5netcdf.File(tmp_path / "other.nc", "w") as file:
         file.attrs["title"] = "weather"
-    complaint = r"other\.nc: not a result of this version of worm3d \(its attribute 'format' is not"
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(
+        SceneError, match=r"other\.nc: not a result of this version of worm3d \(its attribute 'format' is not"
+    ):
         load(tmp_path / "other.nc")
 
 

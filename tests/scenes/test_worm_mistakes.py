@@ -87,8 +87,8 @@ def test_every_mistake_gives_its_line() -> None:
         ("world.slope_rad=0.1", "override world.slope_rad: unknown key; did you mean 'slope_deg'?"),
         (
             "world.velocity_threshold_m_s=1e-5",
-            "override world.velocity_threshold_m_s: only for world.kind = 'clamped', which this scene is not "
-            "('plane'): leave it out (default 1e-06), or change world.kind",
+            "override world.velocity_threshold_m_s: only for world.kind = 'clamped', but this scene has "
+            "'plane': leave it out (default 1e-06), or change world.kind",
         ),
         ("push.duration_s=0.001", "override push.duration_s: got 0.001 s: must be at least run.dt_s (0.01 s), or the "),
         ("run.gravity_m_s2=-9.81", "override run.gravity_m_s2: got -9.81 m/s^2: g is at least 0; a list of x, y, z"),

@@ -105,7 +105,7 @@ def test_a_picture_becomes_terrain(tmp_path: Path) -> None:
         (
             'kind = "plane"\nfile = "mesh_tunnel.stl"',
             [
-                "line 4: world.file: only for world.kind = 'heightfield' or 'mesh', which this scene is not ('plane'): "
+                "line 4: world.file: only for world.kind = 'heightfield' or 'mesh', but this scene has 'plane': "
                 "leave it out (default 'none'), or change world.kind"
             ],
         ),

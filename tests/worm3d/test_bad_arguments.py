@@ -84,7 +84,10 @@ def test_bad_arguments_of_simulate(arguments: dict[str, Any], sentence: str) -> 
         (lambda: State(joints=np.zeros(3)), r"joints: got shape \(3,\), must be \(N\+1, 3\)"),
         (lambda: State(joints=STRAIGHT * np.nan), "joints: got nan, every value must be finite"),
         (lambda: State(joints=STRAIGHT, bend=np.zeros(7)), "bend: got 7 values, must be a number or 6 of them"),
-        (lambda: State(joints=STRAIGHT, directors=np.zeros((6, 3))), "directors: that of segment 0 is off by 1"),
+        (
+            lambda: State(joints=STRAIGHT, directors=np.zeros((6, 3))),
+            "directors: the director of segment 0 is off by 1",
+        ),
         (lambda: State(joints=STRAIGHT, directors=np.tile([1.0, 0, 0], (6, 1))), "directors: .* must be a unit vector"),
         (lambda: State(joints=STRAIGHT, time=float("nan")), "time: got nan s, must be finite"),
         (lambda: State(joints=STRAIGHT, roll_rate=np.inf), "roll_rate: got inf, every value must be finite"),

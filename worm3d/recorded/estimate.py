@@ -34,7 +34,7 @@ class ErrorEstimate:
     def __add__(self, rest: ErrorEstimate) -> ErrorEstimate:
         """Return the estimate for a run followed by its continuation.
 
-        All fields except `step_error` are summed. For `step_error`, the larger value is used. `figures` is empty.
+        All fields are summed, except two: `step_error` is the larger of both values, and `figures` is empty.
         """
         both = {each.name: getattr(self, each.name) + getattr(rest, each.name) for each in fields(self)}
         return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error), "figures": ()})

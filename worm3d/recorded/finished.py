@@ -17,7 +17,10 @@ from worm3d.worlds.base import World
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FinishedRun(Recorded, Steps):
-    """A run with T recorded instants, S finished steps and N segments. It contains all steps before a failure."""
+    """A run with T recorded instants, S finished steps and N segments.
+
+    If the run failed, its series contain the steps before the failure.
+    """
 
     world: World | None
     gravity: FloatArray

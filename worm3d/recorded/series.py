@@ -244,7 +244,7 @@ class Recorded(ReadOnly):
     twist: FloatArray = recorded(
         "time inner_joint",
         "rad",
-        "roll of the segment ahead of joints 1 to N-1 against the one behind; positive lifts its left side",
+        "roll of the segment ahead of joints 1 to N-1 relative to the segment behind; positive: left side up",
         Rows("joint_angles", 2),
     )
     chamber_length: FloatArray = recorded(
@@ -289,7 +289,7 @@ class Recorded(ReadOnly):
         "time segment apex", "N", "normal load of each apex", Points("point_in", "load_n")
     )
     slip: FloatArray = recorded(
-        "time segment apex", "m", "metres slid by each apex since the row before", Points("slid")
+        "time segment apex", "m", "metres slid by each apex since the previous row", Points("slid")
     )
     joint_load: FloatArray = recorded(
         "time joint",
@@ -299,7 +299,7 @@ class Recorded(ReadOnly):
         clamped=Entries("joint_load"),
     )
     joint_slip: FloatArray = recorded(
-        "time joint", "m", "metres slid by end faces and inner joints since the row before", Points("slid")
+        "time joint", "m", "metres slid by end faces and inner joints since the previous row", Points("slid")
     )
     contact_force: FloatArray = recorded(
         "time segment point axis",
@@ -357,7 +357,7 @@ class Steps(ReadOnly):
     fallbacks: IntArray = recorded("step", "1", "times that Newton fell back to descent")
     halved_steps: int = recorded("", "1", "steps that were taken in parts")
     settling: float | None = recorded(
-        "", "m", "largest motion of a joint while the worm was brought to rest before the run; NaN: was not"
+        "", "m", "largest motion of a joint while the worm was brought to rest before the run; NaN if it was not"
     )
 
 

@@ -99,13 +99,13 @@ class State(ReadOnly):
         object.__setattr__(self, "time", arguments.number("time", time, "s"))
         object.__setattr__(self, "laid", arguments.flag("laid", laid))
         if not isinstance(memory, Mapping | None):
-            raise ValueError(f"memory: got {type(memory).__name__}, must be that of another state, or None")
-        copies = {name: np.array(value) for name, value in (memory or {}).items()}  # `Plant.remember` looks at each
+            raise ValueError(f"memory: got {type(memory).__name__}, must be the memory of another state, or None")
+        copies = {name: np.array(value) for name, value in (memory or {}).items()}  # `Plant.remember` checks each
         object.__setattr__(self, "memory", read_only(copies))
 
     @classmethod
     def unchecked(cls, **values: Any) -> State:
-        """Return the state with these fields. All fields must be given and valid, with arrays that nobody else uses."""
+        """Return the state with these fields. All fields must be given and valid, with unshared arrays."""
         state = cls.__new__(cls)
         state.__setstate__(values)
         return state
@@ -122,8 +122,8 @@ class State(ReadOnly):
         off = np.maximum(along, np.abs(np.linalg.norm(self.directors, axis=1) - 1.0))
         if off.max() > 1e-6:
             raise ValueError(
-                f"directors: that of segment {int(np.argmax(off))} is off by {off.max():.3g}, must be a unit vector "
-                "normal to the segment"
+                f"directors: the director of segment {int(np.argmax(off))} is off by {off.max():.3g}, must be a unit "
+                "vector normal to the segment"
             )
 
     @property
@@ -146,7 +146,7 @@ class State(ReadOnly):
         azimuth: float = 0.0,
         contraction: ArrayLike = 0.0,
     ) -> State:
-        """Return a worm at rest on its world. It is straight, or follows the centre line of a pipe.
+        """Return the state of a worm at rest on its world. The worm is straight, or follows the centre line of a pipe.
 
         Without a world, the worm lies at height 0.
 
@@ -169,7 +169,7 @@ class State(ReadOnly):
         ValueError
             A position or azimuth that is not finite or of another shape.
         StateError
-            The world has no room for the worm there.
+            The world has no room for the worm at this position.
         """
         arguments.instance("worm", worm, Worm, "a worm3d.Worm")
         arguments.instance("world", world, World | None, "a world such as worm3d.Plane(), or None")
@@ -206,8 +206,8 @@ def _require_lift(lift: float, world: World | None) -> None:
         return
     allowed = "0 on a ClampedGround, which holds the joints at its height" if world.clamped else "at least 0"
     raise ValueError(
-        f"position: got {lift:g} m as its third number, must be {allowed}: it lifts the worm off the surface, and is "
-        "no height above z = 0"
+        f"position: got {lift:g} m as its third number, must be {allowed}: it is a height above the "
+        "surface, not above z = 0"
     )
 
 

@@ -35,7 +35,7 @@ from worm3d.values.parameters import documented, parameter
 SELF_WEIGHT, CROSS_WEIGHT, SIGMOID_WIDTH = 1.5, 1.0, 0.2
 """Weights of E on itself and on the other side, and width of the sigmoid, in units of the threshold. Since SELF_WEIGHT
 is above 1, a burst outlasts its trigger. Since CROSS_WEIGHT is about as large as the threshold, one side can trigger
-the other side if that has failed."""
+the other side if the other side has failed to burst."""
 FELT = 0.5
 """Share of the commanded contraction that counts as a full contraction. Friction may prevent the rest."""
 TURNING = 0.4
@@ -55,20 +55,24 @@ and the exponent is unknown for faster waves."""
 class EiChain(FeedbackGait, name="ei_chain"):
     """Waves of a chain of excitatory and inhibitory neurons, trained on larvae."""
 
-    period: float = parameter(2.0, meaning="pace: time between two waves where nothing is felt", unit="s", gt=0, le=1e3)
+    period: float = parameter(2.0, meaning="pace: time between two waves if nothing is felt", unit="s", gt=0, le=1e3)
     direction: Direction = direction_of_waves("direct")
     asymmetry: float = parameter(
-        0.0, meaning="input to the left side, as much less to the right", ge=-1, le=1, allowed="a number in [-1, 1]"
+        0.0,
+        meaning="input added to the left side and taken from the right side",
+        ge=-1,
+        le=1,
+        allowed="a number in [-1, 1]",
     )
     feedback: float = parameter(
-        0.0, meaning="share of a segment's activity that is felt, by its strain, in place of known", ge=0, le=1
+        0.0, meaning="share of the felt contraction, by strain, in a segment's activity; 0: not felt", ge=0, le=1
     )
     coupling: float = parameter(2.0, meaning="weight of a neighbour, in thresholds", gt=1)
     drive: float = parameter(2.0, meaning="input of the end that begins the waves, in thresholds", gt=1)
     inhibition: float = parameter(5.399, meaning="weight of inhibition on excitation, in thresholds", gt=0)
     tau_e: FloatArray = parameter(
         TAU_E,
-        meaning="tau_2, time constant of excitation, in parts of the body of equal length from tail to head",
+        meaning="tau_2, time constants of excitation of equally long parts of the body, from tail to head",
         unit="s",
         gt=0,
         each="sample",
@@ -147,7 +151,7 @@ class Chain:
 def pace(
     tau_e: tuple[float, ...], coupling: float, drive: float, inhibition: float, source: int, period: float
 ) -> Network:
-    """Return the network, alike on both sides, whose waves have a period [s], unturned and with nothing felt.
+    """Return a network with equal sides whose waves have the given period [s] without turning and without feeling.
 
     Raises
     ------
@@ -156,8 +160,8 @@ def pace(
     """
     if min(tau_e) < period / 1000.0:
         raise ValueError(
-            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a 1000th of it: the time steps "
-            "follow it"
+            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a 1000th of the period, since "
+            "the time steps are proportional to tau_e"
         )
     drives = np.zeros((len(tau_e), 2))
     drives[source] = drive
@@ -171,8 +175,8 @@ def pace(
             return made
         tau_i *= period / found
     raise ValueError(
-        f"period: got {period:g} s, must be one at which waves run along all segments; this coupling, inhibition and "
-        "drive make none, or tau_e is too large for it"
+        f"period: got {period:g} s, must be a period at which waves run along all segments; this coupling, "
+        "inhibition and drive make no waves, or tau_e is too large for the period"
     )
 
 

@@ -1,11 +1,14 @@
-"""Waves in recordings of crawling animals: when each band of a row was pulled along, and the delays.
+"""Waves in recordings of crawling animals: the times at which each band of the body moves, and the delays of bands.
 
-A trough is a minimum below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation of the
-measured values; values of exactly 0 were not measured), or below two thirds of the band's deepest value, if that is
-less, and LEAST_GAP from deeper troughs. If less than 5 % of the values of a band have one sign, as for a length, the
-values are taken relative to their median. The time of a trough is the minimum of the parabola through three samples. A
-wave is a trough of the middle band and, from band to band outwards, the deepest trough within MAX_DELAY in the
-direction of the wave, or a little in the other direction.
+A trough of a band is a minimum that is deeper than DEPTH robust standard deviations, or deeper than two thirds of the
+deepest value, whichever is easier to reach. The robust standard deviation is 1.4826 times the median of the absolute
+deviations of the measured values from their median. Values of exactly 0 count as not measured. If less than 5 % of the
+values of a band have one sign, as for a length, the values are taken relative to their median. The time of a trough is
+the minimum of the parabola through three samples.
+
+A wave begins with a trough of the middle band that is at least LEAST_GAP away from deeper troughs. From band to band
+outwards, the wave continues with the deepest trough within MAX_DELAY in the direction of the wave, or within
+MAX_REVERSE_DELAY in the other direction.
 """
 
 from __future__ import annotations
@@ -85,13 +88,14 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
     Raises
     ------
     ValueError
-        Fewer than three bands, uneven times, fewer than four waves, no wave that reaches a band, or no wave that runs.
+        There are fewer than three bands, fewer than ten times, uneven times, fewer than four waves, or fewer than
+        three periods without a pause. Or no wave reaches one of the bands, or all bands have their troughs at once.
     """
     dt = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if len(bands) < 3 or len(time) < 10 or not (dt > 0.0 and np.allclose(np.diff(time), dt, rtol=0.01)):
         raise ValueError(
-            f"recording: got {len(bands)} bands at {len(time)} times, must be 3 bands or more at 10 evenly spaced "
-            "times, which ascend"
+            f"recording: got {len(bands)} bands at {len(time)} times, must be at least 3 bands, and at least 10 "
+            "ascending, evenly spaced times"
         )
     scaled = _scaled(np.nan_to_num(values))
     middle, times = len(bands) // 2, []
@@ -106,14 +110,14 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
     periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < MIN_PAUSE]
     if len(times) < 4 or len(periods) < 3:
         raise ValueError(
-            f"recording: found {len(times)} waves in it, must be 4 or more, three of them without a pause before; a "
+            f"recording: found {len(times)} waves, must be 4 or more, three of them without a pause before; a "
             f"wave is a trough of each band in turn, {LEAST_GAP:g} s or more after the last one, and within "
             f"{MAX_DELAY:g} s from band to band"
         )
     waves = Waves(bands, np.array(times), np.array(periods))
     median = waves.median()
     if missed := [band for band, delay in zip(bands, median, strict=True) if not np.isfinite(delay)]:
-        raise ValueError(f"recording: no wave reaches {', '.join(missed)}; each band must be part of some")
+        raise ValueError(f"recording: no wave reaches {', '.join(missed)}; each band must be part of a wave")
     if np.ptp(median) < dt:
         raise ValueError("recording: all bands have their troughs at once, must have waves that run along the body")
     return waves

@@ -1,14 +1,14 @@
-"""Delays shared by recordings of waves, as few numbers, and their prediction error for a recording that is left out.
+"""Model of the delays that recordings of waves share, and its prediction error for a recording that is left out.
 
 The delay of band b behind the middle band, at the period T, is modelled as
 
     T^p (s x_b + h_b),   x_b = places from the middle band                                                        (SP1)
 
-with a size s, an exponent of pace p and a profile h, all shared by the recordings. p minimises the sum of the squares
-of the misses, over `FRAME` squared, and of (p - 1)/PACE_SPREAD. The profile is the mean miss of uniform delays, divided
-by 1 + strength: a strength of 0 trusts the recordings, an infinite strength gives the uniform wave. Leave-one-out
-validation over the recordings chooses the strength, and waves drawn with replacement give the sampling error of this
-choice.
+with a size s, an exponent of pace p and a profile h, all shared by the recordings. A miss is a measured delay minus the
+modelled delay. p minimises the sum of the squares of (miss/FRAME), plus the square of (p - 1)/PACE_SPREAD. The profile
+is the mean miss of uniform delays, divided by 1 + strength: a strength of 0 trusts the recordings, an infinite strength
+gives the uniform wave. Leave-one-out validation over the recordings chooses the strength. Waves drawn with replacement
+give sampling intervals for this strength.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ PACE_SPREAD = 0.24
 """Standard deviation of the exponent of pace about the expected 1: larvae that crawl slower have slower waves
 (first-instar larvae, `L1`, at 5 s a wave take five times as long from segment to segment as third-instar larvae at one
 second a wave). The value matters for recordings of similar pace: with half the value, this value, twice the value and
-no expectation, the four recordings give 0.77, 0.68, 0.65 and 0.64, but 3a and 3c alone 0.88, 0.65, 0.35 and 0.13. The
-value was chosen in view of all four recordings."""
+no expectation, the exponents from the four recordings are 0.77, 0.68, 0.65 and 0.64, but the exponents from 3a and 3c
+alone are 0.88, 0.65, 0.35 and 0.13. The value was chosen in view of all four recordings."""
 STRENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, np.inf)
 """Strengths of the shrinkage that are compared."""
 ALONE = 1.0

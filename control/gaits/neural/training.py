@@ -1,19 +1,20 @@
 """Training of the chain of neurons on the waves of animals.
 
-The training fits the constants of `control.gaits.neural.chain.EiChain`: the waves shall have the median delays of one
-or more recordings, each at the pace of the recording, and noise shall disturb the waves little. The fit minimises the
-sum of the squares of
+The training fits the constants of `control.gaits.neural.chain.EiChain` to one or more recordings. At the pace of each
+recording, the waves should have the median delays of this recording, and noise should disturb the waves little. The
+fit minimises the sum of the squares of
 
-    g((delay - measured)/FRAME)             each band, each recording                                             (ET1)
-    (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET2)
-    second difference of ln tau_e along the body, which is usually 1 and keeps tau_e smooth                       (ET3)
+    g((delay - measured delay)/FRAME)       each segment except the middle segment, each recording                (ET1)
+    (share of active segments - DUTY)/DUTY_SPREAD                           each recording                        (ET2)
+    second difference of ln tau_e along the body, which keeps tau_e smooth                                        (ET3)
+    CARRIED * (share of 60 noisy networks that fail to carry direct or retrograde waves)                          (ET4)
 
-and of CARRIED times the share of 60 noisy networks that do not carry direct and retrograde waves (ET4). g(e) is e^2,
-with the sign of e, since a small part of a frame is not visible, and linear beyond LINEAR_ERROR frames. (ET1) to (ET3)
-are smooth. They are minimised by least squares over tau_e, inhibition and pace exponent for each of `COUPLINGS`, and
-the coupling with the smallest sum is chosen. The period of a recording is not fitted, since the pace is set to this
-period. Delays at two or more paces determine the exponent of pace; with a single pace the exponent keeps its initial
-value, since `control.gaits.neural.shared` already accounts for the expected exponent.
+where g(e) = e |e| up to LINEAR_ERROR frames, and g is linear beyond. The weight of small errors is small, since a small
+part of a frame is not visible. (ET1) to (ET3) are smooth. Least squares minimise them over tau_e, the inhibition and
+the exponent of pace for each of `COUPLINGS`, and the coupling with the smallest sum of (ET1) to (ET4) is chosen. The
+period of a recording is not fitted, since the pace is set to this period. Delays at two or more paces determine the
+exponent of pace. A single pace does not determine the exponent, and no term keeps the exponent near an expected value,
+since `control.gaits.neural.shared` already accounts for the expected value.
 """
 
 from __future__ import annotations
@@ -29,14 +30,15 @@ from control.gaits.neural.waves import carrying, timing_of
 from worm3d.values.arrays import FloatArray
 
 FRAME = 0.05
-"""Unit of the errors of delays: a frame of 20 pictures a second [s]."""
+"""Unit of the errors of delays: the duration of a frame at 20 frames per second [s]."""
 LINEAR_ERROR = 3.0
 """Error above which g is linear, in frames."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
-"""Active share of a segment's period, and its standard deviation. It is 0.32 to 0.48 in the larvae of `L1`."""
+"""Share of the period during which a segment is active, and standard deviation of this share. In the larvae of `L1`,
+the share is 0.32 to 0.48."""
 COUPLINGS = (1.8, 2.0, 2.2)
-"""Weights of the neighbours that are compared, in units of the threshold. Below 1.6 noise stops waves, and above 3
-noise makes segments burst without input."""
+"""Values of the coupling, the weight of a neighbour, that the fit compares, in units of the threshold. Below 1.6, noise
+stops waves. Above 3, noise makes segments burst without input."""
 DIFFERENCE_STEPS = (3e-2, 5e-3)
 """Relative steps of the finite differences in the two rounds of a search. The second round starts from the result of
 the first."""
@@ -71,7 +73,7 @@ class Training:
     carried: float
     """Share of the noisy networks of (ET4) that carry waves."""
     tried: int
-    """Number of networks that were evaluated."""
+    """Number of networks that were evaluated, without the noisy networks of (ET4)."""
 
 
 class StoppedError(Exception):
@@ -90,20 +92,21 @@ def fit(
     targets : sequence of Target
         All with the same number of segments, at least 3.
     like : EiChain, optional
-        Chain with the parameters that are not fitted, such as the direction; left out: the default chain.
+        Chain with the parameters that are not fitted, such as the direction. The default is the default chain.
     go_on : callable
-        Called with the number of networks tried; if the call returns False, `StoppedError` is raised.
+        Function that is called with the number of networks evaluated so far, before each further evaluation. If it
+        returns False, `StoppedError` is raised.
 
     Raises
     ------
     ValueError
-        No target, or segments that differ in number.
+        There is no target, the targets differ in the number of segments, or they have fewer than 3 segments.
     StoppedError
         `go_on` returned False.
     """
     sizes = {len(target.delays) for target in targets}
     if len(sizes) != 1 or min(sizes) < 3:
-        raise ValueError(f"targets: got delays of {sorted(sizes)} segments, must be of one number of at least 3")
+        raise ValueError(f"targets: got delays of {sorted(sizes)} segments, must be equally many, and at least 3")
     segments = sizes.pop()
     step = np.mean([np.ptp(target.delays) * (2.0 / target.period) for target in targets]) / (segments - 1)
     point = np.array([np.log(6.5), *np.full(segments, np.log(0.9 * step)), 0.8])
@@ -125,7 +128,7 @@ def fit(
             found = least_squares(terms, at, bounds=bounds, diff_step=difference, args=(base,), max_nfev=40)
             at, squares = found.x, 2.0 * float(found.cost)
         gait = gait_at(at, base)
-        # 1.5 times the noise that a network should tolerate, so that failures show early.
+        # The noise is 1.5 times the noise that a network should tolerate, so that weak networks fail in the fit.
         share = carrying(gait, segments, noise=0.15, draws=60, seed=1)
         cost = squares + (CARRIED * (1.0 - share)) ** 2
         if cost < best.cost:
@@ -134,12 +137,18 @@ def fit(
 
 
 def gait_at(point: FloatArray, like: EiChain) -> EiChain:
-    """Return the chain with the constants of a point of the search: logarithms, and the pace exponent."""
+    """Return the chain for a point of the search.
+
+    A point consists of the logarithms of `inhibition` and of each of `tau_e`, and of the exponent of pace.
+    """
     return replace(like, inhibition=float(np.exp(point[0])), tau_e=np.exp(point[1:-1]), pace_exponent=float(point[-1]))
 
 
 def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
-    """Return the terms (ET1) to (ET3) of a chain; all terms are 1000 for a chain that makes no waves."""
+    """Return the terms (ET1) to (ET3) of a chain.
+
+    If the chain makes no waves at the pace of a target, the terms (ET1) and (ET2) of this target are 1000.
+    """
     terms = [*np.diff(np.log(gait.tau_e), 2)]
     for target in targets:
         segments = len(target.delays)
@@ -154,7 +163,7 @@ def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
 
 
 def weighed(errors: FloatArray) -> FloatArray:
-    """Return the function g of (ET1) of errors in frames."""
+    """Return the function g of (ET1) for errors in frames."""
     size = np.abs(errors)
     weighed = np.where(size < LINEAR_ERROR, size**2, (2.0 * size - LINEAR_ERROR) * LINEAR_ERROR)
     return np.asarray(np.sign(errors) * weighed)

@@ -23,7 +23,7 @@ class Timing:
     delays: FloatArray
     """Delay of each segment behind the middle segment in the last wave [s], in the order of the wave, shape (N,)."""
     duty: float
-    """Mean active share of a segment's time."""
+    """Share of the time during which a segment is active, averaged over the segments."""
 
 
 def timing_of(gait: EiChain, segments: int) -> Timing:
@@ -31,8 +31,8 @@ def timing_of(gait: EiChain, segments: int) -> Timing:
     times, duty = _watched(gait, gait.network(segments), gait.drives(segments))
     if not _runs(times):
         raise ValueError(
-            f"period: got {gait.period} s, must be one at which waves run along all segments; tau_e or the couplings "
-            "are too small or too large for it"
+            f"period: got {gait.period} s, must be a period at which waves run along all segments; tau_e or the "
+            "couplings are too small or too large for the period"
         )
     last = int(np.isfinite(times[:, 0]).sum(axis=-1).min()) - 1
     wave = times[:, 0, last]
@@ -62,7 +62,7 @@ def carrying(gait: EiChain, segments: int, noise: float, draws: int, seed: int =
     good = 0
     for _ in range(draws):
         state = random.bit_generator.state
-        for way, network, drives in networks:  # one network, and another input
+        for way, network, drives in networks:  # both directions use the same noisy network, with different inputs
             random.bit_generator.state = state
             noisy = network.noisy(noise, random)
             driven = drives * (1.0 + noise * random.standard_normal(drives.shape))
@@ -84,9 +84,9 @@ def _watched(gait: EiChain, network: Network, drives: FloatArray) -> tuple[Float
 
 
 def _runs(times: FloatArray) -> bool:
-    """Return whether all bursts, except perhaps an unfinished last burst, run from segment to segment on both sides.
+    """Return whether the source bursts at least three times, and all bursts run from segment to segment on both sides.
 
-    The source bursts at least three times.
+    The last burst need not have reached the other end.
     """
     counts = np.isfinite(times).sum(axis=-1)
     if counts[0].min() < 3 or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:

@@ -60,7 +60,7 @@ class Solver(PartSection, keys=keys_of(Parameters, these=SOLVER, bounds=SOLVER))
     """Newton's iteration, (P2)."""
 
     elastic_sign: Literal[-1, 1] = setting(
-        int(Parameters().elastic_sign), meaning="sign of the elastic force: -1 as the program, 1 as in mechanics"
+        int(Parameters().elastic_sign), meaning="sign of the elastic force: -1 as in the program, 1 as in mechanics"
     )
 
 

@@ -108,5 +108,5 @@ def run_all(out: Path | None, options: sweeps.Options) -> int:
             if codes[-1] == EXIT_CODES["interrupted"]:
                 return codes[-1]
         write_bytes(folder / REPORT, together(found).encode())
-        typer.echo(f"{folder / REPORT} has what they tell together")
+        typer.echo(f"{folder / REPORT} is the common report of the studies")
     return EXIT_CODES["incomplete"] if any(codes) else 0

@@ -19,7 +19,8 @@ MAX_FLAT_CHANGE = 0.05
 """Largest range of a flat curve, relative to the largest magnitude of its values."""
 RIPPLE = 0.05
 """Largest change against the trend that is ignored, as a fraction of the range of the curve. With 0.025, errors of the
-time steps would be reported as extremes. With 0.1, the dip at half a wavelength would be missed."""
+time steps would be reported as extremes. With 0.1, the study `wavelength` would miss the dip at a wavelength of half a
+body length."""
 NEGLIGIBLE_LOSS = 0.05
 """A value counts as nearly the best up to this relative difference from the best value."""
 AT_END, AT_GAP = "the range ends there", "the values end there"
@@ -87,13 +88,16 @@ class Shape:
         return [int(k) for k in np.flatnonzero(alike)]
 
     def edge(self, place: int) -> str:
-        """Return a text if the curve ends at a place or has no value beside it; empty otherwise."""
+        """Return `AT_END` for the first and the last place, `AT_GAP` if a value next to `place` is missing, else ""."""
         if len(self.y) > 1 and place in (0, len(self.y) - 1):
             return AT_END
         return AT_GAP if np.isnan(self.y[max(0, place - 1) : place + 2]).any() else ""
 
     def near(self, place: int) -> tuple[int, int]:
-        """Return the first and the last place of the range around `place` whose values are nearly the value there."""
+        """Return the first and the last place of the range around `place` in which all values are nearly the same.
+
+        They differ from the value at `place` by at most `NEGLIGIBLE_LOSS` times this value.
+        """
         alike = np.abs(self.y - self.y[place]) <= NEGLIGIBLE_LOSS * abs(float(self.y[place]))
         low = high = place
         while low > 0 and alike[low - 1]:
@@ -161,7 +165,7 @@ def sentence(shape: Shape, what: str, along: str, x: Told, told: Told, better: s
             most = "greatest" if kind == "peak" else "least"
             near = _near(shape, shape.turns[1], x) if (kind == "peak") == (better != "less") else ""
             top = shape.turns[1]
-            return f"{what} is {most} at {x(top)}: {told(top)}{near}, beside {first} and {last}"
+            return f"{what} is {most} at {x(top)}: {told(top)}{near}, compared with {first} and {last}"
     where = f"; best at {_best(shape, x, better)}" if better else ""
     return f"{what} goes up and down with {along}: " + ", ".join(at) + where
 
@@ -172,7 +176,7 @@ def _unresolved(shape: Shape) -> str:
 
 
 def _best(shape: Shape, x: Told, better: str) -> str:
-    """Return a text with the value of x at the best value, and at the values that are level with it."""
+    """Return a text with the value of x at the best value of y, and at each value of y that is level with the best."""
     best = shape.best(better)
     level = [x(k) for k in shape.level(best) if k != best]
     return x(best) + (f", level with {', '.join(level)}" if level else "")

@@ -145,7 +145,7 @@ def _plain_ticks(axes: Axes, which: str) -> None:
 
 
 def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None:
-    """Label an axis and its values without overlap. The axis is logarithmic if the values are spaced so."""
+    """Label an axis and its values without overlap. The axis is logarithmic if the values are (`is_logarithmic`)."""
     distinct = np.unique(values)
     if is_logarithmic(distinct):
         getattr(axes, f"set_{which}scale")("log")

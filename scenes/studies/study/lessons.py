@@ -22,7 +22,7 @@ VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}
 """For each expected shape of a curve: the shape that means yes, and the shape that means no."""
 MOST_LEVEL = 3
 """Largest number of cases that are listed as level with the best case."""
-TIES = "; '=' joins those that are no further apart than their errors"
+TIES = "; '=' joins cases whose values differ by no more than their errors"
 
 
 def answers(grid: Grid) -> Iterator[str]:
@@ -244,11 +244,11 @@ def _unknown(grid: Grid) -> Iterator[str]:
     """Yield sentences on figures whose errors are unknown, and on cases that are left out for this reason."""
     without = [measure.words for measure in grid.measures if not np.isfinite(grid.errors(measure.name)).any()]
     if without:
-        yield f"What steps in time put the {_listed(without)} off by is not known."
+        yield f"The errors of the {_listed(without)} that the time steps cause are not known."
     for view in grid.views():
         if view.unknown.any():
             words, number = f"{view.measure.words}{_where(view.where, '')}", int(view.unknown.sum())
-            yield f"The error of the {words} is not known in {counted(number, 'case')}, where no best is looked for."
+            yield f"The error of the {words} is not known in {counted(number, 'case')}, which cannot be best."
 
 
 def _extent(grid: Grid, name: str, marked: NDArray[np.bool_]) -> str:
@@ -260,7 +260,7 @@ def _extent(grid: Grid, name: str, marked: NDArray[np.bool_]) -> str:
         rows.setdefault(_places(grid.x, np.flatnonzero(marked[:, c]).tolist()), []).append(c)
     told = [f"{at}{_where('', _curves(grid, curves))}" for at, curves in rows.items()]
     begin = f"In {int(marked.sum())} of {marked.size} cases, {name}: at {grid.x.words} {'; '.join(told)}."
-    return f"{begin} The best is looked for among the others."
+    return f"{begin} These cases cannot be best."
 
 
 def _places(axis: Axis, places: Sequence[int]) -> str:

@@ -18,7 +18,7 @@ STUDY_FIGURE_FILE, STUDY_TEXT_FILE, STUDY_TABLE_FILE = "study.png", "study.md", 
 """Files of a study in its folder."""
 MOST_ROWS = 48
 """Largest number of cases in the table of a study; `study.csv` has all cases."""
-OFF = "± is what steps in time may put a number off by"
+OFF = "± is the estimated error of a number, caused by the time steps"
 
 
 def document(grid: Grid) -> str:
@@ -74,7 +74,7 @@ def _study(grid: Grid, level: int, folder: str) -> Iterator[Block]:
 def _table(grid: Grid) -> Iterator[Block]:
     rows = len(grid.x.varied.values) * len(grid.curves)
     if rows > MOST_ROWS:
-        yield f"All cases are in `{STUDY_TABLE_FILE}`, with what each number may be off by (`_off`)."
+        yield f"All cases are in `{STUDY_TABLE_FILE}`, with the estimated error of each number (`_off`)."
         return
     views, marks = [grid.view(measure) for measure in grid.measures], grid.marked()
     header = [grid.x.label, *([grid.other.label] if grid.other else []), *(each.measure.label for each in views)]

@@ -97,7 +97,7 @@ class Grid:
         others = [each for each in self._axes if each is not self.by]
         if any(each.varied.dim in (CASE, SAMPLE) for each in others) or not 1 <= len(others) <= 2:
             raise SceneError(
-                f"{self.scene.name}: a study is a grid over one or two keys, and one more that study.by names; "
+                f"{self.scene.name}: a study is a grid over one or two keys, and one more key if study.by names it; "
                 f"got {', '.join(each.varied.key for each in others) or 'none'}"
             )
         others.sort(key=lambda each: not each.is_number)  # stable: numbers before names

@@ -63,7 +63,7 @@ class Measure:
 
 
 def rounded(off: FloatArray) -> FloatArray:
-    """Return errors rounded up as in reports, so that values that are level by their errors also look level there."""
+    """Return errors rounded up as in reports, so that values that are level also look level in the reports."""
     return np.array([rounded_up(each) for each in off.ravel().tolist()]).reshape(off.shape)
 
 

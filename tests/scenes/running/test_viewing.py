@@ -80,7 +80,7 @@ def test_what_has_no_page_is_told(worm3d, result: Path, record: Record, tmp_path
     assert worm3d("view", "nowhere").code == 2
     ended = worm3d("view", "x", "-o", "gait.period_s=3")
     assert (ended.code, len(ended.complaints)) == (2, 1)
-    assert "it goes with --live" in ended.complaints[0]
+    assert "use -o only with --live" in ended.complaints[0]
     assert worm3d("view", "planar_published", "--live").complaints == [
         "planar_published: the model 'planar_published' cannot be watched; 'worm3d run' animates it"
     ]

@@ -101,7 +101,7 @@ def test_a_case_that_is_stopped_has_no_file(tmp_path: Path) -> None:
 
 
 def test_other_programs_are_told(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="install the same versions where both run"):
+    with pytest.raises(SceneError, match="install the same versions on all machines"):
         perform(replace(job_in(tmp_path), key="0" * 20))
 
 

@@ -62,7 +62,7 @@ front = { "worm.spring_N" = ["= stiff", "= 2 * stiff", 7, 7, 7, 7] }
             'vary = { ratio = [1, 2] }\nset = { "worm.mass_kg" = "= ratoi" }',
             "sweep, worm.mass_kg: formula '= ratoi': ratoi is not known",
         ),
-        ('vary = { seed = [1] }\nset = { "worm.mass_kg" = "= ratio" }', "ratio is not known; names are keys"),
+        ('vary = { seed = [1] }\nset = { "worm.mass_kg" = "= ratio" }', "ratio is not known; the names in"),
         ('vary = { seed = [1] }\nset = { "worm.mass_kg" = "= gait.kind" }', "no number"),
         ('vary = { ratio = [1] }\nset = { "worm.mass" = "= ratio" }', "worm.mass: unknown key"),
         ("vary = { seed = [1] }\nchoices = { seed = { a = {} } }", "sweep.choices.seed: it is varied too"),

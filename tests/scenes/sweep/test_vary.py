@@ -132,7 +132,7 @@ def test_options_of_the_command() -> None:
         ({"gait.period_s": "1:2"}, {}, "a range needs a number of values, gait.period_s=1:2:5, or --random N"),
         ({"gait.period_s": "1:2:1"}, {}, "must be from 2 to 100000 values"),
         ({"gait.period_s": "1:2:99999999999999"}, {}, "must be from 2 to 100000 values"),
-        ({"gait.period_s": "-1:2:5:log"}, {}, "limits of a range with 'log' must be above 0"),
+        ({"gait.period_s": "-1:2:5:log"}, {}, "the limits of a range with 'log' must be above 0"),
         ({"gait.period_s": "1,2"}, {"random": 3}, "--random: no key to draw"),
         ({"gait.period_s": "2:1"}, {"random": 3}, "the first limit must be below the second"),
         ({"gait.period_s": "0:1:log"}, {"random": 3}, "must be above 0"),
@@ -157,7 +157,7 @@ def test_what_cannot_be_varied_is_one_sentence(vary: dict[str, Any], options: di
     [
         ("0.1:0.2:5:lgo", "a range ends with 'log' or 'lin', not 'lgo'; did you mean 0.1:0.2:5:log?"),
         ("0.1:0.2:lgo", "did you mean 0.1:0.2:log?"),
-        ("0.1:0.2:2.5", "the number of values must be a whole one, 0.1:0.2:5"),
+        ("0.1:0.2:2.5", "the number of values must be a whole number, 0.1:0.2:5"),
     ],
 )
 def test_what_is_nearly_a_range_is_told_what_is_wrong(text: str, said: str) -> None:

@@ -234,7 +234,7 @@ def test_the_worker_of_a_case_that_never_ends_is_replaced(tmp_path: Path) -> Non
     ended = list(cluster.Local(2).run([innocent[0], stuck, *innocent[1:]], perform, never))
     assert time.monotonic() < begun + 60.0
     told = {each.key: each for each in ended}
-    why = "took longer than 0.5 s, the time limit of a case: give it longer by --case-limit-s"
+    why = "took longer than 0.5 s, the time limit of a case: give cases more time by --case-limit-s"
     assert told.pop(stuck.key) == Ended(stuck.key, "failed", why)
     assert {each.status for each in told.values()} == {"done"}
     assert len(told) == len(innocent)
@@ -326,7 +326,7 @@ def test_what_cannot_be_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
         chosen(bind="0.0.0.0")
     with pytest.raises(SceneError, match=r"the workers cannot be started on 192\.0\.2\.1"):
         list(chosen(workers=1, bind="192.0.2.1").run([Job("a", "a", b"", "a")], perform, never))
-    assert "warning: the scheduler listens on 192.0.2.1: whoever reaches" in capsys.readouterr().err
+    assert "warning: the scheduler listens on 192.0.2.1: anyone who can connect" in capsys.readouterr().err
 
 
 def test_dask_is_imported_on_demand() -> None:

@@ -89,11 +89,12 @@ def told(y: list[float], better: str = "more", off: float = 0.0) -> str:
         ),
         (
             [1.0, 2.95, 3.0, 2.0],
-            "speed is greatest at 2 s: 3 m/s (within 5% of it from 1 s to 2 s), beside 1 m/s at 0 s and 2 m/s at 3 s",
+            "speed is greatest at 2 s: 3 m/s (within 5% of it from 1 s to 2 s), "
+            "compared with 1 m/s at 0 s and 2 m/s at 3 s",
         ),
         (
             [3.0, 1.0, 2.0],
-            "speed is least at 1 s: 1 m/s, beside 3 m/s at 0 s (the range ends there) and 2 m/s at 2 s",
+            "speed is least at 1 s: 1 m/s, compared with 3 m/s at 0 s (the range ends there) and 2 m/s at 2 s",
         ),
         (
             [1.0, 3.0, 1.0, 2.0],

@@ -120,8 +120,8 @@ def test_lessons_name_who_is_ahead_and_what_is_marked() -> None:
         lessons(grid(lambda n, period, body: n * (2.0 if body == "thin" else 1.0), lambda n, period, body: None))
     )
     assert "By speed (period 2 s), 'thin' is ahead at 4 to 5; best of all is 10 BL/s at 5 with 'thin'." in told
-    assert "What steps in time put the speed and cost of transport off by is not known." in told
-    assert "In 1 of 6 cases, it tips: at segments 6 (thin). The best is looked for among the others." in told
+    assert "The errors of the speed and cost of transport that the time steps cause are not known." in told
+    assert "In 1 of 6 cases, it tips: at segments 6 (thin). These cases cannot be best." in told
 
 
 def test_the_report_has_question_sentences_figure_and_table(tmp_path: Path) -> None:
@@ -227,7 +227,7 @@ def test_a_lead_within_the_errors_is_a_tie() -> None:
     tied = list(lessons(grid(speed, cost, text, off=0.06)))
     assert any("'thin' is level with others at every segments; best" in line for line in tied)
     each = next(line for line in tied if " of each: " in line)
-    assert each.endswith("'=' joins those that are no further apart than their errors.")
+    assert each.endswith("'=' joins cases whose values differ by no more than their errors.")
     best = "6.10 ± 0.06 BL/s at 6 with 'thick', level with 6 with 'thin'; the range of the segments ends there"
     assert any(best in line for line in tied)
     near = grid(lambda n, period, body: 5.0 + 0.02 * (n == 5), cost, text, off=0.03)
