@@ -280,7 +280,7 @@ def test_compiled_code_calls_a_kernel_by_its_address() -> None:
     inputs[:, :6] = columns
     assert _doubled(kernel.address, inputs, outputs, 6) == 2.0 * run(kernel, columns)[0, 5]
     for wrong in ((inputs[1:], outputs, 6), (inputs, outputs, inputs.shape[1] + 1), (inputs, outputs, -1)):
-        with pytest.raises(ValueError, match="other rows or too few lanes"):
+        with pytest.raises(ValueError, match="wrong number of rows or too few lanes"):
             _doubled(kernel.address, *wrong)
     with pytest.raises(ValueError, match="C-contiguous"):
         _doubled(kernel.address, inputs[:, ::2], outputs, 3)

@@ -13,7 +13,7 @@ _made: list[Any] = []
 
 
 def later(stand_in: Any, make: Callable[[], Any]) -> Any:
-    """Make compiled code use the object of Numba that `make` returns in place of `stand_in`; return `stand_in`."""
+    """Replace `stand_in` in compiled code by the object of Numba that `make` returns. Return `stand_in`."""
     _waiting.append((stand_in, make))
     return stand_in
 

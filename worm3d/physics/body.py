@@ -1,4 +1,7 @@
-"""Sizes, masses, stiffnesses and strokes of a worm. Most are a number, or an array with a number for each segment."""
+"""Sizes, masses, stiffnesses and strokes of a worm.
+
+Some parameters may be an array with a number for each segment or for each joint between segments.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,12 @@ from worm3d.values.parameters import check, parameter
 from worm3d.values.read_only import ReadOnly
 
 MOST_SEGMENTS = 1000
-"""Maximum number of segments. Longer worms do not settle on their world."""
+"""Maximum number of segments. Worms with more segments do not settle on their world."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body(ReadOnly):
-    """A chain of N rhombic linkages: properties of a worm that actuators use. Segment 0 and joint 0 are at the tail."""
+    """The body of a worm: a chain of N rhombic linkages, without actuators. Segment 0 and joint 0 are at the tail."""
 
     segments: int = parameter(
         6, "number of segments, N", ge=1, le=MOST_SEGMENTS, key="segments", aka=("n", "n_segments")
@@ -27,13 +30,13 @@ class Body(ReadOnly):
     mass: float = parameter(0.1, "mass of the whole worm", "kg", gt=0)
     joint_mass_fraction: float = parameter(
         0.5,
-        "share of the mass on the joints, like rod nodes (the ends half as much); the rest is on the apexes",
+        "share of the mass on the joints, with half as much on an end joint; the rest is on the apexes",
         ge=0,
         le=1,
     )
     payload: float = parameter(
         0.0,
-        "part of the mass that the head's joint carries beside its share, such as a camera or a tool",
+        "part of the mass that is on the joint at the head in addition to its share, such as a camera or a tool",
         "kg",
         ge=0,
         aka=("head_mass_kg",),
@@ -41,14 +44,14 @@ class Body(ReadOnly):
     chamber_offset: float = parameter(0.03, "distance b of the chambers from the centre line", "m", ge=0, aka=("b_m",))
     half_height: Numbers = parameter(
         0.05,
-        "rest half-height h0 of a chamber's rhombus; the links follow, a^2 = h0^2 + l0^2/4",
+        "rest half-height h0 of a chamber's rhombus; it determines the length a of the links, a^2 = h0^2 + l0^2/4",
         "m",
         gt=0,
         each="segment",
         aka=("h0_m",),
     )
     k_spring: Numbers = parameter(
-        13.0, "stiffness k of a segment's springs, both chambers together", "N", gt=0, each="segment", key="spring_N"
+        13.0, "stiffness k of a segment's springs, the sum of both chambers", "N", gt=0, each="segment", key="spring_N"
     )
     k_torsion: Numbers = parameter(
         10.0, "stiffness of a joint in pitch", "J", ge=0, each="joint", key="torsion_J", aka=("pitch_J",)
@@ -65,15 +68,20 @@ class Body(ReadOnly):
     )
     k_apex: Numbers = parameter(
         0.0,
-        "stiffness of a segment's apex hinges, both chambers together, on their angle",
+        "torsional stiffness of an apex hinge of a segment, the sum of the left and the right chamber",
         "N m/rad",
         ge=0,
         each="segment",
         key="apex_hinge_N_m_rad",
     )
-    kelvin_voigt_time: float = parameter(0.05, "damping of every strain over its stiffness", "s", ge=0)
+    kelvin_voigt_time: float = parameter(
+        0.05, "ratio of damping coefficient and stiffness, the same for every strain", "s", ge=0
+    )
     drag: float = parameter(
-        0.0, "viscous medium: force over speed of the whole worm, shared over the joints like their mass", "N s/m", ge=0
+        0.0,
+        "viscous medium: force on the whole worm over speed; an end joint has half the share of another joint",
+        "N s/m",
+        ge=0,
     )
     actuator_lag: float = parameter(0.1, "time constant of a chamber's first-order response to its command", "s", ge=0)
     stroke: tuple[float, float] = parameter(
@@ -82,11 +90,11 @@ class Body(ReadOnly):
     rate_limit: float = parameter(
         float("inf"), "greatest speed of contraction of a chamber", "1/s", gt=0, infinite=True, left_out="no limit"
     )
-    outward_apexes: bool = parameter(True, "whether the outward apexes exist: have mass and touch the world")
+    outward_apexes: bool = parameter(True, "whether the outward apexes exist, i.e. have mass and touch the world")
     end_faces: bool = parameter(
         True,
-        "whether the end faces (discs of the end segments' rest height) and, as points, the joints between them touch "
-        "the world",
+        "whether the end faces (discs as high as the end segments at rest) and the joints between segments (as points) "
+        "touch the world",
     )
 
     def __post_init__(self) -> None:
@@ -95,7 +103,7 @@ class Body(ReadOnly):
         object.__setattr__(self, "stroke", _stroke(self.stroke))
         if self.payload >= self.mass:
             raise ValueError(
-                f"payload: got {self.payload!r} kg, must be below mass ({self.mass!r} kg), which has it in it"
+                f"payload: got {self.payload!r} kg, must be below mass ({self.mass!r} kg), which includes the payload"
             )
 
     @property

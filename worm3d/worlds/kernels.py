@@ -5,7 +5,7 @@ parameters. The rows of its outputs are
 
     g               signed distance, negative inside the solid [m]
     n (3)           gradient of g, a unit vector out of the solid
-    H (6)           Hessian of g, xx, xy, xz, yy, yz, zz [1/m]; may be zero, which only takes more Newton steps
+    H (6)           Hessian of g, xx, xy, xz, yy, yz, zz [1/m]; a world may give 0, but Newton then takes more steps
     grip            multiplier of the friction coefficients at that place
 
 in the layout of `worm3d.machine.codegen`: row r of point k is at [r, k].
@@ -78,7 +78,10 @@ def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:
 
 @lru_cache(maxsize=64)
 def kernel(function: ca.Function) -> Kernel:
-    """Return a compiled function from a cache. The kernel also computes the lanes after the last point."""
+    """Return a compiled function from a cache.
+
+    The kernel computes whole vectors of lanes, also the lanes after the last point.
+    """
     return compile_kernel(function, padded=True)
 
 
@@ -89,7 +92,7 @@ def by_hand(function: Callable[..., int]) -> Any:
 
 
 def kernel_by_hand(function: Callable[..., int], parameters: list[float], owned: object) -> WorldKernel:
-    """Return the compiled world of a hand-written kernel with parameters. `owned` are the objects it reads."""
+    """Return the compiled world of a hand-written kernel with parameters. The kernel reads `owned`."""
     code = by_hand(function)
     return WorldKernel(code.address, np.array(parameters, dtype=float), (code, owned))
 

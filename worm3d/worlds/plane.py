@@ -64,7 +64,7 @@ class Plane(World):
 
     flat: ClassVar[bool] = True
     uneven = False
-    """`pressing` returns only the component of gravity normal to the plane, so that the worm does not slide."""
+    """False, because `pressing` has no component along the plane, so that a worm without friction does not slide."""
 
     slope: float = 0.0
     heading: float = 0.0
@@ -127,15 +127,15 @@ class ClampedGround(World, name="clamped"):
     """The paper's level ground in 3D, which prescribes the heights of the joints and has no contacts.
 
     The joints' z does not change. In each step, a predictor without friction gives the velocity of each joint, and the
-    normal load, which is the force (P9) that holds the joint's z. (P10) gives the friction against the motion from load
-    and velocity, with separate coefficients towards the head, towards the tail and sideways. Below
-    `velocity_threshold` there is no friction. A corrector then repeats the step with these forces.
+    normal load, which is the force (P9) that holds the joint's z. The friction (P10) acts against the motion. The
+    friction follows from the load and the velocity, with separate coefficients towards the head, towards the tail and
+    sideways. Below `velocity_threshold` there is no friction. A corrector then repeats the step with these forces.
     """
 
     clamped: ClassVar[bool] = True
     flat: ClassVar[bool] = True
     uneven = False
-    """The worm does not rest on contacts."""
+    """False, because the worm does not rest on contacts."""
 
     velocity_threshold: float = parameter(
         1e-6, meaning="speed below which there is no friction, eps of (P10)", unit="m/s", ge=0
@@ -145,7 +145,7 @@ class ClampedGround(World, name="clamped"):
         check(self)
 
     def kernel(self) -> WorldKernel:
-        """Return the kernel of the level plane. It only gives distances for records, and no contacts."""
+        """Return the kernel of the level plane, which only computes the distances in records; there are no contacts."""
         return Plane().kernel()
 
     def pressing(self, gravity: FloatArray) -> FloatArray:

@@ -2,12 +2,11 @@
 
 `compile_kernel(function)` translates the elementary instructions of an SX function into LLVM's language (`emit`,
 `lanes`) and compiles them for this processor (`native`). It stores the result on disk (`worm3d.machine.cache`), and
-returns a `Kernel`. A kernel is called from Python, or by its address from code that Numba compiles:
+returns a `Kernel`. `evaluate` calls a kernel by its address, from Python and from code that Numba compiles:
 
     kernel = compile_kernel(function)
     inputs, outputs = kernel.allocate(count)
-    kernel(inputs, outputs, count)  # Python
-    evaluate(kernel.address, inputs, outputs, count)  # inside @worm3d.machine.compiled.njit
+    evaluate(kernel.address, inputs, outputs, count)  # also inside @worm3d.machine.compiled.njit
 
 The compiler may fuse multiplication and addition, and may use reciprocals for several divisions (LLVM's `contract` and
 `arcp`), but changes nothing else. Results therefore equal the results of CasADi's virtual machine up to rounding, and

@@ -20,7 +20,7 @@ from worm3d.machine.writer import BYTES, INT, Writer, intrinsic
 SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
 """C signature of a kernel (`worm3d.machine.codegen.emit`)."""
 
-REFUSED = "kernel: got arrays with other rows or too few lanes, must fit the kernel: create them with Kernel.allocate"
+REFUSED = "kernel: got arrays with the wrong number of rows or too few lanes: create them with Kernel.allocate"
 
 
 def _run(address: int, at: int, rows_in: int, lanes_in: int, to: int, rows_out: int, lanes_out: int, count: int) -> int:
@@ -42,7 +42,7 @@ def evaluate(
 ) -> None:
     """Evaluate `count` instances of the kernel at `address`. The function can also be called from compiled code.
 
-    Each instance uses one lane, which is a column of the arrays. The arrays are those of `Kernel.__call__`. The first
+    Each instance uses one lane, which is a column of the arrays. The arrays have the layout that `Kernel` describes. The first
     instance uses the lane `first`, which must be a multiple of the kernel's width.
 
     Raises
@@ -61,7 +61,7 @@ def evaluate(
 def _compiled() -> Any:
     import numba
 
-    # The compiled code contains the file name, for exceptions. Without the folder the code is the same in all folders.
+    # The compiled code contains a file name, for exceptions. The name of the module makes it independent of the folder.
     code = evaluate.__code__.replace(co_filename=__name__)
     return numba.njit(FunctionType(code, evaluate.__globals__, evaluate.__name__, evaluate.__defaults__))
 
