@@ -89,7 +89,7 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
     ------
     ValueError
         There are fewer than three bands, fewer than ten times, uneven times, fewer than four waves, or fewer than
-        three periods without a pause. Or no wave reaches one of the bands, or all bands have their troughs at once.
+        three periods without a pause; no wave reaches one of the bands; or all bands have their troughs at once.
     """
     dt = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if len(bands) < 3 or len(time) < 10 or not (dt > 0.0 and np.allclose(np.diff(time), dt, rtol=0.01)):

@@ -42,8 +42,8 @@ def evaluate(
 ) -> None:
     """Evaluate `count` instances of the kernel at `address`. The function can also be called from compiled code.
 
-    Each instance uses one lane, which is a column of the arrays. The arrays have the layout that `Kernel` describes. The first
-    instance uses the lane `first`, which must be a multiple of the kernel's width.
+    Each instance uses one lane, which is a column of the arrays. The arrays have the layout that `Kernel`
+    describes. The first instance uses the lane `first`, which must be a multiple of the kernel's width.
 
     Raises
     ------
