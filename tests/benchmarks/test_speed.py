@@ -31,6 +31,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed_parts, "LOOP_S", 1e-4)
 
 
+@pytest.mark.slow
 def test_all_is_measured_and_the_page_names_no_place(tiny: None) -> None:
     page = speed.page(TINY)
     assert not re.search(r"\b(nan|inf)\b", page)

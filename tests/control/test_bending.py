@@ -30,6 +30,7 @@ def bending():
     return run(Bending, 25.0)
 
 
+@pytest.mark.slow
 def test_head_and_tail_are_nearer_to_the_path_than_those_of_a_stiff_worm(bending):
     _, result = bending
     later = result.time > 10.0

@@ -99,7 +99,9 @@ def test_round_a_circle() -> None:
     assert result.heading[-1] == pytest.approx(0.08 * 30.0 / 1.5, abs=0.2)
 
 
-@pytest.mark.parametrize("azimuth", [np.pi, -2.9, np.pi / 2.0])
+@pytest.mark.parametrize(
+    "azimuth", [pytest.param(np.pi, marks=pytest.mark.slow), -2.9, pytest.param(np.pi / 2.0, marks=pytest.mark.slow)]
+)
 def test_a_worm_that_faces_another_way_turns_round(azimuth: float) -> None:
     reference = Reference(CRUISE, path=Line(start=AHEAD, azimuth=azimuth))
     result, _ = run(reference, 24.0)
@@ -111,6 +113,7 @@ def test_a_worm_that_faces_another_way_turns_round(azimuth: float) -> None:
     assert np.abs(aside).max() < 0.7, "it turns where it is"
 
 
+@pytest.mark.slow
 def test_a_steep_wave_goes_at_twice_the_cruise_and_takes_half_the_work() -> None:
     fast = Reference(Constant(0.2), path=Line(start=AHEAD))
     found = figures(*run(fast, 12.0, wave="steep"), fast)
@@ -138,6 +141,7 @@ def test_without_a_sensor_a_controller_sees_exactly(controller, most_deg: float)
     assert last.heading == pytest.approx(np.interp(last.time, result.time, result.heading), abs=0.02)
 
 
+@pytest.mark.slow
 def test_three_failures_in_ten_cost_two_percent_of_the_speed_at_most() -> None:
     reference = Reference(CRUISE, path=Circle(1.5, start=AHEAD))
     result, watched = run(reference, 25.0, planner=Unreliable)
@@ -147,6 +151,7 @@ def test_three_failures_in_ten_cost_two_percent_of_the_speed_at_most() -> None:
     assert found["cross_track_rms_bl"] <= 0.006
 
 
+@pytest.mark.slow
 def test_up_a_slope_that_it_does_not_know_of() -> None:
     reference = Reference(CRUISE, path=Line(start=AHEAD))
     result, watched = run(reference, 25.0, slope=float(np.deg2rad(3.0)))
@@ -159,12 +164,14 @@ def test_up_a_slope_that_it_does_not_know_of() -> None:
     assert last.state.slip > 0.1, "it makes up for the slope because it has found it"
 
 
+@pytest.mark.slow
 def test_a_step_of_the_speed() -> None:
     reference = Reference(Steps(0.05, (12.0,), (0.1,)), path=Line(start=AHEAD))
     result, watched = run(reference, 24.0)
     assert figures(result, watched, reference)["settling_periods"] <= 3.0
 
 
+@pytest.mark.slow
 def test_mirrored_paths_and_measurements_have_mirrored_commands_on_the_plant() -> None:
     def path(side, offset: float) -> Path:
         return Circle(1.5, start=(0.5, offset), towards=side)

@@ -109,6 +109,7 @@ def test_a_slope_on_which_the_worm_rested_without_sliding_stops_it_no_more() -> 
     assert descent.fault(0.0, steep) is not None
 
 
+@pytest.mark.slow
 def test_a_short_error_of_the_height_of_the_centre_of_mass_does_not_stop_a_worm_for_good() -> None:
     found = load(WORM)
     assert found is not None

@@ -225,6 +225,7 @@ def test_the_drive_is_noisy_as_well(monkeypatch) -> None:
     assert carrying(gaits.EiChain(), 6, 2.0, 10, seed=2) < 1.0
 
 
+@pytest.mark.slow
 def test_training_finds_what_made_the_delays(monkeypatch) -> None:
     """Delays of a known chain at two paces, one coupling; its exponent is not drawn towards what is expected of it."""
     monkeypatch.setattr(training, "COUPLINGS", (2.0,))

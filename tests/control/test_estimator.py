@@ -151,6 +151,7 @@ def nis_of(estimator: Estimator) -> list[float]:
     return [nis for t, nis in estimator.innovations if t > BEGUN]
 
 
+@pytest.mark.slow
 def test_nominal_runs_straight_ahead_are_known_within_their_bounds() -> None:
     """The worst of five seeds is within the bounds; the heading at the start is not told."""
     run, estimator, nis, shares = recorded("straight"), Estimator(WORM, model()), [], []
@@ -170,6 +171,7 @@ def test_nominal_runs_straight_ahead_are_known_within_their_bounds() -> None:
     assert consistency([each for run_nis in nis for each in run_nis]).holds
 
 
+@pytest.mark.slow
 def test_nominal_runs_that_wind_are_known_within_their_bounds() -> None:
     run, estimator, nis, shares = recorded("winding"), Estimator(WORM, model(), heading=0.0), [], []
     for seed in range(5):
@@ -252,6 +254,7 @@ def test_at_rest_the_heading_stays_unknown() -> None:
     assert rms(np.array([each.position for each in told[300:]]) - recorded("straight").seen[0].com[:2]) < 0.002
 
 
+@pytest.mark.slow
 def test_a_late_sample_counts_at_its_instant() -> None:
     """With all samples late by as much, the estimate is the one that was, told on to now: no lag but of the model."""
     run = recorded("winding")

@@ -204,6 +204,7 @@ def test_an_obstacle_that_leaves_no_way_to_turn_in_is_refused() -> None:
         run(Reference(Constant(0.08), path=LINE, obstacles=(Disc(0.7, 0.05, 0.15),)), 8.0)
 
 
+@pytest.mark.slow
 def test_an_obstacle_with_room_before_it_is_no_fault() -> None:
     blocked = (Disc(1.5, 0.1, 0.15), Disc(1.5, -0.12, 0.15))
     assert run(Reference(Constant(0.08), path=LINE, corridor=1.0, obstacles=blocked), 20.0)[2] == {}
@@ -227,8 +228,8 @@ def sideways(force: float, joint: int, begin: float, end: float) -> Callable[[fl
     ("world", "push"),
     [
         (Plane(), sideways(0.4, 6, 5.0, 7.0)),
-        (Plane(), sideways(-0.5, 1, 5.0, 5.8)),
-        (Plane(slope=np.deg2rad(12.0), heading=np.deg2rad(70.0)), None),
+        pytest.param(Plane(), sideways(-0.5, 1, 5.0, 5.8), marks=pytest.mark.slow),
+        pytest.param(Plane(slope=np.deg2rad(12.0), heading=np.deg2rad(70.0)), None, marks=pytest.mark.slow),
     ],
 )
 def test_a_worm_that_tips_is_reported_within_three_waves(world: Plane, push) -> None:
@@ -312,6 +313,7 @@ def test_a_sensor_that_misleads_is_named_within_three_waves(kind: str, fault: Fa
     assert supervisor.sides.swapped == (kind == "swapped sides") == (supervisor.generator.correction is None)
 
 
+@pytest.mark.slow
 def test_a_heading_that_was_off_from_the_first_is_told_by_the_way() -> None:
     assert FOUND is not None
     supervisor = Supervisor.of(

@@ -141,6 +141,7 @@ def test_without_hinges_or_with_two_held_it_steers_as_the_whole_worm(mechanism: 
     assert type(controller.generator.schedule) is Schedule
 
 
+@pytest.mark.slow
 def test_a_dead_chamber_in_the_middle_is_lived_with() -> None:
     """Seed 10: 0.053 body lengths, and winding on and on, with the steering of the whole worm."""
     from scenes.models.loading import load_scene

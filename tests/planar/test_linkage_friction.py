@@ -39,7 +39,7 @@ def axial_energy(force: float, mu_kinetic: float) -> float:
     return 0.25**2 / 2 * (abs(force) - mu_kinetic * G) ** 2
 
 
-@pytest.mark.parametrize("dt", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("dt", [1e-2, 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("sign", "mu_static"), [(1, 0.8), (-1, 0.4)])
 def test_axial_friction_in_both_directions(dt: float, sign: int, mu_static: float) -> None:
     threshold = mu_static * G
@@ -298,6 +298,7 @@ def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tup
     return np.array(path), work[-steps:].sum() / (n * mu_forward * distance)
 
 
+@pytest.mark.slow
 def test_crawling_with_equal_loads_follows_the_quantile_law() -> None:
     """V = -(load-weighted quantile of the relative velocities at mu_f/(mu_f + mu_b)): 1.8000 a cycle.
 

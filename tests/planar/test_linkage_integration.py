@@ -119,6 +119,7 @@ def test_stored_energies_are_those_of_the_end_states(default_worm: Linkage, unev
             assert change != 0.0, name
 
 
+@pytest.mark.slow
 def test_numerical_loss_in_contact_vanishes_with_the_time_step(default_worm: Linkage) -> None:
     gait = smooth(6, 0.05, 1.0)
     losses = [

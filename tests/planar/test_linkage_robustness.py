@@ -41,6 +41,7 @@ def random_case(rng: np.random.Generator) -> tuple[Linkage, dict]:
     return worm, arguments
 
 
+@pytest.mark.slow
 def test_forty_random_worms_end_with_a_name() -> None:
     rng, ends = np.random.default_rng(20250101), Counter()
     for _ in range(40):
@@ -107,6 +108,7 @@ def test_six_segments_cost_few_iterations(default_worm: Linkage) -> None:
     assert run.newton_iterations.max() < 60
 
 
+@pytest.mark.slow
 def test_threshold_law_overstates_progress(default_worm: Linkage) -> None:
     for period in (2.0, 5.0):
         distance = {

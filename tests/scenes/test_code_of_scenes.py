@@ -108,6 +108,7 @@ def tried(*arguments: object, before: str = "pass") -> dict[str, list[str]]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_that_happens_to_be_installed_is_called() -> None:
     """200 classes and functions of installed distributions in each of the keys that take `module:NAME`."""
     assert tried(0, 200) == {"tried": 200, "called": [], "accepted": []}
@@ -257,7 +258,9 @@ LOOKS = (
 )
 
 
-@pytest.mark.parametrize(("hangs", "workers"), [("sleep(9)", ()), ("sleep(1e9)", ("--workers", "1"))])
+@pytest.mark.parametrize(
+    ("hangs", "workers"), [("sleep(9)", ()), pytest.param("sleep(1e9)", ("--workers", "1"), marks=pytest.mark.slow)]
+)
 def test_a_case_that_never_ends_has_a_time_limit(
     worm3d, tmp_path: Path, own: Path, hangs: str, workers: tuple[str]
 ) -> None:
@@ -297,6 +300,7 @@ def test_a_scene_with_a_sweep_has_a_time_limit_of_its_own(worm3d, tmp_path: Path
     assert (ended.code, "took longer than 0.01 s" in ended.err) == (5, True)
 
 
+@pytest.mark.slow
 def test_results_are_looked_at_without_the_code_they_were_made_with(worm3d, tmp_path: Path, own: Path) -> None:
     """The module is another one meanwhile, which leaves a file where it is imported, and then is gone."""
     asked = (
@@ -320,6 +324,7 @@ def test_results_are_looked_at_without_the_code_they_were_made_with(worm3d, tmp_
     assert "own_code" not in sys.modules
 
 
+@pytest.mark.slow
 def test_results_with_parts_of_modules_that_are_not_imported_are_looked_at(worm3d, tmp_path: Path) -> None:
     """A gait, an actuator and a law of friction that are known only where their module has been imported."""
     record = simulate(load_scene("flat", ("run.duration_s=0.5", "gait.period_s=0.5")))

@@ -203,6 +203,7 @@ def test_a_record_survives_the_disc_and_is_drawn(circle: Record, tmp_path: Path)
     assert {path.stem for path in tmp_path.glob("*.png")} == set(CONTROL_MODEL.figures)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_watched_shows_the_horizon_as_its_page_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each picture has the way that the latest decision before it predicted, and none before there is one."""
     seen: list[np.ndarray | None] = []
@@ -304,6 +305,7 @@ def test_refused_measurements_and_failed_plans_are_rows_of_the_summary() -> None
     assert refused(controller) == 4
 
 
+@pytest.mark.slow
 def test_baselines_run_too() -> None:
     blind = simulate(load_scene("path_circle", (*BRIEF, "controller.kind=open_loop")))
     assert blind.summary["mpc_failures"] is None
@@ -336,7 +338,7 @@ def test_the_command_line_runs_and_refuses_to_resume(worm3d, tmp_path: Path) -> 
     )
 
 
-@pytest.mark.parametrize("kind", ["mpc", "pi_los"])
+@pytest.mark.parametrize("kind", ["mpc", pytest.param("pi_los", marks=pytest.mark.slow)])
 def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
     def commands(towards: str, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
         settings = scene("path_circle", f"controller.kind={kind}", f"reference.towards={towards}")

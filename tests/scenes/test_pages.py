@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.slow
-
-SCENES = ("flat", "pipe_bend", "slope_into_pipe")
+SCENES = (
+    "flat",
+    pytest.param("pipe_bend", marks=pytest.mark.slow),
+    pytest.param("slope_into_pipe", marks=pytest.mark.slow),
+)
 BARE = "hide=forces,anchors,trail"
 
 

@@ -186,6 +186,7 @@ print(run.summary()["distance_m"], run.world.distance(run.joints[-1]).min())
 """
 
 
+@pytest.mark.slow
 def test_runs_are_varied_and_shown_where_the_module_is_not(worm3d, tmp_path: Path, zoo: Path) -> None:
     first = ("gait.kind=zoo:Kick", "world.kind=zoo:Ripples", "friction.law=zoo:Slime", 'measures.parts=["zoo:lift"]')
     first += ("reflexes.zoo:Shy.less=0.2", "load.kind=zoo:Kite", "load.lift_N=0.04", "friction.thick_s_m=4.0")

@@ -210,6 +210,7 @@ def test_a_fit_finds_a_parameter_of_a_part(kind: str, tmp_path: Path) -> None:
     assert found.varied.start != truth
 
 
+@pytest.mark.slow
 def test_the_command_fits_a_parameter_within_a_range(worm3d, tmp_path: Path) -> None:
     scene, overrides, key, truth = FITTED["actuator"]
     to = seen(simulate(asked(scene, *overrides, f"{key}={truth}")), tmp_path / "seen.csv")

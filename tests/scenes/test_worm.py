@@ -199,6 +199,7 @@ def test_a_scene_names_its_law_of_friction_with_its_parameters(brief: Record) ->
             load_scene("flat", [override])
 
 
+@pytest.mark.slow
 def test_one_segment_has_no_inner_joints(tmp_path: Path) -> None:
     single = ("worm.segments=1", "worm.length_m=0.17", "worm.mass_kg=0.02")
     record = simulate(load_scene("flat", [*BRIEF, *single]))

@@ -99,6 +99,7 @@ def test_a_warm_start_imports_no_compiler() -> None:
     assert "numba" not in done.stdout.split()
 
 
+@pytest.mark.slow
 def test_code_that_asks_for_memory_finds_it_without_the_compiler() -> None:
     code = "import sys; from control.gaits.larva_ei.network import crawling; crawling(1.0); print(*sys.modules)"
     for _ in range(2):

@@ -88,6 +88,7 @@ def test_a_ramp_is_a_cone() -> None:
     assert_allclose(pipe.radius_at(s), wide, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_changing_radius_is_as_far_as_the_nearest_place_of_the_wall() -> None:
     """Against places of the wall 4 um apart: the square of the distance is then too great by (2 um)^2 at most."""
     pipe = Pipe(Centreline.of([Straight(1.0)]), NARROW)

@@ -29,6 +29,7 @@ def test_random_worms_end_with_a_name(kind: str, part: int) -> None:
     assert sum(one.end == "NO_CONVERGENCE" for one in admitted) == 0, outcomes
 
 
+@pytest.mark.slow
 def test_a_hundred_random_worms() -> None:
     """Half of the study: 97 % of those that the guards admit are good to 1e-3 of a segment length; few are refused."""
     outcomes = [study.outcome(study.case(4, index)) for index in range(100)]

@@ -18,6 +18,7 @@ from scenes.running.runner import simulate
 BRIEF = ("-o", "run.duration_s=0.4", "-o", "gait.period_s=0.2")
 
 
+@pytest.mark.slow
 def test_each_case_is_the_run_of_its_scene(worm3d, tmp_path: Path) -> None:
     ended = worm3d("sweep", "planar_segments", *BRIEF, "--vary", "worm.segments=3,5", "--results", "--out", "x")
     assert ended.code == 0
@@ -32,6 +33,7 @@ def test_each_case_is_the_run_of_its_scene(worm3d, tmp_path: Path) -> None:
         assert {name: float(row[name]) for name in figures} == figures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar_segments", "planar_periods"])
 def test_a_study_says_what_it_finds(worm3d, tmp_path: Path, name: str) -> None:
     ended = worm3d("run", name, "--out", "x")

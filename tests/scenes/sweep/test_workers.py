@@ -215,6 +215,7 @@ def test_a_killed_worker_costs_no_case_and_a_killing_case_is_told(tmp_path: Path
     require_complete(innocent)
 
 
+@pytest.mark.slow
 def test_short_cases_that_share_a_task_with_a_killing_one_are_run_once(tmp_path: Path) -> None:
     innocent = jobs(tmp_path, "spin 0.01", 60)
     guilty, wrong = jobs(tmp_path, "kill", 1)[0], jobs(tmp_path, "raise", 1)[0]
@@ -227,6 +228,7 @@ def test_short_cases_that_share_a_task_with_a_killing_one_are_run_once(tmp_path:
     require_complete(innocent)
 
 
+@pytest.mark.slow
 def test_the_worker_of_a_case_that_never_ends_is_replaced(tmp_path: Path) -> None:
     innocent = jobs(tmp_path, "spin 0.2", 6)
     stuck = replace(jobs(tmp_path, "hang", 1)[0], limit_s=0.5)
@@ -266,6 +268,7 @@ def scheduler() -> Iterator[tuple[subprocess.Popen[str], str]]:
         yield process, next(found[0] for line in lines if (found := re.search(r"tcp://127\.0\.0\.1:\d+", line)))
 
 
+@pytest.mark.slow
 def test_a_running_scheduler_is_used_and_its_end_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     wanted, full = jobs(tmp_path, "spin 0.2", 30), jobs(tmp_path, "full", 1)
     with scheduler() as (process, address):

@@ -17,8 +17,6 @@ from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.skin import Skin
 
-pytestmark = pytest.mark.slow
-
 CAMERAS = ("side", "top", "follow", "inside")
 
 SCENE = (520.0, 300.0)
@@ -103,6 +101,7 @@ def test_the_worm_is_seen_and_moves(browser: Any, viewer: Path) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("state", "there"), [("t=1", True), ("t=1&bare=1", False)])
 def test_the_playback_bar_is_seen_unless_a_bare_picture_is_wanted(
     browser: Any, viewer: Path, state: str, there: bool
@@ -112,6 +111,7 @@ def test_the_playback_bar_is_seen_unless_a_bare_picture_is_wanted(
     assert (button.mean() > 0.3) == there
 
 
+@pytest.mark.slow
 def test_every_camera_sees_the_worm(browser: Any, viewer: Path) -> None:
     browser.open(viewer, "t=1&hide=forces,anchors,horizon")
     for name in CAMERAS:
@@ -123,6 +123,7 @@ def test_every_camera_sees_the_worm(browser: Any, viewer: Path) -> None:
     assert not browser.errors, browser.errors
 
 
+@pytest.mark.slow
 def test_layers_are_switched_by_clicks_and_the_world_made_clear(browser: Any, viewer: Path) -> None:
     browser.open(viewer, "camera=follow&world=0")
     names = browser.value("[...document.querySelectorAll('#layers input')].map(box => box.value)")
@@ -143,6 +144,7 @@ def test_layers_are_switched_by_clicks_and_the_world_made_clear(browser: Any, vi
     assert not browser.errors, browser.errors
 
 
+@pytest.mark.slow
 def test_the_page_bends_the_skin_as_it_was_made(browser: Any, viewer: Path, shown: Frames) -> None:
     cover = Skin.of(shown, Scales.of(shown).strain)
     geometry = "viewer.scene_tree.find(['meshcat', 'skin', 'skin', '<object>']).object.geometry"
@@ -157,6 +159,7 @@ def test_the_page_bends_the_skin_as_it_was_made(browser: Any, viewer: Path, show
     assert_allclose(drawn, 0.5 * (cover.vertices(7) + cover.vertices(8)), atol=1e-5, err_msg="between two frames")
 
 
+@pytest.mark.slow
 def test_the_end_faces_are_seen(browser: Any, viewer: Path) -> None:
     browser.open(viewer, "t=1&camera=inside&hide=forces,anchors,horizon,trail,path")
     with_faces = browser.scene(browser.picture())
@@ -165,6 +168,7 @@ def test_the_end_faces_are_seen(browser: Any, viewer: Path) -> None:
     assert (np.abs(with_faces - without).max(axis=2) > 30).mean() > 0.005, "the head's disc is looked at from ahead"
 
 
+@pytest.mark.slow
 def test_it_plays_and_tells_time_and_speed(browser: Any, viewer: Path) -> None:
     browser.open(viewer)
     assert time_shown(browser) == 0.0
@@ -216,6 +220,7 @@ def test_keys_work_whatever_was_clicked(browser: Any, viewer: Path) -> None:
     assert not browser.errors, browser.errors
 
 
+@pytest.mark.slow
 def test_who_goes_to_a_control_by_the_tab_key_operates_it_by_keys(browser: Any, viewer: Path) -> None:
     browser.open(viewer)
     for _ in range(30):
@@ -232,6 +237,7 @@ def test_who_goes_to_a_control_by_the_tab_key_operates_it_by_keys(browser: Any, 
     assert time_shown(browser) == 0.0, "the browser's own keys stay its own"
 
 
+@pytest.mark.slow
 def test_the_other_controls_do_what_they_say(browser: Any, viewer: Path) -> None:
     browser.open(viewer, "t=1.8")
     opacity = "viewer.scene_tree.find(['meshcat', 'world', '00-ground', '<object>']).object.material.opacity"
@@ -273,6 +279,7 @@ def until(browser: Any, condition: str) -> None:
     raise AssertionError(f"never: {condition}")
 
 
+@pytest.mark.slow
 def test_the_camera_stays_above_the_ground(browser: Any, viewer: Path) -> None:
     browser.open(viewer, "t=1")
     for name in ("side", "top", "follow"):
@@ -287,6 +294,7 @@ def test_the_camera_stays_above_the_ground(browser: Any, viewer: Path) -> None:
         assert after["place"][2] < 0.3, f"{name}: it did come down"
 
 
+@pytest.mark.slow
 def test_cameras_keep_the_worm_in_a_bend(browser: Any, turning: Path) -> None:
     browser.open(turning, "hide=trail")
     for name, sideways, ahead_at_most in (("side", -0.95, 0.1), ("follow", -0.7, 0.6)):
@@ -306,6 +314,7 @@ def test_cameras_keep_the_worm_in_a_bend(browser: Any, turning: Path) -> None:
             assert not ((red - blue > 60) & (red - green > 40)).any(), f"{name} at {t} s: the whole worm is seen"
 
 
+@pytest.mark.slow
 def test_chambers_without_a_skin_and_a_still_are_seen(
     browser: Any, make_crawl: Callable[..., Frames], tmp_path: Path
 ) -> None:

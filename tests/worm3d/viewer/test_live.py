@@ -221,6 +221,7 @@ def _looking_on(url: str) -> tuple[socket.socket, bytes]:
     return browser, browser.recv(12)
 
 
+@pytest.mark.slow
 def test_browsers_that_never_read_do_not_slow_the_view(short: Frames, caplog: pytest.LogCaptureFixture) -> None:
     with LiveView() as view:
         show(view, short, 0)

@@ -181,6 +181,7 @@ def test_a_score_is_the_geometric_mean_of_the_errors_over_line_of_sights() -> No
     assert control_score.scores([found("line-0", "mpc", 0.5)])[0].score is None, "line-of-sight was not run"
 
 
+@pytest.mark.slow
 def test_outside_controllers_run_beside_those_that_ship(
     worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

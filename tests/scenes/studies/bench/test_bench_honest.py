@@ -31,6 +31,7 @@ CLEAR = 1.4
 """Score that rest, slowness, a constant wave and lies exceed; the others of the list only have to exceed 1."""
 
 
+@pytest.mark.slow
 def test_nothing_but_the_task_pays(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """One test, since all compare with the same runs."""
     monkeypatch.chdir(Path(__file__).parent)

@@ -92,6 +92,7 @@ def test_the_command_writes_values_scene_and_figure(worm3d: Command, record: Rec
     )
 
 
+@pytest.mark.slow
 def test_a_wrong_scene_is_said_to_be_wrong(tmp_path: Path) -> None:
     """With friction left at half of the truth the amplitude is off by more than its interval tells."""
     fine = ("run.dt_s=0.01", "run.duration_s=3.0")

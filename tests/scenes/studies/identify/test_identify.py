@@ -76,6 +76,7 @@ def test_a_run_that_folds_counts_as_tipped() -> None:
     assert folded.tipped
 
 
+@pytest.mark.slow
 def test_lags_are_those_of_the_file_and_of_a_step() -> None:
     """What the steering lags behind by, the generator's part included, is also what a step of it finds, (I3)."""
     lags = runs.measure_lags(SUBJECT, "hinge", 0.06)
@@ -90,6 +91,7 @@ def test_lags_are_those_of_the_file_and_of_a_step() -> None:
     assert lags.steering + BLEND / runs.FREQUENCY == pytest.approx(found, abs=0.15)
 
 
+@pytest.mark.slow
 def test_the_swing_is_that_of_the_file_and_of_a_wave_between() -> None:
     """From 0.12 s at 0.6 Hz to -0.01 s at 1.1 Hz; sines of half the frequency and steering find the same.
 

@@ -42,6 +42,7 @@ def test_the_papers_nine_cases_and_the_other_grounds_of_six_segments() -> None:
         assert {T for n, T, g in keys if (n, g) == (6, ground)} == set(PAPER_PERIODS_S)
 
 
+@pytest.mark.slow
 def test_threshold_friction_and_clamping_overstate_the_distance() -> None:
     runs = {key: cases.corrected_run(key) for key in ((6, 2.0, "anchored"), (6, 2.0, "threshold"), (6, 2.0, "clamped"))}
     anchored, threshold, clamped = cases.corrected_rows(runs)

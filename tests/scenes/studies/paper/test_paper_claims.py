@@ -54,6 +54,7 @@ def test_loads_that_vary_would_be_seen() -> None:
     assert claims._loads_claim(varying).verdict == "holds"
 
 
+@pytest.mark.slow
 def test_alternating_signs_make_no_difference() -> None:
     assert claims._alternating_claim().verdict == "does not hold"
 

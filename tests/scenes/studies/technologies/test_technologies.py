@@ -45,6 +45,7 @@ def test_files_sentences_and_a_weak_worm(tmp_path: Path) -> None:
     assert (tmp_path / "a/technologies.png").stat().st_size > 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_period")
 def test_a_worm_that_its_actuators_cannot_move_says_which_limit_holds_it() -> None:
     weak = judged(Bench("flat", [*RIGHT, "actuator.area_m2=1e-9"]), "hydraulic")
