@@ -29,6 +29,7 @@ from math import inf, nan
 import numpy as np
 
 from control.estimation.estimate import SIGNIFICANT_EXCESS
+from control.gaits.reflexes import GRAVITY
 from control.sensing.sensors import SIDE_NAMES
 from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
@@ -65,6 +66,10 @@ ANY_WAY = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading that is completely unknown (uniformly distributed) [rad]."""
 PUSH_VELOCITY_CHANGE = 0.016
 """Change of velocity that the wave does not explain, above which a push is reported [body lengths/s]."""
+DOWNHILL_DRIVE = 0.1
+"""Velocity change per wave that gravity may cause on a worm that crawls downhill, as a share of the change in free
+motion down the slope. Friction prevents most of the free motion. With half of this value, a worm that turns on a slope
+of 1.4 degrees counts as pushed."""
 NEARLY = 0.003
 """Standard error of the mean position in a wave above which the change of velocity is considered unknown [body
 lengths]."""
@@ -157,6 +162,8 @@ class Wave:
     """Length of the body [m]."""
     jumped: bool = False
     """Whether the heading sensor jumped, and the estimator accepted the jump."""
+    descent: float = 0.0
+    """Estimated slope of the ground in the direction of the heading, positive if the ground falls, 0 if it rises."""
     crab: float = 0.0
     """Angle between motion and heading, minus the angle that a slope explains and minus its uncertainty [rad]."""
     expected: float = 1.0
@@ -335,7 +342,8 @@ def _pushed(waves: Sequence[Wave]) -> Iterator[Fault]:
 def _unexplained(waves: Sequence[Wave]) -> float:
     """Return the change of the velocity over three waves that the waves do not explain [body lengths/s].
 
-    The waves explain the speeds of the map and the estimated turn rates. The result is 0 if the change is unknown.
+    The waves explain the speeds of the map and the estimated turn rates. If the ground falls ahead, gravity explains a
+    change of `DOWNHILL_DRIVE` times the free motion down the slope. The result is 0 if the change is unknown.
     """
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < 3 or not all(np.isfinite(wave.made) and wave.place_error < NEARLY * wave.length for wave in waves):
@@ -347,7 +355,8 @@ def _unexplained(waves: Sequence[Wave]) -> float:
     angle, quicker = turned * (times[2] - times[0]) / 2.0, float(made[1:].mean() - made[:-1].mean())
     expected = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ before
     expected = expected * (1.0 + quicker / speed) if speed > 0.0 else expected
-    return float(np.hypot(*(after - expected))) / waves[-1].length
+    downhill = DOWNHILL_DRIVE * GRAVITY * max(wave.descent for wave in waves) * float(times[2] - times[1])
+    return max(float(np.hypot(*(after - expected))) - downhill, 0.0) / waves[-1].length
 
 
 def _beside_heading(waves: Sequence[Wave]) -> Iterator[Fault]:

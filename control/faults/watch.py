@@ -135,12 +135,13 @@ class Watch:
             _LOG.warning("at %.3f s the reference could not be evaluated, its rules are skipped", end, exc_info=True)
             asked, way, back = np.full_like(times, nan), _Way(), False
         pushes = jumps = 0
-        crab = turning = heading_error = away = 0.0
+        crab = turning = heading_error = away = descent = 0.0
         ahead = way.ahead
         if estimate is not None:
             pushes, jumps = estimate.pushed, estimate.jumped
             crab, turning = _crab(estimate), float(estimate.state.turn_rate)
             heading_error = float(estimate.deviations[2])
+            descent = max(-float(estimate.slope @ [np.cos(estimate.heading), np.sin(estimate.heading)]), 0.0)
             if heading_error < MAX_DIRECTION_DEVIATION:
                 ahead = estimate.heading if ahead is None else ahead
                 away = abs(float(wrapped(np.array(estimate.heading - ahead))))
@@ -176,6 +177,7 @@ class Watch:
             heading_error=heading_error,
             turning=turning,
             crab=crab,
+            descent=descent,
         )
 
     def _ability(self) -> tuple[bool, float, float]:

@@ -13,7 +13,7 @@ and each way of control a line has the median and the worst of each figure over 
     paths      curves, eights, spirals, squares with round corners, at 10 to 95 % of the speed that they allow
     errors     the centre of mass is off by 1 to 10 cm for 0.5 to 5 s
     arrivals   a line or a pipe with an end, and 120 s of rest there
-    clean      paths on level ground and slopes up to 2 degrees, on which nothing is wrong
+    clean      paths on level ground and slopes up to 1.7 degrees, on which nothing is wrong
     faults     strains lost or swapped, drift of the centre of mass, heading off, a push, from 8 to 16 s on
     chambers   a left chamber that stays long from 10 s on
     climbs     a slope, and a pipe that rises from it, by tilt, radius and friction

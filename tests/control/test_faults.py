@@ -350,6 +350,9 @@ def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() ->
     assert kinds(waves((0.08, 0.0), (0.06, 0.0), pushed=True, made=0.04)) == []
     assert kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, length=2.0)) == []
     assert kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, place_error=0.01)) == []
+    # Gravity may add 0.1 * 9.81 * 0.01 m/s in this wave of one second.
+    assert kinds(waves((0.08, 0.0), (0.1, 0.0), pushed=True, descent=0.01)) == []
+    assert kinds(waves((0.08, 0.0), (0.11, 0.0), pushed=True, descent=0.01)) == ["push or drift"]
     turning = [replace(each, turning=0.25) for each in waves((0.08, 0.0), (0.08, 0.02), pushed=True)]
     assert kinds(turning) == []
     assert "heading off" in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
