@@ -141,7 +141,7 @@ class Watch:
             pushes, jumps = estimate.pushed, estimate.jumped
             crab, turning = _crab(estimate), float(estimate.state.turn_rate)
             heading_error = float(estimate.deviations[2])
-            descent = max(-float(estimate.slope @ [np.cos(estimate.heading), np.sin(estimate.heading)]), 0.0)
+            descent = _descent(estimate)
             if heading_error < MAX_DIRECTION_DEVIATION:
                 ahead = estimate.heading if ahead is None else ahead
                 away = abs(float(wrapped(np.array(estimate.heading - ahead))))
@@ -258,6 +258,13 @@ class Watch:
             ahead=azimuth,
             trespass=max(aside - left, -aside - right, inside) / self._length,
         )
+
+
+def _descent(estimate: Estimate) -> float:
+    """Return the estimated downward slope in the direction of the heading, minus one standard error, and at least 0."""
+    heading = np.array([np.cos(estimate.heading), np.sin(estimate.heading)])
+    doubt = float(np.sqrt(heading @ estimate.slope_covariance @ heading))
+    return max(-float(heading @ estimate.slope) - doubt, 0.0)
 
 
 def _crab(estimate: Estimate) -> float:
