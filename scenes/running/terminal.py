@@ -25,8 +25,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 HEADLINES = (
     ("distance_m", "distance", "m"),
     ("mean_speed_m_s", "mean speed", "m/s"),
-    ("work_contract_J", "work of contraction", "J"),
-    ("work_friction_J", "work of friction", "J"),
+    ("work_contract_J", "net work", "J"),
+    ("work_friction_J", "loss by friction", "J"),
     ("cost_of_transport", "cost of transport", ""),
     ("energy_balance_error", "energy balance error", ""),
 )
@@ -172,7 +172,7 @@ def _error(record: Record) -> list[tuple[str, str, str]]:
 
     name = "distance_error_m"
     known = record.summary.metrics.get(name) is not None or UNEVEN_GROUND_ADVICE in record.summary.reasons.get(name, "")
-    return [(name, "error of distance", "m")] if known else []
+    return [(name, "error of the distance", "m")] if known else []
 
 
 def _uses(record: Record) -> list[str]:
@@ -183,7 +183,7 @@ def _uses(record: Record) -> list[str]:
     if not {*USES} - {NOT_IN_ALL} <= {*joules} or work <= 0.0:
         return []
     told = {name: part for name, part in joules.items() if name != NOT_IN_ALL or part != 0.0}
-    return [f"{'of the work':22}" + ", ".join(f"{name} {part / work:.2%}" for name, part in told.items())]
+    return [f"{'uses of the work':22}" + ", ".join(f"{name} {part / work:.2%}" for name, part in told.items())]
 
 
 def timing(record: Record) -> dict[str, float]:

@@ -186,11 +186,15 @@ def test_the_summary_is_a_mapping_and_a_table(run: worm3d.Result) -> None:
     summary = run.summary()
     assert isinstance(summary, dict)
     lines = repr(summary).splitlines()
-    assert len(lines) == len(summary)
-    assert lines[0].split() == ["status", "done"]
-    assert lines[2].split() == ["distance", f"{summary['distance_m']:.6g}", "m"]
-    assert next(line for line in lines if line.startswith("mean speed")).endswith(" m/s")
-    assert max(map(len, lines)) < 60
+    names = [line for line in lines if line.startswith("  ")]
+    assert len(names) == 10
+    assert lines[:2] == ["motion", f"  {'status':<32}{'done':>12}"]
+    assert names[2].split() == ["distance", f"{summary['distance_m']:.6g}", "m"]
+    assert lines[-1] == f"{len(summary) - 10} more: print(result.summary().table())"
+    every = summary.table().splitlines()
+    assert [line for line in every if line[0] != " "] == ["motion", "contact", "work", "quality"]
+    assert len(every) == len(summary) + 4
+    assert max(map(len, every)) < 60
 
 
 @pytest.mark.parametrize("wrong", ["bit", "cut", "text", "other", "gone"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import ceil, floor, inf, log10
 
 METRIC_UNITS = {
@@ -59,12 +60,51 @@ def named(metric: str) -> tuple[str, str]:
     return metric.removesuffix(ending).replace("_", " "), METRIC_UNITS.get(ending, "")
 
 
+GROUPS = {
+    "motion": (),
+    "contact": ("slip", "backslide", "anchoring", "peak_wall_load", "largest_penetration", "settling"),
+    "work": ("work_", "cost_of_transport", "effort", "commands_at_limit"),
+    "quality": ("energy_balance", "newton", "distance_error", "heading_error", "work_error", "halved", "real_time"),
+}
+"""Groups of metrics, each with the beginnings of the names of its metrics. Other metrics belong to "motion"."""
+
+MAIN_METRICS = (
+    *("status", "duration_s", "distance_m", "mean_speed_m_s", "heading_change_deg", "slip_per_metre"),
+    *("anchoring_duty", "work_contract_J", "cost_of_transport", "energy_balance_error"),
+)
+"""Metrics that a summary prints by default."""
+
+
+def group_of(metric: str) -> str:
+    """Return the group of a metric. The longest matching beginning decides."""
+    found = {begin: group for group, begins in GROUPS.items() for begin in begins if metric.startswith(begin)}
+    return found[max(found, key=len)] if found else "motion"
+
+
 class Summary(dict[str, float | str | None]):
-    """Metrics by name. They are printed as a table with units."""
+    """Metrics by name. `print(summary)` shows the ten main metrics, and `print(summary.table())` shows all metrics."""
 
     def __repr__(self) -> str:
-        rows = (self.row(name) for name in self)
-        return "\n".join(f"{name:<34}{shown:>12} {unit}".rstrip() for name, shown, unit in rows)
+        names = [name for name in MAIN_METRICS if name in self]
+        hidden = len(self) - len(names)
+        more = [f"{hidden} more: print(result.summary().table())"] if hidden else []
+        return "\n".join([self.table(names), *more])
+
+    def table(self, names: Iterable[str] | None = None) -> str:
+        """Return a table of metrics with units, in the groups motion, contact, work and quality.
+
+        Parameters
+        ----------
+        names : iterable of str, optional
+            Names of the metrics. The default is all metrics.
+        """
+        shown = list(self if names is None else names)
+        lines = []
+        for group in GROUPS:
+            rows = [self.row(name) for name in shown if group_of(name) == group]
+            if rows:
+                lines += [group, *(f"  {name:<32}{value:>12} {unit}".rstrip() for name, value, unit in rows)]
+        return "\n".join(lines)
 
     def row(self, name: str, digits: int = 6) -> tuple[str, str, str]:
         """Return the name in words, the value as text, and the unit of a metric."""

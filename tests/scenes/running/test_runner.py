@@ -42,7 +42,7 @@ def test_a_run_writes_everything_and_ends_with_what_matters(worm3d, tmp_path: Pa
     first, *rows = ended.out.splitlines()
     assert first.startswith("planar_published: the run reached its end (0.2 s simulated, ")
     labels = [row[2:24].strip() for row in rows]
-    assert labels[:3] == ["distance", "mean speed", "work of contraction"]
+    assert labels[:3] == ["distance", "mean speed", "net work"]
     assert rows[-1].split() == ["files", "x"]
 
 
