@@ -11,9 +11,13 @@ import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from worm3d.values.arrays import FloatArray
+from worm3d.values.chamber_colours import RAMP
+
+CONTRACTED_RED = LinearSegmentedColormap.from_list("contraction", RAMP[::-1])
 
 
 class Movie:
@@ -26,7 +30,7 @@ class Movie:
     main, top, bottom : ndarray, shape (T, n + 1, 2), (T, n, 2), (T, n, 2)
         Corners of the rhombi [m]: the joints, including both ends of the worm, the upper apexes and the lower apexes.
     activation : ndarray, shape (T, n)
-        Activation of each segment, which sets the colour: white at 0, red at 1, blue at -1.
+        Activation of each segment, which sets the colour: skin-coloured at 0, red at 1, blue at -1.
     ground : float, optional
         Height of the ground [m]. If left out, no ground is drawn.
     """
@@ -61,7 +65,7 @@ class Movie:
         if ground is not None:
             axes.axhspan(low[1], ground, color="0.8", lw=0)
         self._bodies = PolyCollection(
-            self.corners[0], cmap="bwr", clim=(-1.2, 1.2), edgecolors="0.15", lw=1.5, joinstyle="round"
+            self.corners[0], cmap=CONTRACTED_RED, clim=(-1.2, 1.2), edgecolors="0.15", lw=1.5, joinstyle="round"
         )
         self._springs = LineCollection(self.corners[0][:, ::2], colors="0.45", lw=1.0, ls="--")
         self._joints = axes.plot([], [], "o", color="0.1", ms=4)[0]

@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.values.arrays import FloatArray
+from worm3d.values.chamber_colours import LONG_CHAMBER as LONG_CHAMBER
+from worm3d.values.chamber_colours import RAMP as RAMP
+from worm3d.values.chamber_colours import RESTING_CHAMBER as RESTING_CHAMBER
+from worm3d.values.chamber_colours import SHORT_CHAMBER as SHORT_CHAMBER
 from worm3d.viewer.world import Colour
-
-SHORT_CHAMBER: Colour = (0.78, 0.12, 0.16)
-RESTING_CHAMBER: Colour = (0.96, 0.80, 0.69)
-LONG_CHAMBER: Colour = (0.14, 0.36, 0.78)
-
-RAMP = (SHORT_CHAMBER, RESTING_CHAMBER, LONG_CHAMBER)
-"""Colours of chambers, from the shortest to the longest."""
 
 LINK: Colour = (0.27, 0.29, 0.34)
 FACE: Colour = (0.36, 0.30, 0.34)

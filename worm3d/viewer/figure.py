@@ -141,7 +141,7 @@ class Stage:
     def _label(self, side: Axes, top: Axes) -> None:
         straight = abs(self.frames.heading[0] - 1.0) < 1e-6
         side.set_ylabel("z [m]")
-        top.set_xlabel("x [m]" if straight else "along the first heading [m]")
+        top.set_xlabel("x [m]" if straight else "along the initial heading [m]")
         top.set_ylabel("y [m]" if straight else "to its left [m]")
         for axes in (side, top):
             axes.locator_params(axis="y", nbins=4)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -14,6 +15,7 @@ from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of, world_seen
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.chamber_colours import RAMP
 
 if TYPE_CHECKING:
     from worm3d import World
@@ -64,7 +66,7 @@ def _bodies(
     shapes = PolyCollection(
         [r for side in order for r in _rhombi(joints, points, half[:, side], side, across)],
         array=np.concatenate([record["contraction"][row, :, side] for side in order]),
-        cmap="RdBu_r",
+        cmap=LinearSegmentedColormap.from_list("contraction", RAMP[::-1]),
         edgecolors="0.2",
         lw=0.7,
     )

@@ -28,21 +28,21 @@ def draw(record: Record) -> Image:
     views = (
         overview.Side(
             "from its right: height [m]",
-            "along the first heading [m]",
+            "along the initial heading [m]",
             np.concatenate([left, right], axis=1)[..., [0, 2]],
             np.concatenate([given[:, 0], given[:, 1]]) / most,
             com[:, [0, 2]],
         ),
         overview.Side(
             "from above: to the left [m]",
-            "along the first heading [m]",
+            "along the initial heading [m]",
             flat[..., :2],
             given.mean(axis=1) / most,
             com[:, :2],
         ),
     )
     moved = com - com[0]
-    return overview.of_run(record, views, {"along the first heading": moved[:, 0], "to its left": moved[:, 1]})
+    return overview.of_run(record, views, {"along the initial heading": moved[:, 0], "to its left": moved[:, 1]})
 
 
 def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:

@@ -33,7 +33,7 @@ def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> 
     assert side.figure is top.figure is figure
     assert (side.get_ylabel(), top.get_xlabel(), top.get_ylabel()) == (
         "z [m]",
-        "along the first heading [m]",
+        "along the initial heading [m]",
         "to its left [m]",
     )
     assert side.get_title(loc="left").startswith("t = 1.00 s   mean speed 0.0")
