@@ -50,7 +50,7 @@ def body(record: Record) -> tuple[Figure, Axes]:
             _section(axes, record, world, com, across)
     figure.suptitle(record.title, fontsize=10)
     _label(grid, [f"{time:.2f} s" for time in record["time"][rows]], climbs)
-    bar = figure.colorbar(shapes, ax=grid, shrink=min(1.0, 2.5 / figure.get_figheight()), pad=0.02)
+    bar = figure.colorbar(shapes, cax=_beside(figure))
     bar.set_label("contraction given\nby the actuators", fontsize=8)
     return figure, grid[-1][0]
 
@@ -94,18 +94,34 @@ def _stage(span: FloatArray, instants: int, climbs: bool) -> tuple[Figure, NDArr
 
     The array of axes has a row for each instant, with the side view and, unless the worm climbs, the top view.
     """
-    columns, tall = (instants, span[2]) if climbs else (2, max(span[1], span[2]))
-    total = np.array([columns * span[0], tall if climbs else instants * tall])
+    columns, rows, tall = (instants, 1, span[2]) if climbs else (2, instants, max(span[1], span[2]))
     widest, highest = (10.0, 5.0) if climbs else (8.4, 10.0)
-    wide, high = min(widest / total[0], highest / total[1]) * total
-    figure = Figure(figsize=(max(wide, 0.9 * columns) + 2.6, high + 1.5), layout="compressed", dpi=120)
-    grid = figure.subplots(1 if climbs else instants, columns, sharex=True, sharey=climbs, squeeze=False)
+    wide, high = min(widest / (columns * span[0]), highest / (rows * tall)) * np.array([span[0], tall])
+    wide = max(wide, 0.9)
+    full_wide, full_high = columns * (wide + 0.6) + 1.6, rows * (high + 0.3) + 1.0
+    figure = Figure(figsize=(full_wide, full_high), dpi=120)
+    places = {
+        "left": 0.7 / full_wide,
+        "right": 1.0 - 1.5 / full_wide,
+        "bottom": 0.6 / full_high,
+        "top": 1.0 - 0.7 / full_high,
+        "wspace": 0.6 / wide,
+        "hspace": 0.3 / high,
+    }
+    grid = figure.subplots(rows, columns, sharex=True, sharey=climbs, squeeze=False, gridspec_kw=places)
     for axes in grid.flat:
         axes.set_aspect("equal")
         axes.tick_params(labelsize=7)
-        if climbs:
+        if climbs or wide < 1.5:  # in narrow panels the labels of more ticks would overlap
             axes.locator_params(axis="x", nbins=2, min_n_ticks=1)
     return figure, grid.T if climbs else grid
+
+
+def _beside(figure: Figure) -> Axes:
+    """Return axes for the colour bar, at the right side of a figure."""
+    wide, high = figure.get_size_inches()
+    tall = min(2.5, high - 1.3)
+    return figure.add_axes((1.0 - 1.2 / wide, 0.5 - 0.5 * tall / high, 0.15 / wide, tall / high))
 
 
 def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int) -> FloatArray:
