@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import ANCHOR, FORCE, INK, LINK, LONG, PALE, TRAIL, drawing, letter
 from matplotlib.axes import Axes
-from style import ANCHOR, FORCE, INK, LINK, LONG, PALE, TRAIL, drawing, letter
 
 import worm3d
 from control.gaits import TravellingWave
@@ -18,6 +18,8 @@ from worm3d.values.arrays import FloatArray
 USES = {"damping": LONG, "friction": ANCHOR, "impact": TRAIL, "gained": FORCE, "numerical": PALE}
 """Colour of each use of the work. Friction in the joints of the chambers is left out, because the worms have none."""
 DURATION = 10.0
+SHOWN = 10
+"""Every row with this distance is drawn."""
 
 
 def main(folder: Path) -> None:
@@ -56,15 +58,18 @@ def _uses(result: Result) -> dict[str, FloatArray]:
 def _over_time(axes: Axes, result: Result) -> None:
     axes.set_title("up a slope of 0.1 rad: work, and its uses", loc="left")
     letter(axes, "A")
-    low, time = np.zeros(len(result.time)), result.time
+    time = result.time[::SHOWN]
+    low = np.zeros(len(time))
     for name, part in _uses(result).items():
+        part = part[::SHOWN]
         axes.fill_between(time, low, low + part, color=USES[name], lw=0, alpha=0.8)
         low = low + part
-    axes.plot(time, np.cumsum(result.energy.work_contract), color=INK, lw=1.4)
+    work = np.cumsum(result.energy.work_contract)[::SHOWN]
+    axes.plot(time, work, color=INK, lw=1.4)
     axes.set(xlim=(0.0, DURATION), ylim=(0.0, None), xlabel="time [s]", ylabel="energy [J]")
     axes.annotate(
         "work of the actuators",
-        (5.6, np.cumsum(result.energy.work_contract)[int(5.6 / result.dt)]),
+        (5.6, np.interp(5.6, time, work)),
         (2.2, 0.41),
         va="center",
         ha="center",

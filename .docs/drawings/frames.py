@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from style import (
+from _style import (
     ANCHOR,
     FORCE,
     LINK,
@@ -23,6 +22,7 @@ from style import (
     segment,
     sketch,
 )
+from matplotlib.axes import Axes
 
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray

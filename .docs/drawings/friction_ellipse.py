@@ -8,8 +8,8 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from _style import ANCHOR, FORCE, LINK, LONG, PALE, SHORT, arrow, drawing, label, letter, sketch
 from matplotlib.axes import Axes
-from style import ANCHOR, FORCE, LINK, LONG, PALE, SHORT, arrow, drawing, label, letter, sketch
 
 from worm3d import Friction
 from worm3d.physics.contact import Coefficients, Directions, Step, friction

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import ANCHOR, FORCE, LINK, PALE, Segment, arrow, colour_of, drawing, label, letter, segment, sketch
 from matplotlib.axes import Axes
 from matplotlib.patches import Arc
-from style import ANCHOR, FORCE, LINK, PALE, Segment, arrow, colour_of, drawing, label, letter, segment, sketch
 
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import ANCHOR, FACE, INK, LINK, PALE, Segment, arrow, colour_of, dimension, drawing, label, segment, sketch
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
-from style import ANCHOR, FACE, INK, LINK, PALE, Segment, arrow, colour_of, dimension, drawing, label, segment, sketch
 
 from worm3d import Worm
 

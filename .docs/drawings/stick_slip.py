@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import ANCHOR, FORCE, INK, LINK, PALE, SHORT, drawing
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from style import ANCHOR, FORCE, INK, LINK, PALE, SHORT, drawing
 
 import worm3d
 from worm3d import Friction, Plane, Result, Worm

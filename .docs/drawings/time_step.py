@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import FORCE, LINK, LONG, PALE, drawing, letter
 from matplotlib.axes import Axes
-from style import FORCE, LINK, LONG, PALE, drawing, letter
 
 import worm3d
 from control.gaits import TravellingWave
@@ -58,7 +58,8 @@ def _smooth(axes: Axes) -> None:
         order = 1 if kind == "implicit_euler" else 2
         line = 0.5 * errors[2] * (np.array(STEPS[:-1]) / STEPS[2]) ** order
         axes.plot(1e3 * np.array(STEPS[:-1]), 1e3 * line, color=LINK, lw=0.9, ls=(0, (4, 2)))
-        axes.text(5.5, 1e3 * line[2] * (0.7 if order == 1 else 0.9), f"order {order}", color=LINK, va="top", fontsize=9)
+        at = (2.2, 0.6 * line[3]) if order == 1 else (5.5, 0.9 * line[2])
+        axes.text(at[0], 1e3 * at[1], f"order {order}", color=LINK, va="top", fontsize=9)
     _axes(axes, "A", "smooth motion, lengths", "mm")
     axes.legend(loc="upper left")
 

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import ANCHOR, FACE, GROUND, INK, LINK, PALE, REST, SHORT, TRAIL, colour_of, drawing
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from style import ANCHOR, FACE, GROUND, INK, LINK, PALE, REST, SHORT, TRAIL, colour_of, drawing
 
 import worm3d
 from control.gaits import TravellingWave

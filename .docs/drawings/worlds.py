@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from _style import ANCHOR, FORCE, GROUND, LINK, PALE, arrow, drawing, label, letter, sketch
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
-from style import ANCHOR, FORCE, GROUND, LINK, PALE, arrow, drawing, label, letter, sketch
 
 import scenes
 from worm3d import Centreline, Heightfield, Mesh, Pipe, Plane
