@@ -47,7 +47,8 @@ def blocks(page: Path, language: str) -> list[str]:
 def commands() -> list[list[str]]:
     """Return the shell lines of the README and of the guides, without their set-up, as arguments."""
     pages = [README, *(BOOK / "guides" / f"{name}.md" for name in IN_ORDER)]
-    lines = [line for page in pages for block in blocks(page, "sh") for line in block.splitlines() if line]
+    lines = [line for page in pages for block in blocks(page, "sh") for line in block.splitlines()]
+    lines = [line for line in lines if line and not line.startswith("#")]
     return [shlex.split(line.split("&&")[-1], comments=True) for line in lines]
 
 
