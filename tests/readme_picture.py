@@ -1,4 +1,4 @@
-"""Draw the README's picture: `.venv/bin/python tests/readme_picture.py`."""
+"""Draw the picture of the guide on scenes: `.venv/bin/python tests/readme_picture.py`."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from control import gaits
 from planar import linkage
 
 INSTANTS = np.arange(4.0, 6.01, 0.4)
-OUT = Path(__file__).parents[1] / ".readme" / "worm.png"
+OUT = Path(__file__).parents[1] / ".docs" / "_static" / "worm.png"
 
 
 def main() -> None:

@@ -1,4 +1,7 @@
-"""Draw the README's pictures of pages, with a browser: `.venv/bin/python tests/readme_viewer_picture.py`."""
+"""Draw the pictures of pages in the README and in the guide on worlds, with a browser.
+
+.venv/bin/python tests/readme_viewer_picture.py
+"""
 
 import io
 import subprocess
@@ -11,10 +14,10 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parent / "worm3d"))
 import devtools
 
-OUT = Path(__file__).parents[1] / ".readme"
+ROOT = Path(__file__).parents[1]
 PICTURES = {
-    "viewer.jpg": (("flat", "-o", "gait.hinge_deg=30"), "t=5&bare=1", (260, 200, 2060, 1040)),
-    "pipe.jpg": (("pipe_bend", "-o", "run.duration_s=10"), "t=9&bare=1", (0, 40, 1800, 1000)),
+    ".readme/viewer.jpg": (("flat", "-o", "gait.hinge_deg=30"), "t=5&bare=1", (260, 200, 2060, 1040)),
+    ".docs/_static/pipe.jpg": (("pipe_bend", "-o", "run.duration_s=10"), "t=9&bare=1", (0, 40, 1800, 1000)),
 }
 """What is run, what is seen of it, and the part that is kept, in pixels: two for each of the page."""
 SIZE = (1100, 560)
@@ -29,13 +32,13 @@ def main() -> None:
         devtools.Chromium(program, Path(folder, "home"), size=SIZE, scale=2.0) as browser,
     ):
         for name, (scene, state, part) in PICTURES.items():
-            out = Path(folder, name)
+            out = Path(folder, Path(name).name)
             subprocess.run([worm3d, "run", *scene, "--out", str(out), "--quiet"], check=True)
             browser.open(out / "viewer.html", state)
             with Image.open(io.BytesIO(browser.png())) as seen:
                 cut = seen.convert("RGB").crop(part)
             half = cut.resize((cut.width // 2, cut.height // 2), Image.Resampling.LANCZOS)
-            half.save(OUT / name, quality=88, optimize=True)
+            half.save(ROOT / name, quality=88, optimize=True)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ If a straight body has its centre of mass on a curved path, both of its ends are
 bends both ends of the body like the path beneath them. The middle is bent less, since bending it makes the worm roll
 over the inner feet. `Bending` needs no more time than the supervisor.
 
-The wave itself is chosen by the supervisor. `control/README.md` describes what could be gained by planning chambers and
-hinges within the wave.
+The wave itself is chosen by the supervisor. `.docs/evidence/controllers.md` describes what could be gained by
+planning chambers and hinges within the wave.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Terms of the cost of a plan, which express its goals and their weights.
 
 A term is a frozen dataclass whose fields are tolerances. Its method `misses` returns deviations from the goal as CasADi
-symbols, each divided by its tolerance. `control/README.md` has an example of a user's term, `Thrift`. In Python it is
-added by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
+symbols, each divided by its tolerance. `.docs/guides/control.md` has an example of a user's term, `Thrift`. In Python
+it is added by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
 
 Let V_ref, r, psi and f_0 be the requested speed, point of the path, heading and frequency. The supplied terms are
 

@@ -110,7 +110,7 @@ def compare(
 @batch.command()
 def fit(
     scene: SceneArgument,
-    to: Annotated[Path, file_option("--to", help="Measurement: a CSV file, see scenes/STUDIES.md.")],
+    to: Annotated[Path, file_option("--to", help="Measurement: a CSV file, see .docs/guides/compare.md.")],
     vary: Annotated[
         list[str],
         typer.Option("--vary", metavar="KEY[=LO:HI]", help="Key to fit, e.g. friction.forward=0.01:0.3; repeatable."),
@@ -154,7 +154,7 @@ def learn(
 
     Trains on many worms at once. Each episode has the duration of the scene, and random values of the keys in --vary.
     Prints the mean reward during the training. Needs the optional part 'learn'; the trained policy needs only numpy
-    (see control/README.md for use). Ctrl-C ends the training early, and keeps the trained policy.
+    (see .docs/guides/learn.md for use). Ctrl-C ends the training early, and keeps the trained policy.
     """
     from scenes.studies.learn.command import run
     from scenes.studies.learn.task import Task

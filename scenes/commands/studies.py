@@ -212,7 +212,7 @@ def control(
 
     Each trial has a random task, worm, ground and sensor, which depend only on the seed. Model predictive control, the
     baseline controllers and your own controllers all run the same trials. The score depends on the distance of the worm
-    from the desired position (rules: scenes/studies/bench/CONTROL.md). The report has one line per controller. If the
+    from the desired position (rules: .docs/evidence/controllers.md). The report has one line per controller. If the
     command is started again with the same --out, it runs only the missing trials, and the trials whose program, scene
     or map of the worm has changed. The exit code is 5 if a trial was lost.
     """
@@ -224,7 +224,9 @@ def control(
 
 @study.command()
 def gait(
-    to: Annotated[Path, file_option("--to", help="CSV file with recordings of waves (format: scenes/README.md).")],
+    to: Annotated[
+        Path, file_option("--to", help="CSV file with recordings of waves (format: .docs/guides/studies.md).")
+    ],
     use: Annotated[
         list[str] | None,
         typer.Option(

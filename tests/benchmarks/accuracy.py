@@ -1,10 +1,10 @@
 """How far the time step puts a run off, scene by scene, and how honest error estimates are.
 
-    python tests/benchmarks/accuracy.py [--quick] [--out tests/benchmarks/accuracy.md]
+    python tests/benchmarks/accuracy.py [--quick] [--out PAGE.md]
     python tests/benchmarks/accuracy.py --random 100 [--seed 6]
 
 Distance, turn and work of each scene are compared with those at a fine time step, also of runs that are asked for an
-accuracy; `accuracy.md` beside this file is a page that this program wrote in some minutes. On rough ground every stone
+accuracy. This program wrote the tables of `.docs/evidence/accuracy.md` in some minutes. On rough ground every stone
 decides, so that a run says little: there the tables have mean and standard deviation over starts that differ by a
 millimetre, as the reference has.
 

@@ -3,9 +3,9 @@
     python tests/benchmarks/constants.py [control] [solver] [--only NAME] [--workers 2]
 
 Measured are the constants that have a row in a table of `control/CONSTANTS.md`, which says what the cells are, or of
-`worm3d/solver/README.md`; all take hours. `--only` chooses constants by a part of "module.NAME". For the solver a cell
-has the evaluations of the residual per step (mean of four scenes, the first 6 s of each), the fallbacks in all of them,
-and of each Newton's iterations with a new Jacobian, and the distance; "!" marks a run that did not reach its end.
+`worm3d/solver/CONSTANTS.md`; all take hours. `--only` chooses constants by a part of "module.NAME". For the solver a
+cell has the evaluations of the residual per step (mean of four scenes, the first 6 s of each), the fallbacks in all of
+them, and of each Newton's iterations with a new Jacobian, and the distance; "!" marks a run that did not reach its end.
 
 Each value is measured in a process of its own, which imports a copy of the package with that value. The solver is then
 compiled anew, which takes half a minute.
@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 from measuring import mapped, options, say
 
 ROOT = Path(__file__).parents[2]
-PAGES = {"control": "control/CONSTANTS.md", "solver": "worm3d/solver/README.md"}
+PAGES = {"control": "control/CONSTANTS.md", "solver": "worm3d/solver/CONSTANTS.md"}
 KINDS = {
     "worm3d.": "solver",
     "control.faults.chambers": "chambers",

@@ -1,6 +1,6 @@
 """The tables of the rules of `worm3d study control`: `python tests/benchmarks/control_page.py` writes them anew.
 
-They stand in `scenes/studies/bench/CONTROL.md`. The numbers in its text are kept by a test.
+They stand in `.docs/evidence/controllers.md`. The numbers in its text are kept by a test.
 """
 
 from __future__ import annotations
@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from scenes.records.text import markdown_table
-from scenes.studies.bench import control_trials
 from scenes.studies.bench.control_trials import CLASSES, GROUPS
 
-PAGE = Path(control_trials.__file__).with_name("CONTROL.md")
+PAGE = Path(__file__).parents[2] / ".docs" / "evidence" / "controllers.md"
 
 
 def page(text: str) -> str:

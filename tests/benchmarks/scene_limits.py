@@ -2,9 +2,9 @@
 
     python tests/benchmarks/scene_limits.py
 
-prints the table of `scenes/README.md`. From the scene's own value each parameter goes on in equal steps until the worm
-fails: it cannot start or end its run, or makes less than `WAY` body lengths a wave, or (bends, narrowings, tunnels) its
-tail has not come as far as it should.
+prints the table of `.docs/evidence/validation.md`. From the scene's own value each parameter goes on in equal steps
+until the worm fails: it cannot start or end its run, or makes less than `WAY` body lengths a wave, or (bends,
+narrowings, tunnels) its tail has not come as far as it should.
 """
 
 from __future__ import annotations

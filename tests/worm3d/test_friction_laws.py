@@ -285,8 +285,8 @@ def test_laws_are_found_by_name_and_compared_by_value() -> None:
         type("Other", (FrictionLaw,), {}, name="viscous")
 
 
-def test_the_example_of_the_readme_is_a_law() -> None:
-    text = (Path(worm3d.__file__).parent / "physics" / "README.md").read_text()
+def test_the_example_of_the_guide_is_a_law() -> None:
+    text = (Path(worm3d.__file__).parents[1] / ".docs" / "guides" / "extend.md").read_text()
     code, found = text.split("```python")[1].split("```")[0], {}
     try:
         exec(code, found)

@@ -47,7 +47,7 @@ def simulate_batch(
 
     Equal worms on the same world are placed and settled only once. On a single thread, this is the only saving of a
     batch, and it is largest for short runs. Runs are not combined in vector instructions, because these already process
-    several segments of a worm at once (`tests/benchmarks/README.md`).
+    several segments of a worm at once (`.docs/evidence/speed.md`).
 
     Parameters
     ----------
