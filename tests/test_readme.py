@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
@@ -44,9 +45,11 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), flags=re.DOTALL)
 
 
-def commands() -> list[list[str]]:
+ALL_COMMANDS = (README, *(BOOK / "guides" / f"{name}.md" for name in IN_ORDER))
+
+
+def commands(pages: Iterable[Path] = ALL_COMMANDS) -> list[list[str]]:
     """Return the shell lines of the README and of the guides, without their set-up, as arguments."""
-    pages = [README, *(BOOK / "guides" / f"{name}.md" for name in IN_ORDER)]
     lines = [line for page in pages for block in blocks(page, "sh") for line in block.splitlines()]
     lines = [line for line in lines if line and not line.startswith("#")]
     return [shlex.split(line.split("&&")[-1], comments=True) for line in lines]
@@ -68,6 +71,7 @@ def run(arguments: list[str], folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_paper_is_reproduced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -119,7 +123,7 @@ def test_all_guides_with_commands_are_in_the_order() -> None:
     assert sorted(IN_ORDER) == [page.stem for page in GUIDES if blocks(page, "sh")]
 
 
-@pytest.mark.parametrize("name", ALONE)
+@pytest.mark.parametrize("name", ["sweep", *(pytest.param(name, marks=pytest.mark.slow) for name in ALONE[1:])])
 def test_the_commands_that_need_no_result(name: str, tmp_path: Path) -> None:
     asked = [arguments for arguments in commands() if subject(arguments) == name]
     assert asked
@@ -127,6 +131,16 @@ def test_the_commands_that_need_no_result(name: str, tmp_path: Path) -> None:
         run(arguments, tmp_path)
 
 
+def test_the_commands_of_the_readme(tmp_path: Path) -> None:
+    for arguments in commands([README]):
+        if subject(arguments):
+            run(arguments, tmp_path)
+    for folder in ("flat", "turn", "circle"):
+        assert (tmp_path / folder / "result.nc").is_file()
+    assert (tmp_path / "both").is_dir()
+
+
+@pytest.mark.slow
 def test_the_commands(tmp_path: Path) -> None:
     for arguments in commands():
         if subject(arguments) not in ("", "paper", *ALONE):
