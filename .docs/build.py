@@ -74,6 +74,9 @@ def build(out: Path, *, partial: bool) -> list[str]:
     """Build the book into a folder, and return the mistakes. If `partial`, missing pages are no mistakes."""
     with tempfile.TemporaryDirectory(prefix="worm3d-book-") as name:
         sources = Path(name) / "sources"
+        for path in ROOT.iterdir():  # pages may include and show files of the tree, such as ../scenes/CHANGES.md
+            if not path.name.startswith((".git", ".venv", ".docs")):
+                (Path(name) / path.name).symlink_to(path)
         mistakes = assemble(sources)
         missing = [*missing_pages(sources)]
         for page in missing:

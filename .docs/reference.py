@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-if str(HERE) not in sys.path:
-    sys.path.insert(0, str(HERE))
+from pages.api import api
+from pages.commands import commands
+from pages.exit_codes import exit_codes
+from pages.file_format import file_format
+from pages.scene_keys import scene_keys
+from pages.series import series
+from pages.summary import summary
+from scenes.models.loading import load_scene
+from scenes.records.record import Record
+from scenes.running.runner import simulate
 
-from pages.api import api  # noqa: E402
-from pages.commands import commands  # noqa: E402
-from pages.exit_codes import exit_codes  # noqa: E402
-from pages.file_format import file_format  # noqa: E402
-from pages.scene_keys import scene_keys  # noqa: E402
-from pages.series import series  # noqa: E402
-from pages.summary import summary  # noqa: E402
-
-from scenes.models.loading import load_scene  # noqa: E402
-from scenes.records.record import Record  # noqa: E402
-from scenes.running.runner import simulate  # noqa: E402
-
+GLOSSARY = Path(__file__).resolve().with_name("glossary.md")
 EXAMPLES = {
     "worm": "flat",
     "worm_control": "path_circle",
@@ -77,7 +72,7 @@ def main(folder: Path) -> None:
         "exit_codes": exit_codes(),
         "file_format": file_format(runs),
         "api": api(),
-        "glossary": (HERE / "glossary.md").read_text(encoding="utf-8"),
+        "glossary": GLOSSARY.read_text(encoding="utf-8"),
     }
     (folder / "reference").mkdir(parents=True, exist_ok=True)
     for name, text in written.items():
