@@ -6,7 +6,7 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator, Mapping
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from textwrap import dedent
 from typing import Any
@@ -75,21 +75,38 @@ def _further(model: str, record: Record) -> str:
 
 def reasons_of(function: Any) -> Iterator[str]:
     """Yield the texts of all NoValueError that a measure may raise, also in the functions that the measure calls."""
-    yield from _reasons(function, set())
+    waiting, seen = [function], set[Any]()
+    while waiting:
+        each = waiting.pop()
+        if each not in seen:
+            seen.add(each)
+            texts, called = _raised(each)
+            yield from texts
+            waiting += called
 
 
-def _reasons(function: Any, seen: set[Any]) -> Iterator[str]:
+@cache
+def _raised(function: Any) -> tuple[list[str], list[Any]]:
+    """Return the texts of the NoValueError that a function raises itself, and the functions that the function calls."""
     function = inspect.unwrap(function.func if isinstance(function, partial) else function)
-    if function in seen or not str(getattr(function, "__module__", "")).startswith("worm3d.measures"):
-        return
-    seen.add(function)
-    names = vars(inspect.getmodule(function))
+    texts: list[str] = []
+    called: list[Any] = []
+    if str(getattr(function, "__module__", "")).startswith("worm3d.measures"):
+        names = vars(inspect.getmodule(function))
+        for name, arguments in _calls(function):
+            value = names.get(name)
+            if name == "NoValueError":
+                texts += _texts(arguments[0], names)
+            elif inspect.isroutine(value) or inspect.isclass(value):
+                called.append(value)
+    return texts, called
+
+
+def _calls(function: Any) -> Iterator[tuple[str, list[ast.expr]]]:
+    """Yield name and arguments of each call in the source of a function or a class."""
     for node in ast.walk(ast.parse(dedent(inspect.getsource(function)))):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            if node.func.id == "NoValueError":
-                yield from _texts(node.args[0], names)
-            elif inspect.isroutine(called := names.get(node.func.id)) or inspect.isclass(called):
-                yield from _reasons(called, seen)
+            yield node.func.id, node.args
 
 
 def _texts(node: ast.expr, names: Mapping[str, Any]) -> Iterator[str]:
