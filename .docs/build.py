@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
@@ -50,6 +51,9 @@ MATHJAX = "static/mathjax/tex-svg-full.js"
 NETWORK = re.compile(r"""<(?:script|img|iframe|source|video|audio|link)\b[^>]*?(?:src|href)=["'](?:https?:)?//[^>]*>""")
 """A part of a page that a browser would load from the network. Links, which the reader follows, are allowed."""
 STYLE_NETWORK = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])(?:https?:)?//""")
+
+PROCESSES = 2
+"""Number of generators, and of tutorials, that run at the same time."""
 
 LARGEST = 40e6
 """Largest size of the book [byte]."""
@@ -104,8 +108,9 @@ def assemble(sources: Path) -> list[str]:
     shutil.copy(mathjax(), sources / "_static" / "mathjax")
     if TUTORIALS.is_dir():
         shutil.copytree(TUTORIALS, sources / "tutorials", dirs_exist_ok=True)
-    generators = [*sorted((HERE / "drawings").glob("[!_]*.py")), HERE / "reference.py", HERE / "gallery.py"]
-    return [line for each in generators if each.exists() for line in generate(each, sources)]
+    generators = [HERE / "gallery.py", HERE / "reference.py", *sorted((HERE / "drawings").glob("[!_]*.py"))]
+    with ThreadPoolExecutor(PROCESSES) as pool:
+        return [*filter(None, pool.map(lambda each: generate(each, sources), filter(Path.exists, generators)))]
 
 
 def mathjax() -> Path:
@@ -116,14 +121,13 @@ def mathjax() -> Path:
     return Path(package.origin).parent / MATHJAX
 
 
-def generate(script: Path, sources: Path) -> Iterator[str]:
-    """Run a generator, which writes files into the folder of the sources, and yield a mistake if it fails."""
+def generate(script: Path, sources: Path) -> str:
+    """Run a generator, which writes files into the folder of the sources, and return a mistake if it fails."""
     begun = perf_counter()
     ended = subprocess.run([sys.executable, str(script), str(sources)], env=environment(), cwd=sources, check=False)
     sys.stdout.write(f"{script.relative_to(ROOT)}: {perf_counter() - begun:.0f} s\n")
     sys.stdout.flush()
-    if ended.returncode:
-        yield f"{script.relative_to(ROOT)} failed"
+    return f"{script.relative_to(ROOT)} failed" if ended.returncode else ""
 
 
 def environment() -> dict[str, str]:
@@ -151,7 +155,19 @@ def missing_pages(sources: Path) -> Iterator[Path]:
 def sphinx(sources: Path, made: Path, *, partial: bool) -> list[str]:
     """Run Sphinx, and return a mistake if Sphinx has warnings. A stub of a missing page has no headings to link to."""
     lenient = ["-D", "suppress_warnings=myst.xref_missing"] if partial else []
-    options = ["-b", "html", "-W", "--keep-going", "-n", "-q", "-j", "2", "-d", str(made.parent / "doctrees"), *lenient]
+    options = [
+        "-b",
+        "html",
+        "-W",
+        "--keep-going",
+        "-n",
+        "-q",
+        "-j",
+        str(PROCESSES),
+        "-d",
+        str(made.parent / "doctrees"),
+        *lenient,
+    ]
     env = {name: value for name, value in environment().items() if name != "MPLBACKEND"}  # cells draw into the page
     command = [sys.executable, "-m", "sphinx", *options, str(sources), str(made)]
     return ["Sphinx found mistakes"] if subprocess.run(command, env=env, check=False).returncode else []
