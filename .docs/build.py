@@ -17,9 +17,12 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from html import unescape
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
+from urllib.parse import unquote, urlsplit
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -54,6 +57,9 @@ STYLE_NETWORK = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])(?:https?:)?//"""
 
 PROCESSES = 2
 """Number of generators, and of tutorials, that run at the same time."""
+
+LINK = re.compile(r'\s(?:href|src)="([^"]*)"')
+"""A link of a page, or the file of a picture, frame, script or style."""
 
 LARGEST = 40e6
 """Largest size of the book [byte]."""
@@ -94,7 +100,7 @@ def build(out: Path, *, partial: bool) -> list[str]:
         mistakes += sphinx(sources, made, partial=partial)
         if made.is_dir():
             copy_assets(sources, made)
-            mistakes += [*wrong_files(made)]
+            mistakes += [*wrong_files(made), *(() if partial else broken_links(sources, made))]
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(made, out, ignore=shutil.ignore_patterns(".doctrees", ".buildinfo", "jupyter_execute"))
     return mistakes
@@ -191,6 +197,29 @@ def wrong_files(made: Path) -> Iterator[str]:
     size = sum(path.stat().st_size for path in made.rglob("*") if path.is_file())
     if size > LARGEST:
         yield f"the book has {size / 1e6:.0f} MB, must have at most {LARGEST / 1e6:.0f} MB"
+
+
+def broken_links(sources: Path, made: Path) -> Iterator[str]:
+    """Yield the links and pictures of pages that lead to no file, or to no place within a page.
+
+    Sphinx checks links in Markdown only, and not frames and links that are written as HTML.
+    """
+    for source in sorted(sources.rglob("*.md")):
+        page = made / source.relative_to(sources).with_suffix(".html")
+        for link in sorted(set(LINK.findall(_text(page)))):
+            parts = urlsplit(unescape(link))
+            target = page.parent / unquote(parts.path) if parts.path else page
+            if not parts.scheme and not parts.netloc and not _is_there(target, unquote(parts.fragment)):
+                yield f"{source.relative_to(sources)}: {link} leads nowhere"
+
+
+def _is_there(path: Path, place: str) -> bool:
+    return path.exists() and (not place or path.suffix != ".html" or place in _places(path))
+
+
+@cache
+def _places(path: Path) -> frozenset[str]:
+    return frozenset(re.findall(r'\bid="([^"]*)"', _text(path)))
 
 
 def _text(path: Path) -> str:
