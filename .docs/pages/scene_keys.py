@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from pages.text import Definition, bullets, code, definitions, page, prose, sentence, table
 from scenes import models
-from scenes.language.schema import Key, Section, keys_in
+from scenes.language.schema import OWN_KINDS, Key, Section, keys_in
 from scenes.language.sweep_section import Outside
 from scenes.language.toml import value
 from scenes.models.sections import Settings
@@ -83,7 +83,8 @@ def _title(name: str, schema: type[Section], owners: list[str], *, alone: bool) 
 def _section(name: str, schema: type[Section]) -> Iterator[str]:
     """Yield the keys of a section, and then the sections within it."""
     keys = keys_in(schema)
-    yield definitions(entry(each, known) for each, known in keys.items() if not known.section)
+    kinds = [word for word in keys["kind"].choices if isinstance(word, str)] if "kind" in keys else []
+    yield definitions(entry(each, known, kinds) for each, known in keys.items() if not known.section)
     for each, known in keys.items():
         inner = known.section or known.table
         if inner is not None:
@@ -92,18 +93,25 @@ def _section(name: str, schema: type[Section]) -> Iterator[str]:
             yield from _section(f"{name}.{each}", inner)
 
 
-def entry(name: str, known: Key) -> Definition:
-    """Return the entry of a key."""
+def entry(name: str, known: Key, kinds: Sequence[str] = ()) -> Definition:
+    """Return the entry of a key; `kinds` are the kinds of the section."""
     meaning, items = split_meaning(known)
     words = bullets(f"{code(value(word))}: {prose(text)}" if text else code(value(word)) for word, text in items)
-    only = f"Only for {', '.join(map(code, known.only))}." if known.only else ""
-    return code(name), [f"{sentence(meaning, known.choices)} {only}".strip(), words, numbers(known)]
+    return code(name), [f"{sentence(meaning, known.choices)} {_only(known, kinds)}".strip(), words, numbers(known)]
+
+
+def _only(known: Key, kinds: Sequence[str]) -> str:
+    """Return the kinds that have a key, or the kinds that do not have the key if these are fewer."""
+    others = [kind for kind in kinds if not known.is_for(kind)]
+    if known.only and kinds and len(others) < len(known.only) and OWN_KINDS not in known.only:
+        return f"Not for {', '.join(map(code, others))}."
+    return f"Only for {', '.join(map(code, known.only))}." if known.only else ""
 
 
 def numbers(known: Key) -> str:
     """Return unit, range, form and default of a key."""
     span = known.span.replace("<=", "≤")
-    form = EACH[known.each][2] if known.each else ""
+    form = EACH[known.each][2].replace(" or one for each", ", or a list with a number for each") if known.each else ""
     parts = {"Unit": known.unit and code(known.unit), "Range": span and code(span), "Form:": form}
     parts["Default:"] = _default(known)
     return " ".join(f"{label} {text}." for label, text in parts.items() if text)
@@ -114,7 +122,10 @@ def _default(known: Key) -> str:
         return "none, the key must be given"
     if known.table:
         return "none"
-    own = "; ".join(f"{code(value(default))} for {code(kind)}" for kind, default in known.defaults_by_kind.items())
+    kinds: dict[str, list[str]] = {}
+    for kind, default in known.defaults_by_kind.items():
+        kinds.setdefault(value(default), []).append(code(kind))
+    own = "; ".join(f"{code(default)} for {', '.join(names)}" for default, names in kinds.items())
     return own or (prose(known.left_out) if known.left_out else code(known.default_text))
 
 

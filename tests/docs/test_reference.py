@@ -52,6 +52,6 @@ def test_each_page_has_all_of_its_kind(pages: dict[str, str]) -> None:
 def test_units_ranges_and_reasons_stand_beside_the_names(pages: dict[str, str]) -> None:
     assert "`period_s`\n: T\\_wave: time between two contractions" in pages["scene_keys"]
     assert "Unit `s`. Range `0 < …`." in pages["scene_keys"]
-    assert "Null: the body is vertical: it has no heading." in pages["summary"]
+    assert "Null: a vertical body has no heading." in pages["summary"]
     assert "Definition: mean d\\_k.e\\_k / L (J1)." in pages["summary"]
     assert "| `com` | `m` | (T, 3) | " in pages["series"]
