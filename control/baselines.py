@@ -88,7 +88,7 @@ class Gains(Checked):
     """
 
     speed: float = parameter(0.6, "K_p, gain of the speed", ge=0)
-    speed_integral: float = parameter(0.3, "K_i, gain of its integral", "1/s", ge=0)
+    speed_integral: float = parameter(0.3, "K_i, gain of the integral of the speed error", "1/s", ge=0)
     heading: float = parameter(1.2, "K_h, gain of the heading", "1/s", ge=0)
     reach: float = parameter(0.15, "look-ahead distance of (B2)", "body lengths", gt=0)
 

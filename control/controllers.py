@@ -43,7 +43,7 @@ CONTROLLERS = {
         "control.climbing.climber",
         "Climber",
     ),
-    "bending": Listed("mpc, of a worm that also bends along its path", "control.chambers.controller", "Bending"),
+    "bending": Listed("mpc, with a worm that also bends along the path", "control.chambers.controller", "Bending"),
     "pi_los": Listed("PI control of the speed and line-of-sight steering", "control.baselines", "PiLineOfSight"),
     "open_loop": Listed("the wave that the identified map says, without looking", "control.baselines", "OpenLoop"),
 }

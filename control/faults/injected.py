@@ -40,7 +40,9 @@ class Injected(Checked):
     """Whether this fault affects plans. If so, it needs a controller that plans."""
 
     begin: float = parameter(0.0, "when it begins", "s", ge=0)
-    duration: float = parameter(np.inf, "how long it lasts", "s", gt=0, infinite=True, left_out="to the end of the run")
+    duration: float = parameter(
+        np.inf, "duration of the fault", "s", gt=0, infinite=True, left_out="to the end of the run"
+    )
 
     def __init_subclass__(cls, name: str = "") -> None:
         if name:
@@ -118,7 +120,7 @@ class FaultySensor(Injected, name="sensor"):
     )
     mode: Literal["lost", "frozen", "off", "drifting", "swapped"] = parameter(
         "lost",
-        "lost: no samples; frozen: the last sample again, as if it were new; off: an error is added; drifting: a "
+        "lost: no samples; frozen: the last sample again, like a new one; off: an error is added; drifting: a "
         "growing error is added; swapped: left and right are exchanged",
     )
     error: float = parameter(
@@ -181,7 +183,7 @@ class FaultyPlanner(Injected, name="planner"):
 
     of_plans: ClassVar[bool] = True
 
-    mode: Literal["fails", "raises"] = parameter("fails", "fails: it finds nothing; raises: an exception")
+    mode: Literal["fails", "raises"] = parameter("fails", "fails: no plan is found; raises: an exception")
     probability: float = parameter(1.0, "probability that a plan is spoilt", gt=0, le=1)
 
     def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:

@@ -29,7 +29,7 @@ class ExtensionWave(ExtendingGait, name="extension_wave"):
     period: float = parameter(6.0, meaning="time between two extensions of a segment", unit="s", gt=0)
     waves: float = parameter(1.0, meaning="number of waves on the body", gt=0)
     moving: float = parameter(0.5, meaning="share of the period for which a segment is not contracted", gt=0, le=1)
-    held: float = parameter(1 / 3, meaning="share of that time for which it is wholly extended", ge=0, lt=1)
+    held: float = parameter(1 / 3, meaning="share of this time while a segment is wholly extended", ge=0, lt=1)
     direction: Direction = direction_of_waves()
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:

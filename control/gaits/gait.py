@@ -72,7 +72,7 @@ class Gait(Spelled, ABC):
         unit="rad",
     )
     force: float = parameter(
-        0.0, meaning="force of a chamber at activation 1, beside its contraction; positive contracts", unit="N"
+        0.0, meaning="force of a chamber at activation 1, in addition to the contraction; positive contracts", unit="N"
     )
     name: ClassVar[str] = ""
     turning: ClassVar[tuple[str, ...]] = ("bias", "hinge")

@@ -99,7 +99,7 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
     )
     T_contract: float = parameter(
         0.25,
-        meaning="duration of one contraction, at most T_wave; beyond T_wave/N those of neighbours overlap",
+        meaning="duration of one contraction, at most T_wave; beyond T_wave/N the contractions of neighbours overlap",
         unit="s",
         gt=0,
         key="contract_time_s",

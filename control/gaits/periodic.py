@@ -43,7 +43,9 @@ class _Shaped(Gait):
     period: float = parameter(2.0, meaning="duration after which the gait repeats", unit="s", gt=0, aka=("T_wave_s",))
     waves: float = parameter(1.0, meaning="number of waves on the body", ge=0, aka=("number_of_waves",))
     direction: Direction = direction_of_waves()
-    phase: float | FloatArray = parameter(0.0, meaning="phase by which each is ahead, in periods", each="side")
+    phase: float | FloatArray = parameter(
+        0.0, meaning="phase of a segment ahead of the first one, in periods", each="side"
+    )
     rectified: bool = parameter(True, meaning="whether segments only contract, max(0, A), never lengthen")
 
     def _phase(self, times: FloatArray, segments: int) -> FloatArray:
@@ -60,7 +62,7 @@ class Periodic(_Shaped, name="periodic"):
     """Wave with a separate phase, duty, sharpness and weight for each segment and side, (PG2)."""
 
     duty: float | FloatArray = parameter(
-        0.5, meaning="share of the period for which each is contracted", gt=0, lt=1, each="side"
+        0.5, meaning="share of the period while a segment is contracted", gt=0, lt=1, each="side"
     )
     sharpness: float | FloatArray = parameter(
         0.0, meaning="flatness of the crests: 0 is a sine, 10 nearly a square wave", ge=0, le=100, each="side"

@@ -122,14 +122,14 @@ class WallLoad(Reflex, name="wall_load"):
 
     load: float | None = parameter(
         None,
-        meaning="load on a segment at which it stops widening",
+        meaning="load at which a segment stops widening",
         unit="N",
         gt=0,
         left_out="12 times the worm's weight",
     )
-    rate: float = parameter(10.0, meaning="speed at which a segment of at least twice the load gives way", gt=0)
+    rate: float = parameter(10.0, meaning="speed of release of a segment with at least twice the load", gt=0)
     recovery: float = parameter(
-        1.0, meaning="speed at which an unloaded segment comes back to the contraction wanted", ge=0
+        1.0, meaning="speed of the return of an unloaded segment to the wanted contraction", ge=0
     )
     senses = ("contact_load",)
 
@@ -159,8 +159,8 @@ class Reach(Reflex, name="reach"):
         gt=0,
         left_out="a quarter of a segment's weight",
     )
-    most: float = parameter(1.0, meaning="greatest further contraction, as a share of what is wanted", gt=0)
-    time: float = parameter(0.3, meaning="time in which what is wanted is doubled", unit="s", gt=0)
+    most: float = parameter(1.0, meaning="greatest further contraction, as a share of the wanted contraction", gt=0)
+    time: float = parameter(0.3, meaning="time until the wanted contraction is doubled", unit="s", gt=0)
     senses = ("contact_load",)
 
     def start(self, worm: Worm) -> ReflexMemory:
@@ -182,11 +182,11 @@ class Reach(Reflex, name="reach"):
 class Wait(Reflex, name="wait"):
     """A segment does not let go before the segment that contracts next has contracted, (GR3)."""
 
-    share: float = parameter(0.5, meaning="share of what is wanted of the neighbour that is enough", gt=0, le=1)
-    patience: float = parameter(0.5, meaning="longest time for which a segment waits", unit="s", gt=0)
+    share: float = parameter(0.5, meaning="sufficient share of the wanted contraction of the neighbour", gt=0, le=1)
+    patience: float = parameter(0.5, meaning="longest wait of a segment", unit="s", gt=0)
     towards: Direction = parameter(
         "retrograde",
-        meaning="way in which the gait's waves run: retrograde, the next segment is that behind; direct, that ahead",
+        meaning="direction of the gait's waves: retrograde, the next segment is behind; direct, it is ahead",
     )
     senses = ("strain",)
 

@@ -158,7 +158,9 @@ class Schedule(Spelled):
     hinge_phase: float = parameter(
         float(np.deg2rad(90.0)), unit="rad", meaning="phase of bending by hinges ahead of the contraction at f -> 0"
     )
-    lead: float = parameter(0.2, unit="s", meaning="time by which bending is further ahead, since it lags its command")
+    lead: float = parameter(
+        0.2, unit="s", meaning="time by which bending commands are further ahead, because bending lags the command"
+    )
     steepness: float = parameter(1.0, ge=1, meaning="factor of the contraction's sine, which is cut at 1; 2 is fast")
     direction: Direction = parameter("retrograde", meaning="retrograde runs head to tail, direct tail to head")
 

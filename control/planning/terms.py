@@ -153,7 +153,7 @@ class Speed(CostTerm):
     """Miss of the speed."""
 
     tolerance: float = parameter(0.004, "a_V, miss of the speed that weighs 1", "body lengths/s", gt=0)
-    large: float = parameter(0.02, "miss from which on the cost rises by the miss, no faster", "body lengths/s", gt=0)
+    large: float = parameter(0.02, "miss above which the cost is linear in the miss", "body lengths/s", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
@@ -181,7 +181,7 @@ class Offset(CostTerm):
 class Arrival(Offset):
     """Offset at the end of the horizon, which represents all later steps."""
 
-    way: float = parameter(0.01 / 0.07, "L, in which an offset dies away to 37 %", "body lengths", gt=0)
+    way: float = parameter(0.01 / 0.07, "L, length over which an offset decays to 37 %", "body lengths", gt=0)
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return the factor of each step, which is 0 except in the last step, and 0 without a path."""
@@ -195,7 +195,7 @@ class Heading(CostTerm):
     """Miss of the heading, including the crab angle that compensates the sideways motion."""
 
     tolerance: float = parameter(0.07, "a_h, miss of the heading that weighs 1", "rad", gt=0)
-    large: float = parameter(0.35, "miss from which on the cost rises by the miss, no faster", "rad", gt=0)
+    large: float = parameter(0.35, "miss above which the cost is linear in the miss", "rad", gt=0)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""

@@ -47,8 +47,10 @@ class Channel(Spelled):
     """Quality of a sensor. Noise and bias are in the unit of the measured quantity."""
 
     noise: float = parameter(meaning="standard deviation of the white noise of each sample", ge=0)
-    bias: float = parameter(0.0, meaning="standard deviation of its constant error, drawn once a run", ge=0)
-    delay: float = parameter(0.0, meaning="time from the instant of a sample to its arrival", unit="s", ge=0)
+    bias: float = parameter(0.0, meaning="standard deviation of the constant error, which is drawn once a run", ge=0)
+    delay: float = parameter(
+        0.0, meaning="time from the instant of a sample to the arrival of the sample", unit="s", ge=0
+    )
     dropout: float = parameter(
         0.0, meaning="probability that a sample is lost", ge=0, le=1, allowed="a probability, in [0, 1]"
     )

@@ -54,11 +54,28 @@ WITHIN = 0.02
 """Greatest offset of a worm that counts as on the path [body lengths]."""
 BODY_CLEARANCE = "body_clearance_min_bl"
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
-METRICS = (
-    *(*SPEED_METRICS, "speed_bias_m_s", *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, *HEAD_METRICS),
-    *("joining_periods", "clearance_min_bl", BODY_CLEARANCE, "end_error_bl", "settling_periods", *RESPONSE_METRICS),
-)
-"""Names of the metrics that `summary` returns."""
+METRICS = {
+    "speed_bias_relative": "mean speed error, divided by the mean reference speed",
+    "speed_error_rms_relative": "rms speed error, divided by the mean reference speed",
+    "speed_bias_m_s": "mean speed error",
+    "speed_bias_settled_relative": "speed_bias_relative without the three periods after each step of the reference",
+    "speed_error_rms_settled_relative": "speed_error_rms_relative without the same periods",
+    "heading_error_mean_deg": "mean heading error, positive to the left",
+    "heading_error_rms_deg": "rms heading error",
+    "cross_track_rms_bl": "rms distance of the centre of mass from the path",
+    "cross_track_max_bl": "greatest distance of the centre of mass from the path",
+    "cross_track_mean_bl": "mean distance of the centre of mass to the left of the path",
+    "head_offset_rms_bl": "rms distance of the head from the path",
+    "head_offset_max_bl": "greatest distance of the head from the path",
+    "joining_periods": f"commanded periods until the worm stays within {WITHIN:g} body lengths of the path",
+    "clearance_min_bl": "smallest distance of the averaged centre of mass from an obstacle or the edge of the corridor",
+    BODY_CLEARANCE: "smallest distance of the outline of the body from an obstacle, negative inside",
+    "end_error_bl": "greatest distance from the end of the path in the last seconds",
+    "settling_periods": f"commanded periods until the speed stays within {SETTLED:.0%} after a step of the reference",
+    "speed_response_time_s": "time from a step of the reference speed to 90 % of the step, longest of all steps",
+    "heading_response_time_s": "time from a step of the reference heading to 90 % of the step, longest of all steps",
+}
+"""Meaning of each metric that `summary` returns, by name."""
 STAYED = 4.0
 """Time at the end of the run during which the worm must be at the end of its path [s]. It is about three periods at 0.8
 Hz."""

@@ -27,7 +27,7 @@ from worm3d.values.spelling import Spelled
 
 def seen_from() -> Any:
     """Return the field `sight` of an obstacle."""
-    meaning = "distance of its edge from the middle line of the worm within which the controller comes to know of it"
+    meaning = "the controller knows of an obstacle whose edge is nearer than this to the middle line of the worm"
     return parameter(math.inf, meaning=meaning, unit="m", gt=0, infinite=True, left_out="known from the start")
 
 
@@ -80,9 +80,9 @@ class Obstacle(Spelled, ABC):
 class Disc(Obstacle):
     """A circular disc."""
 
-    x: float = parameter(meaning="x of its middle", unit="m")
-    y: float = parameter(meaning="y of its middle", unit="m")
-    radius: float = parameter(meaning="distance of its edge from its middle", unit="m", gt=0)
+    x: float = parameter(meaning="x of the middle", unit="m")
+    y: float = parameter(meaning="y of the middle", unit="m")
+    radius: float = parameter(meaning="distance of the edge from the middle", unit="m", gt=0)
     sight: float = seen_from()
 
     @property
@@ -100,11 +100,11 @@ class Disc(Obstacle):
 class Wall(Obstacle):
     """A straight wall with round ends."""
 
-    x: float = parameter(meaning="x of its middle", unit="m")
-    y: float = parameter(meaning="y of its middle", unit="m")
-    radius: float = parameter(meaning="distance of its edge from its middle line", unit="m", gt=0)
-    length: float = parameter(1.0, meaning="length of its middle line", unit="m", gt=0)
-    azimuth: float = parameter(0.0, meaning="direction of its middle line", unit="rad")
+    x: float = parameter(meaning="x of the middle", unit="m")
+    y: float = parameter(meaning="y of the middle", unit="m")
+    radius: float = parameter(meaning="distance of the edge from the middle line", unit="m", gt=0)
+    length: float = parameter(1.0, meaning="length of the middle line", unit="m", gt=0)
+    azimuth: float = parameter(0.0, meaning="direction of the middle line", unit="rad")
     sight: float = seen_from()
 
     @property

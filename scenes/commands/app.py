@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -185,17 +186,39 @@ def list_scenes(
 
 @app.command()
 def init(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="TOML file to write.")],
+    context: typer.Context,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", help="TOML file to write.")] = None,
     model: Annotated[str, typer.Option(help="Model of the scene.")] = "worm",
     o: Overrides = None,
+    tutorials: Annotated[
+        Path | None,
+        typer.Option(
+            "--tutorials",
+            metavar="DIR",
+            parser=path_of,
+            help="Write the tutorials as Jupyter notebooks into a folder, instead of a FILE.",
+        ),
+    ] = None,
     force: Force = False,
     no_code: NoCode = False,
 ) -> None:
-    """Write a commented scene as a starting point.
+    """Write a commented scene as a starting point, or the tutorials.
 
     The scene contains every key with its default, or the value from -o, and with its meaning, unit and range. 'worm3d
-    init FILE -o gait.kind=my_robot:Kick' includes the keys of your own part.
+    init FILE -o gait.kind=my_robot:Kick' includes the keys of your own part. 'worm3d init --tutorials DIR' writes the
+    tutorials as notebooks.
     """
+    if tutorials is not None:
+        if file is not None or o:
+            raise SceneError("init: --tutorials writes notebooks and no scene; leave out FILE and -o")
+        _write_tutorials(tutorials, force=force)
+    elif file is None:
+        context.fail("Nothing to write: name a FILE for a scene, or give --tutorials DIR.")
+    else:
+        _write_scene(file, model, o or (), force=force)
+
+
+def _write_scene(file: Path, model: str, overrides: Iterable[str], *, force: bool) -> None:
     from scenes import models
     from scenes.models.template import template
     from scenes.records.folder import write_bytes
@@ -205,11 +228,19 @@ def init(
         raise SceneError(f"--model: got '{model}', must be one of {', '.join(models.names())}")
     if file.exists() and not force:
         raise SceneError(f"{file} exists: choose another name, or replace it with --force")
-    text = template(models.get(model), o or ())
+    text = template(models.get(model), overrides)
     write_bytes(file, text.encode())
     lacking = text.count(" = ?  must be given")
     fill = f"fill in its {counted(lacking, 'key')} with '= ?', then " if lacking else ""
     typer.echo(f"wrote {file}; {fill}'worm3d run {file}' runs it")
+
+
+def _write_tutorials(folder: Path, *, force: bool) -> None:
+    from scenes.commands.tutorials import write_tutorials
+
+    for path in write_tutorials(folder, force=force):
+        typer.echo(str(path))
+    typer.echo("open them with Jupyter: pip install notebook, then 'jupyter notebook' in this folder")
 
 
 @app.command()

@@ -47,7 +47,7 @@ class Study(Section):
     """The conclusions that a sweep reports. A figure is a number in the summary of a run."""
 
     question: str = setting("", meaning="the question that the study answers")
-    held: str = setting("", meaning="what is the same in all cases, in words")
+    held: str = setting("", meaning="conditions that are the same in all cases, in words")
     measures: dict[str, Literal["more", "less", ""]] = setting(
         {}, meaning='figures of the summary to report, and whether more or less is better: { speed_bl_s = "more" }'
     )
@@ -64,7 +64,7 @@ class Study(Section):
         {}, meaning="figures for whose equal values costs (less is better) are also compared: { speed_bl_s = 0.05 }"
     )
     marked: dict[str, str] = setting(
-        {}, meaning='marks for the cases for which a formula is true: { "tips over" = "= roll_margin_deg < 0" }'
+        {}, meaning='marks for the cases whose formula is true: { "tips over" = "= roll_margin_deg < 0" }'
     )
 
 

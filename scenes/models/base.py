@@ -150,6 +150,8 @@ class Model(Pictures, Generic[S]):
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
     """Entries of the summary that a run prints at its end, each with the label and the unit. They are printed in
     addition to the entries that are printed for every moving worm."""
+    entries: Mapping[str, str] = field(default_factory=dict)
+    """Meanings of entries of the summary by name, for entries that are not measures of `worm3d.measures`."""
     moves: bool = True
     """Whether the model has a worm that moves."""
     inputs: tuple[str, ...] = ()

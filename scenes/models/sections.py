@@ -68,7 +68,7 @@ class Settings(Section):
 
     model: str = setting(meaning="which simulation the scene is for")
     title: str = setting("", meaning="name of the scene for people")
-    says: str = setting("", meaning="what to look for, in one line; `worm3d list` prints it")
+    says: str = setting("", meaning="description in one line, which `worm3d list` prints")
     seed: int = setting(0, ge=0, le=2**63 - 1, meaning="seed of all random numbers")
     run: Run = Run()
 

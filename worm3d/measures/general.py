@@ -68,7 +68,7 @@ def _mean_speed(result: FinishedRun) -> float:
 def _heading_change(result: FinishedRun) -> float:
     turned = float(np.rad2deg(result.heading[-1] - result.heading[0]))
     if np.isnan(turned):
-        raise NoValueError("the body is vertical: it has no heading")
+        raise NoValueError("a vertical body has no heading")
     return turned
 
 

@@ -14,8 +14,8 @@ from worm3d.values.read_only import kept
 if TYPE_CHECKING:
     from worm3d.worlds import World
 
-NO_HEADING = "the body is vertical at the start: it has no heading"
-NO_PERIOD = "the actuation has no `period` [s] over which the centre of mass could be averaged"
+NO_HEADING = "the body is vertical at the start, and a vertical body has no heading"
+NO_PERIOD = "the actuation has no `period` [s] for the average of the centre of mass"
 NO_WAY = 1e-9
 """Largest distance that counts as rounding, as a fraction of the body length."""
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from worm3d.values.arrays import FloatArray
 
-SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
+SHORT_RUN = "the run is shorter than one period of the gait, and the centre of mass is averaged over one period"
 
 
 def averaged(com: FloatArray, window: int) -> FloatArray:

@@ -78,7 +78,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
         each="sample",
         allowed="above 0, a list of numbers from tail to head",
     )
-    pace_exponent: float = parameter(0.5812, meaning="exponent p with which delays follow the period", ge=0, le=2)
+    pace_exponent: float = parameter(0.5812, meaning="exponent p of the delays as a function of the period", ge=0, le=2)
     lengthens = False
 
     def __post_init__(self) -> None:

@@ -56,7 +56,7 @@ class SHC(FeedbackGait, name="shc"):
     beta: float = parameter(1.0, meaning="value beta of each node's state while active", gt=0, each="segment")
     nu: float = parameter(
         1.5,
-        meaning="saddle value nu of each node: rate of decay to it divided by rate of leaving",
+        meaning="saddle value nu of each node: rate of approach to the node divided by rate of leaving",
         gt=1,
         each="segment",
     )

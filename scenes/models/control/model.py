@@ -12,7 +12,7 @@ from control.estimation.estimate import NIS, consistency
 from control.faults.injected import Faulty
 from control.loop import Driver
 from control.sensing.sensors import Measurement
-from control.tracking.metrics import measured
+from control.tracking.metrics import METRICS, measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, sensors_of, wave_of
@@ -33,6 +33,20 @@ FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_st
 
 NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
 NO_NIS = "this controller estimates nothing from innovations, or none came after its start"
+
+
+ENTRIES = {
+    **worm.ENTRIES,
+    **METRICS,
+    "mpc_failures": "number of control steps in which the MPC found no plan",
+    "measurements_refused": "number of measurements that the gate or the estimator refused",
+    "nis_mean": "mean normalised innovation squared of the estimator, (KF7)",
+    "nis_low": "lower limit of the mean for an estimator whose model and noise are right, (KF7)",
+    "nis_high": "upper limit of the mean for an estimator whose model and noise are right, (KF7)",
+    "wave": "shape of the wave that the controller commanded",
+    "map": "source of the controller's map from commands to motion: identified, nearby or default",
+}
+"""Meanings of the entries that the summary has beside the measures, by name."""
 
 
 class Phased:
@@ -156,4 +170,5 @@ CONTROL_MODEL = Model(
         ("mpc_failures", "failures of the MPC", ""),
         ("measurements_refused", "measurements refused", ""),
     ),
+    entries=ENTRIES,
 )

@@ -45,7 +45,7 @@ class HeadingStep(Section):
     heading_deg: float = setting(unit="deg", meaning="heading from then on")
 
 
-class Obstacle(PartSection, holds={"kind": OBSTACLE}, keys=partial(chosen, meaning="what it is")):
+class Obstacle(PartSection, holds={"kind": OBSTACLE}, keys=partial(chosen, meaning="shape of the obstacle")):
     """Obstacle on the ground that the worm avoids."""
 
 
@@ -62,7 +62,7 @@ PATHS = (*ENDING, CIRCLE)
 REFERENCE_KINDS = (*(kind for kind in PATHS if kind != OWN_KINDS), HEADING_KIND, "none")
 KIND = part_key(
     REFERENCE_KINDS,
-    meaning="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
+    meaning="reference to follow: a path, such as the centre line of the pipe, a heading, or nothing",
     aka=("path", "type"),
 )
 
@@ -85,7 +85,7 @@ class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH_KIND}):
         unit="deg",
         only=BEGUN,
         left_out="where the worm looks as it starts",
-        meaning="direction of the path where it begins",
+        meaning="direction of the path at the start",
     )
     length_m: float | None = setting(unit="m", gt=0, only=LINE, left_out="without end", meaning="length of the line")
     ends: bool = setting(False, only=ENDING, meaning="whether the worm stops at the end of the path and stays there")
@@ -95,17 +95,19 @@ class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH_KIND}):
     obstacles: Tables[Obstacle] = setting(
         (),
         only=PATHS,
-        meaning="what to go around, each a table: "
+        meaning="obstacles, each a table: "
         + "; ".join(f'kind = "{name}" with {", ".join(keys_of(each))}' for name, each in OBSTACLES.items()),
     )
-    radius_m: float = setting(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), meaning="radius, or that of the corners")
-    towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), meaning="to which side it turns first")
-    amplitude_m: float = setting(0.4, unit="m", gt=0, only=S_CURVE, meaning="amplitude of its sine")
-    wavelength_m: float = setting(4.0, unit="m", gt=0, only=S_CURVE, meaning="wavelength of its sine")
+    radius_m: float = setting(
+        1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), meaning="radius, or radius of the corners"
+    )
+    towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), meaning="side of the first turn")
+    amplitude_m: float = setting(0.4, unit="m", gt=0, only=S_CURVE, meaning="amplitude of the sine")
+    wavelength_m: float = setting(4.0, unit="m", gt=0, only=S_CURVE, meaning="wavelength of the sine")
     points: Tables[Point] = setting(
         (), only=(SPLINE, WAY_POINTS), meaning="points of the path, each a table of x_m and y_m"
     )
-    closed: bool = setting(False, only=SPLINE, meaning="whether it goes on from its last point to its first")
+    closed: bool = setting(False, only=SPLINE, meaning="whether the curve continues from the last point to the first")
 
 
 def reference_of(scene: Any) -> Task:

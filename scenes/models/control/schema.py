@@ -49,8 +49,8 @@ class Controller(
     PartSection,
     keys={
         "kind": _listed(CONTROLLERS),
-        "estimator": _listed(ESTIMATORS, "what finds the state from measurements: "),
-        "model": _listed(MODELS, "what planner and estimator take the worm for: "),
+        "estimator": _listed(ESTIMATORS, "estimator of the state from measurements: "),
+        "model": _listed(MODELS, "model of the worm in planner and estimator: "),
         **keys_of(Gains, prefix="gain_", only=("pi_los", OWN_KINDS)),
     },
     holds={"kind": CONTROLLER, "estimator": ESTIMATOR, "model": MODEL_KIND},
@@ -59,34 +59,34 @@ class Controller(
 
     mechanism: Mechanism = setting(
         "hinge",
-        meaning="what steers: hinges, unequal chambers, or both at once",
+        meaning="steering: hinges, unequal chambers, or both at once",
         left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
         defaults_by_kind={"mpc": "both", OWN_KINDS: "hinge"},
     )
     wave: Literal[Wave, "auto"] = setting(
         "sine",
-        meaning="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that it is "
-        "faster and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: the steep one in a "
-        "run in which a speed is asked for that the sine hardly reaches, otherwise the sine",
+        meaning="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that the "
+        "worm is faster and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: steep if the "
+        "run asks for a speed that sine hardly reaches, otherwise sine",
         left_out="that of its kind: 'auto' for mpc, 'sine' for all others",
         defaults_by_kind={"mpc": AUTO, OWN_KINDS: "sine"},
     )
     period_s: float = setting(0.2, unit="s", gt=0, meaning="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(
         "own",
-        meaning="which map of what a wave does it goes by. own: that of this worm on this friction if it was "
-        "identified, otherwise nearby; nearby: the default worm's, corrected by some seconds of runs as the scene "
-        "starts; default: the default worm's, whatever the worm is",
+        meaning="map from commands to motion. own: the map of this worm on this friction if the map was identified, "
+        "otherwise nearby; nearby: the map of the default worm, corrected by some seconds of runs as the scene "
+        "starts; default: the map of the default worm for any worm",
     )
     inner_loop: bool = setting(
         True,
-        meaning="whether a chamber is told more, or earlier, than the others where its strain shows that it does too "
-        "little",
+        meaning="whether a chamber whose strain is too small gets larger or earlier commands than the others",
         left_out="that of its kind: false for pi_los and open_loop, true for all others",
         defaults_by_kind={"pi_los": False, "open_loop": False},
     )
     told: bool = setting(
-        True, meaning="whether it is told how good the sensors are; false: it takes them for usual ones"
+        True,
+        meaning="whether the controller knows how good the sensors are; false: the controller assumes usual sensors",
     )
 
 

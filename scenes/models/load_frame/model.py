@@ -228,4 +228,10 @@ LOAD_FRAME_MODEL = Model(
         ("work_damping_J", "lost to damping", "J"),
         ("energy_balance_error", "energy balance error", ""),
     ),
+    entries={
+        "peak_force_N": "greatest force in the cable",
+        "work_in_J": "work that the cable does while it is taken in",
+        "work_returned_J": "work that the segment returns while the cable is let out",
+        "work_lost_share": "share of work_in_J that is not returned",
+    },
 )

@@ -200,4 +200,9 @@ LINKAGE_MODEL = Model(
         ("speed_BL_per_period", "speed", "BL/period"),
         ("work_contract_positive_J", "positive work", "J"),
     ),
+    entries={
+        "speed_BL_per_period": "mean speed, in body lengths per period of the gait",
+        "cumulative_cot_J_per_m": "sum over the steps of work divided by displacement, (P12)",
+        "mass_kg": "mass of the worm",
+    },
 )

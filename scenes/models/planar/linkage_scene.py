@@ -41,7 +41,8 @@ class Ground(Section):
     """The ground under the worm, and gravity."""
 
     kind: Literal["contact", "clamped"] = setting(
-        _RUN["ground"], meaning="contact: the apexes touch it; clamped: the joints' heights are held, loads by (P9)"
+        _RUN["ground"],
+        meaning="contact: the apexes touch the ground; clamped: the joints' heights are held, loads by (P9)",
     )
     slope_deg: float = setting(_RUN["slope"], unit="deg", gt=-90, lt=90, meaning="angle, rising towards the head")
     gravity_m_s2: float = setting(_RUN["gravity"], unit="m/s^2", ge=0, meaning="g")

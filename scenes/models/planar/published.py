@@ -194,4 +194,12 @@ PUBLISHED_MODEL = Model(
         ("reported_work_J", "reported work", "J"),
         ("reported_total_cot_J_per_m", "reported total CoT", "J/m"),
     ),
+    entries={
+        "reported_distance_m": "distance that the figures of the paper show",
+        "reported_work_J": "sum of the absolute work of the contraction over the steps, as in the paper",
+        "reported_total_cot_J_per_m": "reported work divided by reported distance",
+        "true_displacement_m": "mean displacement of the main nodes along x",
+        "unconverged_steps": "number of steps in which Newton's method did not reach its tolerance",
+        "inverted_steps": "number of steps after which a segment is inside out",
+    },
 )

@@ -55,7 +55,7 @@ class Patch(Section):
         meaning="from where to where along the steepest ascent, from the origin, or along a pipe",
     )
     across_m: Pair | None = setting(
-        unit="m", left_out="everywhere", meaning="from where to where to the left of it, from the origin"
+        unit="m", left_out="everywhere", meaning="from where to where to the left, from the origin"
     )
 
 
@@ -88,19 +88,19 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         0.0,
         unit="deg",
         only=(PLANE, PIPE, SLOPE_INTO_PIPE),
-        meaning="azimuth of a plane's steepest ascent, or of a pipe where it starts, if not x",
+        meaning="azimuth of a plane's steepest ascent, or of the start of a pipe, if not x",
         aka=("azimuth_deg",),
     )
     patches: Tables[Patch] = setting(
         (),
         only=(PLANE, PIPE),
         meaning="places with another friction, each a table of grip, along_m = [from, to] and (planes only) across_m; "
-        "in a pipe along its centre line",
+        "in a pipe along the centre line",
     )
     # Pipes
     radius_m: float = setting(0.12, unit="m", gt=0, only=PIPES, meaning="inner radius")
     tilt_deg: float = setting(
-        0.0, unit="deg", ge=-90, le=90, only=PIPES, meaning="angle with the horizontal where it starts, 90: up"
+        0.0, unit="deg", ge=-90, le=90, only=PIPES, meaning="angle of the start with the horizontal, 90: up"
     )
     pieces: Tables[Piece] = setting(
         (),
@@ -109,7 +109,7 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         "or of bend_deg, bend_radius_m and towards = left, right, up or down",
     )
     points_m: Points = setting(
-        (), unit="m", only=PIPE, meaning="instead of tilt_deg and pieces, places [x, y, z] that it goes through"
+        (), unit="m", only=PIPE, meaning="instead of tilt_deg and pieces, places [x, y, z] on the centre line"
     )
     radii: Tables[Radius] = setting(
         (), only=PIPES, meaning="instead of radius_m, places with at_m and radius_m, between them the wall is a cone"
@@ -121,8 +121,8 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         left_out="as round as there is room",
         meaning="radius of the edges where the wall's slope changes",
     )
-    start_wall: bool = setting(False, only=PIPE, meaning="whether a wall closes it where it starts")
-    end_wall: bool = setting(False, only=PIPE, meaning="whether a wall closes it where it ends")
+    start_wall: bool = setting(False, only=PIPE, meaning="whether a wall closes the start of the pipe")
+    end_wall: bool = setting(False, only=PIPE, meaning="whether a wall closes the end of the pipe")
     mouth_m: float = setting(
         1.3, unit="m", only=SLOPE_INTO_PIPE, meaning="how far up the slope the pipe's bottom starts"
     )
@@ -132,7 +132,7 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         lt=90,
         only=SLOPE_INTO_PIPE,
         left_out="the slope goes on",
-        meaning="angle of the hill's face, which begins a radius of the pipe farther up than its bottom",
+        meaning="angle of the hill's face, which begins a radius of the pipe above the bottom of the face",
     )
     # Heightfields
     surface: Literal["rubble", "steps", "sinusoid", "image"] = setting(
@@ -166,7 +166,7 @@ class WrittenKeys(PartSection, keys={"kind": NAMED["kind"]}):
         "unknown", only=MESH, meaning="of the file's coordinates; only GLB files say theirs", aka=("mesh_units",)
     )
     solid: Literal["inside", "outside"] = setting(
-        "inside", only=MESH, meaning="what it encloses is solid, or free, as the air in a tunnel"
+        "inside", only=MESH, meaning="whether the inside of the mesh is solid, or free as the air in a tunnel"
     )
     cell_m: float | None = setting(
         unit="m", gt=0, only=MESH, left_out="a million cells", meaning="cell of its grid of distances"

@@ -18,6 +18,13 @@ from worm3d.values.named import is_own
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
+ENTRIES = {
+    "speed_BL_per_period": "mean speed, in body lengths per period of the gait",
+    "mass_kg": "mass of the worm",
+    "faults": "table of detected faults: time, kind, what happened, advice",
+}
+"""Meanings of the entries that the summary has beside the measures, by name."""
+
 WORM_ADVICE = (
     "try a smaller run.dt_s or gait.amplitude (or gait.hinge_deg), a longer gait.period_s, a lighter worm or larger "
     "worm.spring_N, worm.torsion_J or worm.kelvin_voigt_time_s"
@@ -139,6 +146,7 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
             ("heading_change_deg", "turned", "deg"),
             ("work_contract_positive_J", "positive work", "J"),
         ),
+        entries=ENTRIES,
     )
 
 

@@ -23,11 +23,11 @@ from worm3d.values.named import is_own
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
     """Return the keys of a section that chooses an actuator for the hinges, among the actuators that can drive them."""
     parts = {name: part for name, part in registry.items() if is_own(name) or getattr(part, "drives_hinges", True)}
-    return chosen(parts, meaning="what drives the hinges")
+    return chosen(parts, meaning="actuator of the hinges")
 
 
 class Actuator(
-    PartSection, holds={"kind": ACTUATOR}, keys=partial(chosen, meaning="what drives the chambers", own_defaults=True)
+    PartSection, holds={"kind": ACTUATOR}, keys=partial(chosen, meaning="actuator of the chambers", own_defaults=True)
 ):
     """Actuator of the chambers: the response to the commands."""
 
@@ -52,11 +52,13 @@ class Medium(
     """Viscous medium around the worm."""
 
 
-class Load(PartSection, holds={"kind": LOAD_KIND}, keys=partial(chosen, meaning="what the worm carries or drags")):
+class Load(PartSection, holds={"kind": LOAD_KIND}, keys=partial(chosen, meaning="load that the worm carries or drags")):
     """External load on a joint of the worm."""
 
 
-_laws = partial(chosen, by="law", meaning="law of friction: what is made of the coefficients", aka=("kind", "type"))
+_laws = partial(
+    chosen, by="law", meaning="law of friction: the force as a function of the coefficients", aka=("kind", "type")
+)
 
 
 class Worm(
@@ -111,7 +113,7 @@ class PlanarStart(Section):
     )
     lift_m: float = setting(0.0, unit="m", ge=0, meaning="height above the place where the worm touches the world")
     settle: bool | None = setting(
-        meaning="whether the worm is first brought to rest on its world; false: it starts to fall as the run begins",
+        meaning="whether the worm is first brought to rest on the world; false: the worm falls from the start",
         left_out="true if the worm touches the world",
     )
 
@@ -141,7 +143,7 @@ class Push(Section):
 
     joint: int = setting(0, ge=0, meaning="which joint: 0 is the tail, the number of segments is the head")
     force_N: Triple = setting((0.0, 0.0, 0.0), unit="N", meaning="x, y, z of the force; all 0: no push")
-    begin_s: float = setting(0.0, unit="s", ge=0, meaning="time at which the push begins")
+    begin_s: float = setting(0.0, unit="s", ge=0, meaning="start of the push")
     duration_s: float | None = setting(unit="s", gt=0, left_out="to the end of the run", meaning="duration of the push")
 
 

@@ -24,7 +24,7 @@ from scenes.studies.bench.control_trials import CLASSES, QUICK, SHORT, chosen
 
 CONTROL_FIGURE_FILE = "control.png"
 LOST_TRIAL_EXIT_CODE = 5
-"""Exit code if a trial is lost, see `scenes.studies.bench.control.Found.status`."""
+"""Exit code of `worm3d study control` if a trial is lost, see `scenes.studies.bench.control.Found.status`."""
 SAYS = (
     "Error of a run: 0 if the worm always does its task exactly, 1 if the worm stands still or does worse, or if the "
     "trial is lost. Score: geometric mean over the trials of the error divided by the error of pi_los. Real time: "
