@@ -17,7 +17,7 @@ myst_dmath_double_inline = True
 
 nb_execution_mode = "force"
 nb_execution_in_temp = True  # cells write files, and two tutorials run at once
-nb_execution_timeout = 120
+nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True

@@ -204,7 +204,10 @@ def test_mistakes_with_equal_words_at_two_keys_are_two() -> None:
             "override hinge_actuator.lag_s: got 1e+26, must be",
         ),
         (("hinge_actuator.rate_limit_per_s=1e300",), "override hinge_actuator.rate_limit_per_s: got 1e+300, must be"),
-        (("world.kind=clamped", "friction.law=viscous"), "override friction.law: got 'viscous': with world.kind = 'clam"),
+        (
+            ("world.kind=clamped", "friction.law=viscous"),
+            "override friction.law: got 'viscous': with world.kind = 'clam",
+        ),
         (
             ("run.gravity_m_s2=[1e300,0,0]",),
             "override run.gravity_m_s2: got [1e+300, 0, 0] m/s^2: must",
