@@ -66,6 +66,7 @@ def test_figures_of_a_speed_belong_together() -> None:
     assert found.distance_error >= 0.0
 
 
+@pytest.mark.slow
 def test_parts_add_up_to_the_step(tiny: None) -> None:
     us = speed_parts.measure_shares(4, 0.1)
     assert list(us) == [*PARTS, "other", "a step"]
