@@ -92,7 +92,7 @@ def build(out: Path, *, partial: bool) -> list[str]:
         for page in missing:
             page.parent.mkdir(exist_ok=True)
             page.write_text(STUB.format(page.stem), encoding="utf-8")
-            if page.stem == "index":
+            if page.stem == "index" and len(PAGES[page.parent.name].split()) > 1:
                 page.write_text(STUB.format(page.parent.name) + CONTENTS, encoding="utf-8")
         if not partial:
             mistakes += [f"missing page: {page.relative_to(sources)}" for page in missing]
