@@ -58,7 +58,7 @@ STYLE_NETWORK = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])(?:https?:)?//"""
 PROCESSES = 2
 """Number of generators, and of tutorials, that run at the same time."""
 
-LINK = re.compile(r'\s(?:href|src)="([^"]*)"')
+PAGE_LINK = re.compile(r'\s(?:href|src)="([^"]*)"')
 """A link of a page, or the file of a picture, frame, script or style."""
 
 LARGEST = 40e6
@@ -206,7 +206,7 @@ def broken_links(sources: Path, made: Path) -> Iterator[str]:
     """
     for source in sorted(sources.rglob("*.md")):
         page = made / source.relative_to(sources).with_suffix(".html")
-        for link in sorted(set(LINK.findall(_text(page)))):
+        for link in sorted(set(PAGE_LINK.findall(_text(page)))):
             parts = urlsplit(unescape(link))
             target = page.parent / unquote(parts.path) if parts.path else page
             if not parts.scheme and not parts.netloc and not _is_there(target, unquote(parts.fragment)):

@@ -27,7 +27,7 @@ EXAMPLES = {
 }
 """A scene of each model."""
 
-INDEX = """# Reference
+REFERENCE_INDEX = """# Reference
 
 Most pages of the reference are made from the declarations of the program. Each page lists all items of a kind.
 
@@ -64,7 +64,7 @@ def main(folder: Path) -> None:
     """Write the pages into the folder `reference` of `folder`."""
     runs = short_runs()
     written = {
-        "index": INDEX,
+        "index": REFERENCE_INDEX,
         "scene_keys": scene_keys(),
         "summary": summary(runs),
         "series": series(runs),

@@ -30,7 +30,7 @@ SHORT, REST, LONG, LINK, FACE, FORCE, ANCHOR, TRAIL, INK = map(
         *(colours.FORCE_ARROW, colours.ANCHOR, colours.TRAIL, colours.REFERENCE_PATH),
     ),
 )
-GROUND, PIPE = colours.as_hex(GROUND_COLOUR), colours.as_hex(PIPE_COLOUR)
+DRAWN_GROUND, DRAWN_PIPE = colours.as_hex(GROUND_COLOUR), colours.as_hex(PIPE_COLOUR)
 PALE = "#9aa0ab"
 """Colour of helper lines."""
 

@@ -15,7 +15,7 @@ from worm3d import Friction, Plane, Result, Worm
 from worm3d.recorded.energy import STORED_ENERGY
 from worm3d.values.arrays import FloatArray
 
-USES = {"damping": LONG, "friction": ANCHOR, "impact": TRAIL, "gained": FORCE, "numerical": PALE}
+USE_COLOURS = {"damping": LONG, "friction": ANCHOR, "impact": TRAIL, "gained": FORCE, "numerical": PALE}
 """Colour of each use of the work. Friction in the joints of the chambers is left out, because the worms have none."""
 DURATION = 10.0
 SHOWN = 10
@@ -62,7 +62,7 @@ def _over_time(axes: Axes, result: Result) -> None:
     low = np.zeros(len(time))
     for name, part in _uses(result).items():
         part = part[::SHOWN]
-        axes.fill_between(time, low, low + part, color=USES[name], lw=0, alpha=0.8)
+        axes.fill_between(time, low, low + part, color=USE_COLOURS[name], lw=0, alpha=0.8)
         low = low + part
     work = np.cumsum(result.energy.work_contract)[::SHOWN]
     axes.plot(time, work, color=INK, lw=1.4)
@@ -82,7 +82,7 @@ def _bars(axes: Axes, runs: dict[str, Result]) -> None:
     letter(axes, "B")
     for y, result in enumerate(runs.values()):
         right = left = 0.0
-        for name, colour in USES.items():
+        for name, colour in USE_COLOURS.items():
             value = result.energy.uses[name]
             axes.barh(y, value, left=right if value > 0.0 else left, color=colour, height=0.55, alpha=0.8)
             right, left = right + max(value, 0.0), left + min(value, 0.0)
@@ -91,7 +91,7 @@ def _bars(axes: Axes, runs: dict[str, Result]) -> None:
     axes.set(yticks=range(len(runs)), yticklabels=runs, xlabel="energy [J]", xlim=(-0.02, 0.78), ylim=(2.6, -0.6))
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
-    handles = [axes.barh(0, 0, color=colour, alpha=0.8, label=name) for name, colour in USES.items()]
+    handles = [axes.barh(0, 0, color=colour, alpha=0.8, label=name) for name, colour in USE_COLOURS.items()]
     axes.legend(handles=handles, loc="center right", handlelength=1.0)
 
 

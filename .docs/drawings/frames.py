@@ -27,14 +27,14 @@ from matplotlib.axes import Axes
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
-WORM = Worm()
+DRAWN_WORM = Worm()
 CHAIN = np.array([[0.0, 0.0, 0.0], [0.16, 0.01, 0.0], [0.31, 0.06, 0.02], [0.44, 0.14, 0.05]])
 """Joints of the chain [m]."""
 ROLLS = (0.0, 0.15, 0.3)
 """Rolls of the segments of the chain [rad]."""
 VIEW = np.array([[0.94, -0.34, 0.0], [0.16, 0.42, 0.89]])
 """Picture coordinates of a point, as a matrix: a view from the right and from above."""
-SIZE = 0.075
+DRAWN_SIZE = 0.075
 """Length of a unit vector in the picture [m]."""
 
 
@@ -61,7 +61,7 @@ def _chain(axes: Axes) -> None:
         label(axes, np.add(at, (0.004, -0.02)), f"$p_{j}${more}", bbox=None, ha="left")
     _axes_of_world(axes, np.array([-0.1, 0.1]))
     for i, roll in enumerate(ROLLS):
-        _frame(axes, segment(WORM, CHAIN[i], CHAIN[i + 1], roll=roll), i)
+        _frame(axes, segment(DRAWN_WORM, CHAIN[i], CHAIN[i + 1], roll=roll), i)
 
 
 def _axes_of_world(axes: Axes, at: FloatArray) -> None:
@@ -76,7 +76,7 @@ def _frame(axes: Axes, of: Segment, i: int) -> None:
     """Draw the frame of segment i at its midpoint."""
     at = VIEW @ of.middle
     for vector, name, colour in ((of.t, "t", FORCE), (of.d, "d", ANCHOR), (of.u, "u", LONG)):
-        along = SIZE * (VIEW @ vector)
+        along = DRAWN_SIZE * (VIEW @ vector)
         arrow(axes, at, at + along, colour)
         place = at + along * (1.0 + 0.014 / np.linalg.norm(along))
         if name == "t":  # below the arrow, because a joint is ahead of its tip
@@ -88,22 +88,22 @@ def _frame(axes: Axes, of: Segment, i: int) -> None:
 def _longer(axes: Axes) -> None:
     sketch(axes, "length $l$", (-0.035, 0.235), (-0.115, 0.115))
     letter(axes, "B")
-    for y, length, name in ((0.045, WORM.l0, "$l_0$"), (-0.055, 0.75 * WORM.l0, "$l$")):
-        middle = WORM.l0 / 2.0 + 0.015
-        now = segment(WORM, (middle - length / 2.0, y, 0.0), (middle + length / 2.0, y, 0.0))
-        corners = now.rhombus(WORM, 0)[:, [0, 2]] * (1.0, 0.7) + (0.0, y)
-        axes.fill(*corners.T, facecolor=colour_of(length / WORM.l0 - 1.0), edgecolor=LINK, lw=1.4, alpha=0.6)
+    for y, length, name in ((0.045, DRAWN_WORM.l0, "$l_0$"), (-0.055, 0.75 * DRAWN_WORM.l0, "$l$")):
+        middle = DRAWN_WORM.l0 / 2.0 + 0.015
+        now = segment(DRAWN_WORM, (middle - length / 2.0, y, 0.0), (middle + length / 2.0, y, 0.0))
+        corners = now.rhombus(DRAWN_WORM, 0)[:, [0, 2]] * (1.0, 0.7) + (0.0, y)
+        axes.fill(*corners.T, facecolor=colour_of(length / DRAWN_WORM.l0 - 1.0), edgecolor=LINK, lw=1.4, alpha=0.6)
         dimension(axes, corners[0], corners[2], name)
 
 
 def _bent(axes: Axes) -> None:
     sketch(axes, "chamber bend $\\theta$", (-0.065, 0.205), (-0.115, 0.115))
     letter(axes, "C")
-    bend, y = 1.1, WORM.chamber_offset
-    now = segment(WORM, (0.0, 0.0, 0.0), (0.85 * WORM.l0, 0.0, 0.0), bend=bend)
-    ends = [now.rhombus(WORM, side)[[0, 2], 0] for side in (0, 1)]
+    bend, y = 1.1, DRAWN_WORM.chamber_offset
+    now = segment(DRAWN_WORM, (0.0, 0.0, 0.0), (0.85 * DRAWN_WORM.l0, 0.0, 0.0), bend=bend)
+    ends = [now.rhombus(DRAWN_WORM, side)[[0, 2], 0] for side in (0, 1)]
     for side, x in enumerate(ends):
-        strain = now.chambers[side] / WORM.l0 - 1.0
+        strain = now.chambers[side] / DRAWN_WORM.l0 - 1.0
         axes.plot(x, [y, y] if side == 0 else [-y, -y], color=colour_of(strain), lw=8, solid_capstyle="butt")
     axes.plot(now.ends[:, 0], [0.0, 0.0], "o-", color=LINK, ms=5)
     for k in (0, 1):  # the line through the ends of both chambers
@@ -122,14 +122,14 @@ def _turned(axes: Axes) -> None:
     sketch(axes, "roll $g$, seen from behind", (-0.135, 0.135), (-0.115, 0.115))
     letter(axes, "D")
     roll = 0.45
-    now = segment(WORM, (0.0, 0.0, 0.0), (WORM.l0, 0.0, 0.0), roll=roll)
+    now = segment(DRAWN_WORM, (0.0, 0.0, 0.0), (DRAWN_WORM.l0, 0.0, 0.0), roll=roll)
     seen = _from_behind(now.apexes)
     for k in (0, 3):
         axes.plot(*seen[[k, k + 1]].T, color=colour_of(0.0), lw=6, zorder=2)
     axes.plot(*seen[[2, 5]].T, color=PALE, lw=1.0, zorder=1)
     axes.plot(*seen.T, "o", color=LINK, ms=4, zorder=5)
     for vector, name, colour in ((now.d, "d", ANCHOR), (now.u, "u", LONG)):
-        tip = SIZE * _from_behind(vector)
+        tip = DRAWN_SIZE * _from_behind(vector)
         arrow(axes, (0.0, 0.0), tip, colour)
         label(axes, tip * 1.2, f"${name}$", color=colour, fontsize=12, bbox=None)
     axes.plot([0.0, -0.12], [0.0, 0.0], color=PALE, lw=1.0, ls=(0, (4, 2)))

@@ -15,8 +15,8 @@ from worm3d import Friction
 from worm3d.physics.contact import Coefficients, Directions, Step, friction
 from worm3d.values.arrays import FloatArray
 
-GROUND = Friction(forward=0.10, backward=0.22, lateral=0.16, static_ratio=1.3)
-WINDOW = ((-0.3, 0.36), (-0.27, 0.27))
+DRAWN_GROUND = Friction(forward=0.10, backward=0.22, lateral=0.16, static_ratio=1.3)
+DRAWN_WINDOW = ((-0.3, 0.36), (-0.27, 0.27))
 
 
 def main(folder: Path) -> None:
@@ -32,8 +32,8 @@ def main(folder: Path) -> None:
 def _formula() -> ca.Function:
     """Return f of (C3) for y of shape (2,) [m], the yield gauge r [m] and c_0."""
     y, r, limit = ca.SX.sym("y", 2), ca.SX.sym("r"), ca.SX.sym("c")
-    mu = Directions(*map(ca.SX, (GROUND.forward, GROUND.backward, GROUND.lateral)))
-    step = Step(r, limit, ca.SX(2, 1), ca.SX(1.0), type(GROUND.law), {})
+    mu = Directions(*map(ca.SX, (DRAWN_GROUND.forward, DRAWN_GROUND.backward, DRAWN_GROUND.lateral)))
+    step = Step(r, limit, ca.SX(2, 1), ca.SX(1.0), type(DRAWN_GROUND.law), {})
     ones = Directions(*map(ca.SX, (1.0, 1.0, 1.0)))
     return ca.Function("f", [y, r, limit], [friction(y, Coefficients(mu, ones), step).f])
 
@@ -51,7 +51,7 @@ def _border(limit: float) -> FloatArray:
 
 def _empty(axes: Axes, title: str) -> None:
     """Draw the axes and the borders of both sets."""
-    sketch(axes, title, *WINDOW)
+    sketch(axes, title, *DRAWN_WINDOW)
     arrow(axes, (-0.3, 0.0), (0.33, 0.0), PALE, 1.0)
     arrow(axes, (0.0, -0.26), (0.0, 0.26), PALE, 1.0)
     label(axes, (0.325, -0.025), "$f_x$", bbox=None)
@@ -63,17 +63,17 @@ def _empty(axes: Axes, title: str) -> None:
 def _set(axes: Axes) -> None:
     _empty(axes, "the limits, over the normal load")
     letter(axes, "A")
-    axes.plot(*_border(GROUND.static_ratio), color=ANCHOR, lw=1.4, ls=(0, (4, 2)))
+    axes.plot(*_border(DRAWN_GROUND.static_ratio), color=ANCHOR, lw=1.4, ls=(0, (4, 2)))
     for at, name, ha, shift in (
-        ((GROUND.backward, 0.0), "$\\mu_\\mathrm{backward}$", "center", (-0.055, -0.02)),
-        ((-GROUND.forward, 0.0), "$\\mu_\\mathrm{forward}$", "center", (-0.075, 0.026)),
-        ((0.0, GROUND.lateral), "$\\mu_\\mathrm{lateral}$", "left", (0.012, -0.03)),
+        ((DRAWN_GROUND.backward, 0.0), "$\\mu_\\mathrm{backward}$", "center", (-0.055, -0.02)),
+        ((-DRAWN_GROUND.forward, 0.0), "$\\mu_\\mathrm{forward}$", "center", (-0.075, 0.026)),
+        ((0.0, DRAWN_GROUND.lateral), "$\\mu_\\mathrm{lateral}$", "left", (0.012, -0.03)),
     ):
         axes.plot(*at, "o", color=LINK, ms=5, zorder=8)
         label(axes, np.add(at, shift), name, ha=ha, bbox=None)
     arrow(axes, (0.0, 0.0), (0.1, -0.075), FORCE)
     label(axes, (0.045, -0.1), "a stuck\ncontact", color=FORCE, bbox=None, fontsize=9)
-    static = GROUND.static_ratio * np.array([0.175, 0.1])
+    static = DRAWN_GROUND.static_ratio * np.array([0.175, 0.1])
     axes.annotate(
         "static limit,\nstatic_ratio times\nas large",
         static,

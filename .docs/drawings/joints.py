@@ -13,10 +13,10 @@ from matplotlib.patches import Arc
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
-WORM = Worm(chamber_offset=0.036)
+DRAWN_WORM = Worm(chamber_offset=0.036)
 ANGLE = 0.5
 """Angle between the segments [rad]."""
-WINDOW = ((-0.2, 0.2), (-0.1, 0.135))
+DRAWN_WINDOW = ((-0.2, 0.2), (-0.1, 0.135))
 
 
 def main(folder: Path) -> None:
@@ -30,24 +30,26 @@ def main(folder: Path) -> None:
 
 
 def _pitch(axes: Axes) -> None:
-    sketch(axes, "pitch, from the side", *WINDOW)
-    length = WORM.l0
-    behind = segment(WORM, (-length, 0.0, 0.0), (0.0, 0.0, 0.0))
-    ahead = segment(WORM, (0.0, 0.0, 0.0), (length * np.cos(ANGLE), 0.0, length * np.sin(ANGLE)))
+    sketch(axes, "pitch, from the side", *DRAWN_WINDOW)
+    length = DRAWN_WORM.l0
+    behind = segment(DRAWN_WORM, (-length, 0.0, 0.0), (0.0, 0.0, 0.0))
+    ahead = segment(DRAWN_WORM, (0.0, 0.0, 0.0), (length * np.cos(ANGLE), 0.0, length * np.sin(ANGLE)))
     for each in (behind, ahead):
-        axes.fill(*each.rhombus(WORM, 0)[:, [0, 2]].T, facecolor=colour_of(0.0), edgecolor=LINK, lw=1.2, alpha=0.6)
+        axes.fill(
+            *each.rhombus(DRAWN_WORM, 0)[:, [0, 2]].T, facecolor=colour_of(0.0), edgecolor=LINK, lw=1.2, alpha=0.6
+        )
     _tangents(axes, behind, ahead, (0, 2))
     _angle(axes, ANGLE, "$\\arcsin(-c\\cdot d)$")
 
 
 def _bends(axes: Axes) -> None:
-    sketch(axes, "yaw of bent chambers, without strain", *WINDOW)
+    sketch(axes, "yaw of bent chambers, without strain", *DRAWN_WINDOW)
     _seen_from_above(axes, bend=ANGLE, hinge=0.0)
     _angle(axes, ANGLE, "$\\theta_1/2 + \\theta_2/2$")
 
 
 def _hinge(axes: Axes) -> None:
-    sketch(axes, "yaw of a hinge, without strain", *WINDOW)
+    sketch(axes, "yaw of a hinge, without strain", *DRAWN_WINDOW)
     _seen_from_above(axes, bend=0.0, hinge=ANGLE)
     _angle(axes, ANGLE, "hinge")
     axes.plot(0.0, 0.0, "o", ms=13, mfc="white", mec=FORCE, mew=2.5, zorder=8)
@@ -56,13 +58,13 @@ def _hinge(axes: Axes) -> None:
 
 def _seen_from_above(axes: Axes, bend: float, hinge: float) -> None:
     """Draw two segments with equal chamber bends whose yaw strain (E5) is 0."""
-    angle, length = bend + hinge, 0.9 * WORM.l0
-    behind = segment(WORM, (-length, 0.0, 0.0), (0.0, 0.0, 0.0), bend=bend)
-    ahead = segment(WORM, (0.0, 0.0, 0.0), (length * np.cos(angle), length * np.sin(angle), 0.0), bend=bend)
+    angle, length = bend + hinge, 0.9 * DRAWN_WORM.l0
+    behind = segment(DRAWN_WORM, (-length, 0.0, 0.0), (0.0, 0.0, 0.0), bend=bend)
+    ahead = segment(DRAWN_WORM, (0.0, 0.0, 0.0), (length * np.cos(angle), length * np.sin(angle), 0.0), bend=bend)
     for each in (behind, ahead):
         for side in (0, 1):
             strain = each.chambers[side] / length - 1.0
-            ends = each.rhombus(WORM, side)[[0, 2], :2]
+            ends = each.rhombus(DRAWN_WORM, side)[[0, 2], :2]
             axes.plot(*ends.T, color=colour_of(strain, 0.15), lw=6, solid_capstyle="butt", zorder=2)
     _tangents(axes, behind, ahead, (0, 1))
 
@@ -94,9 +96,9 @@ def _angle(axes: Axes, angle: float, name: str) -> None:
 
 
 def _twist(axes: Axes) -> None:
-    sketch(axes, "twist, from behind: 1 (grey) and 2", *WINDOW)
-    behind = segment(WORM, (-WORM.l0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    ahead = segment(WORM, (0.0, 0.0, 0.0), (WORM.l0, 0.0, 0.0), roll=ANGLE)
+    sketch(axes, "twist, from behind: 1 (grey) and 2", *DRAWN_WINDOW)
+    behind = segment(DRAWN_WORM, (-DRAWN_WORM.l0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    ahead = segment(DRAWN_WORM, (0.0, 0.0, 0.0), (DRAWN_WORM.l0, 0.0, 0.0), roll=ANGLE)
     _section(axes, behind, "1", PALE)
     _section(axes, ahead, "2", colour_of(0.0))
     axes.add_patch(Arc((0.0, 0.0), 0.17, 0.17, theta1=180.0 - np.degrees(ANGLE), theta2=180.0, color=LINK, lw=1.2))

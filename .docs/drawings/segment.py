@@ -12,8 +12,8 @@ from matplotlib.patches import Circle
 
 from worm3d import Worm
 
-WORM = Worm()
-CONTRACTION, BEND = 0.25, 0.9
+DRAWN_WORM = Worm()
+DRAWN_CONTRACTION, DRAWN_BEND = 0.25, 0.9
 """Contraction of the side view, and chamber bend of the view from above [rad]."""
 
 
@@ -30,20 +30,20 @@ def main(folder: Path) -> None:
 
 
 def _at_rest() -> Segment:
-    return segment(WORM, (0.0, 0.0, 0.0), (WORM.l0, 0.0, 0.0))
+    return segment(DRAWN_WORM, (0.0, 0.0, 0.0), (DRAWN_WORM.l0, 0.0, 0.0))
 
 
 def _contracted(bend: float = 0.0) -> Segment:
-    shorter = CONTRACTION * WORM.l0 / 2.0
-    return segment(WORM, (shorter, 0.0, 0.0), (WORM.l0 - shorter, 0.0, 0.0), bend=bend)
+    shorter = DRAWN_CONTRACTION * DRAWN_WORM.l0 / 2.0
+    return segment(DRAWN_WORM, (shorter, 0.0, 0.0), (DRAWN_WORM.l0 - shorter, 0.0, 0.0), bend=bend)
 
 
 def _side(axes: Axes) -> None:
     sketch(axes, "from the side: at rest (grey), contracted (red)", (-0.055, 0.225), (-0.11, 0.1))
     rest, now = _at_rest(), _contracted()
-    before, after = rest.rhombus(WORM, 0)[:, [0, 2]], now.rhombus(WORM, 0)[:, [0, 2]]
+    before, after = rest.rhombus(DRAWN_WORM, 0)[:, [0, 2]], now.rhombus(DRAWN_WORM, 0)[:, [0, 2]]
     axes.fill(*before.T, facecolor="none", edgecolor=PALE, lw=1.6, ls=(0, (4, 2)))
-    axes.fill(*after.T, facecolor=colour_of(-CONTRACTION), alpha=0.4)
+    axes.fill(*after.T, facecolor=colour_of(-DRAWN_CONTRACTION), alpha=0.4)
     axes.plot(*after[[0, 1, 2, 3, 0]].T, color=LINK, lw=2.4)
     _side_sizes(axes, before, after)
     for corner in after:
@@ -69,11 +69,13 @@ def _side_sizes(axes: Axes, before: np.ndarray, after: np.ndarray) -> None:
 
 def _behind(axes: Axes) -> None:
     sketch(axes, "from behind", (-0.125, 0.125), (-0.105, 0.1))
-    now, b = _contracted(), WORM.chamber_offset
+    now, b = _contracted(), DRAWN_WORM.chamber_offset
     points = -now.apexes[:, 1], now.apexes[:, 2]
-    axes.add_patch(Circle((0.0, 0.0), float(np.max(WORM.half_height)), fill=False, ec=FACE, lw=1.3, ls=(0, (4, 2))))
+    axes.add_patch(
+        Circle((0.0, 0.0), float(np.max(DRAWN_WORM.half_height)), fill=False, ec=FACE, lw=1.3, ls=(0, (4, 2)))
+    )
     for k in (0, 3):
-        axes.plot(points[0][[k, k + 1]], points[1][[k, k + 1]], color=colour_of(-CONTRACTION), lw=5, zorder=2)
+        axes.plot(points[0][[k, k + 1]], points[1][[k, k + 1]], color=colour_of(-DRAWN_CONTRACTION), lw=5, zorder=2)
     axes.plot([points[0][2], points[0][5]], [0.0, 0.0], color=PALE, lw=0.8, zorder=1)
     axes.plot(*points, "o", color=ANCHOR, ms=6, zorder=8)
     for sign, name in ((-1.0, "L"), (1.0, "R")):
@@ -87,10 +89,10 @@ def _behind(axes: Axes) -> None:
 
 def _above(axes: Axes) -> None:
     sketch(axes, "from above: the left chamber is shorter", (-0.135, 0.345), (-0.115, 0.125))
-    now, b = _contracted(BEND), WORM.chamber_offset
+    now, b = _contracted(DRAWN_BEND), DRAWN_WORM.chamber_offset
     for side in (0, 1):
-        line = now.rhombus(WORM, side)[[0, 2], :2]
-        strain = now.chambers[side] / WORM.l0 - 1.0
+        line = now.rhombus(DRAWN_WORM, side)[[0, 2], :2]
+        strain = now.chambers[side] / DRAWN_WORM.l0 - 1.0
         axes.plot(*line.T, color=colour_of(strain), lw=7, solid_capstyle="butt", zorder=3)
         apex = now.apexes[3 * side + 2, :2]
         axes.plot(*np.array([line[0], apex, line[1]]).T, color=LINK, lw=1.2, zorder=2)
@@ -101,12 +103,12 @@ def _above(axes: Axes) -> None:
 def _above_words(axes: Axes, now: Segment, b: float) -> None:
     """Write the names of the parts seen from above."""
     (x0, _, _), (x1, _, _) = now.ends
-    radius = float(np.max(WORM.half_height))
+    radius = float(np.max(DRAWN_WORM.half_height))
     for x in (x0, x1):
         axes.plot([x, x], [-radius, radius], color=FACE, lw=1.3, ls=(0, (4, 2)), zorder=1)
     axes.annotate("end face", (x0, -radius), (-0.035, -0.065), ha="right", va="center", arrowprops=_THIN)
     axes.plot([x0, x1], [0.0, 0.0], "o-", color=LINK, ms=5, lw=1.4, zorder=4)
-    left, right = now.rhombus(WORM, 0)[[0, 2], :2], now.rhombus(WORM, 1)[[0, 2], :2]
+    left, right = now.rhombus(DRAWN_WORM, 0)[[0, 2], :2], now.rhombus(DRAWN_WORM, 1)[[0, 2], :2]
     axes.annotate("left chamber, $l_L = l - b\\,\\theta$", left[1], (0.19, b + 0.022), va="center", arrowprops=_THIN)
     axes.annotate("right chamber, $l_R = l + b\\,\\theta$", right[1], (0.19, -b - 0.022), va="center", arrowprops=_THIN)
     label(axes, now.apexes[2, :2] + (0.008, 0.0), "L outward", ha="left", bbox=None)

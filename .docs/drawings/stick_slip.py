@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 import worm3d
 from worm3d import Friction, Plane, Result, Worm
 
-GROUND = Friction(forward=0.20, backward=0.40, lateral=0.30, static_ratio=1.5)
-WORM = Worm(segments=3, length=0.3, half_height=0.02, chamber_offset=0.02, k_spring=1e5, k_yaw=1e3, k_twist=1e3)
+DRAWN_GROUND = Friction(forward=0.20, backward=0.40, lateral=0.30, static_ratio=1.5)
+DRAWN_WORM = Worm(segments=3, length=0.3, half_height=0.02, chamber_offset=0.02, k_spring=1e5, k_yaw=1e3, k_twist=1e3)
 """A stiff and low worm, so that all contacts bear about the same load and move together."""
 SETTLED, RISE, REST = 0.2, 1.0, 2.0
 """Times at which the pull begins, is greatest, and ends [s]."""
@@ -36,12 +36,12 @@ def _pull(time: float) -> float:
 
 def _run() -> Result:
     """Pull the worm forward by a force on all joints that rises and falls again."""
-    share = WORM.joint_mass / WORM.joint_mass.sum() * WORM.mass * 9.81
+    share = DRAWN_WORM.joint_mass / DRAWN_WORM.joint_mass.sum() * DRAWN_WORM.mass * 9.81
 
     def force(time: float) -> np.ndarray:
         return np.outer(_pull(time) * share, [1.0, 0.0, 0.0])
 
-    return worm3d.simulate(WORM, Plane(), GROUND, duration=2.4, dt=0.001, external_force=force)
+    return worm3d.simulate(DRAWN_WORM, Plane(), DRAWN_GROUND, duration=2.4, dt=0.001, external_force=force)
 
 
 def _draw(figure: Figure, result: Result) -> None:
@@ -71,16 +71,19 @@ def _sliding(result: Result) -> list[tuple[float, float]]:
 
 def _forces(axes: Axes, result: Result, slides: list[tuple[float, float]]) -> None:
     """Draw pull and friction, over the weight, with the two limits."""
-    weight = WORM.mass * 9.81
+    weight = DRAWN_WORM.mass * 9.81
     axes.plot(result.time, [_pull(t) for t in result.time], color=LINK, lw=1.6)
     axes.plot(result.time, -result.contact_force[..., 0].sum(axis=(1, 2)) / weight, color=FORCE, lw=2.4)
-    for level, name in ((GROUND.forward * GROUND.static_ratio, "static limit"), (GROUND.forward, "kinetic limit")):
+    for level, name in (
+        (DRAWN_GROUND.forward * DRAWN_GROUND.static_ratio, "static limit"),
+        (DRAWN_GROUND.forward, "kinetic limit"),
+    ):
         axes.axhline(level, color=ANCHOR, lw=1.0, ls=(0, (4, 2)))
         axes.text(0.02, level + 0.006, name, color=ANCHOR, va="bottom")
     axes.set(ylabel="force over weight", ylim=(-0.02, 0.46))
     begin, end = slides[0]
     axes.text(RISE + 0.12, _pull(RISE + 0.1) + 0.005, "pull", color=LINK, va="bottom")
-    axes.text(begin + 0.3, GROUND.forward - 0.012, "friction", color=FORCE, va="top")
+    axes.text(begin + 0.3, DRAWN_GROUND.forward - 0.012, "friction", color=FORCE, va="top")
     for x, text in (
         (begin / 2.0, "sticks"),
         ((begin + end) / 2.0, "slides"),

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from _style import ANCHOR, FACE, GROUND, INK, LINK, PALE, REST, SHORT, TRAIL, colour_of, drawing
+from _style import ANCHOR, DRAWN_GROUND, FACE, INK, LINK, PALE, REST, SHORT, TRAIL, colour_of, drawing
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -41,7 +41,7 @@ def main(folder: Path) -> None:
 def _worm(axes: Axes, result: Result, row: int, origin: float, ground: float) -> None:
     """Draw the left chambers, the joints and the contacts of an instant, above a line for the ground."""
     shift = np.array([-origin, ground])
-    axes.axhspan(ground - 0.03, ground, color=GROUND, lw=0)
+    axes.axhspan(ground - 0.03, ground, color=DRAWN_GROUND, lw=0)
     joints, apexes = result.joints[row][:, [0, 2]] + shift, result.apexes[row][:, :2, [0, 2]] + shift
     for i in range(result.worm.segments):
         corners = np.array([joints[i], apexes[i, 1], joints[i + 1], apexes[i, 0]])

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from _style import ANCHOR, FORCE, GROUND, LINK, PALE, arrow, drawing, label, letter, sketch
+from _style import ANCHOR, DRAWN_GROUND, FORCE, LINK, PALE, arrow, drawing, label, letter, sketch
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 
@@ -15,7 +15,7 @@ from worm3d import Centreline, Heightfield, Mesh, Pipe, Plane
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
 
-SIZE = 0.5
+DRAWN_SIZE = 0.5
 """Width of the part of a world that is drawn [m]."""
 LEVELS = 0.025
 """Distance between two lines of equal distance [m]."""
@@ -49,11 +49,13 @@ def _hills() -> Heightfield:
 
 def _world(axes: Axes, title: str, world: World, middle: FloatArray, point: FloatArray) -> None:
     """Draw a vertical section along x: the solid, lines of equal distance, and the distance of a point."""
-    sketch(axes, title, (middle[0] - SIZE / 2.0, middle[0] + SIZE / 2.0), (middle[2] - 0.16, middle[2] + 0.16))
+    sketch(
+        axes, title, (middle[0] - DRAWN_SIZE / 2.0, middle[0] + DRAWN_SIZE / 2.0), (middle[2] - 0.16, middle[2] + 0.16)
+    )
     x, z = np.linspace(*axes.get_xlim(), 240), np.linspace(*axes.get_ylim(), 160)
     at = np.stack(np.broadcast_arrays(x[None, :], point[1], z[:, None]), axis=-1)
     distance = world.distance(at)
-    axes.contourf(x, z, distance, levels=[-9.0, 0.0], colors=[GROUND])
+    axes.contourf(x, z, distance, levels=[-9.0, 0.0], colors=[DRAWN_GROUND])
     levels = LEVELS * np.arange(1.0, 5.0)
     axes.contour(x, z, distance, levels=levels, colors=[to_rgba(PALE, 0.55)], linewidths=0.9)
     axes.contour(x, z, distance, levels=[0.0], colors=[LINK], linewidths=2.0)
@@ -62,7 +64,7 @@ def _world(axes: Axes, title: str, world: World, middle: FloatArray, point: Floa
 
 def _point(axes: Axes, world: World, point: FloatArray) -> None:
     """Draw the distance of a point from its foot on the surface, and the normal there."""
-    g, n = float(world.distance(point)), world.normal(point, SIZE)
+    g, n = float(world.distance(point)), world.normal(point, DRAWN_SIZE)
     foot = point - g * n
     ends = np.array([foot, point])[:, [0, 2]]
     axes.plot(*ends.T, color=FORCE, lw=2.0, zorder=5)

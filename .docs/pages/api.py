@@ -26,7 +26,7 @@ ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 WIDTH = 88
 """Width of a line of a signature."""
 
-INTRODUCTION = """
+PAGE_INTRODUCTION = """
 This page lists the public names of the Python packages. The program makes the page from signatures and docstrings. In
 Python, `help(worm3d.Worm)` prints the same text. All quantities are in SI units, and angles are in radians. [Keys of
 scenes](scene_keys.md) have the same parameters with units in the name.
@@ -35,7 +35,7 @@ scenes](scene_keys.md) have the same parameters with units in the name.
 
 def api() -> str:
     """Return the page."""
-    blocks = [INTRODUCTION]
+    blocks = [PAGE_INTRODUCTION]
     for name, said in MODULES.items():
         module = importlib.import_module(name)
         blocks += [f"## {name}", said]

@@ -12,7 +12,7 @@ from scenes.commands.app import SECTIONS, app
 from scenes.language.loader import says
 from scenes.studies.study.command import shipped_studies
 
-INTRODUCTION = """
+PAGE_INTRODUCTION = """
 `worm3d` is the program on the command line. `worm3d --help` lists the commands, and `worm3d COMMAND --help` describes a
 command. The program makes this page from the same declarations. [Exit codes](exit_codes.md) are on a page of their own.
 """.strip()
@@ -21,7 +21,7 @@ command. The program makes this page from the same declarations. [Exit codes](ex
 def commands() -> str:
     """Return the page."""
     group: Any = typer.main.get_command(app)
-    blocks = [INTRODUCTION]
+    blocks = [PAGE_INTRODUCTION]
     for title, names in SECTIONS.items():
         blocks.append(f"## {title}")
         blocks += [block for name in names for block in _command(group.commands[name], f"worm3d {name}")]

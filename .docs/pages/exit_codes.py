@@ -12,7 +12,7 @@ from pages.text import code, page, prose, table
 from scenes.commands.cli import INTERRUPTED_CODE
 from scenes.running.runner import EXIT_CODES
 
-INTRODUCTION = """
+PAGE_INTRODUCTION = """
 A command of `worm3d` ends with an exit code. Scripts can act on the code: `worm3d run flat || echo failed`. A sentence
 on standard error says what happened. The program makes this page from its classes of errors.
 """.strip()
@@ -32,7 +32,7 @@ def exit_codes() -> str:
     found |= {*declared()}
     assert EXIT_CODES["interrupted"] == INTERRUPTED_CODE
     rows = [[code(number), prose(text)] for number, text in sorted(found)]
-    return page("Exit codes", INTRODUCTION, table(["code", "meaning"], rows))
+    return page("Exit codes", PAGE_INTRODUCTION, table(["code", "meaning"], rows))
 
 
 def declared() -> Iterator[tuple[int, str]]:

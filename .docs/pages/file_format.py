@@ -14,7 +14,7 @@ from scenes.records.store import content_of
 from worm3d.values import netcdf
 from worm3d.values.netcdf import RESULT_FORMAT, Content
 
-INTRODUCTION = f"""
+PAGE_INTRODUCTION = f"""
 A result file, `result.nc`, is a NetCDF4 file. NetCDF4 files are HDF5 files, so that programs for either format can read
 the file, for example `xarray`, `h5py`, `ncdump` or MATLAB. `worm3d.load` returns the file as a `worm3d.Result`. The
 attribute `format` of the root group is `{RESULT_FORMAT}`.
@@ -41,7 +41,7 @@ ATTRIBUTES = {
 }
 """Meanings of attributes that `Record` does not describe."""
 
-GROUPS = {
+FILE_GROUPS = {
     netcdf.ROOT: "The root group has the recorded series.",
     netcdf.TIMING: "Computing times.",
     "checkpoint": "State at the end of the run, from which `worm3d run --resume` continues.",
@@ -53,8 +53,8 @@ def file_format(records: Mapping[str, Record]) -> str:
     """Return the page; `records` has a short run of the model `worm`."""
     content = netcdf.signed(content_of(records["worm"]))
     rows = [[code(name), code(_type(content, name)), prose(text)] for name, text in _attributes(content)]
-    blocks = [INTRODUCTION, "## Attributes", table(["attribute", "type", "meaning"], rows), "## Digests", DIGESTS]
-    for name, said in GROUPS.items():
+    blocks = [PAGE_INTRODUCTION, "## Attributes", table(["attribute", "type", "meaning"], rows), "## Digests", DIGESTS]
+    for name, said in FILE_GROUPS.items():
         blocks += [f"## Group {code(name or '/')}", said, _variables(content, name)]
     return page("File format of results", *blocks)
 

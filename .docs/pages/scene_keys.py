@@ -12,7 +12,7 @@ from scenes.language.toml import value
 from scenes.models.sections import Settings
 from worm3d.values.parameters import EACH
 
-INTRODUCTION = """
+PAGE_INTRODUCTION = """
 A scene is a TOML file with sections. This page lists all sections and their keys, with unit, range, default and
 meaning. The program makes the page from the same declarations with which `worm3d check` checks a scene. `worm3d init
 FILE` writes all keys of a model into a file. `-o section.key=value` changes a key for one run.
@@ -28,7 +28,7 @@ Place = tuple[str, type[Section]]
 
 def scene_keys() -> str:
     """Return the page."""
-    blocks = [INTRODUCTION, "## Models", _models(), "## Before the first section", _keys_of_the_top()]
+    blocks = [PAGE_INTRODUCTION, "## Models", _models(), "## Before the first section", _keys_of_the_top()]
     for name, owners in _sections().items():
         blocks.append(f"## [{name}]")
         for schema, names in owners.items():

@@ -13,7 +13,7 @@ from worm3d.recorded.energy import Energy
 from worm3d.recorded.series import Recorded, Series, Steps, series_of
 from worm3d.values.variable import Variable
 
-INTRODUCTION = """
+PAGE_INTRODUCTION = """
 A series is a quantity that a run records. In Python a series is an attribute of `worm3d.Result`, such as `result.com`.
 The terms of the energy ledger are attributes of `result.energy`. In the file `result.nc` each series is a variable with
 the same name. The program makes this page from the declarations of the series.
@@ -42,7 +42,7 @@ OTHERS = {
 
 def series(records: Mapping[str, Record]) -> str:
     """Return the page; `records` has a short run of each model, by the name of the model."""
-    blocks = [INTRODUCTION, "## The worm at recorded instants", _declared(Recorded), "## The energy ledger"]
+    blocks = [PAGE_INTRODUCTION, "## The worm at recorded instants", _declared(Recorded), "## The energy ledger"]
     blocks += [_declared(Energy), "## Time steps", _declared(Steps), "## States of the parts", STATES, _states()]
     worm = {variable.name for variable in records["worm"].variables}
     for model, said in OTHERS.items():

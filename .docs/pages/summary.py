@@ -19,7 +19,7 @@ from scenes.records.record import Record
 from worm3d.measures import MEASURES
 from worm3d.values.metrics import named
 
-INTRODUCTION = """
+PAGE_INTRODUCTION = """
 A figure is a number in the summary of a run. `result.summary()` returns the figures in Python, `summary.json` in the
 folder of a run has the same figures, and a sweep writes a column for each figure. The program makes this page from the
 table in `worm3d.measures` and from the models of scenes.
@@ -35,7 +35,7 @@ FORMULAS = re.compile(r"^\| `(\w+)` \| [^|]* \| ((?:\\\||[^|])*) \| ([^|]*) \|$"
 def summary(records: Mapping[str, Record]) -> str:
     """Return the page; `records` has a short run of each model, by the name of the model."""
     formulas = _formulas()
-    blocks = [INTRODUCTION, "## All runs of a 3D worm"]
+    blocks = [PAGE_INTRODUCTION, "## All runs of a 3D worm"]
     blocks.append(definitions(_measure(name, formulas) for name in MEASURES))
     for model in map(models.get, models.names()):
         blocks += [f"## Further figures of scenes of {code(model.name)}", _further(model.name, records[model.name])]

@@ -35,7 +35,7 @@ ADMONITION = re.compile(
     r"^```\{(note|tip|warning|important|seealso)\}[ \t]*\n(.*?)^```[ \t]*$", re.DOTALL | re.MULTILINE
 )
 """A remark in a box."""
-LINK = re.compile(r"!?\[([^\]]*)\]\((?!https?:)[^)\s]+\)")
+MARKDOWN_LINK = re.compile(r"!?\[([^\]]*)\]\((?!https?:)[^)\s]+\)")
 """A link to another page of the book, or a picture of the book. These files are not beside a notebook."""
 
 
@@ -69,7 +69,7 @@ def _said(text: str) -> Iterator[Cell]:
 
 def plain(text: str) -> str:
     """Return text for a notebook: links to pages of the book become words, and boxes become quotations."""
-    return LINK.sub(r"\1", ADMONITION.sub(_quoted, text))
+    return MARKDOWN_LINK.sub(r"\1", ADMONITION.sub(_quoted, text))
 
 
 def _quoted(box: re.Match[str]) -> str:

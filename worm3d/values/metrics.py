@@ -60,7 +60,7 @@ def named(metric: str) -> tuple[str, str]:
     return metric.removesuffix(ending).replace("_", " "), METRIC_UNITS.get(ending, "")
 
 
-GROUPS = {
+METRIC_GROUPS = {
     "motion": (),
     "contact": ("slip", "backslide", "anchoring", "peak_wall_load", "largest_penetration", "settling"),
     "work": ("work_", "cost_of_transport", "effort", "commands_at_limit"),
@@ -77,7 +77,7 @@ MAIN_METRICS = (
 
 def group_of(metric: str) -> str:
     """Return the group of a metric. The longest matching beginning decides."""
-    found = {begin: group for group, begins in GROUPS.items() for begin in begins if metric.startswith(begin)}
+    found = {begin: group for group, begins in METRIC_GROUPS.items() for begin in begins if metric.startswith(begin)}
     return found[max(found, key=len)] if found else "motion"
 
 
@@ -100,7 +100,7 @@ class Summary(dict[str, float | str | None]):
         """
         shown = list(self if names is None else names)
         lines = []
-        for group in GROUPS:
+        for group in METRIC_GROUPS:
             rows = [self.row(name) for name in shown if group_of(name) == group]
             if rows:
                 lines += [group, *(f"  {name:<32}{value:>12} {unit}".rstrip() for name, value, unit in rows)]
