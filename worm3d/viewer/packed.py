@@ -10,7 +10,7 @@ from collections.abc import Iterable
 def packed(parts: Iterable[bytes]) -> str:
     """Return byte strings as one text. Before compression, each string follows its length in four bytes (`u32`)."""
     lengths = (len(part).to_bytes(4, "little") + part for part in parts)
-    return base64.b64encode(zlib.compress(b"".join(lengths), 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(b"".join(lengths))).decode("ascii")
 
 
 def unpacked(text: str) -> list[bytes]:

@@ -1,0 +1,257 @@
+"""Write the gallery, with a picture, a film and the file of each shipped scene: `python .docs/gallery.py OUT`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from html import escape
+from multiprocessing import get_context
+from pathlib import Path
+
+from PIL import Image
+
+from scenes.language.loader import shipped_scenes
+from scenes.models.loading import Scene, load_scene
+from scenes.records.record import Record
+from scenes.running.runner import simulate
+
+GROUPS = {
+    "On the ground": "flat slope slope_5 slope_15 rubble free_fall",
+    "In pipes and tunnels": "pipe_straight pipe_bend pipe_narrowing pipe_vertical pipe_reflex pipe_reflex_vertical "
+    "slope_into_pipe mesh_tunnel",
+    "Gaits and turning": "inchworm phases shc larva_network turn turn_planned sidewinding circling",
+    "With a controller": "path_line path_circle path_s_curve path_s_curve_slope path_waypoints there_and_back "
+    "obstacles disturbance_push heading_hold stop_and_go velocity_step velocity_sine velocity_pipe "
+    "pipe_climb_controlled",
+    "The planar worm and measurements": "planar_published planar_wave planar_case planar_segments planar_periods "
+    "load_frame",
+}
+"""Names of scenes by heading. Other shipped scenes follow under the heading `OTHERS`."""
+OTHERS = "Other scenes"
+
+SHOWN = {
+    **{name: ["run.duration_s=30"] for name in ("path_line", "path_s_curve", "path_s_curve_slope", "velocity_pipe")},
+    **{name: ["run.duration_s=40"] for name in ("disturbance_push", "heading_hold", "velocity_sine")},
+    **{name: ["run.duration_s=50"] for name in ("stop_and_go", "velocity_step", "pipe_climb_controlled")},
+    **{name: ["run.duration_s=60"] for name in ("there_and_back", "path_circle", "path_waypoints")},
+    "planar_segments": ["worm.segments=4"],
+    "planar_periods": ["gait.period_s=1"],
+}
+"""Changes of scenes for the gallery: long runs are shorter, and a scene with a sweep shows one case."""
+
+FRAMES, FPS = 150, 25.0
+"""Largest number of frames of a playable page or film, and of frames per second."""
+LARGEST_PAGE, LARGEST_FILM, LARGEST_PICTURE = 600_000, 300_000, 60_000
+"""Largest sizes of files [byte]."""
+PLAYER = "_player.js"
+"""File with the script of all playable pages."""
+
+STYLE = """<style>
+.scenes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; }
+.scenes a { border: 1px solid #8886; border-radius: 6px; overflow: hidden; text-decoration: none; }
+.scenes img { display: block; width: 100%; height: 9rem; object-fit: cover; background: #fff; }
+.scenes b, .scenes small { display: block; padding: 0.3rem 0.6rem 0; }
+.scenes small { padding-bottom: 0.5rem; color: inherit; opacity: 0.8; }
+</style>"""
+
+INDEX = """# Gallery
+
+Each picture leads to the page of a shipped scene. The page has a film that plays in the browser without a network,
+and the file of the scene. `worm3d run NAME` runs a scene with its full duration.
+
+{style}
+{groups}
+
+```{{toctree}}
+:hidden:
+
+{names}
+```
+"""
+
+PAGE = """# {title}
+
+{says}
+
+{film}
+
+{shown} Run the scene:
+
+```text
+worm3d run {name} --out {name}
+```
+
+The file of the scene:
+
+```{{literalinclude}} ../../scenes/{name}.toml
+:language: toml
+```
+"""
+
+
+def main(folder: Path) -> None:
+    """Write the gallery into `folder`/gallery. The scenes run in two processes."""
+    gallery = folder.resolve() / "gallery"
+    (gallery / "play").mkdir(parents=True, exist_ok=True)
+    names = sorted(shipped_scenes(), key=_work, reverse=True)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        for done in [pool.submit(make, name, gallery) for name in names]:
+            done.result()
+    (gallery / "index.md").write_text(index(), encoding="utf-8")
+
+
+def _work(name: str) -> tuple[bool, float]:
+    """Return a key that is larger for scenes that take longer."""
+    scene = shown(name)
+    return scene.model.name == "worm_control", float(scene.settings.run.duration_s)
+
+
+def shown(name: str) -> Scene:
+    """Return a scene as the gallery runs it."""
+    return load_scene(name, SHOWN.get(name, ()))
+
+
+def make(name: str, gallery: Path) -> None:
+    """Run a scene, and write the page, the picture and the film."""
+    scene = shown(name)
+    record = simulate(scene)
+    if record.status != "done":
+        raise RuntimeError(f"{name}: {record.sentence}")
+    film = write_film(scene, record, gallery)
+    write_picture(scene, record, gallery / f"{name}.png")
+    (gallery / f"{name}.md").write_text(page(scene, film), encoding="utf-8")
+
+
+def write_film(scene: Scene, record: Record, gallery: Path) -> str:
+    """Write a playable page or an animation, and return its path in the gallery. A model may have none."""
+    if scene.model.view is not None:
+        write_playable(record, gallery / "play" / f"{scene.name}.html")
+        return f"play/{scene.name}.html"
+    if scene.model.animate is not None:
+        write_animation(scene, record, gallery / f"{scene.name}.gif")
+        return f"{scene.name}.gif"
+    return ""
+
+
+def write_playable(record: Record, path: Path) -> None:
+    """Write a page that plays a run, without links. A page that would be too large has fewer frames."""
+    from scenes.models.worm.view import frames_of
+    from worm3d.viewer import write_html
+
+    fps = min(FPS, FRAMES / float(record["time"][-1]))
+    for share in (1.0, 0.7, 0.5):
+        script = path.parent / PLAYER
+        write_html(frames_of(record, fps=share * fps), path, title=record.title, script=script, without=("links",))
+        if path.stat().st_size <= LARGEST_PAGE:
+            return
+    raise RuntimeError(f"{path.name}: {path.stat().st_size} bytes, must be at most {LARGEST_PAGE}")
+
+
+def write_animation(scene: Scene, record: Record, path: Path) -> None:
+    """Write a GIF. The pictures have 32 colours, and only a part of the frames if the file would be too large."""
+    import io
+
+    movie = scene.model.animate(record) if scene.model.animate else None
+    for fps in (10, 5, 4, 2):
+        whole = path.with_name(f"_{path.name}")
+        assert movie is not None
+        movie.save(whole, fps=fps)
+        with Image.open(io.BytesIO(whole.read_bytes())) as image:
+            frames = [_reduced(image, k) for k in range(getattr(image, "n_frames", 1))]
+        whole.unlink()
+        frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000 // fps, loop=0, optimize=True)
+        if path.stat().st_size <= LARGEST_FILM:
+            return
+    raise RuntimeError(f"{path.name}: {path.stat().st_size} bytes, must be at most {LARGEST_FILM}")
+
+
+def _reduced(image: Image.Image, frame: int) -> Image.Image:
+    """Return a frame of an animation with 32 colours."""
+    image.seek(frame)
+    return image.convert("RGB").quantize(32, dither=Image.Dither.NONE)
+
+
+def write_picture(scene: Scene, record: Record, path: Path) -> None:
+    """Write a picture of the end of a run, with so few colours that the file is small enough."""
+    if scene.model.view is not None:
+        from scenes.models.worm.view import side_and_top
+
+        side_and_top(record)[0].savefig(path)
+    elif scene.model.overview is not None:
+        scene.model.overview(record).save(path)
+    with Image.open(path) as image:
+        drawn = image.convert("RGB")
+    for colours in (128, 64, 32, 16):
+        drawn.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        if path.stat().st_size <= LARGEST_PICTURE:
+            return
+    raise RuntimeError(f"{path.name}: {path.stat().st_size} bytes, must be at most {LARGEST_PICTURE}")
+
+
+def page(scene: Scene, film: str) -> str:
+    """Return the page of a scene as MyST."""
+    name, title = scene.name, escape(scene.settings.title)
+    seen = f'<img src="{name}.png" alt="{title}" style="background: #fff">'
+    if film.endswith(".html"):
+        seen = f'<p><a href="{film}">{seen}</a></p>\n<p><a href="{film}"><b>Play the run in 3D</b></a></p>'
+    elif film:
+        seen = f'<img src="{film}" alt="{title}" style="background: #fff">\n{seen}'
+    return PAGE.format(title=scene.settings.title, says=sentences(scene), film=seen, shown=extent(scene), name=name)
+
+
+def sentences(scene: Scene) -> str:
+    """Return what a scene says to see, as MyST. Options that the text names are set as code."""
+    words = scene.settings.says.split(" ")
+    options = {k + 1 for k, word in enumerate(words) if word == "-o"}
+    return " ".join(
+        f"`-o {_bare(w)}`{w[len(_bare(w)) :]}" if k in options else w for k, w in enumerate(words) if w != "-o"
+    )
+
+
+def _bare(word: str) -> str:
+    """Return a word without the punctuation after it."""
+    return word.rstrip(".,;:)")
+
+
+def extent(scene: Scene) -> str:
+    """Return a sentence on the part of the scene that the page shows."""
+    seconds, whole = scene.settings.run.duration_s, load_scene(scene.name).settings.run.duration_s
+    changes = [change for change in SHOWN.get(scene.name, []) if not change.startswith("run.")]
+    if changes:
+        return f"The pictures show the case `{', '.join(changes)}` of a sweep."
+    if seconds < whole:
+        return f"The pictures show the first {seconds:g} s of {whole:g} s."
+    return f"The pictures show the whole run of {whole:g} s."
+
+
+def index() -> str:
+    """Return the page with the pictures of all scenes as MyST."""
+    groups = "\n\n".join(f"## {heading}\n\n{grid(names)}" for heading, names in grouped())
+    return INDEX.format(style=STYLE, groups=groups, names="\n".join(n for _, names in grouped() for n in names))
+
+
+def grouped() -> Iterator[tuple[str, list[str]]]:
+    """Yield each heading with the names of the scenes under the heading."""
+    known = shipped_scenes()
+    listed = {heading: [name for name in names.split() if name in known] for heading, names in GROUPS.items()}
+    others = [name for name in known if not any(name in names for names in listed.values())]
+    yield from listed.items()
+    if others:
+        yield OTHERS, others
+
+
+def grid(names: Iterable[str]) -> str:
+    """Return the pictures of scenes, each a link to the page of the scene, as HTML."""
+    return '<div class="scenes">\n' + "\n".join(_card(load_scene(name)) for name in names) + "\n</div>"
+
+
+def _card(scene: Scene) -> str:
+    name, title, says = scene.name, escape(scene.settings.title), escape(scene.settings.says.split(". ")[0].rstrip("."))
+    return f'<a href="{name}.html"><img src="{name}.png" alt="{title}"><b>{title}</b><small>{says}.</small></a>'
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python .docs/gallery.py OUT")
+    main(Path(sys.argv[1]))
