@@ -8,7 +8,9 @@ from concurrent.futures import ProcessPoolExecutor
 from html import escape
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from scenes.language.loader import shipped_scenes
@@ -39,6 +41,9 @@ SHOWN = {
     "planar_periods": ["gait.period_s=1"],
 }
 """Changes of scenes for the gallery: long runs are shorter, and a scene with a sweep shows one case."""
+
+PICTURED = {"disturbance_push": 24.0, "free_fall": 0.16, "obstacles": 24.0, "pipe_climb_controlled": 45.0}
+"""Instants of pictures that do not show the end of a run [s]."""
 
 FRAMES, FPS = 150, 25.0
 """Largest number of frames of a playable page or film, and of frames per second."""
@@ -149,35 +154,31 @@ def write_playable(record: Record, path: Path) -> None:
 
 
 def write_animation(scene: Scene, record: Record, path: Path) -> None:
-    """Write a GIF. The pictures have 32 colours, and only a part of the frames if the file would be too large."""
-    import io
-
-    movie = scene.model.animate(record) if scene.model.animate else None
-    for fps in (10, 5, 4, 2):
-        whole = path.with_name(f"_{path.name}")
-        assert movie is not None
-        movie.save(whole, fps=fps)
-        with Image.open(io.BytesIO(whole.read_bytes())) as image:
-            frames = [_reduced(image, k) for k in range(getattr(image, "n_frames", 1))]
-        whole.unlink()
-        frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000 // fps, loop=0, optimize=True)
+    """Write a GIF in real time. If the file would be too large, it has fewer frames per second."""
+    assert scene.model.animate is not None
+    movie: Any = scene.model.animate(record)  # `planar.animation.Movie`, which can draw single frames
+    instants = np.arange(0.0, movie.time[-1], 0.1)
+    drawn = [_pixels(movie.draw(int(np.abs(movie.time - instant).argmin()))) for instant in instants]
+    palette = drawn[0].quantize(32, dither=Image.Dither.NONE)
+    frames = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in drawn]
+    for every in (1, 2, 3):
+        first, *rest = frames[::every]
+        first.save(path, save_all=True, append_images=rest, duration=100 * every, loop=0)
         if path.stat().st_size <= LARGEST_FILM:
             return
     raise RuntimeError(f"{path.name}: {path.stat().st_size} bytes, must be at most {LARGEST_FILM}")
 
 
-def _reduced(image: Image.Image, frame: int) -> Image.Image:
-    """Return a frame of an animation with 32 colours."""
-    image.seek(frame)
-    return image.convert("RGB").quantize(32, dither=Image.Dither.NONE)
+def _pixels(figure: Any) -> Image.Image:
+    """Return a figure as an image."""
+    figure.canvas.draw()
+    return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3].copy())
 
 
 def write_picture(scene: Scene, record: Record, path: Path) -> None:
-    """Write a picture of the end of a run, with so few colours that the file is small enough."""
+    """Write a picture of a run, with so few colours that the file is small enough."""
     if scene.model.view is not None:
-        from scenes.models.worm.view import side_and_top
-
-        side_and_top(record)[0].savefig(path)
+        _draw_worm(record, path, PICTURED.get(scene.name))
     elif scene.model.overview is not None:
         scene.model.overview(record).save(path)
     with Image.open(path) as image:
@@ -187,6 +188,16 @@ def write_picture(scene: Scene, record: Record, path: Path) -> None:
         if path.stat().st_size <= LARGEST_PICTURE:
             return
     raise RuntimeError(f"{path.name}: {path.stat().st_size} bytes, must be at most {LARGEST_PICTURE}")
+
+
+def _draw_worm(record: Record, path: Path, at: float | None) -> None:
+    """Draw the worm from the side and from above, at an instant [s] or at the end of the run."""
+    from scenes.models.worm.view import frames_of
+    from worm3d.results.pictures import nearest
+    from worm3d.viewer.figure import figure
+
+    frames = frames_of(record, at=at)
+    figure(frames, nearest(frames.time, at))[0].savefig(path)
 
 
 def page(scene: Scene, film: str) -> str:

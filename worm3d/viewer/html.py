@@ -65,6 +65,11 @@ def write_html(
         default, the script is a part of the page, and the page is complete on its own.
     without : collection of str
         Layers to leave out of the page, from `LAYERS`. Pages without links are about half as large.
+
+    Raises
+    ------
+    ValueError
+        A name in `without` is not a layer.
     """
     address = None if script is None else _shared(Path(script), Path(path))
     Path(path).write_text(
@@ -87,11 +92,11 @@ def html(
     without: Collection[str] = (),
 ) -> str:
     """Return the page that `write_html` writes. `script` is the address of the file with the viewer's script."""
+    if unknown := sorted({*without} - LAYERS.keys()):
+        raise ValueError(f"without: got {', '.join(unknown)}, must be names of layers: {', '.join(LAYERS)}")
     scales = Scales.of(frames)
-    cover = Skin.of(frames, scales.strain) if skin else None
+    cover = Skin.of(frames, scales.strain) if skin and "skin" not in without else None
     parts = [part for part in _parts(frames, scales, cover) if part.layer not in without]
-    if "skin" in without:
-        cover = None
     bits, data = (ALL_BITS, _plain) if script is None else (SMALL_BITS, _small)
     scene, messages = _scene(frames, parts, scales, cover, bits), commands(frames, parts, bits)
     contents = {"title": escape(title), **data(scene, messages)}

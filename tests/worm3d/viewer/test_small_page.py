@@ -58,6 +58,11 @@ def test_the_policy_allows_this_file_only(small: Path, short: Frames) -> None:
     assert loaded[1] not in small.with_name("again.html").read_text(encoding="utf-8")
 
 
+def test_an_unknown_layer_is_refused(short: Frames, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"^without: got link, must be names of layers: skin, faces, "):
+        write_html(short, tmp_path / "page.html", without=["link", "skin"])
+
+
 def test_byte_strings_come_back() -> None:
     for parts in ([], [b""], [b"a", b"", b"\0" * 1000]):
         assert unpacked(packed(parts)) == parts
