@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -212,17 +213,8 @@ def page(scene: Scene, film: str) -> str:
 
 
 def sentences(scene: Scene) -> str:
-    """Return what a scene says to see, as MyST. Options that the text names are set as code."""
-    words = scene.settings.says.split(" ")
-    options = {k + 1 for k, word in enumerate(words) if word == "-o"}
-    return " ".join(
-        f"`-o {_bare(w)}`{w[len(_bare(w)) :]}" if k in options else w for k, w in enumerate(words) if w != "-o"
-    )
-
-
-def _bare(word: str) -> str:
-    """Return a word without the punctuation after it."""
-    return word.rstrip(".,;:)")
+    """Return what a scene says to see, as MyST. Options of the command are set as code."""
+    return re.sub(r"-o \S+\w", r"`\g<0>`", scene.settings.says)
 
 
 def extent(scene: Scene) -> str:
