@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from html import escape
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -18,6 +18,9 @@ from scenes.language.loader import shipped_scenes
 from scenes.models.loading import Scene, load_scene
 from scenes.records.record import Record
 from scenes.running.runner import simulate
+
+if TYPE_CHECKING:
+    from worm3d.viewer import Frames
 
 GROUPS = {
     "On the ground": "flat slope slope_5 slope_15 rubble free_fall",
@@ -33,21 +36,35 @@ GROUPS = {
 """Names of scenes by heading. Other shipped scenes follow under the heading `OTHERS`."""
 OTHERS = "Other scenes"
 
-SHOWN = {
-    **{name: ["run.duration_s=30"] for name in ("path_line", "path_s_curve", "path_s_curve_slope", "velocity_pipe")},
-    **{name: ["run.duration_s=40"] for name in ("disturbance_push", "heading_hold", "velocity_sine")},
-    **{name: ["run.duration_s=50"] for name in ("stop_and_go", "velocity_step", "pipe_climb_controlled")},
-    **{name: ["run.duration_s=60"] for name in ("there_and_back", "path_circle", "path_waypoints")},
-    "planar_segments": ["worm.segments=4"],
-    "planar_periods": ["gait.period_s=1"],
+SECONDS = {
+    **dict.fromkeys(("path_line", "path_s_curve", "path_s_curve_slope", "velocity_pipe"), 20),
+    **dict.fromkeys(("velocity_step", "velocity_sine", "heading_hold", "there_and_back", "disturbance_push"), 32),
+    **dict.fromkeys(("stop_and_go", "path_waypoints", "obstacles"), 45),
+    **dict.fromkeys(("pipe_climb_controlled", "path_circle"), 60),
 }
-"""Changes of scenes for the gallery: long runs are shorter, and a scene with a sweep shows one case."""
-
+"""Durations of long runs in the gallery [s]."""
+CASES = {"planar_segments": "worm.segments=4", "planar_periods": "gait.period_s=1"}
+"""The case that the gallery shows of a scene with a sweep."""
+BEGINS = {
+    "disturbance_push": 19.0,
+    "heading_hold": 9.0,
+    "obstacles": 16.0,
+    "stop_and_go": 30.0,
+    "velocity_step": 17.0,
+    "velocity_sine": 10.0,
+    "there_and_back": 17.0,
+    "path_waypoints": 25.0,
+    "path_circle": 40.0,
+    "pipe_climb_controlled": 30.0,
+}
+"""First instants of films that do not show the whole run [s]."""
 PICTURED = {"disturbance_push": 24.0, "free_fall": 0.16, "obstacles": 24.0, "pipe_climb_controlled": 45.0}
 """Instants of pictures that do not show the end of a run [s]."""
 
 FRAMES, FPS = 150, 25.0
-"""Largest number of frames of a playable page or film, and of frames per second."""
+"""Largest number of frames of a playable page, and of frames per second."""
+PER_PERIOD = 6
+"""Smallest number of frames per period of a gait. A film with fewer frames would not show the wave."""
 LARGEST_PAGE, LARGEST_FILM, LARGEST_PICTURE = 600_000, 300_000, 60_000
 """Largest sizes of files [byte]."""
 PLAYER = "_player.js"
@@ -115,7 +132,8 @@ def _work(name: str) -> tuple[bool, float]:
 
 def shown(name: str) -> Scene:
     """Return a scene as the gallery runs it."""
-    return load_scene(name, SHOWN.get(name, ()))
+    changes = [f"run.duration_s={SECONDS[name]}"] if name in SECONDS else []
+    return load_scene(name, [*changes, CASES[name]] if name in CASES else changes)
 
 
 def make(name: str, gallery: Path) -> None:
@@ -124,34 +142,50 @@ def make(name: str, gallery: Path) -> None:
     record = simulate(scene)
     if record.status != "done":
         raise RuntimeError(f"{name}: {record.sentence}")
-    film = write_film(scene, record, gallery)
+    film, part = write_film(scene, record, gallery)
     write_picture(scene, record, gallery / f"{name}.png")
-    (gallery / f"{name}.md").write_text(page(scene, film), encoding="utf-8")
+    (gallery / f"{name}.md").write_text(page(scene, film, part), encoding="utf-8")
 
 
-def write_film(scene: Scene, record: Record, gallery: Path) -> str:
-    """Write a playable page or an animation, and return its path in the gallery. A model may have none."""
+def write_film(scene: Scene, record: Record, gallery: Path) -> tuple[str, str]:
+    """Write a playable page or an animation. Return the path in the gallery, and a sentence on the part of the run.
+
+    Both are empty for a model without films.
+    """
     if scene.model.view is not None:
-        write_playable(record, gallery / "play" / f"{scene.name}.html")
-        return f"play/{scene.name}.html"
+        film = f"play/{scene.name}.html"
+        return film, write_playable(scene, record, gallery / film)
     if scene.model.animate is not None:
         write_animation(scene, record, gallery / f"{scene.name}.gif")
-        return f"{scene.name}.gif"
-    return ""
+        return f"{scene.name}.gif", ""
+    return "", ""
 
 
-def write_playable(record: Record, path: Path) -> None:
-    """Write a page that plays a run, without links. A page that would be too large has fewer frames."""
-    from scenes.models.worm.view import frames_of
+def write_playable(scene: Scene, record: Record, path: Path) -> str:
+    """Write a page that plays a run, without links, and return a sentence on the part that the page shows.
+
+    A page that would be too large shows a shorter part.
+    """
     from worm3d.viewer import write_html
 
-    fps = min(FPS, FRAMES / float(record["time"][-1]))
-    for share in (1.0, 0.7, 0.5):
-        script = path.parent / PLAYER
-        write_html(frames_of(record, fps=share * fps), path, title=record.title, script=script, without=("links",))
+    for most in (FRAMES, FRAMES * 2 // 3, FRAMES // 2):
+        frames = frames_shown(record, BEGINS.get(scene.name, 0.0), most)
+        write_html(frames, path, title=record.title, script=path.parent / PLAYER, without=("links",))
         if path.stat().st_size <= LARGEST_PAGE:
-            return
+            return f"The film shows the time from {frames.time[0]:.3g} s to {frames.time[-1]:.3g} s."
     raise RuntimeError(f"{path.name}: {path.stat().st_size} bytes, must be at most {LARGEST_PAGE}")
+
+
+def frames_shown(record: Record, begin: float, most: int) -> Frames:
+    """Return at most `most` frames of a run, from an instant on [s], so many per period that the wave is seen."""
+    from scenes.models.worm.view import frames_of
+
+    period = frames_of(record, fps=1.0).period
+    begin = begin if period else 0.0
+    least = PER_PERIOD / period if period else 0.0
+    fps = min(FPS, max(most / (float(record["time"][-1]) - begin), least))
+    frames = frames_of(record, fps=fps)
+    return frames.take(np.flatnonzero(frames.time >= begin - 1e-9)[:most].tolist())
 
 
 def write_animation(scene: Scene, record: Record, path: Path) -> None:
@@ -201,7 +235,7 @@ def _draw_worm(record: Record, path: Path, at: float | None) -> None:
     figure(frames, nearest(frames.time, at))[0].savefig(path)
 
 
-def page(scene: Scene, film: str) -> str:
+def page(scene: Scene, film: str, part: str) -> str:
     """Return the page of a scene as MyST."""
     name, title = scene.name, escape(scene.settings.title)
     seen = f'<img src="{name}.png" alt="{title}" style="background: #fff">'
@@ -209,7 +243,9 @@ def page(scene: Scene, film: str) -> str:
         seen = f'<p><a href="{film}">{seen}</a></p>\n<p><a href="{film}"><b>Play the run in 3D</b></a></p>'
     elif film:
         seen = f'<img src="{film}" alt="{title}" style="background: #fff">\n{seen}'
-    return PAGE.format(title=scene.settings.title, says=sentences(scene), film=seen, shown=extent(scene), name=name)
+    return PAGE.format(
+        title=scene.settings.title, says=sentences(scene), film=seen, shown=extent(scene, part), name=name
+    )
 
 
 def sentences(scene: Scene) -> str:
@@ -217,15 +253,12 @@ def sentences(scene: Scene) -> str:
     return re.sub(r"-o \S+\w", r"`\g<0>`", scene.settings.says)
 
 
-def extent(scene: Scene) -> str:
-    """Return a sentence on the part of the scene that the page shows."""
+def extent(scene: Scene, part: str) -> str:
+    """Return sentences on the part of the scene that the page shows. `part` is the sentence of `write_film`."""
     seconds, whole = scene.settings.run.duration_s, load_scene(scene.name).settings.run.duration_s
-    changes = [change for change in SHOWN.get(scene.name, []) if not change.startswith("run.")]
-    if changes:
-        return f"The pictures show the case `{', '.join(changes)}` of a sweep."
-    if seconds < whole:
-        return f"The pictures show the first {seconds:g} s of {whole:g} s."
-    return f"The pictures show the whole run of {whole:g} s."
+    run = f"The run was ended after {seconds:g} s of {whole:g} s." if seconds < whole else f"The run takes {whole:g} s."
+    case = f"The case of the sweep is `{CASES[scene.name]}`." if scene.name in CASES else ""
+    return " ".join(filter(None, [run, case, part]))
 
 
 def index() -> str:
