@@ -38,9 +38,9 @@ OTHERS = "Other scenes"
 
 SECONDS = {
     **dict.fromkeys(("path_line", "path_s_curve", "path_s_curve_slope", "velocity_pipe"), 20),
-    **dict.fromkeys(("velocity_step", "velocity_sine", "heading_hold", "there_and_back", "disturbance_push"), 32),
-    **dict.fromkeys(("path_waypoints", "obstacles"), 45),
-    **dict.fromkeys(("pipe_climb_controlled", "path_circle", "stop_and_go"), 60),
+    **dict.fromkeys(("velocity_sine", "heading_hold", "disturbance_push"), 32),
+    **dict.fromkeys(("path_waypoints", "obstacles", "velocity_step"), 45),
+    **dict.fromkeys(("pipe_climb_controlled", "path_circle", "stop_and_go", "there_and_back"), 60),
 }
 """Durations of long runs in the gallery [s]."""
 CASES = {"planar_segments": "worm.segments=4", "planar_periods": "gait.period_s=1"}
