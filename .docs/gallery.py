@@ -6,6 +6,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from html import escape
 from multiprocessing import get_context
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
+from scipy.spatial import KDTree
 
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import Scene, load_scene
@@ -20,7 +22,7 @@ from scenes.records.record import Record
 from scenes.running.runner import simulate
 
 if TYPE_CHECKING:
-    from worm3d.viewer import Frames
+    from worm3d.viewer import Frames, WorldMesh
 
 GROUPS = {
     "On the ground": "flat slope slope_5 slope_15 rubble free_fall",
@@ -65,6 +67,8 @@ FRAMES, FPS = 150, 25.0
 """Largest number of frames of a playable page, and of frames per second."""
 PER_PERIOD = 6
 """Smallest number of frames per period of a gait. A film with fewer frames would not show the wave."""
+MOST_FACES, REACH = 12_000, 0.6
+"""Number of faces above which the surroundings end at a distance from the worm, and this distance [body lengths]."""
 LARGEST_PAGE, LARGEST_FILM, LARGEST_PICTURE = 600_000, 300_000, 60_000
 """Largest sizes of files [byte]."""
 PLAYER = "_player.js"
@@ -185,7 +189,24 @@ def frames_shown(record: Record, begin: float, most: int) -> Frames:
     least = PER_PERIOD / period if period else 0.0
     fps = min(FPS, max(most / (float(record["time"][-1]) - begin), least))
     frames = frames_of(record, fps=fps)
-    return frames.take(np.flatnonzero(frames.time >= begin - 1e-9)[:most].tolist())
+    return near(frames.take(np.flatnonzero(frames.time >= begin - 1e-9)[:most].tolist()))
+
+
+def near(frames: Frames) -> Frames:
+    """Return frames whose surroundings, if they have many faces, end at the distance `REACH` from the worm."""
+    if sum(len(mesh.faces) for mesh in frames.world) <= MOST_FACES:
+        return frames
+    joints = KDTree(frames.joints.reshape(-1, 3))
+    return replace(frames, world=tuple(_cut(mesh, joints, REACH * frames.body_length) for mesh in frames.world))
+
+
+def _cut(mesh: WorldMesh, joints: KDTree, reach: float) -> WorldMesh:
+    """Return the faces of a mesh that are near a joint, with their vertices only."""
+    kept = mesh.faces[joints.query(mesh.vertices[mesh.faces].mean(axis=1))[0] < reach]
+    if not len(kept):
+        return mesh
+    used, faces = np.unique(kept, return_inverse=True)
+    return replace(mesh, vertices=mesh.vertices[used], faces=faces.reshape(-1, 3))
 
 
 def write_animation(scene: Scene, record: Record, path: Path) -> None:

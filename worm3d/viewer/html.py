@@ -60,7 +60,7 @@ def write_html(
         Title on the page.
     script : str or Path, optional
         File for the script of the viewer. The file is written, and the page loads the file. Several pages can share the
-        file. The data of the page are compressed, and motions are rounded to 1/8000 of each number. The page is then
+        file. The data of the page are compressed, and motions are rounded to 1/16000 of each number. The page is then
         many times smaller. Page and file must be moved together, and the page needs a browser of 2023 or later. By
         default, the script is a part of the page, and the page is complete on its own.
     without : collection of str
