@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import webbrowser
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from worm3d.viewer import camera, colours, pieces, policy, recorder
 from worm3d.viewer.frames import Frames
+from worm3d.viewer.packed import packed
 from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
+from worm3d.viewer.recorder import ALL_BITS, shortened
 from worm3d.viewer.skin import CORNER_WEIGHTS, LEFT_COLOUR_SHARE, RING_WEIGHTS, Skin
+
+SMALL_BITS = 13
+"""Number of bits after the first of the numbers in a small page."""
 
 
 def write_html(
@@ -29,8 +37,10 @@ def write_html(
     *,
     skin: bool = True,
     title: str = "worm3d",
+    script: str | Path | None = None,
+    without: Collection[str] = (),
 ) -> None:
-    """Write the run as a self-contained HTML file. The same frames always give the same bytes.
+    """Write the run as an HTML file that needs no network. The same frames always give the same bytes.
 
     The address of the page may set the first view, for example
     `viewer.html#t=2.5&camera=top&hide=skin,trail&show=links&world=0.3&play=1&bare=1`. The cameras are side, top, follow
@@ -48,33 +58,98 @@ def write_html(
         skin, they are visible from the start.
     title : str
         Title on the page.
+    script : str or Path, optional
+        File for the script of the viewer. The file is written, and the page loads the file. Several pages can share the
+        file. The data of the page are compressed, and motions are rounded to 1/16000 of each number. The page is then
+        many times smaller. Page and file must be moved together, and the page needs a browser of 2023 or later. By
+        default, the script is a part of the page, and the page is complete on its own.
+    without : collection of str
+        Layers to leave out of the page, from `LAYERS`. Pages without links are about half as large.
+
+    Raises
+    ------
+    ValueError
+        A name in `without` is not a layer.
     """
-    Path(path).write_text(html(frames, skin=skin, title=title), encoding="utf-8", newline="\n")
+    address = None if script is None else _shared(Path(script), Path(path))
+    Path(path).write_text(
+        html(frames, skin=skin, title=title, script=address, without=without), encoding="utf-8", newline="\n"
+    )
 
 
-def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
-    """Return the page that `write_html` writes."""
+def _shared(script: Path, page: Path) -> str:
+    """Write the script of the viewer into a file, and return the address of the file for a page."""
+    script.write_text(recorder.script(), encoding="utf-8", newline="\n")
+    return quote(Path(os.path.relpath(script, page.parent)).as_posix())
+
+
+def html(
+    frames: Frames,
+    *,
+    skin: bool = True,
+    title: str = "worm3d",
+    script: str | None = None,
+    without: Collection[str] = (),
+) -> str:
+    """Return the page that `write_html` writes. `script` is the address of the file with the viewer's script."""
+    if unknown := sorted({*without} - LAYERS.keys()):
+        raise ValueError(f"without: got {', '.join(unknown)}, must be names of layers: {', '.join(LAYERS)}")
     scales = Scales.of(frames)
-    parts = [
+    cover = Skin.of(frames, scales.strain) if skin and "skin" not in without else None
+    parts = [part for part in _parts(frames, scales, cover) if part.layer not in without]
+    bits, data = (ALL_BITS, _plain) if script is None else (SMALL_BITS, _small)
+    scene, messages = _scene(frames, parts, scales, cover, bits), commands(frames, parts, bits)
+    contents = {"title": escape(title), **data(scene, messages)}
+    return filled(
+        "viewer.html",
+        style=resource("viewer.css"),
+        script=resource("viewer.js"),
+        meshcat=_player(contents, script),
+        **contents,
+    )
+
+
+def _parts(frames: Frames, scales: Scales, cover: Skin | None) -> list[Piece]:
+    return [
         *pieces.worm(frames, scales),
         *pieces.contact(frames, scales),
         *pieces.way(frames),
         *pieces.world(frames.world),
+        *([] if cover is None else [cover.piece()]),
     ]
-    cover = Skin.of(frames, scales.strain) if skin else None
-    if cover is not None:
-        parts.append(cover.piece())
-    return filled(
-        "viewer.html",
-        title=escape(title),
-        style=resource("viewer.css"),
-        meshcat=recorder.script(),
-        scene=json.dumps(_scene(frames, parts, scales, cover), separators=(",", ":"), allow_nan=False).replace(
-            "<", "\\u003c"
-        ),
-        commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(frames, parts)),
-        script=resource("viewer.js"),
-    )
+
+
+def _plain(scene: dict[str, Any], messages: list[bytes]) -> dict[str, str]:
+    """Return the data of a page as text."""
+    return {
+        "scene": _json(scene, lambda array: base64.b64encode(array.tobytes()).decode("ascii")),
+        "commands": "\n".join(base64.b64encode(message).decode("ascii") for message in messages),
+        "form": "plain",
+    }
+
+
+def _small(scene: dict[str, Any], messages: list[bytes]) -> dict[str, str]:
+    """Return the data of a page as compressed text. An array is its place in the list of parts."""
+    arrays = [b""]
+
+    def placed(array: NDArray[np.float32]) -> int:
+        arrays.append(array.tobytes())
+        return len(arrays) - 1
+
+    arrays[0] = _json(scene, placed).encode()
+    return {"scene": packed(arrays), "commands": packed(messages), "form": "packed"}
+
+
+def _json(scene: dict[str, Any], array: Callable[[NDArray[np.float32]], str | int]) -> str:
+    """Return the data of a page as JSON. `array` writes an array."""
+    return json.dumps(scene, separators=(",", ":"), allow_nan=False, default=array).replace("<", "\\u003c")
+
+
+def _player(contents: Mapping[str, str], address: str | None) -> str:
+    """Return the element with the script of meshcat's viewer, or with the address of its file."""
+    if address is None:
+        return f"<script>\n{recorder.script()}\n</script>"
+    return policy.script_file(address, "".join(contents.values()))
 
 
 @dataclass(frozen=True)
@@ -100,10 +175,13 @@ class NotebookView:
         )
 
 
-def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
-    """Return packed commands of meshcat that set the stage, place all pieces in the first frame, and define motions."""
+def commands(frames: Frames, parts: list[Piece], bits: int = ALL_BITS) -> list[bytes]:
+    """Return packed commands of meshcat that set the stage, place all pieces in the first frame, and define motions.
+
+    Motions are rounded to `bits` bits, as by `recorder.shortened`.
+    """
     placed = (command for part in parts for command in recorder.place(part))
-    motion = recorder.animate(parts, frames.time - frames.time[0])
+    motion = recorder.animate(parts, frames.time - frames.time[0], bits)
     return [recorder.packed(command) for command in (*recorder.stage(), *placed, motion)]
 
 
@@ -123,8 +201,8 @@ def resource(name: str) -> str:
     return files("worm3d.viewer").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None) -> dict[str, Any]:
-    """Return the data of the page, except for meshcat's commands."""
+def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None, bits: int) -> dict[str, Any]:
+    """Return the data of the page, except for meshcat's commands. The skin is rounded to `bits` bits."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
     ahead = frames.heading
@@ -147,7 +225,7 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None
         "low": low.tolist(),
         "high": high.tolist(),
         "layers": _layers(parts, " on the ground" if frames.way is not frames.com else ""),
-        "skin": None if skin is None else _skin(skin),
+        "skin": None if skin is None else _skin(skin, bits),
         "trail": _trail(frames, parts),
         "legend": {
             "strain": scales.strain,
@@ -158,11 +236,11 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None
     }
 
 
-def _skin(skin: Skin) -> dict[str, Any]:
+def _skin(skin: Skin, bits: int) -> dict[str, Any]:
     """Return the data of the skin for the page: the sections, and the weights of their points and colours."""
     return {
-        "sections": _floats(skin.sections),
-        "tint": _floats(skin.tint),
+        "sections": shortened(skin.sections, bits),
+        "tint": shortened(skin.tint, bits),
         "along": RING_WEIGHTS.tolist(),
         "around": CORNER_WEIGHTS.tolist(),
         "left": LEFT_COLOUR_SHARE.tolist(),
@@ -194,7 +272,5 @@ def _trail(frames: Frames, parts: list[Piece]) -> dict[str, Any] | None:
     return {"rings": pieces.trail_rings(frames.way, frames.body_length)[1], "faces": 2 * TRAIL_SIDES}
 
 
-def _floats(values: ArrayLike | None) -> str | None:
-    if values is None:
-        return None
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+def _floats(values: ArrayLike | None) -> NDArray[np.float32] | None:
+    return None if values is None else np.ascontiguousarray(values, dtype="<f4")

@@ -28,6 +28,9 @@ _STANDING = np.eye(4).ravel().tolist()
 _ARRAY_TYPES = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
 """Name in three.js, and type number in meshcat's viewer, of each type of packed arrays."""
 
+ALL_BITS = 23
+"""Number of bits after the first of a number as it is sent."""
+
 CAPTION_AT = (0.0, 0.68, -1.0)
 """Position of the square with the caption, relative to the camera. At this distance the camera sees heights from -0.77
 to 0.77."""
@@ -78,11 +81,23 @@ def _binary(values: NDArray[Any], form: str = "<f4") -> Any:
     return umsgpack.Ext(_ARRAY_TYPES[form][1], np.ascontiguousarray(values, dtype=form).tobytes())
 
 
-def _track(name: str, form: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
-    """Return a track of an animation. If the values are constant, the track has only the first key."""
+def shortened(values: ArrayLike, bits: int) -> NDArray[np.float32]:
+    """Return numbers rounded to some bits after the first bit. The other bits are zero and can be compressed."""
+    numbers = np.ascontiguousarray(values, dtype="<f4").view("<u4")
+    half, kept = (1 << (ALL_BITS - bits)) >> 1, 0xFFFFFFFF << (ALL_BITS - bits) & 0xFFFFFFFF
+    return ((numbers + np.uint32(half)) & np.uint32(kept)).view("<f4")
+
+
+def _track(
+    name: str, form: str, time: FloatArray, values: FloatArray, bits: int = ALL_BITS, stepped: bool = False
+) -> Content:
+    """Return a track of an animation. If the values are constant, the track has only the first key.
+
+    The values are rounded as by `shortened`.
+    """
     if (values == values[0]).all():
         time, values = time[:1], values[:1]
-    track = {"name": name, "type": form, "times": _binary(time), "values": _binary(values)}
+    track = {"name": name, "type": form, "times": _binary(time), "values": _binary(shortened(values, bits))}
     return {**track, "interpolation": 2300} if stepped else track  # InterpolateDiscrete in three.js
 
 
@@ -182,27 +197,27 @@ def stand(axes: FloatArray, body_length: float) -> Content:
     return _property(_CAMERA, "position", [x, z, -y])
 
 
-def animate(pieces: list[Piece], time: FloatArray) -> Content:
+def animate(pieces: list[Piece], time: FloatArray, bits: int = ALL_BITS) -> Content:
     """Return the command with the motion of all pieces, which must have been placed before.
 
-    The times have the shape (T,) and start at 0 [s].
+    The times have the shape (T,) and start at 0 [s]. The motion is rounded to `bits` bits, as by `shortened`.
     """
-    tracks = {_at(piece): _moves(piece, time) for piece in pieces}
-    tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}
+    tracks = {_at(piece): _moves(piece, time, bits) for piece in pieces}
+    tracks |= {f"{_at(piece)}/<object>": _looks(piece, time, bits) for piece in pieces}
     # With one key per second, times are in seconds.
     clips = [{"path": path, "clip": {"fps": 1, "name": "default", "tracks": of}} for path, of in tracks.items() if of]
     options = {"play": False, "repetitions": 1}
     return {"type": "set_animation", "animations": clips, "options": options, "path": ""}
 
 
-def _moves(piece: Piece, time: FloatArray) -> list[Content]:
+def _moves(piece: Piece, time: FloatArray, bits: int) -> list[Content]:
     tracks = []
     if piece.position is not None:
-        tracks.append(_track(".position", "vector3", time, piece.position))
+        tracks.append(_track(".position", "vector3", time, piece.position, bits))
     if piece.turn is not None:
-        tracks.append(_track(".quaternion", "quaternion", time, quaternions(piece.turn)))
+        tracks.append(_track(".quaternion", "quaternion", time, quaternions(piece.turn), bits))
     if piece.scale is not None:
-        tracks.append(_track(".scale", "vector3", time, piece.scale, piece.stepped))
+        tracks.append(_track(".scale", "vector3", time, piece.scale, bits, piece.stepped))
     return tracks
 
 
@@ -241,8 +256,8 @@ def _pairs(m: FloatArray, sign: float) -> FloatArray:
     )
 
 
-def _looks(piece: Piece, time: FloatArray) -> list[Content]:
-    return [] if piece.tint is None else [_track(".material.color", "color", time, piece.tint)]
+def _looks(piece: Piece, time: FloatArray, bits: int) -> list[Content]:
+    return [] if piece.tint is None else [_track(".material.color", "color", time, piece.tint, bits)]
 
 
 def script() -> str:

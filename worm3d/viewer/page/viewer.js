@@ -1,8 +1,7 @@
 "use strict";
 // The page around meshcat's scene: playback, cameras, layers. Positions are [x, y, z] with z up, in metres, as in the
 // simulator; three.js has y up. Everything works on a file opened without a network.
-(function () {
-  const scene = JSON.parse(document.getElementById("scene").textContent);
+(async function () {
   const element = (id) => document.getElementById(id);
   const guest = window.name === "worm3d-guest"; // one of several pages in another, which plays them (beside.js)
 
@@ -13,6 +12,7 @@
   }
 
   window.addEventListener("error", (event) => trouble("The viewer stopped: " + event.message));
+  window.addEventListener("unhandledrejection", (event) => trouble("The viewer stopped: " + event.reason.message));
 
   function bytes(text) {
     const raw = atob(text);
@@ -21,7 +21,28 @@
     return result;
   }
 
-  const floats = (text) => new Float32Array(bytes(text).buffer);
+  // ---------------------------------------------------------------- the data
+  /** The byte strings of a compressed text: each follows its length. */
+  async function unpacked(text) {
+    const packed = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const data = await new Response(packed).arrayBuffer(), lengths = new DataView(data), parts = [];
+    for (let at = 0, end = 0; at < data.byteLength; at = end) {
+      end = at + 4 + lengths.getUint32(at, true);
+      parts.push(new Uint8Array(data.slice(at + 4, end)));
+    }
+    return parts;
+  }
+
+  const text_of = (name) => element(name).textContent;
+  const small = element("scene").dataset.form === "packed";
+  if (small && typeof DecompressionStream === "undefined") {
+    trouble("This page needs a browser of 2023 or later.");
+    return;
+  }
+  const arrays = small ? await unpacked(text_of("scene")) : [];
+  const messages = small ? await unpacked(text_of("commands")) : text_of("commands").split("\n").filter(Boolean).map(bytes);
+  const scene = JSON.parse(small ? new TextDecoder().decode(arrays[0]) : text_of("scene"));
+  const floats = (array) => new Float32Array((small ? arrays[array] : bytes(array)).buffer);
   const time = floats(scene.time);
   const centre = floats(scene.centre);
   const eye = floats(scene.eye);
@@ -32,6 +53,11 @@
   const duration = time[time.length - 1];
 
   // ---------------------------------------------------------------- the scene
+  if (typeof MeshCat === "undefined") {
+    const player = document.querySelector("script[src]");
+    trouble("The viewer's script is missing. This page needs the file " + (player && player.getAttribute("src")) + ".");
+    return;
+  }
   let viewer;
   try {
     viewer = new MeshCat.Viewer(element("meshcat-pane"));
@@ -40,9 +66,7 @@
     return;
   }
   // In order and at once: the animation must find the objects it moves.
-  for (const message of element("commands").textContent.split("\n")) {
-    if (message) viewer.handle_command_bytearray(bytes(message));
-  }
+  for (const message of messages) viewer.handle_command_bytearray(message);
   const animator = viewer.animator;
   animator.pause();
   // Only actions that play have an effect; the time is set by hand below.
