@@ -186,6 +186,7 @@ def test_nominal_runs_that_wind_are_known_within_their_bounds() -> None:
     assert sum(consistency(each).holds for each in nis) >= 4
 
 
+@pytest.mark.slow
 def test_without_noise_and_with_samples_at_every_step_little_is_left() -> None:
     """What the model misses: the harmonics of the rocking, and the lag."""
     exact = Sensors(Channel(noise=0.0), Channel(noise=0.0))
@@ -268,6 +269,7 @@ def test_a_late_sample_counts_at_its_instant() -> None:
     assert consistency(nis_of(late)).holds
 
 
+@pytest.mark.slow
 def test_samples_out_of_order_count_as_if_in_order() -> None:
     run = recorded("winding")
     quick = Sensors(Channel(noise=0.01), COM, replace(HEADING_SENSOR, rate=10.0), seed=2)

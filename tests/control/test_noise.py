@@ -44,6 +44,7 @@ def test_noise_that_nobody_told_is_found_in_the_mean_of_many_runs(true: float) -
     assert np.std(found) < 0.15 * true
 
 
+@pytest.mark.slow
 def test_what_was_told_is_believed_as_long_as_it_may_be_right() -> None:
     changes = 0
     for seed in range(40):
@@ -126,10 +127,10 @@ def test_samples_that_came_before_the_noise_was_found_count_as_if_it_had_been_to
 @pytest.mark.parametrize(
     ("com_m", "strain", "told", "bar"),
     [
-        (0.020, 0.01, True, 0.020),
+        pytest.param(0.020, 0.01, True, 0.020, marks=pytest.mark.slow),
         (0.020, 0.01, False, 0.024),
-        (0.040, 0.01, False, 0.045),
-        (0.005, 0.05, False, 0.010),
+        pytest.param(0.040, 0.01, False, 0.045, marks=pytest.mark.slow),
+        pytest.param(0.005, 0.05, False, 0.010, marks=pytest.mark.slow),
     ],
 )
 def test_with_noisy_sensors_told_or_not_it_keeps_to_the_path(

@@ -92,6 +92,7 @@ def wall_scene(*more: str, **wall: float | str) -> Scene:
     return load_scene("obstacles", (f"reference.obstacles=[{{{keys}}}]".replace("'", '"'), *more))
 
 
+@pytest.mark.slow
 def test_a_worm_goes_around_a_wall_and_the_clearances_are_those_of_brute_force() -> None:
     shape: dict[str, float | str] = {"radius_m": 0.05, "length_m": 0.3, "azimuth_deg": 20.0}
     scene = wall_scene("run.duration_s=16", kind="wall", x_m=1.5, y_m=0.03, **shape)
@@ -120,7 +121,7 @@ def test_a_body_that_enters_an_obstacle_shows_in_the_summary_and_is_a_fault() ->
     assert tip == pytest.approx(1.2, abs=0.01), "as the head comes to its edge"
 
 
-@pytest.mark.parametrize("controller", ["mpc", "pi_los"])
+@pytest.mark.parametrize("controller", ["mpc", pytest.param("pi_los", marks=pytest.mark.slow)])
 def test_a_way_is_found_anew_where_an_obstacle_comes_into_sight_or_the_worm_stops_before_it(controller: str) -> None:
     seen = wall_scene(
         f"controller.kind={controller}", "run.duration_s=14", x_m=1.9, y_m=0.02, radius_m=0.1, sight_m=0.7

@@ -104,6 +104,7 @@ def largest_jump(dt: float) -> float:
     return largest
 
 
+@pytest.mark.slow
 def test_commands_are_continuous_whatever_is_asked_for() -> None:
     coarse, fine = largest_jump(4e-3), largest_jump(1e-3)
     assert fine == pytest.approx(coarse / 4.0, rel=0.2), "a jump would not shrink with the time step"

@@ -128,6 +128,7 @@ def test_every_decision_is_written_down() -> None:
     assert supervisor.decisions[-1].parameters.hinge > 0.0
 
 
+@pytest.mark.slow
 def test_thirty_percent_of_failures_cost_two_percent_of_the_speed_at_most() -> None:
     whole = speed_of(run(Unreliable(lambda call: False), 20.0))
     chance = np.random.default_rng(8).random(200) < 0.3

@@ -26,6 +26,7 @@ def home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path / "worm3d"
 
 
+@pytest.mark.slow
 def test_damaged_functions_are_compiled_anew(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     random = np.random.default_rng(SEED)
     fresh()

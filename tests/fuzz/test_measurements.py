@@ -149,7 +149,9 @@ def figures(result: Result, watched: Watched) -> dict[str, float | None]:
 @pytest.mark.parametrize(
     ("kind", "seed", "heading", "share"),
     [
-        *(("mpc", 1, False, 0.03), ("mpc", 2, True, 0.1), ("pi_los", 4, True, 0.03), ("open_loop", 5, True, 0.03)),
+        pytest.param("mpc", 1, False, 0.03, marks=pytest.mark.slow),
+        *(("mpc", 2, True, 0.1), ("open_loop", 5, True, 0.03)),
+        pytest.param("pi_los", 4, True, 0.03, marks=pytest.mark.slow),
         *((("mpc", "pi_los")[k % 2], 100 + k, k % 3 == 0, 0.03) for k in range(10 * (TIMES - 1))),
     ],
 )

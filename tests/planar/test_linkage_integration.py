@@ -55,6 +55,7 @@ def test_implicit_euler_is_of_first_order(finer_and_finer: list[linkage.Run]) ->
     assert steps[-1] < 2e-4
 
 
+@pytest.mark.slow
 def test_ledger_closes_with_every_term_on_its_own(uneven_worm: Linkage, default_worm: Linkage) -> None:
     runs = [
         linkage.simulate(default_worm, wave(6), duration=4.0),

@@ -41,6 +41,7 @@ def exact(world: Heightfield, point: np.ndarray) -> float:
     return float(np.sqrt(found.fun) * np.sign(point[2] - world.height(point[:2])))
 
 
+@pytest.mark.slow
 @TERRAINS
 def test_distances_are_those_to_the_interpolated_surface(world: Heightfield) -> None:
     """The bar is 0.2 of a cell; a foot point found is exact, and only at its focus it may be another one."""

@@ -75,7 +75,7 @@ def about_edges(solid: trimesh.Trimesh, count: int, reach: float) -> np.ndarray:
     return points + rng.uniform(-reach, reach, points.shape)
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", [pytest.param(each, marks=[pytest.mark.slow] * (each == "sphere")) for each in SHAPES])
 def test_distances_are_those_of_trimesh(name: str, tmp_path: Path) -> None:
     """Within 0.2 of a cell, at edges and corners of 90 degrees too."""
     path = saved(SHAPES[name](), tmp_path)
