@@ -14,7 +14,7 @@ from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
 
-SHIPPED = (Path(__file__).parents[2] / ".docs" / "evidence" / "accuracy.md").read_text()
+SHIPPED = (Path(__file__).parents[2] / ".docs" / "evidence" / "accuracy.md").read_text().split("\n## ")[1]
 
 
 def test_the_shipped_table_has_every_case_and_the_cases_every_scene() -> None:

@@ -79,7 +79,7 @@ def test_a_worm_on_the_plant_says_that_it_slides_and_stops() -> None:
     world = Plane(slope=radians(3.0), heading=np.pi)
     simulate(WORM, world, actuation=supervisor, sensor=Sensors(seed=5), duration=3.0)
     (fault,) = [each for each in supervisor.faults if each.kind == "too steep down"]
-    assert f"slides from {np.rad2deg(atan(HOLDS)):.2g} on" in fault.what
+    assert f"slides from {np.rad2deg(atan(HOLDS)):.2g} degrees on" in fault.what
     assert tan(radians(3.0)) > HOLDS
     assert supervisor.decisions[-1].source == "stop"
 

@@ -123,7 +123,7 @@ def test_lengthening_lowers_the_limit_point(default_worm: Linkage) -> None:
         ({"slope": 2.0}, "slope: got 2.0 rad, must be finite and in"),
         (
             {"ground": "clamped", "friction_law": "threshold"},
-            "held and friction_law: must be left out for ground='clamped'",
+            "held and friction_law are for ground='contact' only",
         ),
         ({"friction": Friction(np.ones(5), 0.2)}, r"forward: got 5 values, must be a number or 6 of them"),
     ],

@@ -408,7 +408,7 @@ def test_a_run_ends_with_what_became_of_the_work() -> None:
     line = next(
         line
         for line in terminal.ending(record, drawing.model_of(record), Path()).splitlines()
-        if line.strip().startswith("of the")
+        if line.strip().startswith("uses of the")
     )
     shares = [float(part) for part in re.findall(r"(-?[\d.]+)%", line)]
     names = re.findall(r"([a-z]+) -?[\d.]+%", line)

@@ -107,7 +107,7 @@ def test_one_mistake_is_one_line(override: str, line: str) -> None:
 
 def test_keys_of_a_plane_are_not_for_another_world() -> None:
     (line,) = lines_about('model = "worm"\n[world]\nkind = "none"\nslope_deg = 3.0\npatches = []\n')
-    assert line.startswith("line 4: world.slope_deg: only for world.kind = 'plane' or 'slope_into_pipe', which this ")
+    assert line.startswith("line 4: world.slope_deg: only for world.kind = 'plane' or 'slope_into_pipe', but this ")
 
 
 @pytest.mark.parametrize("model", ["worm", "worm_planar"])

@@ -216,7 +216,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert "| misses | x | robot | prediction | 0.5 | 1 | 0.5 | 0.8 to 1.2 | 0.5 to 1.5 |" in text
     assert "| fitted | x | robot | fitted | 1 | 1 | 1 | 0.8 to 1.2 |" in text
     assert "| agrees | y | closed form | verification | 1 | 1 | 1 + 2e-07 | within 1e-06 |" in text
-    assert "Numbers were chosen to meet rows that are fitted" in text
+    assert "chosen to meet the published numbers only in fitted rows" in text
     assert "\n![Model over published, and bands](validate.png)\n\n## Some\n" in text
     quick = report.verdict(report.Found({"Some": [c.row(quick=True) for c in some]}, quick=True))
     assert "animal: 1 of 1 agree" in quick
