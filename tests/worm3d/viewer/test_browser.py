@@ -345,5 +345,8 @@ def test_the_live_view_keeps_to_its_policy(browser: Any, short: Frames) -> None:
             while not browser.value("typeof viewer !== 'undefined' && viewer.connection?.readyState === 1"):
                 assert not [error for error in browser.errors if "Content Security Policy" in error]
             view.show(short)
-            assert browser.worm_share(browser.picture()) > 0.005
-            assert not [error for error in browser.errors if "404" not in error], "it asks for an icon, in vain"
+            pictures = (browser.picture() for _ in range(100))
+            assert any(browser.worm_share(picture) > 0.005 for picture in pictures), "the worm arrives in some frame"
+            # The page asks for an icon, in vain. A frame between a light and its properties has the light's shadow.
+            expected = ("404", "has no shadow")
+            assert not [error for error in browser.errors if not any(each in error for each in expected)]
