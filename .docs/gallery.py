@@ -69,6 +69,8 @@ PER_PERIOD = 6
 """Smallest number of frames per period of a gait. A film with fewer frames would not show the wave."""
 MOST_FACES, REACH = 12_000, 0.6
 """Number of faces above which the surroundings end at a distance from the worm, and this distance [body lengths]."""
+FILM_DPI = 65
+"""Resolution of animations [pixels per inch]."""
 LARGEST_PAGE, LARGEST_FILM, LARGEST_PICTURE = 600_000, 300_000, 60_000
 """Largest sizes of files [byte]."""
 PLAYER = "_player.js"
@@ -77,7 +79,7 @@ PLAYER = "_player.js"
 STYLE = """<style>
 .scenes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; }
 .scenes a { border: 1px solid #8886; border-radius: 6px; overflow: hidden; text-decoration: none; }
-.scenes img { display: block; width: 100%; height: 9rem; object-fit: cover; background: #fff; }
+.scenes img { display: block; width: 100%; height: 9rem; object-fit: contain; background: #fff; }
 .scenes b, .scenes small { display: block; padding: 0.3rem 0.6rem 0; }
 .scenes small { padding-bottom: 0.5rem; color: inherit; opacity: 0.8; }
 </style>"""
@@ -172,7 +174,7 @@ def write_playable(scene: Scene, record: Record, path: Path) -> str:
     """
     from worm3d.viewer import write_html
 
-    for most in (FRAMES, FRAMES * 2 // 3, FRAMES // 2):
+    for most in (FRAMES, 130, 100, 75):
         frames = frames_shown(record, BEGINS.get(scene.name, 0.0), most)
         write_html(frames, path, title=record.title, script=path.parent / PLAYER, without=("links",))
         if path.stat().st_size <= LARGEST_PAGE:
@@ -187,7 +189,7 @@ def frames_shown(record: Record, begin: float, most: int) -> Frames:
     period = frames_of(record, fps=1.0).period
     begin = begin if period else 0.0
     least = PER_PERIOD / period if period else 0.0
-    fps = min(FPS, max(most / (float(record["time"][-1]) - begin), least))
+    fps = min(FPS, max((most - 1) / (float(record["time"][-1]) - begin), least))
     frames = frames_of(record, fps=fps)
     return near(frames.take(np.flatnonzero(frames.time >= begin - 1e-9)[:most].tolist()))
 
@@ -213,9 +215,11 @@ def write_animation(scene: Scene, record: Record, path: Path) -> None:
     """Write a GIF in real time. If the file would be too large, it has fewer frames per second."""
     assert scene.model.animate is not None
     movie: Any = scene.model.animate(record)  # `planar.animation.Movie`, which can draw single frames
+    movie.figure.set_dpi(FILM_DPI)
     instants = np.arange(0.0, movie.time[-1], 0.1)
     drawn = [_pixels(movie.draw(int(np.abs(movie.time - instant).argmin()))) for instant in instants]
-    palette = drawn[0].quantize(32, dither=Image.Dither.NONE)
+    sample = np.concatenate([np.asarray(drawn[k]) for k in (0, len(drawn) // 3, len(drawn) // 2, -1)])
+    palette = Image.fromarray(sample).quantize(32, method=Image.Quantize.MAXCOVERAGE)
     frames = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in drawn]
     for every in (1, 2, 3):
         first, *rest = frames[::every]
