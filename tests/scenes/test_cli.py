@@ -341,7 +341,7 @@ def test_ctrl_c_outside_a_run_is_130(worm3d, monkeypatch: pytest.MonkeyPatch) ->
 def test_it_runs_as_a_module_too(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "scenes.commands.cli", "list"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "flat  the default worm crawls" in done.stdout
+    assert "flat  The default worm crawls" in done.stdout
 
 
 @pytest.mark.parametrize("made", [RuntimeError("KeyboardInterrupt"), SystemError("error set"), SceneError("no")])

@@ -212,6 +212,7 @@ def test_keys_work_whatever_was_clicked(browser: Any, viewer: Path) -> None:
         for key, there in (("Home", 0.0), ("ArrowRight", 0.1), ("End", 2.0), ("ArrowLeft", 1.9)):
             browser.press(key)
             assert time_shown(browser) == pytest.approx(there, abs=1e-3), f"{key} after a click on {clicked}"
+        browser.press("Home")  # near the end, a film that is not repeated may end before the question
         browser.press(" ")
         assert browser.value(playing), clicked
         browser.press(" ")
