@@ -4,9 +4,9 @@ All laws use the same set of forces, anchors and compiled step (`worm3d.physics.
 
 (C7) the capacity C(N) [N], which the coefficients multiply, for a normal load N [N]. C(0) = 0, and C never decreases.
      C = N is Coulomb's law.
-(C8) the excess Psi(w) [m/s], the power lost in addition to the loss of Coulomb's law, per unit of capacity. The rate
-     w = rho(slip)/dt of (C2) [m/s] is the power that Coulomb's law loses per unit of capacity. Psi(0) = Psi'(0) = 0.
-     Psi = 0 is Coulomb's law.
+(C8) the excess Psi(w) [m/s], a potential per unit of capacity. The rate w = rho(slip)/dt of (C2) [m/s] is the power
+     that Coulomb's law loses per unit of capacity, and Psi'(w) w is the power lost in addition.
+     Psi(0) = Psi'(0) = 0. Psi = 0 is Coulomb's law.
 
 A contact that slides steadily at the velocity v along an axis with the coefficient mu has the friction
 C(N) mu (1 + Psi'(mu |v|)). A contact that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives

@@ -38,7 +38,7 @@ class Energy(ReadOnly):
     actuator_loss: FloatArray = _term("loss within the actuators")
     hysteresis_loss: FloatArray = _term("loss to friction in the joints of the chambers")
     drag_loss: FloatArray = _term("part of the viscous loss: to the medium")
-    work_contract_positive: FloatArray = _term("positive part of the work of the actuators")
+    work_contract_positive: FloatArray = _term("positive part of the work of all actuators together, step by step")
     work_contract_p11: FloatArray = _term("work F.dq of the contraction force, (P11)")
     work_friction_p13: FloatArray = _term("work F.dq of the friction force, (P13)")
 
