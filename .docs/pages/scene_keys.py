@@ -126,7 +126,7 @@ def _default(known: Key) -> str:
     for kind, default in known.defaults_by_kind.items():
         kinds.setdefault(value(default), []).append(code(kind))
     own = "; ".join(f"{code(default)} for {', '.join(names)}" for default, names in kinds.items())
-    return own or (prose(known.left_out) if known.left_out else code(known.default_text))
+    return own or (prose(known.left_out) if known.left_out else code(value(known.default)))
 
 
 def split_meaning(known: Key) -> tuple[str, list[tuple[str, str]]]:

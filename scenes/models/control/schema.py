@@ -38,7 +38,7 @@ def _parts_keys(registry: Mapping[str, type], what: str) -> Keys:
     They are the key `parts`, the list of the parts in use, and the parameters of each part. `what` names the parts.
     """
     keys: Keys = {
-        "parts": parts_key(tuple(registry), meaning=f"which {what} count, in any order: {meanings(registry)}")
+        "parts": parts_key(tuple(registry), meaning=f"which {what} count, in any order; {meanings(registry)}")
     }
     for name, each in registry.items():
         keys |= keys_of(each, prefix=f"{name}_", about=f"{name}: ")
