@@ -24,7 +24,7 @@ from scenes.running.runner import simulate
 if TYPE_CHECKING:
     from worm3d.viewer import Frames, WorldMesh
 
-GROUPS = {
+SCENE_GROUPS = {
     "On the ground": "flat slope slope_5 slope_15 rubble free_fall",
     "In pipes and tunnels": "pipe_straight pipe_bend pipe_narrowing pipe_vertical pipe_reflex pipe_reflex_vertical "
     "slope_into_pipe mesh_tunnel",
@@ -45,7 +45,7 @@ SECONDS = {
     **dict.fromkeys(("pipe_climb_controlled", "path_circle", "stop_and_go", "there_and_back"), 60),
 }
 """Durations of long runs in the gallery [s]."""
-CASES = {"planar_segments": "worm.segments=4", "planar_periods": "gait.period_s=1"}
+SHOWN_CASES = {"planar_segments": "worm.segments=4", "planar_periods": "gait.period_s=1"}
 """The case that the gallery shows of a scene with a sweep."""
 BEGINS = {
     "disturbance_push": 19.0,
@@ -84,7 +84,7 @@ STYLE = """<style>
 .scenes small { padding-bottom: 0.5rem; color: inherit; opacity: 0.8; }
 </style>"""
 
-INDEX = """# Gallery
+GALLERY_INDEX = """# Gallery
 
 Each picture leads to the page of a shipped scene. The page has a film that plays in the browser without a network,
 and the file of the scene. `worm3d run NAME` runs a scene with its full duration.
@@ -139,7 +139,7 @@ def _work(name: str) -> tuple[bool, float]:
 def shown(name: str) -> Scene:
     """Return a scene as the gallery runs it."""
     changes = [f"run.duration_s={SECONDS[name]}"] if name in SECONDS else []
-    return load_scene(name, [*changes, CASES[name]] if name in CASES else changes)
+    return load_scene(name, [*changes, SHOWN_CASES[name]] if name in SHOWN_CASES else changes)
 
 
 def make(name: str, gallery: Path) -> None:
@@ -282,20 +282,20 @@ def extent(scene: Scene, part: str) -> str:
     """Return sentences on the part of the scene that the page shows. `part` is the sentence of `write_film`."""
     seconds, whole = scene.settings.run.duration_s, load_scene(scene.name).settings.run.duration_s
     run = f"The run was ended after {seconds:g} s of {whole:g} s." if seconds < whole else f"The run takes {whole:g} s."
-    case = f"The case of the sweep is `{CASES[scene.name]}`." if scene.name in CASES else ""
+    case = f"The case of the sweep is `{SHOWN_CASES[scene.name]}`." if scene.name in SHOWN_CASES else ""
     return " ".join(filter(None, [run, case, part]))
 
 
 def index() -> str:
     """Return the page with the pictures of all scenes as MyST."""
     groups = "\n\n".join(f"## {heading}\n\n{grid(names)}" for heading, names in grouped())
-    return INDEX.format(style=STYLE, groups=groups, names="\n".join(n for _, names in grouped() for n in names))
+    return GALLERY_INDEX.format(style=STYLE, groups=groups, names="\n".join(n for _, names in grouped() for n in names))
 
 
 def grouped() -> Iterator[tuple[str, list[str]]]:
     """Yield each heading with the names of the scenes under the heading."""
     known = shipped_scenes()
-    listed = {heading: [name for name in names.split() if name in known] for heading, names in GROUPS.items()}
+    listed = {heading: [name for name in names.split() if name in known] for heading, names in SCENE_GROUPS.items()}
     others = [name for name in known if not any(name in names for names in listed.values())]
     yield from listed.items()
     if others:
