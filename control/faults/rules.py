@@ -163,7 +163,7 @@ class Wave:
     jumped: bool = False
     """Whether the heading sensor jumped, and the estimator accepted the jump."""
     descent: float = 0.0
-    """Estimated downward slope in the direction of the heading, minus one standard error, and at least 0."""
+    """Estimated downward slope in the direction of motion, minus one standard error, and at least 0."""
     crab: float = 0.0
     """Angle between motion and heading, minus the angle that a slope explains and minus its uncertainty [rad]."""
     expected: float = 1.0

@@ -141,7 +141,7 @@ class Watch:
             pushes, jumps = estimate.pushed, estimate.jumped
             crab, turning = _crab(estimate), float(estimate.state.turn_rate)
             heading_error = float(estimate.deviations[2])
-            descent = _descent(estimate)
+            descent = _descent(estimate, back=back)
             if heading_error < MAX_DIRECTION_DEVIATION:
                 ahead = estimate.heading if ahead is None else ahead
                 away = abs(float(wrapped(np.array(estimate.heading - ahead))))
@@ -260,11 +260,14 @@ class Watch:
         )
 
 
-def _descent(estimate: Estimate) -> float:
-    """Return the estimated downward slope in the direction of the heading, minus one standard error, and at least 0."""
-    heading = np.array([np.cos(estimate.heading), np.sin(estimate.heading)])
-    doubt = float(np.sqrt(heading @ estimate.slope_covariance @ heading))
-    return max(-float(heading @ estimate.slope) - doubt, 0.0)
+def _descent(estimate: Estimate, *, back: bool) -> float:
+    """Return the estimated downward slope in the direction of motion, minus one standard error, and at least 0.
+
+    A worm that goes `back` moves against its heading.
+    """
+    ahead = (-1.0 if back else 1.0) * np.array([np.cos(estimate.heading), np.sin(estimate.heading)])
+    doubt = float(np.sqrt(ahead @ estimate.slope_covariance @ ahead))
+    return max(-float(ahead @ estimate.slope) - doubt, 0.0)
 
 
 def _crab(estimate: Estimate) -> float:

@@ -29,12 +29,8 @@ HEADER = re.compile(r"\A---\n.*?\n---\n", re.DOTALL)
 """The YAML header of a tutorial."""
 CODE = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```[ \t]*$", re.DOTALL | re.MULTILINE)
 """A cell with code."""
-OPTION = re.compile(r"\A(?::[^\n]*\n)+|\A---\n.*?^---\n", re.DOTALL | re.MULTILINE)
+OPTION = re.compile(r"\A(?::[^\n]*\n)+")
 """Options at the beginning of a cell, such as `:tags: [hide-input]`."""
-ADMONITION = re.compile(
-    r"^```\{(note|tip|warning|important|seealso)\}[ \t]*\n(.*?)^```[ \t]*$", re.DOTALL | re.MULTILINE
-)
-"""A remark in a box."""
 MARKDOWN_LINK = re.compile(r"!?\[([^\]]*)\]\((?!https?:)[^)\s]+\)")
 """A link to another page of the book, or a picture of the book. These files are not beside a notebook."""
 
@@ -68,12 +64,8 @@ def _said(text: str) -> Iterator[Cell]:
 
 
 def plain(text: str) -> str:
-    """Return text for a notebook: links to pages of the book become words, and boxes become quotations."""
-    return MARKDOWN_LINK.sub(r"\1", ADMONITION.sub(_quoted, text))
-
-
-def _quoted(box: re.Match[str]) -> str:
-    return "\n".join(f"> {line}".rstrip() for line in (f"**{box[1].capitalize()}**", "", *box[2].strip().split("\n")))
+    """Return text for a notebook, where links to pages of the book become words."""
+    return MARKDOWN_LINK.sub(r"\1", text)
 
 
 def notebook(text: str) -> dict[str, Any]:

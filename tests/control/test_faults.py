@@ -11,7 +11,7 @@ from control.estimation.kalman import Uncertainty
 from control.estimation.reduced import STATES, ReducedState
 from control.faults.injected import Faulty, FaultySensor
 from control.faults.rules import Fault, Wave, faults
-from control.faults.watch import _crab
+from control.faults.watch import _crab, _descent
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING_SENSOR, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
@@ -359,6 +359,19 @@ def test_a_push_is_named_within_three_waves_and_what_the_wave_makes_is_none() ->
     assert "push or drift" not in kinds(waves((0.08, 0.0), (0.08, 0.02), pushed=True, jumped=True))
     assert kinds([replace(steady, crab=0.25)] * 2) == ["heading off"]
     assert kinds([steady, replace(steady, crab=0.25)]) == []
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_ground_that_falls_in_the_direction_of_motion_descends(heading: float) -> None:
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    state = ReducedState(0.0, 0.0, heading, 0.08, 0.0)
+    down = Estimate(0.0, state, np.zeros((STATES, STATES)), None, slope=-0.05 * ahead)
+    up = replace(down, slope=0.05 * ahead)
+    across = replace(down, slope=0.05 * np.array([-ahead[1], ahead[0]]))
+    assert [_descent(each, back=False) for each in (down, up, across)] == pytest.approx([0.05, 0.0, 0.0], abs=1e-12)
+    assert [_descent(each, back=True) for each in (down, up, across)] == pytest.approx([0.0, 0.05, 0.0], abs=1e-12)
+    unsure = replace(down, slope_covariance=0.02**2 * np.eye(2))
+    assert _descent(unsure, back=False) == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])

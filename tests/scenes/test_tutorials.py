@@ -38,9 +38,7 @@ for number in range(2):
     print(number)
 ```
 
-```{note}
 Lengths are in metres.
-```
 
 ```text
 worm3d run flat
@@ -52,6 +50,8 @@ assert length == 1.0
 
 The end.
 """
+LONGER = ("04_friction_and_slopes", "07_control", "08_sweeps", "09_fitting", "10_your_own_actuator")
+"""Tutorials that compute for more than five seconds."""
 CODE = ("length = 1.0\nfor number in range(2):\n\n    print(number)", "assert length == 1.0")
 
 
@@ -67,8 +67,9 @@ def kept() -> Iterator[None]:
         registry.update(entries)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(shipped_tutorials()))
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=[pytest.mark.slow] * (each in LONGER)) for each in sorted(shipped_tutorials())]
+)
 def test_the_cells_of_a_tutorial_run_in_order(name: str, kept: None, monkeypatch: Any, tmp_path: Path) -> None:
     """Warnings are errors, as in all tests; the value of the last line of a cell is printed, as in a notebook."""
     monkeypatch.chdir(tmp_path)
@@ -112,11 +113,10 @@ def test_a_notebook_has_the_cells_and_no_links_to_pages_that_are_not_beside_it()
     assert tuple("".join(cell["source"]) for cell in content["cells"] if cell["cell_type"] == "code") == CODE
     ids = [cell["id"] for cell in content["cells"]]
     assert len(set(ids)) == len(ids)
-    first, note = ("".join(content["cells"][k]["source"]) for k in (0, 2))
+    first = "".join(content["cells"][0]["source"])
     assert "The glossary and the [web](https://example.org) say" in first
     assert "A drawing" in first
     assert ".svg" not in first
-    assert "> **Note**\n>\n> Lengths are in metres." in note
     assert plain("see [keys](../reference/scene_keys.md#gait).") == "see keys."
 
 

@@ -11,13 +11,3 @@ def packed(parts: Iterable[bytes]) -> str:
     """Return byte strings as one text. Before compression, each string follows its length in four bytes (`u32`)."""
     lengths = (len(part).to_bytes(4, "little") + part for part in parts)
     return base64.b64encode(zlib.compress(b"".join(lengths))).decode("ascii")
-
-
-def unpacked(text: str) -> list[bytes]:
-    """Return the byte strings of `packed`."""
-    data, parts, at = zlib.decompress(base64.b64decode(text)), [], 0
-    while at < len(data):
-        end = at + 4 + int.from_bytes(data[at : at + 4], "little")
-        parts.append(data[at + 4 : end])
-        at = end
-    return parts

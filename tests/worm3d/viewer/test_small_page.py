@@ -1,6 +1,8 @@
 """Small pages: their script lies in a file beside them, and their data are compressed."""
 
+import base64
 import re
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from worm3d.viewer import Frames, write_html
-from worm3d.viewer.packed import packed, unpacked
+from worm3d.viewer.packed import packed
 from worm3d.viewer.recorder import ALL_BITS, script, shortened
 
 
@@ -34,6 +36,16 @@ def test_it_is_many_times_smaller(make_crawl: Callable[..., Frames], tmp_path: P
     assert least < 0.8 * small
     assert '"links"' not in unpacked_scene(tmp_path / "least.html")
     assert (tmp_path / "player.js").read_text(encoding="utf-8") == script()
+
+
+def unpacked(text: str) -> list[bytes]:
+    """Return the byte strings of `packed`, as the page does."""
+    data, parts, at = zlib.decompress(base64.b64decode(text)), [], 0
+    while at < len(data):
+        end = at + 4 + int.from_bytes(data[at : at + 4], "little")
+        parts.append(data[at + 4 : end])
+        at = end
+    return parts
 
 
 def unpacked_scene(page: Path) -> str:
