@@ -69,7 +69,7 @@ PUSH_VELOCITY_CHANGE = 0.016
 DOWNHILL_DRIVE = 0.1
 """Velocity change per wave that gravity may cause on a worm that crawls downhill, as a share of the change in free
 motion down the slope. Friction prevents most of the free motion. With half of this value, a worm that turns on a slope
-of 1.4 degrees counts as pushed."""
+of 1.4 degrees counts as pushed. With twice this value, a drift of the sensor on level ground is still detected."""
 NEARLY = 0.003
 """Standard error of the mean position in a wave above which the change of velocity is considered unknown [body
 lengths]."""
