@@ -68,16 +68,24 @@ LARGEST = 40e6
 def main() -> None:
     """Build the book and end with an exit code."""
     options = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    options.add_argument("out", type=Path, help="folder for the pages; its earlier content is replaced")
+    options.add_argument("out", type=Path, help="folder for the pages; an earlier book there is replaced")
     options.add_argument("--partial", action="store_true", help="put a short page in place of each missing page")
     given = options.parse_args()
+    out = given.out.resolve()
+    if not is_replaceable(out):
+        sys.exit(f"{given.out} holds other files than a book: choose an empty or a new folder")
     begun = perf_counter()
-    mistakes = build(given.out.resolve(), partial=given.partial)
+    mistakes = build(out, partial=given.partial)
     for line in mistakes:
         sys.stderr.write(f"{line}\n")
     if mistakes:
         sys.exit(1)
     sys.stdout.write(f"{given.out / 'index.html'}: built in {perf_counter() - begun:.0f} s\n")
+
+
+def is_replaceable(out: Path) -> bool:
+    """Return whether the folder is missing, empty or an earlier book, so that no other files are lost."""
+    return not out.exists() or (out.is_dir() and (not any(out.iterdir()) or (out / "objects.inv").is_file()))
 
 
 def build(out: Path, *, partial: bool) -> list[str]:
@@ -97,8 +105,9 @@ def build(out: Path, *, partial: bool) -> list[str]:
         if not partial:
             mistakes += [f"missing page: {page.relative_to(sources)}" for page in missing]
         made = Path(name) / "html"
-        mistakes += sphinx(sources, made, partial=partial)
-        if made.is_dir():
+        failed = sphinx(sources, made, partial=partial)
+        mistakes += failed
+        if not failed:
             copy_assets(sources, made)
             mistakes += [*wrong_files(made), *(() if partial else broken_links(sources, made))]
             shutil.rmtree(out, ignore_errors=True)
