@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from control import gaits
 from planar import linkage
+from planar.animation import CONTRACTED_RED
 
 INSTANTS = np.arange(4.0, 6.01, 0.4)
 OUT = Path(__file__).parents[1] / ".docs" / "_static" / "worm.png"
@@ -22,7 +23,7 @@ def main() -> None:
         step = round(t / run.dt)
         joints, apexes = run.joints[step], run.apexes[step]
         corners = np.stack([joints[:-1], apexes[:, 1], joints[1:], apexes[:, 0]], axis=1)
-        bodies = PolyCollection(corners, cmap="bwr", clim=(-0.25, 0.25), edgecolors="0.15", lw=1.5)
+        bodies = PolyCollection(corners, cmap=CONTRACTED_RED, clim=(-0.25, 0.25), edgecolors="0.15", lw=1.5)
         bodies.set_array(run.contraction[step])
         axes.add_collection(bodies)
         axes.axhspan(-0.05, 0.0, color="0.85", lw=0)
