@@ -216,3 +216,16 @@ def test_a_state_with_memory_and_one_that_moves_are_not_settled() -> None:
     assert not worm3d.simulate(Worm(), Plane(), duration=0.02, state=moving).settled
     still = first.state.with_changes(joint_velocity=0.0, roll_rate=0.0, bend_rate=0.0)
     assert worm3d.simulate(Worm(), Plane(), duration=0.02, state=still).settled
+
+
+@pytest.mark.parametrize("stiffness", [2e4, 300.0, np.linspace(200.0, 900.0, 6)])
+def test_a_soft_skin_yields_by_the_load_over_its_stiffness(stiffness: float | np.ndarray) -> None:
+    friction = Friction(contact_stiffness=stiffness)
+    result = worm3d.simulate(
+        Worm(), Plane(), friction, actuation=lambda t: worm3d.Command(np.zeros((6, 2))), duration=0.1
+    )
+    depth = np.maximum(0.0, -result.apexes[-1, ..., 2])
+    k = np.broadcast_to(stiffness, 6)[:, None]
+    assert_allclose(k * depth, result.normal_load[-1], atol=1e-8)
+    assert_allclose(result.normal_load[-1].sum() + result.joint_load[-1].sum(), 0.1 * 9.81, rtol=1e-9)
+    assert np.abs(result.joint_velocity).max() < 1e-12

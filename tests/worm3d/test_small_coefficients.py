@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from kernel_states import AT_REST, COUNT, run, some_point, with_pull_of_the_law
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from test_locomotion import PERIOD, STEPS, quantile, slow_crawl
 
 import worm3d
@@ -166,7 +166,7 @@ def test_contacts_of_other_coefficients_in_proportion_differ_by_their_size_alone
         assert_allclose(other.hardness, one.hardness)
         assert_allclose(other.yield_gauge, factor * one.yield_gauge)
         assert_allclose(other.gauge_damping, one.gauge_damping * factor**-1.5)
-        assert (other.stiffness, other.damping) == (one.stiffness, one.damping)
+        assert_array_equal([other.stiffness, other.damping], [one.stiffness, one.damping])
         assert_allclose(one.mu[mu > 0.0], mu[mu > 0.0])
         assert 0.0 < one.mu[seed % 3, 1] < 1e-12
     alike = {

@@ -88,6 +88,14 @@ class Friction(ReadOnly):
         0.20, "kinetic coefficient against motion sideways", aka=("mu_lateral", "sideways"), **_RANGE
     )
     static_ratio: float = parameter(1.2, "static over kinetic coefficient", ge=1)
+    contact_stiffness: Numbers | None = parameter(
+        None,
+        "normal stiffness of one contact point, for a skin that yields under its load",
+        "N/m",
+        gt=0,
+        each="segment",
+        left_out="stiff: the mean load presses a point in by 1e-5 of the segment length",
+    )
     law: Any = field(default_factory=Coulomb)
 
     def __post_init__(self) -> None:
@@ -112,8 +120,8 @@ class ContactConstants:
 
     Attributes
     ----------
-    stiffness, damping : float
-        k [N/m] and c [N s/m] of one contact point, (C1).
+    stiffness, damping : ndarray, shape (N,)
+        k [N/m] and c [N s/m] of one contact point of each segment, (C1).
     yield_gauge : float
         rho_b of (C3) [m].
     gauge_damping : float
@@ -124,8 +132,8 @@ class ContactConstants:
         H of (C2) for each coefficient.
     """
 
-    stiffness: float
-    damping: float
+    stiffness: FloatArray
+    damping: FloatArray
     yield_gauge: float
     gauge_damping: float
     mu: FloatArray
@@ -139,7 +147,9 @@ class ContactConstants:
         """
         g = natural_gravity(worm, gravity)
         share = worm.mass / (2 * worm.segments)
-        stiffness = share * g / (RESTING_PENETRATION * worm.l0)
+        stiff = share * g / (RESTING_PENETRATION * worm.l0)
+        given = stiff if friction.contact_stiffness is None else friction.contact_stiffness
+        stiffness = arguments.array("contact_stiffness", given, (worm.segments,), fill=True)
         mu = friction.coefficients(worm.segments)
         acting = mu[: 2 if worm.flat else 3]
         mu = np.maximum(mu, max(NEGLIGIBLE * float(acting.max()), TINY))
@@ -147,7 +157,7 @@ class ContactConstants:
         yield_gauge = least * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,
-            damping=2.0 * float(np.sqrt(stiffness * share)),
+            damping=2.0 * np.sqrt(stiffness * share),
             yield_gauge=yield_gauge,
             # The mass held is N/g. Critical damping is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
             gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (least * float(np.sqrt(yield_gauge * g))),

@@ -46,8 +46,8 @@ class _Once(Generic[T]):
 class Places:
     """Cache of placed worms.
 
-    Equal worms with equal friction are copies of a placed worm. Worms that differ only in their friction share the
-    settled pose.
+    Equal worms with equal friction are copies of a placed worm. Worms that differ only in their coefficients of
+    friction share the settled pose.
     """
 
     def __init__(self, most: float = math.inf) -> None:
@@ -62,7 +62,8 @@ class Places:
         return placed._replace(plant=own)
 
     def _settle(self, problem: Problem, start: State) -> Rested:
-        return self._rested(self._key(problem, start), lambda: settle(problem, start))
+        key = self._key(problem, start, problem.friction.contact_stiffness)
+        return self._rested(key, lambda: settle(problem, start))
 
     def _key(self, problem: Problem, *parts: object) -> Hashable:
         worm, law = problem.worm, type(problem.friction.law)

@@ -291,9 +291,9 @@ class Plant:
         if not loads:
             return
         constants = ContactConstants.of(self.worm, self.friction, self._weight)
-        damping = TANGENTIAL_DAMPING_RATIO * constants.damping
+        damping = TANGENTIAL_DAMPING_RATIO * constants.damping.max()
         self._put(rows, "load_in", 1, {"gravity": self.gravity[:, None], "touches": float(self.touches)})
-        self._put(rows, "load_in", 1, {"stiffness": constants.stiffness, "damping": damping})
+        self._put(rows, "load_in", 1, {"stiffness": constants.stiffness.max(), "damping": damping})
         for k, each in enumerate(loads):
             self._put(rows, "load_in", 1, each.values(self.worm), f"{k}_")
         self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]

@@ -210,7 +210,7 @@ def _settled(problem: Problem, start: State, mu: float) -> Rested:
     assert world is not None
     if worm.loads:
         worm = replace(worm, load=tuple(each for each in worm.loads if each.acts_at_rest))
-    friction = Friction(mu, mu, mu, 1.0)
+    friction = Friction(mu, mu, mu, 1.0, contact_stiffness=problem.friction.contact_stiffness)
     plant = Plant(worm, world, friction, world.pressing(problem.weight), problem.held_mask, scale=problem.weight)
     plant.set_pose(start)
     plant.hasten(HASTE)
