@@ -6,6 +6,7 @@ from worm3d.physics.actuator_names import ACTUATORS as ACTUATORS
 from worm3d.physics.actuators import Actuator as Actuator
 from worm3d.physics.actuators import FirstOrder as FirstOrder
 from worm3d.physics.actuators import Response as Response
+from worm3d.physics.fill_and_vent import FillAndVent as FillAndVent
 from worm3d.physics.friction import Friction as Friction
 from worm3d.physics.friction_laws import Coulomb as Coulomb
 from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw

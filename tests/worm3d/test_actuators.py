@@ -58,6 +58,18 @@ def test_contraction_is_no_faster_than_the_rate_limit() -> None:
     assert_allclose(lagged.contraction[20, 0, 0], 0.25 * lagged.time[20], rtol=1e-9)
 
 
+@pytest.mark.parametrize("dt", [0.05, 0.01])
+def test_a_chamber_fills_and_vents_with_its_own_time_constants(dt: float) -> None:
+    """The contraction approaches 0.3, the greatest, as exp(-t/fill), then 0.1 as exp(-t/vent), exactly."""
+    drive = worm3d.FillAndVent(fill=0.1, vent=0.4, greatest=0.3)
+    run = floating(lambda t: Command(np.full((3, 2), 0.5 if t < 0.98 else 0.1)), 2.0, dt, actuator=drive)
+    up, down = (run.time > 0.0) & (run.time < 0.9), run.time > 1.0 + dt
+    assert_allclose(run.contraction[up, 0, 0], 0.3 * (1.0 - np.exp(-run.time[up] / 0.1)), atol=1e-13)
+    left = run.contraction[down, 2, 1] - 0.1
+    assert_allclose(left[1:], left[:-1] * np.exp(-dt / 0.4), atol=1e-13)
+    assert left[0] > 0.14
+
+
 def test_commands_are_clipped_to_the_stroke() -> None:
     run = floating(lambda t: Command(3.0 * SIZES), 2.0, actuator_lag=0.05, stroke=(-0.1, 0.4))
     clipped = np.clip(3.0 * SIZES, -0.1, 0.4)
