@@ -95,7 +95,7 @@ def parts() -> Iterator[Part]:
         text = shipped_scenes()[name].read_text()  # with steps that come later than such a run ends
         steps = [f"reference.{kind}_steps=[]" for kind in ("speed", "heading") if f"{kind}_steps" in text]
         yield scene(name, *steps)
-    for section in ("actuator", "hysteresis", "medium"):
+    for section in ("actuator", "hysteresis", "medium", "segment"):
         kinds = keys_in(type(getattr(settings, section)))["kind"].choices
         yield from (scene("flat", f"{section}.kind={kind}", "worm.drag_N_s_m=0.1") for kind in kinds)
     yield from (scene("flat", f"gait.kind={kind}") for kind in gaits.GAITS)

@@ -20,6 +20,12 @@ from worm3d.physics.loads import Tether as Tether
 from worm3d.physics.media import Medium as Medium
 from worm3d.physics.media import StrainDrag as StrainDrag
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic
+from worm3d.physics.segment_law_names import SEGMENT_LAWS as SEGMENT_LAWS
+from worm3d.physics.segment_law_names import Hydrostat as Hydrostat
+from worm3d.physics.segment_law_names import Learned as Learned
+from worm3d.physics.segment_law_names import Rhombus as Rhombus
+from worm3d.physics.segment_law_names import SegmentLaw as SegmentLaw
+from worm3d.physics.segment_law_names import Spring as Spring
 from worm3d.physics.worm import Worm as Worm
 from worm3d.recorded.energy import Energy as Energy
 from worm3d.recorded.estimate import ErrorEstimate as ErrorEstimate

@@ -1,7 +1,8 @@
 """Estimation of the slope of the ground from the climb of the centre of mass along its path.
 
-A worm stands on its thickest segments. Let h_c be the half-heights of the chambers, which (E2) gives for measured
-strains, and delta a tenth of the half-height at rest. The height of the axis above the ground is about
+A worm stands on its thickest segments. Let h_c be the half-heights of the chambers, which the segment law gives for
+measured strains, (E2) for rhombi. Let delta be a tenth of the half-height at rest. The height of the axis above the
+ground is about
 
     H = sum h_c w_c / sum w_c,   w_c = exp(h_c / delta)                                                       (KF5)
 
@@ -109,13 +110,12 @@ class Standing:
     """Height of a worm's axis above the ground, computed from the strains."""
 
     def __init__(self, worm: Worm) -> None:
-        self._length, self._link = worm.l0, worm.link_length[:, None]
+        self._worm = worm
         self._delta = 0.1 * float(np.mean(worm.half_height))
 
     def height(self, strain: FloatArray) -> float:
         """Return the height (KF5) [m]. The strains have the shape (N, 2), with NaN where unknown."""
-        squared = self._link**2 - (self._length * (1.0 + strain)) ** 2 / 4.0
-        half_height = np.sqrt(np.maximum(squared, 0.0))
+        half_height, _ = self._worm.segment.free_outlines(self._worm, self._worm.l0 * (1.0 + strain))
         height = self._mean(half_height)
         if height == height:
             return height

@@ -115,7 +115,7 @@ QUANTITIES = {
         STRAIN,
         true_value=lambda seen: seen.chamber_strain,
         shape=lambda worm: (worm.segments, 2),
-        limits=lambda worm: (-1.0, 2.0 * float(np.max(worm.link_length / worm.l0))),  # up to a chamber pressed flat
+        limits=lambda worm: (-1.0, 2.0 * float(np.max(worm.segment.reach(worm) / worm.l0))),  # up to a flat chamber
         mirrored=lambda value: value[:, ::-1],
         is_enough=lambda right: 2 * int(right.any(axis=1).sum()) > len(right),
         standard=True,

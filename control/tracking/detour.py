@@ -28,11 +28,12 @@ class Body(NamedTuple):
     def of(cls, worm: Worm) -> Self:
         """Return the dimensions of a worm.
 
-        The half width is b + sqrt(a^2 - l^2/4), where l is the shortest length of a segment.
+        The half width is the outward distance of a chamber with the shortest length of a segment. For rhombi it is
+        b + sqrt(a^2 - l^2/4), where l is this length.
         """
-        shortest = worm.l0 * (1.0 - worm.stroke[1])
-        rise = np.sqrt(np.maximum(worm.link_length**2 - shortest**2 / 4.0, 0.0))
-        return cls(worm.length, worm.chamber_offset + float(rise.max()))
+        shortest = np.full((worm.segments, 1), worm.l0 * (1.0 - worm.stroke[1]))
+        _, outward = worm.segment.free_outlines(worm, shortest)
+        return cls(worm.length, float(outward.max()))
 
     def clearance(self, obstacles: Sequence[Obstacle], places: FloatArray, azimuths: FloatArray) -> FloatArray:
         """Return the distances of bodies from the nearest obstacle, shape (...) [m]. They are negative inside.

@@ -41,6 +41,7 @@ KEYS = {
     "hinge_actuator.kind={}": "actuator",
     "hysteresis.kind={}": "hysteresis",
     "medium.kind={}": "medium",
+    "segment.kind={}": "segment",
     "load.kind={}": "load",
     "friction.law={}": "law",
     'measures.parts=["{}"]': "measure",

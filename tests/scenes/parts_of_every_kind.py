@@ -22,6 +22,7 @@ from worm3d.physics.friction_laws import FrictionLaw
 from worm3d.physics.hysteresis import Hysteresis
 from worm3d.physics.load import Load, LoadStep
 from worm3d.physics.media import Medium
+from worm3d.physics.segment_laws.law import SegmentLaw
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.worlds import World
 
@@ -164,6 +165,23 @@ class Mud(Medium):
     @classmethod
     def factor(cls, s):
         return 1.0 + s["grow"] * s["strain"]
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Blob(SegmentLaw):
+    """A chamber that bulges as it shortens."""
+
+    further_inputs: ClassVar = {"rest_height": 1}
+    bulge: float = parameter(0.5, meaning="growth of the height over the shortening", ge=0)
+
+    @classmethod
+    def outline(cls, s, length, commanded):
+        h = s["rest_height"] * (1.0 + s["bulge"] * (1.0 - length / s["l0"]))
+        return h, s["offset"] + h
+
+    def values(self, worm):
+        return {"bulge": self.bulge, "rest_height": worm.half_height}
 
 
 @documented

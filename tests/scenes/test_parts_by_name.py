@@ -29,6 +29,7 @@ WORM = {
     "actuator.kind=zoo:Late": ("actuator.tau_s", 0.1, 0),
     "hysteresis.kind=zoo:Sticky": ("hysteresis.give_J", 2e-4, 0),
     "medium.kind=zoo:Mud": ("medium.grow", 0.7, -1),
+    "segment.kind=zoo:Blob": ("segment.bulge", 0.4, -1),
     "load.kind=zoo:Kite": ("load.lift_N", 0.04, -1),
     "friction.law=zoo:Slime": ("friction.thick_s_m", 4.0, -1),
     "reflexes.zoo:Shy=true": ("reflexes.zoo:Shy.less", 0.2, 1),
@@ -74,6 +75,7 @@ def test_the_parts_get_their_parameters() -> None:
     scene = asked("flat", *WORM, *given).settings
     worm = worm_of(scene)
     assert (worm.actuator.tau, worm.hysteresis.give, worm.medium.grow, worm.load.lift) == (0.1, 2e-4, 0.7, 0.04)
+    assert worm.segment.bulge == 0.4
     gait = gait_of(scene)
     assert (gait.gait.share, gait.reflexes[0].less) == (0.4, 0.2)
     assert (world_of(scene.world).height_m, friction_of(scene).law.thick) == (0.003, 4.0)

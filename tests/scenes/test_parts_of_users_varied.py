@@ -51,6 +51,7 @@ SWEPT = {
     "world": ("flat", (*WORM, "world.kind=zoo:Ripples"), "world.ripple_m", (0.001, 0.004)),
     "hysteresis": ("flat", (*WORM, "hysteresis.kind=zoo:Sticky"), "hysteresis.hold_N_m", (0.001, 0.01)),
     "medium": ("flat", (*WORM, "medium.kind=zoo:Mud", "worm.drag_N_s_m=0.05"), "medium.grow", (0.0, 5.0)),
+    "segment": ("flat", (*WORM, "segment.kind=zoo:Blob"), "segment.bulge", (0.2, 0.9)),
     "load": ("flat", (*WORM, "load.kind=zoo:Kite"), "load.lift_N", (0.01, 0.05)),
     "law": ("flat", (*WORM, "friction.law=zoo:Slime"), "friction.thick_s_m", (0.0, 9.0)),
     "reflex": ("flat", (*WORM, "reflexes.zoo:Shy=true"), 'reflexes."zoo:Shy".less', (0.0, 0.9)),

@@ -25,6 +25,12 @@ def straight(roll: float = 0.0) -> elements.Frame:
     return elements.frame(vector(2, 0, 0), ca.SX(roll), X, Y)
 
 
+def rhombi(lengths: list[ca.SX], a: float, b: float) -> list[tuple[ca.SX, ca.SX]]:
+    """Return the half-heights and outward distances of chambers that are rhombi with links a at the offset b."""
+    heights = [elements.half_height(ca.SX(a), length) for length in lengths]
+    return [(h, b + h) for h in heights]
+
+
 def test_frame_of_a_straight_segment_points_forward_left_and_up() -> None:
     f = straight()
     assert_allclose(values(f.length), 2.0)
@@ -59,7 +65,7 @@ def test_apexes_stand_in_the_order_of_the_notation() -> None:
     f = straight()
     lengths = elements.chamber_lengths(f.length, ca.SX(0.4), ca.SX(0.3))
     a, b, h = 1.2, 0.3, np.sqrt(1.2**2 - np.array([1.88, 2.12]) ** 2 / 4)
-    points = [values(p) for p in elements.apexes(vector(1, 0, 0), f, lengths, ca.SX(a), ca.SX(b))]
+    points = [values(p) for p in elements.apexes(vector(1, 0, 0), f, rhombi(lengths, a, b), ca.SX(b))]
     expected = [[1, b, -h[0]], [1, b, h[0]], [1, b + h[0], 0], [1, -b, -h[1]], [1, -b, h[1]], [1, -b - h[1], 0]]
     assert_allclose(points, expected, atol=1e-15)
 
@@ -100,7 +106,7 @@ def test_in_the_plane_it_is_the_planar_model() -> None:
     planar_apexes, planar_cross = shape.apexes(joints, a), shape.cross_products(joints)
     for i, f in enumerate(frames):
         lengths = elements.chamber_lengths(f.length, ca.SX(0.0), ca.SX(0.0))
-        points = elements.apexes((space[i] + space[i + 1]) / 2, f, lengths, ca.SX(a[i]), ca.SX(0.0))
+        points = elements.apexes((space[i] + space[i + 1]) / 2, f, rhombi(lengths, a[i], 0.0), ca.SX(0.0))
         for chamber in (0, 3):
             assert_allclose(values(points[chamber])[[0, 2]], planar_apexes[i, 0], rtol=1e-13)
             assert_allclose(values(points[chamber + 1])[[0, 2]], planar_apexes[i, 1], rtol=1e-13)

@@ -72,7 +72,7 @@ class Actuator(Part, registry=ACTUATORS):
     """
 
     known: ClassVar[tuple[str, ...]] = RESPONSE_INPUTS
-    told: ClassVar[tuple[str, ...]] = ("states", "drives_hinges", "has_source")
+    told: ClassVar[tuple[str, ...]] = ("states", "drives_hinges", "has_source", "needs_links")
     drives_hinges: ClassVar[bool] = True
     """Whether the actuator may drive a hinge. Such an actuator has no potential and no energy, and uses no length."""
     has_source: ClassVar[bool] = False

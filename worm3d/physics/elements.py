@@ -18,7 +18,9 @@ Each chamber is a rhombus with links of length a, so that its half-height is h_c
 Apexes (E3) of a segment with the midpoint m = (p_i + p_{i+1})/2, in the order of NOTATION.md
 [L-below, L-above, L-outward, R-below, R-above, R-outward]:
 
-    below/above of chamber c: m +- b d -+ h_c u (upper sign of b: left),   outward: m +- (b + h_c) d
+    below/above of chamber c: m +- b d -+ h_c u (upper sign of b: left),   outward: m +- w_c d,   w_c = b + h_c
+
+Other segment laws (`worm3d.physics.segment_laws.law`) have other half-heights h_c and outward distances w_c.
 
 End faces (E6) are discs of radius R across the ends of the worm. The point of a disc that is nearest to a wall with the
 normal n is
@@ -45,6 +47,7 @@ Each strain has the energy k/2 strain^2. In the (x, z) plane, c.d is minus the c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -107,13 +110,15 @@ def half_height(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
     return ca.sqrt(link**2 - chamber_length**2 / 4.0)
 
 
-def apexes(middle: ca.SX, f: Frame, chambers: list[ca.SX], link: ca.SX, offset: ca.SX) -> list[ca.SX]:
-    """Return the six apexes of a segment, (E3), each of shape (3,) [m]; `middle` is (p_i + p_{i+1})/2."""
+def apexes(middle: ca.SX, f: Frame, outlines: Sequence[tuple[ca.SX, ca.SX]], offset: ca.SX) -> list[ca.SX]:
+    """Return the six apexes of a segment, (E3), each of shape (3,) [m].
+
+    `middle` is (p_i + p_{i+1})/2. `outlines` are the half-height and the outward distance of each chamber [m].
+    """
     points = []
-    for side, length in zip(SIDE_SIGNS, chambers, strict=True):
-        h = half_height(link, length)
+    for side, (h, outward) in zip(SIDE_SIGNS, outlines, strict=True):
         centre = middle + side * offset * f.d
-        points += [centre - h * f.u, centre + h * f.u, middle + side * (offset + h) * f.d]
+        points += [centre - h * f.u, centre + h * f.u, middle + side * outward * f.d]
     return points
 
 

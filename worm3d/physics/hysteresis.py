@@ -62,7 +62,7 @@ class Hysteresis(Part, registry=HYSTERESES):
     """
 
     known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
-    told: ClassVar[tuple[str, ...]] = ("elements",)
+    told: ClassVar[tuple[str, ...]] = ("elements", "needs_links")
     elements: ClassVar[int] = 0
     """Number of parallel elements in each chamber."""
 
@@ -108,6 +108,7 @@ class Jenkins(Hysteresis, name="jenkins"):
     """
 
     elements: ClassVar[int] = 4
+    needs_links: ClassVar[bool] = True
 
     moment: Numbers = parameter(
         0.005,

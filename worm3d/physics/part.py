@@ -44,6 +44,8 @@ class Part(ReadOnly):
     """Unit of each state of a chamber or hinge, by name."""
     known: ClassVar[tuple[str, ...]] = ()
     """Names of the inputs of the methods other than parameters and states."""
+    needs_links: ClassVar[bool] = False
+    """Whether an actuator or a friction uses the links of a rhombus, which other segment laws do not have."""
     told: ClassVar[tuple[str, ...]] = ("states",)
     """Class attributes that files of results contain for classes outside worm3d, whose code may be missing later."""
     registry: ClassVar[dict[str, Any]] = {}

@@ -63,6 +63,7 @@ class Pneumatic(Actuator, name="pneumatic"):
     states: ClassVar[Mapping[str, str]] = {"pressure": "Pa", "air": "kg"}
     drives_hinges: ClassVar[bool] = False
     has_source: ClassVar[bool] = True
+    needs_links: ClassVar[bool] = True
 
     width: Numbers = parameter(0.04, "width w of the air in a chamber", "m", gt=0, each="segment")
     dead_volume: Numbers = parameter(

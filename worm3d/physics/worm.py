@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -12,18 +13,25 @@ from worm3d.physics.hysteresis import Hysteresis
 from worm3d.physics.load import HEAD, Load
 from worm3d.physics.media import Medium
 from worm3d.physics.part import Numbers
+from worm3d.physics.segment_laws.law import SegmentLaw
+from worm3d.physics.segment_laws.shapes import Rhombus
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import spelled
 
+SAME_SIZE = 1e-9
+"""Largest difference of a given size from the size in a segment law, as a fraction. Sizes in scenes have up to 12
+digits; sizes that differ by more are another segment."""
+
 
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Worm(Body):
-    """A chain of N rhombic linkages with left and right chambers. Frozen and validated, with read-only arrays.
+    """A chain of N segments with left and right chambers. Frozen and validated, with read-only arrays.
 
-    Without arguments, this is the default worm of the project. Segment 0 and joint 0 are at the tail.
+    Without arguments, this is the default worm of the project. Segment 0 and joint 0 are at the tail. Some segment laws
+    determine sizes of the worm. A size that has the default value then follows from the segment law.
 
     Raises
     ------
@@ -41,6 +49,8 @@ class Worm(Body):
     """Medium, which determines how `drag` depends on the shape. With `Medium()` it does not depend on the shape."""
     load: Load | tuple[Load, ...] = field(default_factory=Load)
     """Loads that the worm carries or drags, one or several. `Load()` means no load."""
+    segment: SegmentLaw = field(default_factory=Rhombus)
+    """Segment law: energy and outline of a segment as functions of length, bend and command."""
     flat: bool = parameter(False, "whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -110,8 +120,12 @@ class Worm(Body):
         )
 
     def __post_init__(self) -> None:
+        arguments.instance("segment", self.segment, SegmentLaw, "a worm3d.SegmentLaw such as worm3d.Hydrostat()")
+        self._follow_segment_law()
         super().__post_init__()
         n = self.segments
+        self.segment.require_size("segment", n)
+        self._require_links()
         for name, count in (("actuator", n), ("hinge_actuator", n - 1)):
             given = getattr(self, name)
             arguments.instance(name, given, Actuator, "a worm3d.Actuator such as worm3d.FirstOrder()")
@@ -135,6 +149,32 @@ class Worm(Body):
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
 
+    def _follow_segment_law(self) -> None:
+        """Set the values that follow from the segment law; raise ValueError for given values that differ."""
+        defaults = {each.name: each.default for each in fields(self)}
+        implied = self.segment.implied(arguments.whole("segments", self.segments, le=MOST_SEGMENTS))
+        for name, value in {**implied, **self.segment.suited()}.items():
+            given = getattr(self, name)
+            if _all_close(given, defaults[name], 0.0):
+                object.__setattr__(self, name, value)
+            elif name in implied and not _all_close(given, value, SAME_SIZE):
+                raise ValueError(
+                    f"{name}: got {arguments.shown(given)}, must be {value:.9g} as in the segment law, or be left out"
+                )
+
+    def _require_links(self) -> None:
+        """Raise ValueError if a part needs links, but the chambers have none."""
+        if self.segment.has_links:
+            return
+        for name in ("actuator", "hysteresis"):
+            part = getattr(self, name)
+            if part.needs_links:
+                law = type(self.segment).__name__
+                raise ValueError(
+                    f"{name}: got {type(part).__name__}, which acts on the links of a rhombus, must be another one "
+                    f"with the segment law {law}, whose chambers have no links"
+                )
+
     @property
     def loads(self) -> tuple[Load, ...]:
         """All loads of the worm except `Load()`, which means no load."""
@@ -148,3 +188,11 @@ class Worm(Body):
         for each in self.loads:
             mass[each.at] += each.mass_carried
         return mass
+
+
+def _all_close(given: Any, wanted: Any, share: float) -> bool:
+    """Return whether all given numbers are the wanted ones, up to a share. Other values than numbers are not."""
+    try:
+        return bool(np.allclose(np.asarray(given, dtype=float), wanted, rtol=share, atol=0.0))
+    except (TypeError, ValueError):
+        return False

@@ -186,7 +186,8 @@ class State(ReadOnly):
             left = np.array([-tangent[1], tangent[0], 0.0])
         else:
             clearance = float(np.max(worm.half_height)) + lift
-            joints, left = _laid(worm, world, along, clearance, at[:2], azimuth)
+            start = arguments.array("contraction", contraction, (worm.segments, 2), fill=True)
+            joints, left = _laid(worm, world, along, clearance, at[:2], azimuth, start)
         directors, laid = np.broadcast_to(left, (worm.segments, 3)), world is not None and lift == 0.0
         return cls(joints=joints, directors=directors, contraction=contraction, laid=laid)
 
@@ -212,7 +213,13 @@ def _require_lift(lift: float, world: World | None) -> None:
 
 
 def _laid(
-    worm: Worm, world: World, along: FloatArray, clearance: float, at: FloatArray, azimuth: float
+    worm: Worm,
+    world: World,
+    along: FloatArray,
+    clearance: float,
+    at: FloatArray,
+    azimuth: float,
+    contraction: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return joints and directors of the worm on its world, lifted if apexes would lie inside the world."""
     lift = before = np.inf
@@ -223,7 +230,8 @@ def _laid(
             raise StateError(f"state: {error}") from error
         if world.clamped:
             return joints, left
-        deep = -float(world.distance(_apexes(worm, joints, np.broadcast_to(left, (worm.segments, 3)))).min())
+        directors = np.broadcast_to(left, (worm.segments, 3))
+        deep = -float(world.distance(_apexes(worm, joints, directors, contraction)).min())
         if deep <= TOUCHES * worm.length:
             return joints, left
         lift = 2.0 * deep if deep < 0.5 * before else 2.0 * lift
@@ -231,21 +239,25 @@ def _laid(
     raise StateError(f"state: the worm lies {deep:.3g} m inside the world even if lifted to {clearance:.3g} m; move it")
 
 
-def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray) -> FloatArray:
+def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray, contraction: FloatArray) -> FloatArray:
     """Return the apexes of a worm whose chambers have their rest lengths, (E3), shape (N, 6, 3) [m]."""
     edges = np.diff(joints, axis=0)
     tangents, middles = edges / np.linalg.norm(edges, axis=1)[:, None], (joints[:-1] + joints[1:]) / 2.0
-    sizes = np.column_stack([worm.link_length, np.tile([worm.chamber_offset, worm.l0], (worm.segments, 1))])
+    outlines = worm.segment.outlines(worm, np.full((worm.segments, 2), worm.l0), contraction)
+    sizes = np.column_stack([*outlines, np.full(worm.segments, worm.chamber_offset)])
     points = _rest_apexes(worm.segments)(middles.T, tangents.T, directors.T, sizes.T)
     return np.array(points).T.reshape(worm.segments, 6, 3)
 
 
 @cache
 def _rest_apexes(segments: int) -> ca.Function:
-    """Return a function of middle, tangent, director and (link, offset, length) of each segment: its apexes (18)."""
-    m, t, d, sizes = (ca.SX.sym(name, 3) for name in ("middle", "tangent", "director", "sizes"))
-    link, offset, length = ca.vertsplit(sizes)
-    points = elements.apexes(m, elements.Frame(length, t, d, ca.cross(t, d)), [length, length], link, offset)
+    """Return a function of middle, tangent, director and sizes of each segment that returns its apexes (18).
+
+    The sizes are the half-heights and the outward distances of both chambers, and the offset of the chambers.
+    """
+    (m, t, d), sizes = (ca.SX.sym(name, 3) for name in ("middle", "tangent", "director")), ca.SX.sym("sizes", 5)
+    frame = elements.Frame(ca.SX(1.0), t, d, ca.cross(t, d))
+    points = elements.apexes(m, frame, [(sizes[0], sizes[2]), (sizes[1], sizes[3])], sizes[4])
     return ca.Function("apexes", [m, t, d, sizes], [ca.vertcat(*points)]).map(segments)
 
 

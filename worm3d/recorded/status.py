@@ -24,6 +24,7 @@ class Status(Enum):
         "two neighbouring segments were bent by 90 degrees or more, or asked to bend so far; the steps before are kept"
     )
     SUNK = "a joint was pressed deep into the world; the steps before are kept"
+    OUTSIDE = "a chamber left the domain of the segment law, whose table has no such states; the steps before are kept"
     BAD_COMMAND = (
         "the actuation (or the external force) failed, or did not return a Command for as many segments as "
         "the worm has (finite forces of shape (N+1, 3)); the steps before are kept"

@@ -69,7 +69,7 @@ class Places:
         worm, law = problem.worm, type(problem.friction.law)
         classes = (
             type(worm),
-            *map(type, (worm.actuator, worm.hinge_actuator, worm.hysteresis, worm.medium, *worm.loads)),
+            *map(type, (worm.actuator, worm.hinge_actuator, worm.hysteresis, worm.medium, worm.segment, *worm.loads)),
             law,
         )
         fixed = problem.weight.tobytes(), problem.held_mask.tobytes()

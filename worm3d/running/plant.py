@@ -24,6 +24,8 @@ from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.load import LOAD_STICKING, Load
 from worm3d.physics.media import Medium
+from worm3d.physics.segment_laws.law import SegmentLaw, columns_of
+from worm3d.physics.segment_laws.shapes import Rhombus
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State, StateError
 from worm3d.recorded.status import Status
@@ -38,9 +40,6 @@ from worm3d.solver.step import step_entry
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
-
-FLATTENED_HEIGHT = 0.02
-"""A chamber below this fraction of its rest height is flattened, which ends the run."""
 
 SUNK_DEPTH = 0.1
 """A joint that lies deeper in the world than this fraction of the segment length has sunk, which ends the run."""
@@ -71,15 +70,17 @@ def kernels(
     own: type[Hysteresis] = Hysteresis,
     around: type[Medium] = Medium,
     loads: tuple[type[Load], ...] = (),
+    segment_law: type[SegmentLaw] = Rhombus,
 ) -> dict[str, Kernel]:
     """Return the compiled kernels by name.
 
     The arguments are the classes of the friction law, the actuators of chambers and hinges, the friction in the joints,
-    the medium, and the loads.
+    the medium, the loads, and the segment law.
     """
     parts: dict[str, tuple[type, ...]] = {
         "law": (law,),
-        "chamber": (chamber, own),
+        "segment": (segment_law,),
+        "chamber": (chamber, own, segment_law),
         "hinge": (hinge,),
         "medium": (around,),
         "load": loads,
@@ -138,16 +139,16 @@ class Plant:
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
         chamber, hinge = worm.actuator.compiled(), worm.hinge_actuator.compiled()
-        own = type(worm.hysteresis)
+        own, law = type(worm.hysteresis), type(worm.segment)
         around, loads = type(worm.medium), tuple(map(type, worm.loads))
-        self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads)
+        self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads, law)
         if chamber.__module__.partition(".")[0] != "worm3d":  # the tests of worm3d check its own actuators
             warn_of_imbalance(worm)
         width = max(vectors.VECTOR_WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world, no contact acts on this plane
         world_rows = 3 + len(self.world_kernel.parameters)
-        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, chamber, own, hinge, around, loads)
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, law, chamber, own, hinge, around, loads)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
         self.arrays["held"][0] = held
         self._fill_numbers()
@@ -204,9 +205,9 @@ class Plant:
         self.arrays["joint_mass"][0, : n + 1], self.arrays["drag"][0, : n + 1] = worm.joint_mass, drag
         node.NODE_LAYOUT.of("weight", self.arrays["node_in"])[:] = self.arrays["joint_mass"] * self.gravity[:, None]
         self.arrays["joint_mu"][:] = 0.5 * (np.column_stack([mu[:, :1], mu]) + np.column_stack([mu, mu[:, -1:]]))
-        self.arrays["longest"][0] = 2.0 * np.sqrt(
-            worm.link_length**2 - (FLATTENED_HEIGHT * np.asarray(worm.half_height)) ** 2
-        )
+        self.arrays["longest"][0], domain = worm.segment.flattened_length(worm), worm.segment.domain(worm)
+        rest = worm.l0 * (1.0 - domain.greatest), worm.l0 * (1.0 - domain.least)
+        self.arrays["domain"][:] = domain.shortest, domain.longest, *rest
         self.arrays["stuck"][:] = 1.0
 
     def _put(self, rows: Layout, array: str, count: int, values: Mapping[str, Any], prefix: str = "") -> None:
@@ -228,21 +229,17 @@ class Plant:
         return rows.reshape(len(rows), POINTS_PER_SEGMENT, -1)
 
     def _fill_segments(self) -> None:
-        worm, h0 = self.worm, np.asarray(self.worm.half_height)
+        worm, law = self.worm, type(self.worm.segment)
         rows: dict[str, Any] = {
-            "link": worm.link_length,
-            "offset": worm.chamber_offset,
-            "k": worm.k_spring,
-            "k_apex": worm.k_apex,
-            "l0": worm.l0,
-            "tau": worm.kelvin_voigt_time,
             "roll_damping": _roll_damping(worm),
             "commanded": worm.l0,
             "commanded_n": worm.l0,
+            **{segment.kernel_name(law, name): each for name, each in columns_of(worm.segment, worm).items()},
         }
-        self._put(segment.SEGMENT_LAYOUT, "segment_in", self.n, rows)
+        self._put(segment.layout(law), "formed", self.n, rows)
         if worm.end_faces:
-            self._segment_row("radius")[0, 0], self._segment_row("radius")[1, -1] = h0[0], h0[-1]
+            radius = worm.segment.face_radius(worm)
+            self._segment_row("radius")[0, 0], self._segment_row("radius")[1, -1] = radius[0], radius[-1]
 
     def _fill_joints(self) -> None:
         worm = self.worm
@@ -276,8 +273,8 @@ class Plant:
         chambers, hinges = self._layouts()
         friction = {HYSTERESIS_PREFIX + name: value for name, value in worm.hysteresis.parameters().items()}
         own = {**worm.actuator.values(worm, hinge=False), **friction}
-        self._put(chambers, "actuated", n, own, actuator.ACTUATOR_PREFIX)
-        self._put(hinges, "hinged", n - 1, worm.hinge_actuator.values(worm, hinge=True), actuator.ACTUATOR_PREFIX)
+        self._put(chambers, "actuated", n, own, segment.ACTUATOR_PREFIX)
+        self._put(hinges, "hinged", n - 1, worm.hinge_actuator.values(worm, hinge=True), segment.ACTUATOR_PREFIX)
         self.hasten(1.0)
 
     def _fill_medium(self) -> None:
@@ -311,12 +308,12 @@ class Plant:
     def hasten(self, times: float) -> None:
         """Speed up the actuators by the factor `times`. Unless `times` is 1, there is no friction in the joints."""
         for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
-            layout.of(actuator.ACTUATOR_PREFIX + actuator.HASTE, self.arrays[name])[:] = times
+            layout.of(segment.ACTUATOR_PREFIX + actuator.HASTE, self.arrays[name])[:] = times
 
     def _layouts(self) -> tuple[Layout, Layout]:
         """Return the layouts of the arrays "actuated" and "hinged"."""
         worm = self.worm
-        chambers = actuator.chambers(worm.actuator.compiled(), type(worm.hysteresis))
+        chambers = actuator.chambers(worm.actuator.compiled(), type(worm.hysteresis), type(worm.segment))
         return chambers, actuator.hinges(worm.hinge_actuator.compiled())
 
     @property

@@ -8,13 +8,15 @@ the segments of a simulated worm.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.hysteresis import HYSTERESIS_PREFIX
-from worm3d.physics.kernels import actuator
+from worm3d.physics.kernels import actuator, segment
+from worm3d.physics.segment_laws.law import columns_of
 from worm3d.physics.worm import Worm
 from worm3d.running.plant import kernels
 from worm3d.solver.segment_way import KERNELS, follow
@@ -53,7 +55,8 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     worm : Worm
         The actuator must be `FirstOrder`, which has no effect here.
     length : array_like, shape (T,)
-        Distance of the joints at each instant, above 0 and below twice the length of the links [m].
+        Distance of the joints at each instant, for which the segment law has a shape [m]. With a rhombus the distance
+        is above 0 and below twice the length of the links.
     time : array_like, shape (T,)
         Increasing times [s].
 
@@ -66,11 +69,11 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     lengths, times = arguments.floats("length", length), arguments.floats("time", time)
     if lengths.ndim != 1 or len(lengths) < 2 or lengths.shape != times.shape:
         raise ValueError(f"length: got shape {lengths.shape}, must be (T,) as time, {times.shape}, with T at least 2")
-    longest = 2.0 * float(worm.link_length[0])
-    if not ((lengths > 0.0) & (lengths < longest)).all():
+    (low, *_), (high, *_), why = worm.segment.possible(worm)
+    if not ((lengths > low) & (lengths < high)).all():
         raise ValueError(
-            f"length: got {lengths.min():.6g} to {lengths.max():.6g} m, must be above 0 and below {longest:.6g} m, "
-            "twice the length of the links"
+            f"length: got {lengths.min():.6g} to {lengths.max():.6g} m, must be above {low:.6g} and below "
+            f"{high:.6g} m, {why}"
         )
     if not ((np.diff(times) > 0.0).all() and np.isfinite(times).all()):
         raise ValueError("time: must be finite and ascend")
@@ -82,23 +85,23 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
 def _along(worm: Worm, lengths: FloatArray, times: FloatArray) -> Stretch:
     """Return the response of the segment along a motion, from rest."""
     friction = worm.hysteresis
-    made, layout = kernels(own=type(friction)), actuator.chambers(FirstOrder, type(friction))
+    law, layout = type(worm.segment), actuator.chambers(FirstOrder, type(friction), type(worm.segment))
+    made = kernels(own=type(friction), segment_law=law)
     rows = made["segment_gradient"].allocate(1)[0]
-    known = {"link": worm.link_length, "k": worm.k_spring, "k_apex": worm.k_apex, "l0": worm.l0}
+    known: dict[str, Any] = {segment.ACTUATOR_PREFIX + actuator.HASTE: 1.0}
     known |= {
-        "offset": worm.chamber_offset,
-        "tau": worm.kelvin_voigt_time,
-        actuator.ACTUATOR_PREFIX + actuator.HASTE: 1.0,
-    }
-    known |= {
-        actuator.ACTUATOR_PREFIX + HYSTERESIS_PREFIX + name: value for name, value in friction.parameters().items()
+        segment.ACTUATOR_PREFIX + HYSTERESIS_PREFIX + name: value for name, value in friction.parameters().items()
     }
     for name, value in {**known, "commanded": worm.l0, "commanded_n": worm.l0}.items():
         layout.of(name, rows)[:, 0] = np.ravel(value)[0]
+    for name, column in columns_of(worm.segment, worm).items():
+        layout.of(segment.kernel_name(law, name), rows)[:, 0] = column[:, 0]
     layout.of("t_ref", rows)[0], layout.of("d_ref", rows)[1] = 1.0, 1.0
     steps, found = np.diff(times, prepend=2.0 * times[0] - times[1]), np.zeros((4, len(lengths)))
     slope, terms = (made[name].allocate(1)[1] for name in ("segment_gradient", "segment_ledger"))
     end = made["actuator_end"].allocate(1)[1] if friction.states else np.zeros((0, 1))
     addresses = np.array([made[name].address if name in made else 0 for name in KERNELS])
-    follow(addresses, rows, slope, terms, end, len(friction.states), lengths, steps, found)
+    states = actuator.CHAMBER_COMMANDS[-1] + actuator.ACTUATORS_PER_SEGMENT + segment.law_rows(law)
+    places = made["segment_ledger"].rows_in, states, len(friction.states)
+    follow(addresses, rows, slope, terms, end, places, law.has_links, lengths, steps, found)
     return Stretch(lengths, *found)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
 from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.worm import Worm
@@ -73,12 +70,15 @@ farther, this friction does not hold the worm, and the slide is simulated as a p
 OVERLAP = 10.0 * RESTING_PENETRATION
 """Largest allowed depth of a contact point in the world at the start, as a fraction of the segment length."""
 
-LIMIT_ANGLES = 65
-"""Number of angles in each of the five rounds of the search for the limit point. Each round searches between the
-neighbours of the best angle of the round before. The angle is accurate to 1e-7. The weight is accurate to 1e-14 because
-the weight has its maximum at this angle."""
-
-GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
+GUARDED = (
+    Status.DONE,
+    Status.NO_CONVERGENCE,
+    Status.NOT_FINITE,
+    Status.FLATTENED,
+    Status.FOLDED,
+    Status.SUNK,
+    Status.OUTSIDE,
+)
 """Statuses in the order of the solver's numbers for the end of a step (`worm3d.solver.guard`)."""
 
 
@@ -89,39 +89,10 @@ class LimitPointError(ValueError):
 def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
     """Return the weight that flattens each segment (limit point), shape (N,) [N].
 
-    The joints of a segment are at a height h above its lower apexes, and carry a vertical load w. Such a segment of
-    length l is in equilibrium if dE/dl = w dh/dl, where E is the energy of both chambers with the given `contraction`.
-    The largest w with a solution of this equation is the limit point. Under a larger load the segment collapses.
+    The weight is infinite for a segment law without links. The equation is in
+    `worm3d.physics.segment_laws.limit_point`. `contraction` is the contraction of all chambers.
     """
-    shapes = zip(np.asarray(worm.k_spring), np.asarray(worm.k_apex), worm.link_length, strict=True)
-    return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])
-
-
-@cache
-def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
-    commanded = l0 * (1.0 - contraction)
-    low, high = float(elements.hinge_angle(ca.SX(a), ca.SX(commanded))), np.pi
-    for _ in range(5):
-        place = np.linspace(low, high, LIMIT_ANGLES)
-        carried = _carried()(place[None], k, k_apex, a, l0, commanded).full()[0]
-        best = int(np.argmax(carried))
-        low, high = place[max(best - 1, 0)], place[min(best + 1, LIMIT_ANGLES - 1)]
-    return float(carried[best])
-
-
-@cache
-def _carried() -> ca.Function:
-    """Return a function that returns the weight in equilibrium at given apex angles.
-
-    The arguments of the function are the angles, k, k_apex, link, rest length and commanded length. The angle is used
-    instead of the length because the weight is a regular function of the angle up to the flat chamber.
-    """
-    angle, k, k_apex, a, l0, commanded = given = [ca.SX.sym("x") for _ in range(6)]
-    length, height = 2.0 * a * ca.sin(angle / 2.0), a * ca.cos(angle / 2.0)
-    turning = elements.hinge_energy(k_apex, angle, elements.hinge_angle(a, l0))
-    energy = elements.chamber_energy(k, l0, length, commanded) + turning
-    weight = -2.0 * ca.gradient(energy, angle) / ca.gradient(height, angle)
-    return ca.Function("weight", given, [weight]).map(LIMIT_ANGLES)
+    return worm.segment.flattening_weight(worm, contraction)
 
 
 def carried_weight(worm: Worm, gravity: float) -> FloatArray:
@@ -163,12 +134,13 @@ def require_shape(worm: Worm, state: State) -> None:
         raise StateError(f"state: got {state.segments} segments, the worm has {worm.segments}")
     length = np.linalg.norm(np.diff(state.joints, axis=0), axis=1)
     chambers = length[:, None] + worm.chamber_offset * np.abs(state.bend)[:, None] * [-1.0, 1.0]
-    wrong = ~((chambers > 0.0) & (chambers < 2.0 * worm.link_length[:, None])).all(axis=1)
+    low, high, why = worm.segment.possible(worm)
+    wrong = ~((chambers > low[:, None]) & (chambers < high[:, None])).all(axis=1)
     if wrong.any():
         i = int(np.argmax(wrong))
         raise StateError(
             f"state: the chambers of segment {i} are {chambers[i].min():.4g} and {chambers[i].max():.4g} m long, must "
-            f"lie between 0 and {2 * worm.link_length[i]:.4g} m, twice the links"
+            f"lie between {low[i]:.4g} and {high[i]:.4g} m, {why}"
         )
 
 
@@ -280,8 +252,7 @@ def touches(plant: Plant, start: State) -> bool:
     if the gap is at most the half-height.
     """
     worm, height = plant.worm, np.asarray(plant.worm.half_height)
-    half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
-    contracted = np.sqrt(np.maximum(worm.link_length[:, None] ** 2 - half**2, 0.0))
+    contracted, _ = worm.segment.free_outlines(worm, worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)))
     rounding = 1e-6 * worm.length
     grown = float(np.max(contracted - height[:, None], initial=0.0))
     return plant.gap() <= max(grown + rounding, float(height.max()) if start.laid else 0.0)

@@ -28,6 +28,7 @@ from worm3d.physics.kernels.layout import Layout
 from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.load import Load
 from worm3d.physics.media import Medium
+from worm3d.physics.segment_laws.law import SegmentLaw
 from worm3d.recorded import series
 from worm3d.recorded.energy import TERMS
 from worm3d.solver.block import Block, Memory, Plan
@@ -49,9 +50,9 @@ class KernelRow(NamedTuple):
     padded: bool = False
     """Whether the function is evaluated in all lanes. Lanes without a point or joint have neither mass nor stiffness.
     """
-    of: Literal["", "law", "chamber", "hinge", "medium", "load"] = ""
-    """Which classes are the arguments of `make`: the law of friction, the actuator and joint friction of the chambers,
-    the actuator of the hinges, the medium, or all loads."""
+    of: Literal["", "law", "segment", "chamber", "hinge", "medium", "load"] = ""
+    """Which classes are the arguments of `make`: the law of friction, the segment law, the actuator and joint friction
+    of the chambers with the segment law, the actuator of the hinges, the medium, or all loads."""
     exact: bool = False
     """Whether the function is computed exactly as written, so that all bits equal the results of NumPy."""
 
@@ -67,13 +68,13 @@ def _kernel(name: str, make: Callable[..., ca.Function | None] | None = None, **
 
 
 WORLD = _kernel("world")
-SEGMENT_SHAPE = _kernel("segment_shape", segment.shape)
+SEGMENT_SHAPE = _kernel("segment_shape", segment.shape, of="segment")
 SEGMENT_RIMS = _kernel("segment_rims", segment.rims)
-SEGMENT_MOTION = _kernel("segment_motion", segment.motion)
+SEGMENT_MOTION = _kernel("segment_motion", segment.motion, of="segment")
 SEGMENT_GRADIENT = _kernel("segment_gradient", actuator.gradient, of="chamber")
 SEGMENT_HESSIAN = _kernel("segment_hessian", actuator.hessian, of="chamber")
-SEGMENT_JACOBIAN = _kernel("segment_jacobian", segment.jacobian)
-SEGMENT_LEDGER = _kernel("segment_ledger", segment.ledger)
+SEGMENT_JACOBIAN = _kernel("segment_jacobian", segment.jacobian, of="segment")
+SEGMENT_LEDGER = _kernel("segment_ledger", segment.ledger, of="segment")
 ACTUATOR_START = _kernel("actuator_start", actuator.start, of="chamber", exact=True)
 ACTUATOR_REST = _kernel("actuator_rest", actuator.rest, of="chamber")
 ACTUATOR_END = _kernel("actuator_end", actuator.end, of="chamber")
@@ -149,6 +150,8 @@ class Sizes(NamedTuple):
     """Number of lanes for all n + 1 joints."""
     world_rows: int
     """Number of inputs of the world's kernel: x (3) and the parameters."""
+    segment: type[SegmentLaw]
+    """Segment law."""
     chamber: type[Actuator]
     """Actuator of the chambers."""
     hysteresis: type[Hysteresis]
@@ -165,11 +168,13 @@ class Sizes(NamedTuple):
 def _extents(sizes: Sizes) -> dict[str, Any]:
     """Return the sizes in `sizes`, and sizes computed from them, by name."""
     size = BLOCK_SIZE * (sizes.n + 1)
-    parts = sizes.chamber, sizes.hysteresis
+    parts, law = (sizes.chamber, sizes.hysteresis), segment.law_rows(sizes.segment)
     chamber, hinge = 2 * actuator.ACTUATORS_PER_SEGMENT * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
     return {
         **sizes._asdict(),
-        "chamber_rows": actuator.chambers(*parts).rows,
+        "formed_rows": segment.layout(sizes.segment).rows,
+        "chamber_rows": actuator.chambers(*parts, sizes.segment).rows,
+        "chamber_states_begin": actuator.CHAMBER_COMMANDS[-1] + actuator.ACTUATORS_PER_SEGMENT + law,
         "hinge_rows": actuator.hinges(sizes.hinge).rows,
         "medium_rows": medium.layout(sizes.medium).rows,
         "loads": len(sizes.loads),
@@ -217,6 +222,10 @@ class ArrayRow(NamedTuple):
     def first(self, row: str | int) -> int:
         """Return the index of a row, which is given by its name or number."""
         return self.rows.first(row) if isinstance(self.rows, Layout) and isinstance(row, str) else int(row)
+
+    def begin(self, row: str | int, sizes: Sizes) -> int:
+        """Return the index of a row as `first`. In an array without named rows, `row` may be the name of a size."""
+        return self.first(row) if isinstance(self.rows, Layout) else _extent(row, sizes)
 
 
 def _extent(extent: Extent, sizes: Sizes) -> int:
@@ -306,6 +315,8 @@ NODE_PRESETS = _array("node_presets", 8, "node_lanes", inside=("node_in", "drag_
 TRANSPOSED_RECORDS = _array("turned", "lanes", 3 * POINTS_PER_SEGMENT)
 POINT_MASS = _array("point_mass", POINTS_PER_SEGMENT, "lanes", inside=("point_in", "mass"))  # [kg]
 FLATTENED_LENGTH = _array("longest", 1, "n")  # length of a chamber that counts as flattened [m]
+# domain of the segment law: least and greatest length, least and greatest commanded rest length of a chamber [m]
+DOMAIN = _array("domain", 4, "n")
 # [kg]
 JOINT_MASS = _array("joint_mass", 1, "node_lanes", inside=("node_in", "mass"))
 DRAG = _array("drag", 1, "node_lanes", inside=("node_in", "drag"))  # [N s/m]
@@ -342,13 +353,15 @@ LOAD_IN = _array("load_in", "load_rows", vectors.VECTOR_WIDTH)  # as in `worm3d.
 LOAD_OUT = _array("load_out", "load_out", vectors.VECTOR_WIDTH)  # potential, gradient, Hessian
 LOAD_ENDS = _array("load_ends", "load_after", vectors.VECTOR_WIDTH)  # terms of the ledger, memory of the loads
 LENGTHS = _array("lengths", 4, "lanes", history=True)  # lengths of the chambers [m]
+# inputs of the segments' kernels that depend on the segment law
+FORMED = _array("formed", "formed_rows", "lanes", inside=("segment_in", 0))
 # inputs of the segments' kernels, followed by the inputs of the actuators
 ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))
 ACTUATOR_PAST = _array(
     "actuator",
     "chamber_past",
     "lanes",
-    inside=("segment_in", segment.SEGMENT_LAYOUT.rows + actuator.ACTUATORS_PER_SEGMENT * len(COMMANDS)),
+    inside=("actuated", "chamber_states_begin"),
     history=True,
 )
 STARTED_ACTUATORS = _array("actuator_start", actuator.START_ROWS, "lanes")  # known outputs at the start of the step
@@ -362,7 +375,7 @@ HINGE_PAST = _array(
     history=True,
 )
 HINGE_OUT = _array("hinge_out", "hinge_out", "joint_lanes")  # command, output, states
-HINGES = _array("hinges", 4, "lanes", history=True)  # angles of the apex hinges [rad]
+HINGES = _array("hinges", 4, "lanes", history=True)  # angles of the chambers [rad]
 # c.d, c.u, twist, sum of the bends
 JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), history=True)
 TERMS_ = _array("terms", 1, len(TERMS))  # energy ledger since the last record [J]
@@ -393,7 +406,7 @@ def plan(sizes: Sizes) -> Plan:
     for name, row in ARRAYS.items():
         if row.inside is not None:
             host = ARRAYS[row.inside[0]]
-            inside[name] = row.inside[0], host.first(row.inside[1]) * host.shape(sizes)[1]
+            inside[name] = row.inside[0], host.begin(row.inside[1], sizes) * host.shape(sizes)[1]
     return Plan.of(list(ARRAYS), [row.shape(sizes) for row in ARRAYS.values()], inside)
 
 

@@ -60,7 +60,7 @@ def place(core: Core, x: FloatArray) -> bool:
     """Compute points and distances at x, and return whether the linkages can have this shape."""
     segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_SHAPE_OUT)
     to_segments(core, _Q, x.ctypes.data)
-    run(core, a.SEGMENT_SHAPE, a.SEGMENT_IN, a.SEGMENT_SHAPE_OUT, core.n)
+    run(core, a.SEGMENT_SHAPE, a.FORMED, a.SEGMENT_SHAPE_OUT, core.n)
     for i in range(core.n):
         link, turned = segment_in[_LINK, i], 0.0
         for d in range(3):
@@ -280,7 +280,7 @@ def _exchange(core: Core) -> None:
 def _differentiate(core: Core, first: int) -> None:
     """Compute the derivatives of the points of a vector of segments, which starts at `first`."""
     count = min(vectors.VECTOR_WIDTH, core.n - first)
-    run(core, a.SEGMENT_JACOBIAN, a.SEGMENT_IN, a.POINTS_JACOBIAN, count, first)
+    run(core, a.SEGMENT_JACOBIAN, a.FORMED, a.POINTS_JACOBIAN, count, first)
     _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first)
     vector(core.block, a.DERIVATIVES_KNOWN)[first // vectors.VECTOR_WIDTH] = 1.0
 

@@ -49,7 +49,7 @@ def _turn(core: Core, first: int) -> None:
     for r in range(4):
         here = address(block, a.SEGMENT_OUT, r) + 8 * first
         vectors.move(address(block, a.SEGMENT_IN, _RIM + r) + 8 * first, here, count)
-    run(core, a.SEGMENT_SHAPE, a.SEGMENT_IN, a.SEGMENT_SHAPE_OUT, count, first)
+    run(core, a.SEGMENT_SHAPE, a.FORMED, a.SEGMENT_SHAPE_OUT, count, first)
     for face in range(2):
         for i in range(first, first + count):
             if segments[_RADIUS + face, i] > 0.0:

@@ -22,7 +22,7 @@ BEND = 4
 """Index of the chamber bend among the coordinates of a segment."""
 CHAMBER_SIDES = ("left", "right")
 
-OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, TOO_COARSE = range(7)
+OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, OUTSIDE, TOO_COARSE = range(8)
 """Status of a step. TOO_COARSE: the step was solved, but its estimated error exceeds the allowed error."""
 
 _HINGE = joint.JOINT_LAYOUT.first("hinge")
@@ -41,7 +41,23 @@ def guard(core: Core) -> int:
             return FLATTENED
     if _folded(core):
         return FOLDED
-    return SUNK if _sunk(core) else OK
+    if _sunk(core):
+        return SUNK
+    return OUTSIDE if _outside(core) else OK
+
+
+@inner
+def _outside(core: Core) -> bool:
+    """Return whether a chamber is outside the domain of the segment law."""
+    rest, given = matrix(core.block, a.SEGMENT_SHAPE_OUT), matrix(core.block, a.SEGMENT_IN)
+    domain = matrix(core.block, a.DOMAIN)
+    for i in range(core.n):
+        for c in range(2):
+            if not domain[0, i] <= rest[LENGTHS + c, i] <= domain[1, i]:
+                return True
+            if not domain[2, i] <= given[_REST + c, i] <= domain[3, i]:
+                return True
+    return False
 
 
 @inner
@@ -110,7 +126,12 @@ def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
     status : Status
         Why the step was rejected.
     """
-    of = {Status.FOLDED: _where_folded, Status.FLATTENED: _where_flattened, Status.SUNK: _where_sunk}.get(status)
+    of = {
+        Status.FOLDED: _where_folded,
+        Status.FLATTENED: _where_flattened,
+        Status.SUNK: _where_sunk,
+        Status.OUTSIDE: _where_outside,
+    }.get(status)
     return of(arrays, segments) if of else (0, "")
 
 
@@ -141,6 +162,21 @@ def _where_flattened(arrays: Arrays, segments: int) -> tuple[int, str]:
     return int(i), (
         f"segment {i}, whose {CHAMBER_SIDES[side]} chamber is {length:.4g} m long, as long as its links can be; "
         "lengthen it less (negative contraction, bias, pull), or make the worm lighter, k_spring or half_height larger"
+    )
+
+
+def _where_outside(arrays: Arrays, segments: int) -> tuple[int, str]:
+    """Return the segment with the chamber that is farthest outside the domain, relative to the size of the domain."""
+    domain, rest = arrays["domain"][:, :segments], segment.SEGMENT_LAYOUT.of("commanded", arrays["segment_in"])
+    found = np.stack([arrays["rest"][LENGTHS : LENGTHS + 2, :segments], rest[:, :segments]])  # what, chamber, segment
+    low, high = domain[0::2, None], domain[1::2, None]
+    far = np.maximum(low - found, found - high) / np.maximum(high - low, np.finfo(float).tiny)
+    what, side, i = np.unravel_index(int(np.argmax(far)), far.shape)
+    named = ("is", "has the commanded rest length of")[what]
+    return int(i), (
+        f"the {CHAMBER_SIDES[side]} chamber of segment {i} {named} {found[what, side, i]:.4g} m, must be from "
+        f"{low[what, 0, i]:.4g} to {high[what, 0, i]:.4g} m; command less, load the worm less, or fit the segment law "
+        "to more states"
     )
 
 

@@ -103,7 +103,7 @@ def prepare(core: Core) -> None:
     combine(vector(block, a.STEP_CHANGE)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
     to_segments(core, _DQ, address(block, a.STEP_CHANGE, 0))
     to_joints(core, _JOINT_DQ, address(block, a.STEP_CHANGE, 0))
-    run(core, a.SEGMENT_LEDGER, a.SEGMENT_IN, a.SEGMENT_LEDGER_, n)
+    run(core, a.SEGMENT_LEDGER, a.FORMED, a.SEGMENT_LEDGER_, n)
     point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
     for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD_ROW, 1)):
         here = address(block, a.POINT_OUT, source)

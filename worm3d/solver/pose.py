@@ -11,15 +11,15 @@ from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, point,
 from worm3d.solver import arrays as a
 from worm3d.solver.actuate import actuate
 from worm3d.solver.arrays import Core
-from worm3d.solver.block import copy, fill, matrix, rows, vector
+from worm3d.solver.block import address, copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, kernel, opened, run
-from worm3d.solver.evaluate import find_distances, place
+from worm3d.solver.evaluate import find_distances, place, to_segments
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NOT_FINITE, OK, actuators_start_finite
 from worm3d.solver.step import step, straighten
 from worm3d.values.arrays import FloatArray
 
-_T_REF, _D_REF, _RIM, _DQ = segment.SEGMENT_LAYOUT.firsts("t_ref", "d_ref", "rim", "dq")
+_T_REF, _D_REF, _RIM, _Q, _DQ = segment.SEGMENT_LAYOUT.firsts("t_ref", "d_ref", "rim", "q", "dq")
 _COMMANDED, _COMMANDED_N = segment.SEGMENT_LAYOUT.firsts("commanded", "commanded_n")
 _J_Q, _J_T, _J_D, _HINGE = joint.JOINT_LAYOUT.firsts("q", "t_ref", "d_ref", "hinge")
 _X, _ANCHOR, _LOAD_N, _PULL, _FIRST = point.POINT_LAYOUT.firsts("x", "anchor", "load_n", "pull", "first")
@@ -54,19 +54,20 @@ def _put(core: Core, rate: FloatArray) -> None:
     for i in range(n):
         _orient(core, i)
     fill(rows(block, a.SEGMENT_IN, _RIM, 4), 0.0)
+    to_segments(core, _Q, address(block, a.X, 0))
+    _rest_actuators(core)  # the points may depend on the commanded rest lengths, which may depend on q
     for _ in range(PLACINGS):
         _place(core)
         turn_faces(core)
     _place(core)
     _set_rates(core, rate)
-    run(core, a.SEGMENT_LEDGER, a.SEGMENT_IN, a.SEGMENT_LEDGER_, n)
+    run(core, a.SEGMENT_LEDGER, a.FORMED, a.SEGMENT_LEDGER_, n)
     evaluate_kernel(kernel(core, a.JOINT_ANGLES), matrix(block, a.JOINT_IN), matrix(block, a.JOINT_OUT)[:4], n - 1)
     copy(rows(block, a.POINTS_PAST, 0, 3), rows(block, a.POINT_IN, _X, 3))
     copy(rows(block, a.POINT_VELOCITY, 0, 3), rows(block, a.POINT_IN, _FIRST, 3))
     copy(rows(block, a.LENGTHS, 0, 2), rows(block, a.SEGMENT_SHAPE_OUT, 0, 2))
     copy(rows(block, a.HINGES, 0, 2), rows(block, a.SEGMENT_LEDGER_, _TERMS, 2))
     copy(rows(block, a.JOINT_ANGLES_PAST, 0, 4), rows(block, a.JOINT_OUT, 0, 4))
-    _rest_actuators(core)
     for k in _HISTORIES:
         history = vector(block, k)
         copy(history[history.size // 2 :], history[: history.size // 2])

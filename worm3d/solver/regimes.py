@@ -69,7 +69,7 @@ def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
     combine(moved[: len(step)], -1.0, step, 0.0, step)
     to_segments(core, _DQ, address(core.block, a.STEP_CHANGE, 0))
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
-    run(core, a.SEGMENT_MOTION, a.SEGMENT_IN, a.FIRST, core.n)
+    run(core, a.SEGMENT_MOTION, a.FORMED, a.FIRST, core.n)
     look(core, a.POINT_NEAR)
     for first in range(0, p.shape[1], vectors.VECTOR_WIDTH):
         if seen(core, first):

@@ -117,14 +117,28 @@ def _fine(core: Core) -> bool:
 
 @inner
 def place_start(core: Core) -> None:
-    """Make the present state the start of a step, and compute the points."""
+    """Make the present state the start of a step, and compute the points at the commands of the last step."""
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
         x[BLOCK_SIZE * j + 3] = 0.0
     copy(vector(core.block, a.X_N), x)
     copy(vector(core.block, a.STUCK_N), vector(core.block, a.STUCK))
+    _exchange_commands(core)
     place(core, x)
     turn_faces(core)
+    _exchange_commands(core)
+
+
+@inner
+def _exchange_commands(core: Core) -> None:
+    """Exchange the commanded rest lengths at the end and at the start of the step.
+
+    The points at the start of a step belong to the rest lengths at the start, on which the outline of a chamber may
+    depend (`worm3d.physics.segment_laws`).
+    """
+    now, before = rows(core.block, a.SEGMENT_IN, _COMMANDED, 2), rows(core.block, a.SEGMENT_IN, _COMMANDED_N, 2)
+    for k in range(now.size):
+        now[k], before[k] = before[k], now[k]
 
 
 @inner

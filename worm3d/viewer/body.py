@@ -8,6 +8,8 @@ Both chambers of a segment have links of the same length a, with a^2 = h_c^2 + l
 follow the lengths of the left and the right chamber:
 
     l_L = l + (h_R^2 - h_L^2)/l,   l_R = l - (h_R^2 - h_L^2)/l.
+
+The lengths of chambers without links are given (`Frames.chamber_length`).
 """
 
 from __future__ import annotations
@@ -64,7 +66,9 @@ class Body:
         below, above = frames.apexes[:, :, 0::3], frames.apexes[:, :, 1::3]
         height = 0.5 * np.linalg.norm(above - below, axis=3)
         h_left, h_right = height[..., :1], height[..., 1:]
-        length = np.maximum(l + _OPPOSITE * (h_right**2 - h_left**2) / l, 0.05 * l)
+        length = frames.chamber_length
+        if length is None:
+            length = np.maximum(l + _OPPOSITE * (h_right**2 - h_left**2) / l, 0.05 * l)
         return cls(t, d, np.cross(t, d), 0.5 * (below + above), length, height)
 
     @property

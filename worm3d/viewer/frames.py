@@ -20,6 +20,7 @@ _SHAPES: dict[str, tuple[int | str, ...]] = {
     "joints": ("T", "N+1", 3),
     "apexes": ("T", "N", 6, 3),
     "chamber_strain": ("T", "N", 2),
+    "chamber_length": ("T", "N", 2),
     "faces": ("T", "N", 2, 3),
     "contact_force": ("T", "N", "K", 3),
     "com": ("T", 3),
@@ -54,6 +55,9 @@ class Frames:
     chamber_strain: FloatArray
     """Strain (length over rest length, minus 1) of the left and the right chambers, shape (T, N, 2). It sets their
     colours."""
+    chamber_length: FloatArray | None = None
+    """Lengths of chambers without links, shape (T, N, 2) [m]. None if the chambers are rhombi of links, which are then
+    drawn."""
     faces: FloatArray | None = None
     """Contact points at the tail end and the head end of each segment, shape (T, N, 2, 3) [m]."""
     contact_force: FloatArray | None = None

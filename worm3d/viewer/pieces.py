@@ -76,10 +76,11 @@ def rounded_up(value: float) -> float:
 
 
 def worm(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return the pieces of the worm: links, chambers and end faces."""
-    body = Body.of(frames)
-    thick = 0.055 * float(body.height[0].mean())
-    return [*_links(body.links(frames), thick), *_chambers(body, frames.chamber_strain, scales), *_faces(frames, body)]
+    """Return the pieces of the worm: links if there are any, chambers and end faces."""
+    body, linked = Body.of(frames), frames.chamber_length is None
+    links = _links(body.links(frames), 0.055 * float(body.height[0].mean())) if linked else []
+    size = 0.74 if linked else 1.0  # with 0.71 times the half-diagonals of a rhombus, the ellipsoid touches the links
+    return [*links, *_chambers(body, frames.chamber_strain, scales, size), *_faces(frames, body)]
 
 
 def _pieces(layer: str, meshes: Mapping[str, Mesh], **poses: Any) -> list[Piece]:
@@ -107,12 +108,14 @@ def _links(bars: Bars, thick: float) -> list[Piece]:
     return _pieces("links", meshes, position=middle, turn=turn)
 
 
-def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
-    """Return an ellipsoid for each chamber, with its axis y along the segment, x to the left and z down."""
+def _chambers(body: Body, strain: FloatArray, scales: Scales, size: float) -> list[Piece]:
+    """Return an ellipsoid for each chamber, with its axis y along the segment, x to the left and z down.
+
+    The semi-axes are `size` times the half-height and half of the length of the chamber.
+    """
     count, segments = strain.shape[:2]
     meshes = dict.fromkeys((f"{i:02d}-{side}" for i in range(segments) for side in "LR"), shapes.ball())
-    # The semi-axes are 0.74 times half the diagonals of the linkage. With 0.71, the ellipsoid would touch the links.
-    half = 0.74 * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
+    half = size * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
     return _pieces(
         "chambers",
         meshes,

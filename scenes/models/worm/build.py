@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import worm3d
 from control.gaits import Gait
 from control.gaits.reflexive import Reflexive
-from control.parts import ACTUATOR, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX
+from control.parts import ACTUATOR, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX, SEGMENT_KIND
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.errors import SceneError
@@ -50,6 +50,7 @@ PARTS = {
     "hysteresis": HYSTERESIS,
     "medium": MEDIUM_KIND,
     "load": LOAD_KIND,
+    "segment": SEGMENT_KIND,
 }
 """Kind of the part that a section of the scene describes, by the name of the section.
 

@@ -20,6 +20,7 @@ from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worm.build import PARTS, WORM_KEYS, friction_of, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
+    NO_LAW,
     PlanarGait,
     PlanarWorm,
     PlanarWormScene,
@@ -113,6 +114,10 @@ def _accuracy_by_bdf2(accuracy: float | None, integrator: str) -> str | None:
     return f"got {accuracy} with run.integrator = '{integrator}': only bdf2 has steps of variable length; leave one out"
 
 
+def _law_is_named(file: str, kind: str) -> str | None:
+    return "must name the file of a law that 'worm3d law' wrote" if kind == "learned" and file == NO_LAW else None
+
+
 def _push_on_a_joint(joint: int, segments: int) -> str | None:
     return None if joint <= segments else f"got {joint}: the last joint, the head, is {segments} (worm.segments)"
 
@@ -159,6 +164,7 @@ WORLD_CHECKS = (
 
 SPATIAL_CHECKS = (
     *WORLD_CHECKS,
+    Check(("segment.file", "segment.kind"), _law_is_named),
     building(lambda *sections: worm_of(scene_with(SpatialScene, BODY, sections)), *BODY, refusals=IMPOSSIBLE),
     building(_sized, "friction", "worm.segments"),
     *WORM_IN_PIPE_CHECKS,

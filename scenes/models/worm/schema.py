@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Literal
 
 from control.gaits.reflexes import REFLEXES
-from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX
+from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX, SEGMENT_KIND
 from planar.linkage import Linkage
 from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, parts_key, setting
@@ -18,6 +18,9 @@ from scenes.models.worlds.schema import World
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.worm import Worm as PlantWorm
 from worm3d.values.named import is_own
+
+NO_LAW = "none"
+"""Value of the key `file` of the section [segment] if there is no file."""
 
 
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
@@ -50,6 +53,22 @@ class Medium(
     keys=partial(chosen, meaning="viscous medium: how worm.drag_N_s_m follows the shape"),
 ):
     """Viscous medium around the worm."""
+
+
+class Segment(
+    PartSection,
+    holds={"kind": SEGMENT_KIND},
+    keys=partial(chosen, meaning="segment law: energy and outline of a segment as functions of its length and command"),
+):
+    """Segment law. With the kind learned, sizes and stiffness of the worm follow from the file."""
+
+    file: str = setting(
+        NO_LAW,
+        meaning="file of the law that 'worm3d law' wrote: beside the scene, shipped, or a path",
+        is_file=True,
+        only=("learned",),
+        aka=("law", "path"),
+    )
 
 
 class Load(PartSection, holds={"kind": LOAD_KIND}, keys=partial(chosen, meaning="load that the worm carries or drags")):
@@ -186,6 +205,7 @@ class SpatialScene(Surroundings):
     hinge_actuator: HingeActuator = HingeActuator()
     hysteresis: Hysteresis = Hysteresis()
     medium: Medium = Medium()
+    segment: Segment = Segment()
     load: Load = Load()
     friction: Friction = Friction()
     start: AimedStart = AimedStart()

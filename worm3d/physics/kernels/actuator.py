@@ -1,8 +1,9 @@
 """Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
 
 The inputs of a kernel are the inputs of the segment or joint, followed by commands, past states (at t_n, then at
-t_{n-1}) and parameters of its actuators. In the chambers, the joint friction (`worm3d.physics.hysteresis`) is part of
-these kernels, and its states and parameters are among the inputs.
+t_{n-1}) and parameters of its actuators. The inputs of the segment law, if there are any, follow the commands. In the
+chambers, the joint friction (`worm3d.physics.hysteresis`) is part of these kernels, and its states and parameters are
+among the inputs.
 
 The kernel `start` computes, at the start of a step, what does not depend on the lengths at the end of the step. The
 kernels `gradient` and `hessian` are used while the step is solved. The kernel `end` computes the new states and the
@@ -21,6 +22,8 @@ from worm3d.physics.expressions import answer, scalar
 from worm3d.physics.hysteresis import HYSTERESIS_PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import hysteresis, joint, losses, segment
 from worm3d.physics.kernels.layout import Layout, once
+from worm3d.physics.kernels.segment import ACTUATOR_PREFIX, CHAMBERS, Law
+from worm3d.physics.segment_laws.shapes import Rhombus
 from worm3d.values.parameters import parameters_of
 
 Kind = type[Actuator]
@@ -28,24 +31,20 @@ Kind = type[Actuator]
 Own = type[Hysteresis]
 """Class of the joint friction of the chambers."""
 
-ACTUATOR_PREFIX = "actuator_"
-"""Prefix of the names of the actuators' inputs, which distinguishes them from the inputs of a segment."""
-
 HASTE = "haste"
 """Name of the input that multiplies the time step for the actuators. It is 1, except while a worm is brought to rest
 before a run."""
 
-ACTUATORS_PER_SEGMENT = 2
+ACTUATORS_PER_SEGMENT = CHAMBERS
 """Number of actuators of a segment: one for each chamber, left and right."""
 
 
 @once
-def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
+def chambers(kind: Kind, own: Own = Hysteresis, law: Law = Rhombus) -> Layout:
     """Return the layout of the segments' inputs, followed by the inputs of the actuators and the joint friction."""
-    more = [HYSTERESIS_PREFIX + name for name in parameters_of(own)]
-    return segment.SEGMENT_LAYOUT.extended(
-        _sizes(chamber_states(kind, own), [*parameters_of(kind), *more], ACTUATORS_PER_SEGMENT)
-    )
+    more, before = [HYSTERESIS_PREFIX + name for name in parameters_of(own)], segment.layout(law)
+    sizes = _sizes(chamber_states(kind, own), [*parameters_of(kind), *more], ACTUATORS_PER_SEGMENT)
+    return before.extended({name: size for name, size in sizes.items() if name not in before.sizes})
 
 
 @once
@@ -78,21 +77,26 @@ def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
     return known
 
 
-def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
+def _of_chamber(kind: Kind, own: Own, law: Law, side: int) -> Callable[[ca.SX], Response]:
     """Return a function from the chamber's length at the end of the step to the response of its actuator."""
-    layout = chambers(kind, own)
+    layout = chambers(kind, own, law)
     s, known = layout.symbols, _known(kind, layout, side)
-    known |= {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
+    known |= {"length_n": s["length_n"][side], **_sizes_of(law, s)}
     return lambda length: _respond(kind, {**known, "length": length})
 
 
-def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.Slid]:
+def _sizes_of(law: Law, s: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """Return the sizes and stiffness of a segment that an actuator gets; only rhombi have links."""
+    return {name: s[name] for name in ("l0", "link", "k") if name != "link" or law.has_links}
+
+
+def _slid(own: Own, law: Law, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.Slid]:
     """Return a function from the chamber's length at the end of the step to the response of its joint friction.
 
     While a worm is brought to rest before a run (`HASTE` differs from 1), the joints have no friction.
     """
     s = layout.symbols
-    known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k", "k_apex")}}
+    known = {"length_n": s["length_n"][side], **_sizes_of(law, s), "k_apex": s["k_apex"]}
     known |= {HYSTERESIS_PREFIX + name: s[ACTUATOR_PREFIX + HYSTERESIS_PREFIX + name] for name in parameters_of(own)}
     for state in own.states:
         name = f"{HYSTERESIS_PREFIX}{state}_n"
@@ -169,23 +173,24 @@ def _has_energy(response: Response) -> bool:
     return not all(ca.SX(part).is_zero() for part in parts)
 
 
-def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
+def start(kind: Kind = FirstOrder, own: Own = Hysteresis, law: Law = Rhombus) -> ca.Function:
     """Return the kernel of what is known at the start of a step: command, rest length, force and contraction, each (2).
 
     The command is within the actuator's limits. The contraction (`Response.given`) is evaluated with the chamber's
     length at the start of the step.
     """
-    s, outputs = chambers(kind, own).symbols, []
+    layout = chambers(kind, own, law)
+    s, outputs = layout.symbols, []
     for side in range(ACTUATORS_PER_SEGMENT):
         length = ca.SX.sym("length")
-        response = _of_chamber(kind, own, side)(length)
+        response = _of_chamber(kind, own, law, side)(length)
         _require_known("actuator", response, ca.vertcat(length, s["span"]))
         spring = response.given if response.spring is None else response.spring
         given = ca.substitute(response.given, length, s["length_n"][side])
         outputs.append((response.command, s["l0"] * (1.0 - spring), response.force, given))
     names = ("command", "commanded", "force", "given")
     by_name = {name: [of[k] for of in outputs] for k, name in enumerate(names)}
-    return chambers(kind, own).function("actuator_start", by_name)
+    return layout.function("actuator_start", by_name)
 
 
 START_ROWS = 4 * ACTUATORS_PER_SEGMENT
@@ -205,15 +210,15 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
 
 
 @once
-def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
+def rest(kind: Kind = FirstOrder, own: Own = Hysteresis, law: Law = Rhombus) -> ca.Function | None:
     """Return the kernel of the rest lengths (2) and states (2 each) of chambers at rest.
 
     The chambers are at rest with the coordinates q and under constant commands. Return None if this kernel is not
     needed, because there are no states and the rest lengths follow directly from the commands.
     """
-    layout, lengths, springs, states = chambers(kind, own), segment.lengths(), [], []
+    layout, lengths, springs, states = chambers(kind, own, law), segment.lengths(), [], []
     for side in range(ACTUATORS_PER_SEGMENT):
-        known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
+        known = _known(kind, layout, side) | _sizes_of(law, layout.symbols)
         known |= {"length": lengths[side], "length_n": lengths[side]}
         # At rest the command has been constant for a long time, so that the time step (not known yet) has no effect.
         spring = _respond(kind, {**known, **_constant(known), "dt": ca.SX(1.0), "span": ca.SX(1.0)}).spring
@@ -233,10 +238,11 @@ def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
 
 
 @once
-def _potential(kind: Kind, own: Own) -> segment.Energy:
+def _potential(kind: Kind, own: Own, law: Law) -> segment.Energy:
     """Return a function from the lengths of the chambers to their potential Psi, of actuators and friction [J]."""
+    layout = chambers(kind, own, law)
     parts = [
-        (_of_chamber(kind, own, side), _slid(own, chambers(kind, own), side)) for side in range(ACTUATORS_PER_SEGMENT)
+        (_of_chamber(kind, own, law, side), _slid(own, law, layout, side)) for side in range(ACTUATORS_PER_SEGMENT)
     ]
     return lambda lengths: sum(
         (part(length).potential for length, both in zip(ca.vertsplit(lengths), parts, strict=True) for part in both),
@@ -244,14 +250,14 @@ def _potential(kind: Kind, own: Own) -> segment.Energy:
     )
 
 
-def gradient(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
+def gradient(kind: Kind = FirstOrder, own: Own = Hysteresis, law: Law = Rhombus) -> ca.Function:
     """Return the kernel of the segment's potential and gradient, including actuators and joint friction."""
-    return segment.gradient(chambers(kind, own), _potential(kind, own))
+    return segment.gradient(chambers(kind, own, law), _potential(kind, own, law), law)
 
 
-def hessian(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
+def hessian(kind: Kind = FirstOrder, own: Own = Hysteresis, law: Law = Rhombus) -> ca.Function:
     """Return the kernel of the segment's potential, gradient and Hessian, including actuators and joint friction."""
-    return segment.hessian(chambers(kind, own), _potential(kind, own))
+    return segment.hessian(chambers(kind, own, law), _potential(kind, own, law), law)
 
 
 LEDGER_TERMS = (
@@ -268,31 +274,31 @@ LEDGER_ROWS = segment.LEDGER_ROWS
 """Number of outputs of `end` for the terms and unused values. The contractions and the states follow."""
 
 
-def _has_end(kind: Kind, own: Own) -> bool:
+def _has_end(kind: Kind, own: Own, law: Law) -> bool:
     """Return whether the kernel `end` is needed.
 
     It is needed if there are states or energies, or if the contraction depends on the length at the end of the step.
     """
     length = ca.SX.sym("length")
-    response = _of_chamber(kind, own, 0)(length)
+    response = _of_chamber(kind, own, law, 0)(length)
     has_states = bool(chamber_states(kind, own))
     return has_states or _has_energy(response) or bool(ca.depends_on(ca.SX(response.given), length))
 
 
-def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
+def end(kind: Kind = FirstOrder, own: Own = Hysteresis, law: Law = Rhombus) -> ca.Function | None:
     """Return the kernel of the terms of the energy ledger, the contractions (2) and the new states (2 each).
 
     Return None if the actuators and the joint friction have neither states nor energies. The work of actuator and joint
     friction in a step is dPsi/dl times the first-order change of the length. Its difference from the change of the
     energies is the numerical loss.
     """
-    if not _has_end(kind, own):
+    if not _has_end(kind, own, law):
         return None
-    layout, terms = chambers(kind, own), ca.SX.zeros(len(LEDGER_TERMS))
+    layout, terms = chambers(kind, own, law), ca.SX.zeros(len(LEDGER_TERMS))
     given: list[Any] = []
     states: list[Mapping[str, Any]] = []
     for side in range(ACTUATORS_PER_SEGMENT):
-        respond, slide = _of_chamber(kind, own, side), _slid(own, layout, side)
+        respond, slide = _of_chamber(kind, own, law, side), _slid(own, law, layout, side)
         length, first = segment.lengths()[side], segment.stretches()[side]
         response, slid = respond(length), slide(length)
         pulled, rubbed = (

@@ -1,0 +1,89 @@
+"""The section [segment] of a scene: kinds of segment laws, files of learned laws beside the scene, and mistakes."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from scenes.language.errors import SceneError
+from scenes.models.loading import load_scene
+from scenes.models.worm.build import worm_of
+from scenes.running.runner import simulate
+from worm3d import Hydrostat, Learned, Rhombus
+
+SHORT = ("run.duration_s=0.3",)
+
+
+def _learned_laws() -> ModuleType:
+    """Return the module of the tests of worm3d that makes files of laws."""
+    path = Path(__file__).parents[1] / "worm3d" / "learned_laws.py"
+    spec = importlib.util.spec_from_file_location("learned_laws", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+LAWS = _learned_laws()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a scene, mine.toml, and a law beside it, barrel.json; another folder is the current one."""
+    LAWS.written(tmp_path)
+    (tmp_path / "mine.toml").write_text('model = "worm"\n[segment]\nkind = "learned"\nfile = "barrel.json"\n')
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    monkeypatch.chdir(other)
+    return tmp_path
+
+
+def test_the_rhombus_is_the_default() -> None:
+    assert worm_of(load_scene("flat", SHORT).settings).segment == Rhombus()
+
+
+def test_a_kind_without_keys() -> None:
+    scene = load_scene("flat", (*SHORT, "segment.kind=hydrostat"))
+    assert worm_of(scene.settings).segment == Hydrostat()
+    assert 'kind = "hydrostat"' in scene.to_toml()
+
+
+def test_a_law_beside_the_scene_gives_the_sizes_of_the_worm(folder: Path) -> None:
+    worm = worm_of(load_scene(folder / "mine.toml", ("worm.segments=5",)).settings)
+    assert isinstance(worm.segment, Learned)
+    assert (worm.l0, worm.chamber_offset) == (LAWS.L0, LAWS.B)
+    assert worm.length == pytest.approx(5 * LAWS.L0)
+    with pytest.raises(SceneError, match=r"half_height_m: got .*0.06.*, must be .* as in the segment law"):
+        load_scene(folder / "mine.toml", ("worm.half_height_m=0.06",))
+
+
+def test_a_scene_with_a_law_runs(folder: Path) -> None:
+    outcome = simulate(load_scene(folder / "mine.toml", SHORT))
+    assert outcome.status == "done"
+    assert outcome.summary["energy_balance_error"] < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        (("segment.kind=learned",), r"segment.file: must name the file of a law that 'worm3d law' wrote"),
+        (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
+        (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),
+        (("segment.kind=rhombic",), r"segment.kind: .*did you mean 'rhombus'"),
+        (("segment.kind=hydrostat", "hysteresis.kind=jenkins"), r"got Jenkins, which acts on the links"),
+        (("segment.kind=hydrostat", "actuator.kind=pneumatic"), r"got Pneumatic, which acts on the links"),
+    ],
+)
+def test_mistakes(overrides: tuple[str, ...], sentence: str) -> None:
+    with pytest.raises(SceneError, match=sentence):
+        load_scene("flat", overrides)
+
+
+def test_a_broken_law_is_a_mistake_of_the_scene(folder: Path) -> None:
+    (folder / "barrel.json").write_text('{"kind": "other"}')
+    with pytest.raises(SceneError, match=r"segment law 'barrel.json': kind: got 'other', must be"):
+        load_scene(folder / "mine.toml")

@@ -1,0 +1,360 @@
+"""Segment laws: kernels against finite differences and closed forms, the ledger, the domain, and files of laws."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import learned_laws
+import numpy as np
+import pytest
+from kernel_states import COUNT, Values, assert_close, differences, evaluated, some_segment
+from numpy.testing import assert_allclose, assert_array_equal
+
+import worm3d
+from control.gaits import TravellingWave
+from worm3d import Friction, Hydrostat, Jenkins, Learned, Plane, Pneumatic, Rhombus, State, Status, Worm, simulate
+from worm3d.physics.actuators import FirstOrder
+from worm3d.physics.hysteresis import Hysteresis
+from worm3d.physics.kernels import actuator, segment
+from worm3d.results.pictures import frames_of
+from worm3d.running.plant import kernels
+from worm3d.viewer import pieces
+
+CONTENT = learned_laws.law()
+
+
+@pytest.fixture(scope="module")
+def law(tmp_path_factory: pytest.TempPathFactory) -> Learned:
+    return Learned(str(learned_laws.written(tmp_path_factory.mktemp("laws"), CONTENT)))
+
+
+def some_states(kind: type[worm3d.SegmentLaw], content: dict[str, Any] = CONTENT, seed: int = 0) -> Values:
+    """Return segments in general position with the inputs of a law, of a worm like the default worm."""
+    scales = [content["scales"][name] for name in learned_laws.SCALES]
+    own = {
+        "energy": content["energy"]["weights"],
+        "radius": content["radius"]["weights"],
+        "bending": content["bending_Nm"],
+        "scales": scales,
+        "rest_height": [0.05],
+    }
+    values = some_segment(seed)
+    for name, size in actuator.chambers(FirstOrder, Hysteresis, kind).sizes.items():
+        if name not in values:
+            given = own.get(name.removeprefix(segment.SEGMENT_LAW_PREFIX), [0.0] * size)
+            values[name] = np.tile(np.array(given, dtype=float)[:, None], COUNT)
+    return values
+
+
+def run(kind: type[worm3d.SegmentLaw], name: str, values: Values) -> np.ndarray:
+    """Return the outputs of a kernel of a segment for inputs by name, shape (rows, COUNT)."""
+    of_actuator = name in ("segment_gradient", "segment_hessian")
+    layout = actuator.chambers(FirstOrder, Hysteresis, kind) if of_actuator else segment.layout(kind)
+    return evaluated(kernels(segment_law=kind)[name], layout, {each: values[each] for each in layout.sizes})
+
+
+KINDS = pytest.mark.parametrize("kind", [Learned, Hydrostat])
+
+
+@KINDS
+def test_gradient_and_hessian_are_derivatives(kind: type[worm3d.SegmentLaw]) -> None:
+    """As `test_kernel_derivatives.test_segment_gradient_and_hessian`, whose explanation also holds here."""
+    foreseen = some_states(kind)
+    values = foreseen | {"f_ahead": foreseen["f"]}
+    x0 = run(kind, "segment_shape", values)[8:]
+
+    def potential(q: np.ndarray) -> np.ndarray:
+        x = run(kind, "segment_shape", values | {"q": q})[8:]
+        return run(kind, "segment_gradient", values | {"q": q})[:1] + np.sum(values["f"] * x, axis=0)
+
+    def gradient(q: np.ndarray) -> np.ndarray:
+        x = run(kind, "segment_shape", values | {"q": q})[8:]
+        f = values["f"] + np.tile(values["K"][:8], (3, 1)) * (x - x0)
+        return run(kind, "segment_gradient", values | {"q": q, "f": f})[1:]
+
+    out = run(kind, "segment_hessian", values)
+    assert_close(out[None, 1:9], differences(potential, values["q"], 1e-4), 1e-8)
+    hessian = out[9:].reshape(8, 8, COUNT)
+    assert_close(hessian, differences(gradient, values["q"], 1e-4), 1e-8)
+    assert_array_equal(hessian, hessian.transpose(1, 0, 2))
+
+
+@KINDS
+def test_points_move_with_the_coordinates_and_with_the_command(kind: type[worm3d.SegmentLaw]) -> None:
+    values = some_states(kind, seed=2)
+
+    def points(changed: str, at: np.ndarray) -> np.ndarray:
+        return run(kind, "segment_shape", values | {changed: at})[8:]
+
+    of_q = differences(partial(points, "q"), values["q"], 1e-4)
+    found = run(kind, "segment_jacobian", values).reshape(8, 3, 8, COUNT)
+    assert_allclose(found, of_q.reshape(3, 8, 8, COUNT).transpose(1, 0, 2, 3), rtol=0, atol=1e-10)
+    moved = np.einsum("mnk,nk->mk", of_q, values["dq"])
+    assert_allclose(run(kind, "segment_motion", values), moved, rtol=0, atol=1e-11)
+    of_command = differences(partial(points, "commanded"), values["commanded"], 1e-4)
+    by_command = np.einsum("mnk,nk->mk", of_command, values["commanded"] - values["commanded_n"])
+    assert_allclose(run(kind, "segment_ledger", values)[8:], moved + by_command, rtol=0, atol=1e-10)
+    assert (np.abs(by_command).max() > 1e-4) == (kind is Learned)
+
+
+def chambers_of(values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return length and bend of the segments, and the lengths of the chambers (2, COUNT)."""
+    length, bend = np.linalg.norm(values["q"][5:] - values["q"][:3], axis=0), values["q"][4]
+    return length, bend, length + np.array([[-1.0], [1.0]]) * values["offset"] * bend
+
+
+NO_DAMPERS = {"tau": np.zeros((1, COUNT)), "roll_damping": np.zeros((1, COUNT)), "force": np.zeros((2, COUNT))}
+
+
+def test_energy_and_radius_are_those_of_the_file() -> None:
+    values = some_states(Learned, seed=3) | NO_DAMPERS
+    same = {"l0": learned_laws.L0, "k": learned_laws.K, "offset": learned_laws.B}
+    values |= {name: np.full((1, COUNT), value) for name, value in same.items()}
+    length, bend, lengths = chambers_of(values)
+    contraction = 1.0 - values["commanded"] / learned_laws.L0
+    energy, radius = learned_laws.evaluated(CONTENT, lengths.ravel(), contraction.ravel())
+    m = learned_laws.bending_stiffness(CONTENT, length, contraction.mean(axis=0))
+    expected = energy.reshape(2, COUNT).sum(axis=0) + m * bend**2 / 2.0
+    assert_allclose(run(Learned, "segment_gradient", values)[0], expected, rtol=1e-12)
+    points = run(Learned, "segment_shape", values)[8:].reshape(3, 8, COUNT)
+    middle = (values["q"][:3] + values["q"][5:]) / 2.0
+    away = np.linalg.norm(points - middle[:, None], axis=0)[:6]  # all apexes of a chamber lie on a circle
+    assert_allclose(away, np.repeat(radius.reshape(2, COUNT), 3, axis=0), rtol=1e-12)
+
+
+def test_without_a_network_the_spring_is_that_of_the_rhombus() -> None:
+    values = some_states(Learned, learned_laws.without_network(CONTENT), seed=4) | {"k_apex": np.zeros((1, COUNT))}
+    found, expected = (run(kind, "segment_gradient", values) for kind in (Learned, Rhombus))
+    assert_allclose(found[0], expected[0], rtol=1e-14)
+
+
+def test_the_hydrostat_is_a_cylinder_of_constant_volume() -> None:
+    worm = Worm(segment=Hydrostat(), half_height=np.linspace(0.04, 0.06, 6))
+    length = worm.l0 * np.linspace(0.4, 1.6, 50) * np.ones((6, 1))
+    height, outward = worm.segment.outlines(worm, length, np.zeros((6, 50)))
+    volume = np.pi * height**2 * length
+    assert_allclose(volume, np.pi * worm.half_height[:, None] ** 2 * worm.l0 * np.ones((1, 50)), rtol=1e-15)
+    assert_allclose(outward, worm.chamber_offset + height, rtol=1e-15)
+
+
+WAVE = TravellingWave(amplitude=0.25)
+GROUND = Friction(0.1, 0.5, 0.4)
+
+
+def crawl(segment_law: worm3d.SegmentLaw, dt: float = 0.01, **changes: Any) -> worm3d.Result:
+    """Return a crawl on a plane, which must reach its end."""
+    given: dict[str, Any] = {"actuation": WAVE, "duration": 4.0, "dt": dt} | changes
+    result = simulate(Worm(segment=segment_law), Plane(), GROUND, **given)
+    assert result.status is Status.DONE, result.stop.sentence
+    return result
+
+
+def test_a_hydrostat_crawls_with_constant_volume_and_a_closed_ledger() -> None:
+    result = crawl(Hydrostat())
+    assert result.distance > 0.2
+    assert result.energy.balance_error < 1e-12
+    apexes = result.apexes
+    height = np.linalg.norm(apexes[:, :, 1::3] - apexes[:, :, 0::3], axis=3) / 2.0
+    volume = np.pi * height**2 * result.chamber_length
+    assert_allclose(volume, np.pi * 0.05**2 / 6.0, rtol=1e-13)
+
+
+@pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
+def test_the_command_does_work_on_the_points_that_it_moves(law: Learned, integrator: str) -> None:
+    """Unless this work is booked, it is numerical loss, which then is no smaller with shorter steps."""
+    shares = []
+    for dt in (0.01, 0.005):
+        energy = crawl(law, dt, integrator=integrator).energy
+        assert energy.balance_error < 1e-12
+        shares.append(abs(energy.numerical_loss.sum()) / energy.work_contract.sum())
+    assert shares[0] < {"bdf2": 0.02, "implicit_euler": 0.2}[integrator]
+    assert shares[1] < 0.6 * shares[0]
+
+
+def test_the_distance_converges_with_the_time_step(law: Learned) -> None:
+    far = [crawl(law, dt).distance for dt in (0.02, 0.01, 0.005, 0.0025)]
+    assert abs(far[3] - far[2]) < 0.01 * far[3]
+    assert abs(far[3] - far[2]) < 0.7 * abs(far[1] - far[0])
+
+
+def test_turning_and_slopes_close_the_ledger(law: Learned) -> None:
+    wave = TravellingWave(amplitude=0.2, bias=0.4, hinge=0.3)
+    for world in (Plane(0.1, 0.7), None):
+        result = simulate(Worm(segment=law), world, GROUND, actuation=wave, duration=2.0)
+        assert result.status is Status.DONE
+        assert result.energy.balance_error < 1e-12
+
+
+def test_a_law_without_network_or_radius_is_a_worm_with_other_apexes(law: Learned, tmp_path: Path) -> None:
+    """In the air and without apex masses, the law without network is the default worm."""
+    content = learned_laws.without_network(CONTENT)
+    bare = Learned(str(learned_laws.written(tmp_path, content)))
+    more = {"actuation": TravellingWave(amplitude=0.2, bias=0.3), "duration": 1.0, "gravity": (0, 0, 0)}
+    light = {"joint_mass_fraction": 1.0, "outward_apexes": True, "stroke": (0.0, 0.45)}
+    found, expected = (simulate(Worm(segment=each, **light), None, **more) for each in (bare, Rhombus()))
+    assert_allclose(found.joints, expected.joints, rtol=0, atol=1e-9)
+    assert np.ptp(found.bend) > 0.05
+
+
+def test_a_run_stops_outside_the_domain(law: Learned) -> None:
+    worm = Worm(segment=law, stroke=(-0.1, 0.6))
+    result = simulate(worm, Plane(), GROUND, actuation=TravellingWave(amplitude=0.58), duration=2.0)
+    assert result.status is Status.OUTSIDE
+    assert result.status.diverged
+    assert "chamber of segment" in result.stop.sentence
+    assert "must be from" in result.stop.sentence
+    pull = np.zeros((7, 3))
+    pull[0, 0], pull[-1, 0] = -20.0, 20.0
+    result = simulate(Worm(segment=law), None, external_force=lambda t: pull, duration=2.0, gravity=(0, 0, 0))
+    assert result.status is Status.OUTSIDE
+    assert "chamber of segment" in result.stop.sentence
+
+
+@pytest.mark.parametrize("contraction", [0.0, 0.3])
+def test_a_worm_that_is_wider_than_at_rest_starts(law: Learned, contraction: float) -> None:
+    worm = Worm(segment=law)
+    start = State.straight(worm, Plane(), contraction=contraction)
+    result = simulate(worm, Plane(), GROUND, state=start, duration=0.2)
+    assert result.status is Status.DONE
+    assert result.settling is not None
+
+
+def test_the_commands_of_a_start_are_those_of_its_points(law: Learned) -> None:
+    """The first recorded points have the radius that belongs to the contraction at the start."""
+    worm = Worm(segment=law)
+    start = State.straight(worm, None, contraction=0.3)
+    result = simulate(
+        worm, None, state=start, duration=0.1, gravity=(0, 0, 0), actuation=lambda t: np.full((6, 2), 0.3)
+    )
+    apexes, joints = result.apexes[0], result.joints[0]
+    away = np.linalg.norm(apexes - ((joints[:-1] + joints[1:]) / 2.0)[:, None], axis=2)
+    _, radius = learned_laws.evaluated(CONTENT, np.full(1, worm.l0), np.full(1, 0.3))
+    assert_allclose(away, radius[0], rtol=1e-12)
+
+
+def test_a_result_stands_alone_and_goes_on(law: Learned, tmp_path: Path) -> None:
+    own = tmp_path / "laws"
+    own.mkdir()
+    path = learned_laws.written(own)
+    worm = Worm(segment=Learned(str(path)))
+    whole = simulate(worm, Plane(), GROUND, actuation=WAVE, duration=1.0)
+    half = simulate(worm, Plane(), GROUND, actuation=WAVE, duration=0.5)
+    half.save(tmp_path / "half.nc")
+    path.unlink()
+    loaded = worm3d.load(tmp_path / "half.nc")
+    assert loaded.worm.segment == worm.segment
+    rest = simulate(
+        loaded.worm, Plane(), GROUND, actuation=lambda t: WAVE.bind(worm)(t + 0.5), duration=0.5, state=loaded.state
+    )
+    assert_array_equal(rest.joints[-1], whole.joints[-1])
+    assert_allclose(loaded.worm.segment.law.energy, CONTENT["energy"]["weights"])
+
+
+def test_chambers_without_links_are_drawn_with_their_outline(law: Learned) -> None:
+    for segment_law, layers in ((law, {"chambers", "faces"}), (Rhombus(), {"links", "chambers", "faces"})):
+        result = crawl(segment_law, duration=0.5)
+        frames = frames_of(result)
+        drawn = pieces.worm(frames, pieces.Scales.of(frames))
+        assert {each.path.partition("/")[0] for each in drawn} == layers
+
+
+def test_sizes_of_the_worm_follow_from_the_law(law: Learned) -> None:
+    worm = Worm(segment=law, segments=5)
+    assert_allclose(worm.length, 5 * learned_laws.L0)
+    assert (worm.chamber_offset, worm.stroke) == (learned_laws.B, (0.0, learned_laws.MOST))
+    assert_allclose(np.hypot(worm.half_height, worm.chamber_offset), law.law.rest_radius, rtol=1e-15)
+    assert_allclose(worm.k_spring, learned_laws.K)
+    assert replace(worm, mass=0.2).segment is law
+    assert replace(Worm(), segment=law).half_height[0] == worm.half_height[0]
+    for name, value in (("half_height", 0.06), ("k_spring", 20.0), ("length", 1.5), ("chamber_offset", 0.02)):
+        with pytest.raises(ValueError, match=rf"{name}: got .*, must be .* as in the segment law, or be left out"):
+            Worm(segment=law, **{name: value})
+
+
+@pytest.mark.parametrize("part", [{"actuator": Pneumatic()}, {"hysteresis": Jenkins()}], ids=["actuator", "hysteresis"])
+def test_parts_that_act_on_links_are_refused(law: Learned, part: dict[str, Any]) -> None:
+    for segment_law in (law, Hydrostat()):
+        with pytest.raises(ValueError, match=r"got (Pneumatic|Jenkins), which acts on the links of a rhombus, must be"):
+            Worm(segment=segment_law, **part)
+
+
+def test_the_force_of_a_stretched_segment_is_the_slope_of_the_energy(law: Learned) -> None:
+    worm = Worm(segment=law, segments=1, kelvin_voigt_time=0.0)
+    length = np.linspace(0.7, 1.15, 40) * worm.l0
+    found = worm3d.stretch_segment(worm, length, np.linspace(0.0, 1.0, 40))
+
+    def energy(at: np.ndarray) -> np.ndarray:
+        return 2.0 * learned_laws.evaluated(CONTENT, at, np.zeros_like(at))[0]
+
+    h = 1e-5
+    assert_allclose(found.force, (energy(length + h) - energy(length - h)) / (2.0 * h), rtol=0, atol=1e-6)
+    assert_allclose(np.cumsum(found.elastic), energy(length) - energy(length[:1]), rtol=0, atol=1e-13)
+    with pytest.raises(ValueError, match=r"must be above 0.08333 and below 0.2 m, the domain of the segment law"):
+        worm3d.stretch_segment(worm, [0.15, 0.3], [0.0, 1.0])
+
+
+def changed(path: str, value: Any) -> Callable[[dict[str, Any]], Any]:
+    """Return a function that sets the value at a path of keys in the content of a file."""
+
+    def change(content: dict[str, Any]) -> None:
+        *inner, last = path.split(".")
+        for key in inner:
+            content = content[key]
+        content[last] = value
+
+    return change
+
+
+WEIGHTS = CONTENT["energy"]["weights"]
+WRONG = {
+    "kind": ("other", r"kind: got 'other', must be 'worm3d segment law'; this is a file of something else"),
+    "version": (2, r"version: got 2, must be 1; make the file again"),
+    "rest_length_m": (98.0, r"rest_length_m: got 98.0, must be between 0 and 10 m: lengths are in metres"),
+    "rest_radius_m": (0.09, r"rest_radius_m: got 0.09, must be the radius of the network at rest, 0.058"),
+    "stiffness_N": (float("nan"), r"stiffness_N: got nan, must be between 0 and inf"),
+    "energy.weights": (WEIGHTS[1:], r"energy.weights: got 66 numbers, must be 67 for the sizes \[2, 6, 6, 1\]"),
+    "radius.weights": ([float("nan")] * 25, r"radius.weights: number 0 is nan, must be finite; the fit has failed"),
+    "energy.sizes": ([2, 8, 1], r"energy.sizes: got \[2, 8, 1\], must be \[2, 6, 6, 1\]"),
+    "bending_Nm": ([0.1], r"bending_Nm: got 1 numbers, must be 6: 1, x, y, x\^2, x y, y\^2"),
+    "input.unit": ("kPa", r"input.unit: got 'kPa', must be 'Pa' for pressure; convert the table"),
+    "input.name": ("water", r"input.name: got 'water', must be one of 'pressure', 'cable'"),
+    "input.value": ([0, 1, 3, 2, 5, 6], r"input.value: number 3 is 2 after 3, must ascend; leave out states in which"),
+    "input.contraction": ([], r"input.value: got 6 numbers, must be 0, as many as contractions"),
+    "scales.x_half": (0.0, r"scales.x_half: got 0.0, must be between 0 and inf"),
+    "domain.length_m": ([0.2, 0.3], r"domain.length_m: got 0.2 to 0.3, must be in metres and include the rest length"),
+    "domain.contraction": ([0.0, 1.5], r"domain.contraction: got 0 to 1.5, must be from 0 to a number below 1"),
+    "chamber_offset_m": (0.057, r"radius: falls to 0.05\d+ m in the domain, must stay above chamber_offset_m"),
+}
+
+
+@pytest.mark.parametrize("path", WRONG)
+def test_a_wrong_value_in_a_file_is_named(path: str, tmp_path: Path) -> None:
+    value, sentence = WRONG[path]
+    content = json.loads(json.dumps(CONTENT))
+    changed(path, value)(content)
+    with pytest.raises(ValueError, match=rf"segment law 'barrel.json': {sentence}"):
+        Learned(str(learned_laws.written(tmp_path, content)))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "the file is empty; make it with 'worm3d law'"),
+        ("length_m, force_N", "is no JSON, Expecting value: line 1"),
+        ("[1, 2]", "the file: got list, must be an object with keys"),
+        ('{"kinds": 1}', "kind: is missing; the file has 'kinds'"),
+    ],
+)
+def test_a_file_that_is_no_law_is_refused(text: str, sentence: str, tmp_path: Path) -> None:
+    path = tmp_path / "barrel.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f"segment law 'barrel.json': {sentence}"):
+        Learned(str(path))
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"segment law 'none.json': there is no such file in"):
+        Learned(str(tmp_path / "none.json"))

@@ -1,0 +1,232 @@
+"""Segment laws, which relate the shape of a segment to its energy and to the places of its contact points.
+
+A segment has two chambers, left and right. Chamber c has the length l_c of (E2) in `worm3d.physics.elements`. Its state
+of command is the rest length l_cmd = l0 (1 - a), where a is the contraction that the actuator has reached. A segment
+law gives, in CasADi symbols,
+
+    springs   of each chamber: an energy U(l_c, l_cmd), and possibly a second energy of an angle of the chamber (S1)
+    dampers   on the same coordinates                                                                       (S2)
+    bending   a further energy of the whole segment, B(l, th, l_cmd of both chambers)                       (S3)
+    outline   of each chamber: height h(l_c, l_cmd) and outward distance w(l_c, l_cmd)                      (S4)
+
+The apexes of chamber c below and above are at m +- b d -+ h u, and the outward apex is at m +- w d, in the notation of
+(E3). If the outline depends on l_cmd, the command moves contact points at a constant shape of the segment. In a step,
+the work of the command on these points is f . (dX/dl_cmd) dl_cmd, where f is the gradient of the potential of the
+points at the end of the step. The energy ledger counts this work as work of the actuators.
+
+A segment law is a dataclass. Its numeric fields, and `further_inputs`, are inputs of the kernels, which are generated
+and compiled once per class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from worm3d.physics.body import Body
+from worm3d.physics.part import Part, Symbol, Symbols
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import parameters_of
+
+SEGMENT_LAWS: dict[str, type[SegmentLaw]] = {}
+"""Class of each segment law by name."""
+
+SEGMENT_INPUTS = ("link", "offset", "k", "k_apex", "l0", "tau")
+"""Names of the inputs of a segment law other than parameters and `further_inputs`."""
+
+GREATEST_LENGTH = 20.0
+"""Greatest length of a chamber without links, in rest lengths of the segment. It bounds only the iterates of Newton's
+method. No worm comes close to this length, so that half and double this value change nothing."""
+
+
+class Spring(NamedTuple):
+    """A spring of a chamber with a damper, (S1) and (S2)."""
+
+    energy: Callable[[Symbol, Symbol], Symbol]
+    """Function of the coordinate and of the chamber's commanded rest length [m] that returns the energy [J]."""
+    damping: Symbol
+    """Force, or moment, of the damper divided by the rate of the coordinate."""
+
+
+class Domain(NamedTuple):
+    """Range of shapes and commands in which a segment law is valid, for each segment, shape (N,)."""
+
+    shortest: FloatArray
+    """Least length of a chamber [m]."""
+    longest: FloatArray
+    """Greatest length of a chamber [m]."""
+    least: FloatArray
+    """Least contraction of a chamber."""
+    greatest: FloatArray
+    """Greatest contraction of a chamber."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SegmentLaw(Part, registry=SEGMENT_LAWS):
+    """Base class of all segment laws: a frozen dataclass with fields made by `worm3d.values.parameters.parameter`.
+
+    The class statement gives a subclass its name, for example `class Barrel(SegmentLaw, name="barrel")`. A subclass
+    defines at least `outline`. The argument `segment` of `worm3d.Worm` selects the law. Without further definitions, a
+    chamber has the spring (E4) and the damper of the rhombus, and no angle.
+    """
+
+    known: ClassVar[tuple[str, ...]] = SEGMENT_INPUTS
+    told: ClassVar[tuple[str, ...]] = ("further_inputs", "has_links")
+    has_links: ClassVar[bool] = False
+    """Whether a chamber is a rhombus of links. Parts that use the length of the links need such a segment law."""
+    further_inputs: ClassVar[Mapping[str, int]] = {}
+    """Number of values of each further input by name, such as the weights of a network."""
+
+    @classmethod
+    def inputs(cls) -> dict[str, int]:
+        """Return the number of values of each input that the law adds to the inputs of a segment, by name."""
+        numeric = (name for name, known in parameters_of(cls).items() if known.hint is not str)
+        return {**dict.fromkeys(numeric, 1), **cls.further_inputs}
+
+    @classmethod
+    def angle(cls, s: Symbols, length: Symbol, bend: Symbol) -> Symbol:
+        """Return the second coordinate of a chamber [rad]. The default is the bend of the segment.
+
+        Parameters
+        ----------
+        s : mapping of str to SX
+            Inputs by name: the length "link" of the links [m] (only if `has_links`), the distance "offset" of the
+            chambers from the axis [m], the stiffness of the segment's springs "k" [N] and of its apex hinges "k_apex"
+            [N m/rad], the rest length "l0" [m] and the Kelvin-Voigt time "tau" [s], then the parameters of the law and
+            the columns of `further_inputs`.
+        length : SX
+            Length of the chamber [m].
+        bend : SX
+            Bend of the segment [rad].
+        """
+        return bend
+
+    @classmethod
+    def springs(cls, s: Symbols) -> tuple[Spring, ...]:
+        """Return the springs (S1) of a chamber: one on its length, or a second one on its `angle`."""
+        return (lengthwise(s),)
+
+    @classmethod
+    def bending(cls, s: Symbols, length: Symbol, bend: Symbol, commanded: Symbol) -> Symbol:
+        """Return the further energy (S3) of a segment [J].
+
+        Parameters
+        ----------
+        s : mapping of str to SX
+            As in `angle`.
+        length, bend : SX
+            Length of the segment on its axis [m], and its bend [rad].
+        commanded : SX, shape (2,)
+            Commanded rest lengths of the chambers [left, right] [m].
+        """
+        return 0.0
+
+    @classmethod
+    def outline(cls, s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:
+        """Return height h and outward distance w of a chamber, (S4) [m].
+
+        The arguments are the inputs as in `angle`, and the length and commanded rest length of the chamber [m].
+        """
+        raise NotImplementedError
+
+    def values(self, worm: Body) -> Mapping[str, Any]:
+        """Return the inputs of the law by name: a number, N numbers, or a column with a number for each value."""
+        return {name: getattr(self, name) for name in parameters_of(type(self)) if name in self.inputs()}
+
+    def implied(self, segments: int) -> Mapping[str, Any]:
+        """Return the arguments of `worm3d.Worm` that follow from the law, by name, for a worm of N segments."""
+        return {}
+
+    def suited(self) -> Mapping[str, Any]:
+        """Return further arguments of `worm3d.Worm` that suit the law, by name. Other values are allowed, too."""
+        return {}
+
+    def face_radius(self, worm: Body) -> FloatArray:
+        """Return the radius of the end faces that each segment would have at an end of the worm, shape (N,) [m]."""
+        return np.asarray(worm.half_height)
+
+    def reach(self, worm: Body) -> FloatArray:
+        """Return half of the greatest length of a chamber for which there is a shape, shape (N,) [m].
+
+        During Newton's method, a chamber can have any length below twice this value.
+        """
+        return np.full(worm.segments, GREATEST_LENGTH / 2.0 * worm.l0)
+
+    def possible(self, worm: Body) -> tuple[FloatArray, FloatArray, str]:
+        """Return the bounds of the length of a chamber in a `worm3d.State`, shape (N,) [m], and their reason."""
+        return np.zeros(worm.segments), 2.0 * self.reach(worm), f"{GREATEST_LENGTH:g} rest lengths"
+
+    def flattened_length(self, worm: Body) -> FloatArray:
+        """Return the length above which a chamber is flattened, shape (N,) [m]; infinite without links."""
+        return np.full(worm.segments, np.inf)
+
+    def domain(self, worm: Body) -> Domain:
+        """Return the domain of the law. The base class has no limits other than those of a shape."""
+        none = np.full(worm.segments, np.inf)
+        return Domain(np.zeros(worm.segments), 2.0 * self.reach(worm), -none, none)
+
+    def flattening_weight(self, worm: Body, contraction: float) -> FloatArray:
+        """Return the weight that flattens each segment, shape (N,) [N]. Without links there is no such weight."""
+        return np.full(worm.segments, np.inf)
+
+    def free_outlines(self, worm: Body, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the outlines, as in `outlines`, of chambers that have their free length at some contraction.
+
+        `length` has the shape (N, K) [m]. The contraction is the nearest one in the domain.
+        """
+        domain = self.domain(worm)
+        contraction = np.clip(1.0 - length / worm.l0, domain.least[:, None], domain.greatest[:, None])
+        return self.outlines(worm, length, contraction)
+
+    def outlines(self, worm: Body, length: FloatArray, contraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return heights h and outward distances w of chambers, each of shape (N, K) [m].
+
+        Parameters
+        ----------
+        worm : Worm
+        length, contraction : ndarray, shape (N, K)
+            Lengths [m] and contractions of K chambers, or of a chamber at K instants, of each segment.
+
+        NaN marks a length for which the chamber has no shape.
+        """
+        length, contraction = np.broadcast_arrays(np.asarray(length, dtype=float), contraction)
+        columns = [np.repeat(row, length.shape[1], axis=1) for row in columns_of(self, worm).values()]
+        commanded = worm.l0 * (1.0 - contraction)
+        found = _outlines(type(self))(length.reshape(1, -1), commanded.reshape(1, -1), *columns).full()
+        height, outward = found.reshape(2, *length.shape)
+        return height, outward
+
+
+def lengthwise(s: Symbols) -> Spring:
+    """Return the spring (E4) of a chamber on its length, with the Kelvin-Voigt damping tau k/(2 l0)."""
+    from worm3d.physics.elements import chamber_energy  # parameters do not need casadi
+
+    damping = s["tau"] * s["k"] / (2.0 * s["l0"])
+    return Spring(lambda at, commanded: chamber_energy(s["k"], s["l0"], at, commanded), damping)
+
+
+def columns_of(law: SegmentLaw, worm: Body) -> dict[str, FloatArray]:
+    """Return the inputs of a law by name: `SEGMENT_INPUTS`, then `SegmentLaw.inputs`, each of shape (size, N)."""
+    own = {"link": law.reach(worm), "offset": worm.chamber_offset, "k": worm.k_spring, "k_apex": worm.k_apex}
+    own |= {"l0": worm.l0, "tau": worm.kelvin_voigt_time, **law.values(worm)}
+    sizes = dict.fromkeys(SEGMENT_INPUTS, 1) | law.inputs()
+    return {
+        name: np.broadcast_to(np.asarray(own[name], dtype=float), (size, worm.segments)) for name, size in sizes.items()
+    }
+
+
+@cache
+def _outlines(kind: Any) -> Any:
+    """Return a CasADi function of length, commanded rest length and the columns of `columns_of`: the outline (2)."""
+    import casadi as ca
+
+    sizes = dict.fromkeys(SEGMENT_INPUTS, 1) | kind.inputs()
+    s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    length, commanded = ca.SX.sym("length"), ca.SX.sym("commanded")
+    seen = {name: each for name, each in s.items() if name != "link" or kind.has_links}
+    outline = ca.vertcat(*kind.outline(seen, length, commanded))
+    return ca.Function("outline", [length, commanded, *s.values()], [outline])

@@ -1,0 +1,136 @@
+"""A segment law learned from finite elements or from measurements.
+
+A chamber has the length l and the contraction a, which is the contraction that it would have without load. With
+s = 1 - l/(l0 (1 - a)), x = (l/l0 - x_mid)/x_half and y = (a - y_mid)/y_half,
+
+    U(l, a) = s^2 (k l0/4 + E N_U(x, y))         energy of a chamber                                        (L1)
+    R(l, a) = R_mid + R_scale N_R(x, y)          outer radius of the segment at a chamber                   (L2)
+    B = m(x, y) th^2/2                           energy of bending, x and y at the mean of both chambers    (L3)
+
+N_U and N_R are networks (`worm3d.physics.segment_laws.network`), and m is a polynomial of degree 2. For every a, value
+and slope of U are 0 at the free length l0 (1 - a). Without a network, U is the spring (E4). The cross-section is a
+circle with the radius R about the axis of the segment. Below and above chamber c the apexes are therefore at the height
+sqrt(R^2 - b^2), and outward at the distance R. There are no links. The chambers have the Kelvin-Voigt damping
+tau k/(2 l0) on their length.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from worm3d.physics.body import Body
+from worm3d.physics.part import Symbol, Symbols
+from worm3d.physics.segment_laws.file import BENDING_TERMS, SCALES, LawFile, parsed, text_of
+from worm3d.physics.segment_laws.law import Domain, SegmentLaw, Spring
+from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, network, weights_of
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+
+@documented
+@dataclass(frozen=True, eq=False)
+class Learned(SegmentLaw, name="learned"):
+    """Energy, radius and bending stiffness of a segment from a file that 'worm3d law' writes, (L1) to (L3).
+
+    The sizes and the stiffness of the worm follow from the file. A run that leaves the domain of the file stops.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, or a value in the file is missing or not allowed.
+    """
+
+    further_inputs: ClassVar[Mapping[str, int]] = {
+        "energy": weights_of(ENERGY_SIZES),
+        "radius": weights_of(RADIUS_SIZES),
+        "bending": BENDING_TERMS,
+        "scales": len(SCALES),
+    }
+
+    file: str = parameter("", "file of the law, beside the scene, or the name of a law that comes with worm3d")
+    content: str = field(default="", repr=False)
+    """Text of the file. It is read from `file` if it is empty. Files of results contain this text."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "file", os.fspath(self.file))
+        super().__post_init__()
+        if not self.content:
+            object.__setattr__(self, "content", text_of(self.file))
+        vars(self)["_law"] = parsed(self.content, os.path.basename(self.file))
+
+    @property
+    def law(self) -> LawFile:
+        """Content of the file."""
+        found: LawFile = vars(self)["_law"]
+        return found
+
+    @classmethod
+    def springs(cls, s: Symbols) -> tuple[Spring, ...]:
+        """Return the energy (L1)."""
+
+        def energy(length: Symbol, commanded: Symbol) -> Symbol:
+            strain = 1.0 - length / commanded
+            own = network(s["energy"], ENERGY_SIZES, _scaled(s, length, commanded))
+            return strain**2 * (s["k"] * s["l0"] / 4.0 + s["scales"][SCALES.index("energy_J")] * own)
+
+        return (Spring(energy, s["tau"] * s["k"] / (2.0 * s["l0"])),)
+
+    @classmethod
+    def bending(cls, s: Symbols, length: Symbol, bend: Symbol, commanded: Symbol) -> Symbol:
+        """Return the energy (L3)."""
+        x, y = _scaled(s, length, (commanded[0] + commanded[1]) / 2.0)
+        m = sum(s["bending"][k] * term for k, term in enumerate((1.0, x, y, x * x, x * y, y * y)))
+        return m * bend**2 / 2.0
+
+    @classmethod
+    def outline(cls, s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:
+        """Return sqrt(R^2 - b^2) and R, (L2)."""
+        middle, scale = (s["scales"][SCALES.index(name)] for name in ("radius_mid_m", "radius_m"))
+        radius = middle + scale * network(s["radius"], RADIUS_SIZES, _scaled(s, length, commanded))
+        return (radius**2 - s["offset"] ** 2) ** 0.5, radius
+
+    def values(self, worm: Body) -> Mapping[str, Any]:
+        """Return weights, coefficients and scales, each of shape (size, 1)."""
+        law = self.law
+        scales = np.array([law.scales[name] for name in SCALES])
+        own = {"energy": law.energy, "radius": law.radius, "bending": law.bending, "scales": scales}
+        return {name: each[:, None] for name, each in own.items()}
+
+    def implied(self, segments: int) -> Mapping[str, Any]:
+        """Return the sizes and the stiffness of the worm."""
+        law = self.law
+        return {
+            "length": segments * law.rest_length,
+            "chamber_offset": law.chamber_offset,
+            "half_height": float(np.sqrt(law.rest_radius**2 - law.chamber_offset**2)),
+            "k_spring": law.stiffness,
+        }
+
+    def suited(self) -> Mapping[str, Any]:
+        """Return the stroke from 0 to the greatest contraction of the domain."""
+        return {"stroke": (0.0, self.law.most_contraction)}
+
+    def face_radius(self, worm: Body) -> FloatArray:
+        """Return the radius of the end plates."""
+        return np.full(worm.segments, self.law.plate_radius)
+
+    def possible(self, worm: Body) -> tuple[FloatArray, FloatArray, str]:
+        """Return the lengths of the domain."""
+        domain = self.domain(worm)
+        return domain.shortest, domain.longest, "the domain of the segment law"
+
+    def domain(self, worm: Body) -> Domain:
+        """Return the domain of the file."""
+        bounds = (*self.law.length, 0.0, self.law.most_contraction)
+        return Domain(*(np.full(worm.segments, bound) for bound in bounds))
+
+
+def _scaled(s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:
+    """Return the inputs x and y of the networks."""
+    x_mid, x_half, y_mid, y_half = (s["scales"][k] for k in range(4))
+    return (length / s["l0"] - x_mid) / x_half, (1.0 - commanded / s["l0"] - y_mid) / y_half
