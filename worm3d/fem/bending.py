@@ -23,9 +23,9 @@ Nonlinear Continuum Mechanics for Finite Element Analysis (2008), sections 8.5 a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -33,6 +33,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 import skfem
 
+from worm3d.fem.description import Segment
 from worm3d.fem.potential import Assembly, Potential
 from worm3d.values.arrays import BoolArray, FloatArray, IntArray
 
@@ -56,8 +57,8 @@ QUARTERS = 4.0
 """Number of quarters of a segment."""
 
 
-class Load(NamedTuple):
-    """What is held and applied: distance of the plates, their angle, and gauge pressure."""
+class Condition(NamedTuple):
+    """Held distance of the plates, held angle between the plates, and gauge pressure."""
 
     length_m: float
     bend_rad: float
@@ -70,7 +71,7 @@ class BentState:
 
     Attributes
     ----------
-    load : Load
+    condition : Condition
         Length, bend and pressure.
     force_N, moment_Nm, bending_stiffness_Nm : float
         First derivatives of the potential by length and bend, and second derivative by the bend [N m/rad], (FB3).
@@ -84,7 +85,7 @@ class BentState:
         Newton iterations since the start.
     """
 
-    load: Load
+    condition: Condition
     force_N: float
     moment_Nm: float
     bending_stiffness_Nm: float
@@ -104,20 +105,20 @@ class QuarterModel:
 
     Parameters
     ----------
-    description : Description
+    segment : Segment
         The segment.
     along, around : int
         Number of elements along half of the length, and around half of the circumference.
     """
 
-    def __init__(self, description: Any, along: int = 12, around: int = 8) -> None:
-        self.description = description
-        self.mesh, self.grid = _mesh(description, along, around)
+    def __init__(self, segment: Segment, along: int = 12, around: int = 8) -> None:
+        self.segment = segment
+        self.mesh, self.grid = _mesh(segment, along, around)
         basis = skfem.Basis(self.mesh, skfem.ElementHex2(), intorder=QUADRATURE_ORDER)
         multiplier = basis.with_element(skfem.ElementHex1())
         self.nodes = basis.N
         size = 3 * basis.N + multiplier.N
-        self.wall = _wall(description, basis, multiplier)
+        self.wall = _wall(segment, self.grid, basis, multiplier)
         self.volume = _volume(self.mesh, self.grid)
         self.assembly = Assembly([self.wall.unknowns, self.volume.unknowns], size)
         self.rim = np.flatnonzero(self.grid[0] == 1.0)
@@ -125,16 +126,16 @@ class QuarterModel:
         self.free = np.flatnonzero(~self.held)
         self.rest = np.concatenate([self.mesh.doflocs.T.ravel(), np.zeros(multiplier.N)])
 
-    def placed(self, load: Load) -> FloatArray:
+    def placed(self, condition: Condition) -> FloatArray:
         """Return the positions of the rim, (FB1), shape (rim nodes, 3)."""
-        offset = np.array([0.0, 0.0, load.length_m / 2.0])
-        return self._arms @ _rotation(load.bend_rad / 2.0, 0).T + offset
+        offset = np.array([0.0, 0.0, condition.length_m / 2.0])
+        return self._arms @ _rotation(condition.bend_rad / 2.0, 0).T + offset
 
-    def rates(self, load: Load) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def rates(self, condition: Condition) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the derivatives of (FB1): by length, by bend, twice by bend; each of shape (rim nodes, 3)."""
         by_length = np.zeros((len(self.rim), 3))
         by_length[:, 2] = 0.5
-        turned = [self._arms @ _rotation(load.bend_rad / 2.0, order).T / 2.0**order for order in (1, 2)]
+        turned = [self._arms @ _rotation(condition.bend_rad / 2.0, order).T / 2.0**order for order in (1, 2)]
         return by_length, turned[0], turned[1]
 
     def derivatives(self, v: FloatArray, pressure: float) -> tuple[FloatArray, sp.csc_matrix]:
@@ -146,86 +147,143 @@ class QuarterModel:
     def potential(self, state: BentState) -> float:
         """Return Pi [J], (FB2)."""
         wall, enclosed = self.wall.value(state.unknowns), self.volume.value(state.unknowns)
-        return QUARTERS * (wall - state.load.pressure_Pa * enclosed)
+        return QUARTERS * (wall - state.condition.pressure_Pa * enclosed)
 
     @property
     def _arms(self) -> FloatArray:
         """Positions of the rim from the centre of the plate at rest, shape (rim nodes, 3)."""
-        return self.mesh.doflocs.T[self.rim] * (1.0, 1.0, 0.0)
+        return self.mesh.doflocs.T[self.rim] - (0.0, 0.0, self.segment.rest_length / 2.0)
 
 
-def equilibrium(model: QuarterModel, load: Load, start: BentState | None = None) -> BentState:
-    """Return the equilibrium at a load, by continuation in a straight line of loads.
+def equilibrium(model: QuarterModel, condition: Condition, start: BentState | None = None) -> BentState:
+    """Return the equilibrium at a condition, by continuation along a straight line of conditions.
 
     Parameters
     ----------
     model : QuarterModel
         The segment.
-    load : Load
-        Length, bend and pressure.
+    condition : Condition
+        Distance of the plates, angle and pressure.
     start : BentState, optional
         An equilibrium nearby. Default: the segment at rest.
 
     Raises
     ------
     NoEquilibriumError
-        The continuation stops before the load.
+        The continuation stops before the condition. The message gives the last condition that was reached.
     """
-    rest = Load(model.description.rest_length_m, 0.0, 0.0)
-    here, v, count = (rest, model.rest, 0) if start is None else (start.load, start.unknowns, 0)
-    begin, done, step = np.array(here), 0.0, 1.0
+    begin, v = (
+        (Condition(model.segment.rest_length, 0.0, 0.0), model.rest)
+        if start is None
+        else (start.condition, start.unknowns)
+    )
+    done, step, count = 0.0, 1.0, 0
     while done < 1.0:
-        ahead = Load(*(begin + min(done + step, 1.0) * (np.array(load) - begin)))
-        found, used = _newton(model, v, ahead)
+        step = min(step, 1.0 - done)
+        found, used = _newton(model, v, _between(begin, condition, done + step))
         count += used
         if found is None:
             step /= 2.0
         else:
-            v, done, step = found, min(done + step, 1.0), 2.0 * step
+            v, done, step = found, done + step, 2.0 * step
         if step < SMALLEST_STEP:
-            reached = Load(*(begin + done * (np.array(load) - begin)))
             raise NoEquilibriumError(
-                f"bent segment: found no equilibrium at {_said(load)}; the continuation stopped at {_said(reached)}; "
-                "the wall probably buckles there, so leave the state out or use more pressure"
+                f"bent segment: found no equilibrium at {_said(condition)}; the continuation stopped at "
+                f"{_said(_between(begin, condition, done))}; use more pressure there, or leave the state out"
             )
-    return _state(model, v, load, count)
+    return _measured(model, v, condition, count)
 
 
 def bent_states(
-    description: Any,
+    segment: Segment,
     states: Iterable[tuple[float, float, float]],
     *,
     along: int = 12,
     around: int = 8,
     report: Callable[[str], None] = lambda _: None,
-) -> list[Mapping[str, float]]:
-    """Return the rows of a table of states with bent plates.
+) -> list[dict[str, float]]:
+    """Return rows of a table of states with bent plates.
 
-    Each state starts from the nearest one that is solved. The order of the rows is the order of the states.
+    The continuation to a state starts from the nearest solved state. States without an equilibrium are left out.
 
     Parameters
     ----------
-    description : Description
-        The segment.
+    segment : Segment
+        The segment, with its input: gauge pressure, or a cable between the centres of the plates.
     states : iterable of (float, float, float)
-        Length [m], bend [rad] and pressure [Pa] of each state.
+        Length [m], bend [rad] and input [Pa or N] of each state.
     along, around : int
         Number of elements along half of the length, and around half of the circumference.
     report : callable, optional
         Called with a sentence after each state.
+
+    Returns
+    -------
+    list of dict
+        A row for each state, in the order of the states, with the keys `length_m`, `bend_rad`, `pressure_Pa` or
+        `cable_N`, `force_N`, `moment_Nm`, `radius_m`, `volume_m3` and `stable` (0 or 1). `force_N` includes the cable's
+        tension.
     """
-    raise NotImplementedError
+    model = QuarterModel(segment, along, around)
+    given = [tuple(map(float, state)) for state in states]
+    pressed = segment.load.input == "pressure_Pa"
+    conditions = [Condition(length, bend, value if pressed else 0.0) for length, bend, value in given]
+    solved = dict(_solved(model, conditions, report))
+    return [_row(segment.load.input, given[i][2], solved[i]) for i in sorted(solved)]
 
 
-def _newton(model: QuarterModel, v: FloatArray, load: Load) -> tuple[FloatArray | None, int]:
+def _solved(
+    model: QuarterModel, conditions: list[Condition], report: Callable[[str], None]
+) -> Iterator[tuple[int, BentState]]:
+    """Yield the index and the equilibrium of each condition, each started from the nearest one before."""
+    rest = np.array([(model.segment.rest_length, 0.0, 0.0)])
+    points = np.concatenate([rest, np.array(conditions).reshape(-1, 3)])
+    points /= np.maximum(np.abs(points).max(axis=0), np.finfo(float).tiny)
+    distance = np.linalg.norm(points[:, None] - points, axis=-1)
+    reached: dict[int, BentState | None] = {0: None}
+    left = list(range(1, len(points)))
+    while left:
+        near = distance[np.ix_(list(reached), left)]
+        start, at = np.unravel_index(near.argmin(), near.shape)
+        index = left.pop(at)
+        try:
+            state = equilibrium(model, conditions[index - 1], reached[list(reached)[start]])
+        except NoEquilibriumError as error:
+            report(str(error))
+            continue
+        reached[index] = state
+        report(f"{len(points) - 1 - len(left)} of {len(points) - 1}: {_said(state.condition)}")
+        yield index - 1, state
+
+
+def _row(name: str, value: float, state: BentState) -> dict[str, float]:
+    """Return a row of the table."""
+    return {
+        "length_m": state.condition.length_m,
+        "bend_rad": state.condition.bend_rad,
+        name: value,
+        "force_N": state.force_N + (value if name == "cable_N" else 0.0),
+        "moment_Nm": state.moment_Nm,
+        "radius_m": state.radius_m,
+        "volume_m3": state.volume_m3,
+        "stable": float(state.stable),
+    }
+
+
+def _between(begin: Condition, end: Condition, part: float) -> Condition:
+    """Return the condition after a part of the way. The end is exact."""
+    return end if part == 1.0 else Condition(*((1.0 - part) * np.array(begin) + part * np.array(end)))
+
+
+def _newton(model: QuarterModel, v: FloatArray, condition: Condition) -> tuple[FloatArray | None, int]:
     """Return the equilibrium near v, or None, and the number of iterations. The first iteration moves the plate."""
     v = v.copy()
     plate = _of(model.rim)
-    scale = model.description.rest_length_m
+    scale = model.segment.rest_length
     for iteration in range(1, NEWTON_ITERATIONS + 1):
-        gradient, K = model.derivatives(v, load.pressure_Pa)
+        gradient, K = model.derivatives(v, condition.pressure_Pa)
         moved = np.zeros(len(v))
-        moved[plate] = model.placed(load).ravel() - v[plate]
+        moved[plate] = model.placed(condition).ravel() - v[plate]
         residual = (gradient + K @ moved)[model.free]
         moved[model.free] = -_factored(K, model.free).solve(residual)
         largest = np.abs(moved[: 3 * model.nodes]).max() / scale
@@ -237,17 +295,17 @@ def _newton(model: QuarterModel, v: FloatArray, load: Load) -> tuple[FloatArray 
     return None, NEWTON_ITERATIONS
 
 
-def _state(model: QuarterModel, v: FloatArray, load: Load, iterations: int) -> BentState:
-    """Return what is measured at an equilibrium, (FB3)."""
-    gradient, K = model.derivatives(v, load.pressure_Pa)
+def _measured(model: QuarterModel, v: FloatArray, condition: Condition, iterations: int) -> BentState:
+    """Return the measures of an equilibrium, (FB3)."""
+    gradient, K = model.derivatives(v, condition.pressure_Pa)
     factored = _factored(K, model.free)
     reaction = gradient[_of(model.rim)]
-    by_length, by_bend, twice = (rate.ravel() for rate in model.rates(load))
+    by_length, by_bend, twice = (rate.ravel() for rate in model.rates(condition))
     moved = np.zeros(len(v))
     moved[_of(model.rim)] = by_bend
     moved[model.free] = -factored.solve((K @ moved)[model.free])
     return BentState(
-        load=load,
+        condition=condition,
         force_N=QUARTERS * float(reaction @ by_length),
         moment_Nm=QUARTERS * float(reaction @ by_bend),
         bending_stiffness_Nm=QUARTERS * float(moved @ (K @ moved) + reaction @ twice),
@@ -260,7 +318,7 @@ def _state(model: QuarterModel, v: FloatArray, load: Load, iterations: int) -> B
 
 
 def _factored(K: sp.csc_matrix, free: IntArray) -> spl.SuperLU:
-    """Return the factors of the rows and columns `free`. Pivots stay on the diagonal, so that their signs are inertia."""
+    """Return the factors of the rows and columns `free`. Pivots are diagonal, so their signs give the inertia."""
     options = {"SymmetricMode": True}
     return spl.splu(K[free][:, free].tocsc(), permc_spec="COLAMD", diag_pivot_thresh=0.0, options=options)
 
@@ -276,17 +334,20 @@ def _rotation(angle: float, order: int) -> FloatArray:
     return np.array([[c, 0.0, s], [0.0, 1.0 if order == 0 else 0.0, 0.0], [-s, 0.0, c]])
 
 
-def _said(load: Load) -> str:
-    return f"length {load.length_m:.4g} m, bend {load.bend_rad:.3g} rad, pressure {load.pressure_Pa:.4g} Pa"
+def _said(condition: Condition) -> str:
+    return (
+        f"length {condition.length_m:.4g} m, bend {condition.bend_rad:.3g} rad, pressure {condition.pressure_Pa:.4g} Pa"
+    )
 
 
-def _mesh(description: Any, along: int, around: int) -> tuple[skfem.MeshHex2, FloatArray]:
+def _mesh(segment: Segment, along: int, around: int) -> tuple[skfem.MeshHex2, FloatArray]:
     """Return the mesh, and the places of its nodes along (0 to 1), across the wall and around, shape (3, nodes)."""
     lines = (np.linspace(0.0, 1.0, n + 1) for n in (along, 1, around))
-    grid = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(*lines))
-    s, across, angle = grid.doflocs[0], grid.doflocs[1], np.pi * grid.doflocs[2]
-    r, z = description.wall(s, across)
-    return replace(grid, doflocs=np.array([r * np.cos(angle), r * np.sin(angle), z])), grid.doflocs
+    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(*lines))
+    grid = mesh.doflocs
+    r, z = segment.wall(grid[0], 2.0 * grid[1] - 1.0)
+    angle = np.pi * grid[2]
+    return replace(mesh, doflocs=np.array([r * np.cos(angle), r * np.sin(angle), z])), grid
 
 
 def _held(grid: FloatArray, rim: IntArray, size: int) -> BoolArray:
@@ -298,29 +359,37 @@ def _held(grid: FloatArray, rim: IntArray, size: int) -> BoolArray:
     return held
 
 
-def _wall(description: Any, basis: skfem.Basis, multiplier: skfem.Basis) -> Potential:
-    """Return the strain energy of the wall. Local variables: F row by row, and the multiplier over the shear modulus."""
+def _wall(segment: Segment, grid: FloatArray, basis: skfem.Basis, multiplier: skfem.Basis) -> Potential:
+    """Return the strain energy of the wall. Local variables: F row by row, and multiplier over shear modulus."""
     n = basis.Nbfun
     B = np.zeros((*basis.dx.shape, 10, 3 * n + multiplier.Nbfun))
-    for i in range(3):
-        B[:, :, 3 * i : 3 * i + 3, i * n : (i + 1) * n] = _gradients(basis)
+    B[:, :, :9, : 3 * n] = _gradients(basis)
     B[:, :, 9, 3 * n :] = _values(multiplier)
     unknowns = np.hstack([_coordinates(basis), 3 * basis.N + multiplier.element_dofs.T])
-    e = ca.SX.sym("e", 10)
+    e, c = ca.SX.sym("e", 10), ca.SX.sym("c", 7)
     F = ca.reshape(e[:9], 3, 3).T
-    rubber = description.rubber
-    density = rubber.density(F.T @ F) + rubber.constraint(ca.det(F), e[9] * rubber.shear_modulus)
-    return Potential(density, e, ca.SX.sym("c", 0), B, unknowns, basis.dx, np.zeros((0, *basis.dx.shape)))
+    strain = segment.density(F.T @ F, c[0:3], c[3:6], c[6])
+    density = strain + segment.rubber.constraint(ca.det(F), e[9] * segment.rubber.shear_modulus)
+    return Potential(density, e, c, B, unknowns, basis.dx, _directions(segment, grid, basis))
+
+
+def _directions(segment: Segment, grid: FloatArray, basis: skfem.Basis) -> FloatArray:
+    """Return the unit vectors along the meridian and around the axis, and the radius, shape (7, elements, points)."""
+    x, y, _ = np.asarray(basis.global_coordinates())
+    s = np.einsum("eqn,en->eq", _values(basis), grid[0][basis.element_dofs.T])
+    outward, forward = segment.profile.meridian(s.ravel())[1].reshape(2, *s.shape)
+    radius = np.hypot(x, y)
+    cosine, sine, zero = x / radius, y / radius, np.zeros_like(x)
+    return np.array([outward * cosine, outward * sine, forward, -sine, cosine, zero, radius])
 
 
 def _volume(mesh: skfem.MeshHex2, grid: FloatArray) -> Potential:
-    """Return V/4, (FB2). Local variables: F row by row, and y. The constant is the normal N, with n da = cof(F) N dA."""
+    """Return V/4, (FB2). Local variables: F row by row, and y. Constant: normal N, with n da = cof(F) N dA."""
     inner = np.flatnonzero((grid[1][mesh.facets] == 0.0).all(axis=0))
     basis = skfem.FacetBasis(mesh, skfem.ElementHex2(), facets=inner, intorder=QUADRATURE_ORDER)
     n = basis.Nbfun
     B = np.zeros((*basis.dx.shape, 10, 3 * n))
-    for i in range(3):
-        B[:, :, 3 * i : 3 * i + 3, i * n : (i + 1) * n] = _gradients(basis)
+    B[:, :, :9] = _gradients(basis)
     B[:, :, 9, n : 2 * n] = _values(basis)
     e, N = ca.SX.sym("e", 10), ca.SX.sym("N", 3)
     density = -e[9] * ca.dot(ca.cross(e[6:9], e[0:3]), N)  # N points out of the wall, into the gas
@@ -328,8 +397,9 @@ def _volume(mesh: skfem.MeshHex2, grid: FloatArray) -> Potential:
 
 
 def _gradients(basis: skfem.Basis) -> FloatArray:
-    """Return the gradients of the shape functions, shape (elements, points, 3, functions)."""
-    return np.array([basis.basis[i][0].grad for i in range(basis.Nbfun)]).transpose(2, 3, 1, 0)
+    """Return F row by row as a linear function of the positions, shape (elements, points, 9, 3 functions)."""
+    gradients = np.array([basis.basis[i][0].grad for i in range(basis.Nbfun)]).transpose(2, 3, 1, 0)
+    return np.kron(np.eye(3), gradients)
 
 
 def _values(basis: skfem.Basis) -> FloatArray:

@@ -1,7 +1,7 @@
 """Potentials integrated over finite elements: gradients and Hessians of densities that are CasADi expressions.
 
-A potential is the integral of a density w(e, c) over elements. The local variables e of a quadrature point are linear in
-the unknowns of its element, e = B v_e, and c are constants of the point. With the weight dX of a point
+A potential is the integral of a density w(e, c) over elements. The local variables e of a quadrature point are linear
+in the unknowns of its element, e = B v_e, and c are constants of the point. With the weight dX of a point
 
     Pi = sum w(B v_e, c) dX,   dPi/dv_e = sum B^T w' dX,   d2Pi/dv_e^2 = sum B^T w'' B dX.                     (FP1)
 """
@@ -21,7 +21,8 @@ class Potential:
     Parameters
     ----------
     density, local, constant
-        The density [J/m^3 or J/m^2], a scalar SX expression of the SX columns `local`, shape (m, 1), and `constant`, (c, 1).
+        The density [J/m^3 or J/m^2], a scalar SX expression of the SX columns `local` and `constant`, shapes (m, 1) and
+        (c, 1).
     B : ndarray, shape (elements, points, m, n)
         Local variables as linear functions of the unknowns of an element.
     unknowns : ndarray of int, shape (elements, n)
