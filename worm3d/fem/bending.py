@@ -31,14 +31,23 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
-import skfem
 
 from worm3d.fem.description import Segment
 from worm3d.fem.potential import Assembly, Potential
 from worm3d.values.arrays import BoolArray, FloatArray, IntArray
 
+try:
+    import skfem
+except ImportError as error:
+    raise ImportError("worm3d fem needs scikit-fem: pip install 'worm3d[fem]'") from error
+
 QUADRATURE_ORDER = 4
 """Degree of the polynomials that the quadrature integrates exactly: 3 x 3 x 3 points in an element."""
+
+PLATE_REFINEMENT = 0.7
+"""Grading of the mesh along the meridian: elements in the middle are longer than the mean by this fraction, elements at
+the plate are shorter by the same fraction. The wall bends sharply at the plate. Without grading, the error of the force
+of the example in `description` is five times as large."""
 
 NEWTON_ITERATIONS = 12
 """Largest number of Newton iterations for a step of the continuation. Steps that converge need 4 to 7; half as many
@@ -111,7 +120,7 @@ class QuarterModel:
         Number of elements along half of the length, and around half of the circumference.
     """
 
-    def __init__(self, segment: Segment, along: int = 12, around: int = 8) -> None:
+    def __init__(self, segment: Segment, along: int = 16, around: int = 5) -> None:
         self.segment = segment
         self.mesh, self.grid = _mesh(segment, along, around)
         basis = skfem.Basis(self.mesh, skfem.ElementHex2(), intorder=QUADRATURE_ORDER)
@@ -124,6 +133,8 @@ class QuarterModel:
         self.rim = np.flatnonzero(self.grid[0] == 1.0)
         self.held = _held(self.grid, self.rim, size)
         self.free = np.flatnonzero(~self.held)
+        inside = segment.wall(np.ones(1), -np.ones(1))[:, 0]
+        self.recess = float(np.pi * inside[0] ** 2 * (segment.rest_length - 2.0 * inside[1]))
         self.rest = np.concatenate([self.mesh.doflocs.T.ravel(), np.zeros(multiplier.N)])
 
     def placed(self, condition: Condition) -> FloatArray:
@@ -146,8 +157,12 @@ class QuarterModel:
 
     def potential(self, state: BentState) -> float:
         """Return Pi [J], (FB2)."""
-        wall, enclosed = self.wall.value(state.unknowns), self.volume.value(state.unknowns)
-        return QUARTERS * (wall - state.condition.pressure_Pa * enclosed)
+        v = state.unknowns
+        return QUARTERS * self.wall.value(v) - state.condition.pressure_Pa * self.enclosed(v)
+
+    def enclosed(self, v: FloatArray) -> float:
+        """Return the volume between wall and plates [m^3], with the recess between each plate and the inner edge."""
+        return QUARTERS * self.volume.value(v) + self.recess
 
     @property
     def _arms(self) -> FloatArray:
@@ -198,8 +213,8 @@ def bent_states(
     segment: Segment,
     states: Iterable[tuple[float, float, float]],
     *,
-    along: int = 12,
-    around: int = 8,
+    along: int = 16,
+    around: int = 5,
     report: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, float]]:
     """Return rows of a table of states with bent plates.
@@ -309,7 +324,7 @@ def _measured(model: QuarterModel, v: FloatArray, condition: Condition, iteratio
         force_N=QUARTERS * float(reaction @ by_length),
         moment_Nm=QUARTERS * float(reaction @ by_bend),
         bending_stiffness_Nm=QUARTERS * float(moved @ (K @ moved) + reaction @ twice),
-        volume_m3=QUARTERS * model.volume.value(v),
+        volume_m3=model.enclosed(v),
         radius_m=float(v[1 : 3 * model.nodes : 3].max()),
         stable=bool(np.sum(factored.U.diagonal() < 0.0) == len(v) - 3 * model.nodes),
         unknowns=v,
@@ -342,8 +357,9 @@ def _said(condition: Condition) -> str:
 
 def _mesh(segment: Segment, along: int, around: int) -> tuple[skfem.MeshHex2, FloatArray]:
     """Return the mesh, and the places of its nodes along (0 to 1), across the wall and around, shape (3, nodes)."""
-    lines = (np.linspace(0.0, 1.0, n + 1) for n in (along, 1, around))
-    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(*lines))
+    s, across, turn = (np.linspace(0.0, 1.0, n + 1) for n in (along, 1, around))
+    graded = s + PLATE_REFINEMENT / np.pi * np.sin(np.pi * s)
+    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(graded, across, turn))
     grid = mesh.doflocs
     r, z = segment.wall(grid[0], 2.0 * grid[1] - 1.0)
     angle = np.pi * grid[2]
