@@ -1,0 +1,369 @@
+"""Axisymmetric finite elements of a segment: equilibrium at held distance of the plates and held pressure.
+
+The mesh has one half of the segment, by symmetry. Displacements u = (u_r, u_z) are biquadratic, and the multiplier q of
+the volume is bilinear (Q2/Q1). With the deformation gradient F, whose entry around the axis is 1 + u_r/R, and J = det F,
+
+    Pi(u, q; l, p) = integral of (W(C) + q (J - 1) - q^2/(2 bulk)) dV  -  p V(u) + T l,                (A1)
+    V(u) = integral along the inner surface of pi r^2 dz,                                              (A2)
+
+with pressure p and tension T of a cable along the axis. Energies and forces are those of the whole segment. The plates
+hold u_z = (l - l0)/2 at the edge of the wall, and V includes the volume up to the plate. Thus the thrust of the pressure
+on the plates is included, and the tangent is symmetric. At equilibrium
+
+    force = dPi/dl,   V = -dPi/dp.                                                                     (A3)
+
+A state is stable if the tangent, on displacements that keep the volume, has no negative eigenvalue. The tangent of (A1)
+has one negative eigenvalue for each unknown of q; each further one is an unstable direction (Sylvester's law of inertia).
+
+Sources: Simo, Taylor, Pister, Comput. Methods Appl. Mech. Eng. 51:177 (1985) for the mixed form; Bonet and Wood, Nonlinear
+Continuum Mechanics for Finite Element Analysis (2008), section 8.5, for pressure as a potential.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvalsh
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.linalg import splu
+
+from worm3d.fem.description import Segment
+from worm3d.values.arrays import FloatArray
+
+try:
+    from skfem import Basis, ElementQuad1, ElementQuad2, ElementVector, FacetBasis, MeshQuad, MeshQuad2
+except ImportError as error:
+    raise ImportError("worm3d fem needs scikit-fem: pip install 'worm3d[fem]'") from error
+
+GAUSS_ORDER = 5
+"""Degree of the polynomials that the quadrature integrates exactly: three points in each direction, as usual for
+biquadratic elements. Degree 7 changes the force of the shipped barrel by less than its mesh error."""
+RESIDUAL_TOLERANCE = 1e-11
+"""Norm of the residual, in units of energy, divided by shear modulus times volume of the wall, at which Newton's method
+stops. Forces are then exact to about eight digits. Rounding prevents values below about 1e-14."""
+NEWTON_STEPS = 25
+"""Largest number of Newton steps. Converging states need 4 to 8, and up to 15 where fibres become slack."""
+SMALLEST_STEP = 1.0 / 64.0
+"""Smallest fraction of a Newton step that the line search tries. Smaller fractions rarely lead to a solution; a smaller
+step of the load does."""
+
+
+class Wall:
+    """Finite element model of the wall of a segment.
+
+    Parameters
+    ----------
+    segment : Segment
+    along, across : int
+        Number of elements along half of the segment, and through the wall.
+    held : str
+        Components of the displacement that the plate holds: "rz" for a clamped wall, "z" for a wall that slides on the
+        plate, "r" for a closed wall without a plate, whose profile ends on the axis.
+    """
+
+    def __init__(self, segment: Segment, along: int = 20, across: int = 1, held: str = "rz") -> None:
+        self.segment = segment
+        flat = MeshQuad.init_tensor(np.linspace(0.0, 1.0, along + 1), np.linspace(-1.0, 1.0, across + 1))
+        curved = MeshQuad2.from_mesh(flat)
+        s, depth = curved.doflocs
+        mesh = MeshQuad2(segment.wall(s, depth), curved.t)
+        basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=GAUSS_ORDER)
+        multipliers = basis.with_element(ElementQuad1())
+        self.displacements, self.size = basis.N, basis.N + multipliers.N
+        self.multipliers = multipliers.N
+
+        self._dofs = np.vstack([basis.element_dofs, basis.N + multipliers.element_dofs]).T
+        self._operator = _strain_operator(basis, multipliers)
+        radius, z = basis.global_coordinates()
+        self._weights = 4.0 * np.pi * radius * basis.dx  # 2 pi R for the ring, and twice for both halves
+        points = [*_directions(segment, mesh, basis, s, depth), radius]
+        self._parameters = np.array([each.ravel() for each in points])
+        self._density = _density(segment).map(radius.size)
+
+        def facets(axis: int, value: float) -> Any:
+            return flat.facets_satisfying(lambda x: np.isclose(x[axis], value), boundaries_only=True)
+
+        self._inside = _InnerSurface(FacetBasis(mesh, ElementVector(ElementQuad2()), facets=facets(1, -1.0)))
+        middle, plate = basis.get_dofs(facets(0, 0.0)), basis.get_dofs(facets(0, 1.0))
+        self.plate_z = plate.all("u^2") if "z" in held else np.zeros(0, dtype=int)
+        fixed = [middle.all("u^2"), self.plate_z, plate.all("u^1") if "r" in held else []]
+        self.held = np.unique(np.concatenate(fixed)).astype(int)
+        self.free = np.setdiff1d(np.arange(self.size), self.held)
+        self._outer = basis.get_dofs(facets(1, 1.0)).all("u^1")
+        self._nodes = basis.doflocs
+        corner = segment.wall(np.ones(1), -np.ones(1))[:, 0]
+        self._disc = 2.0 * np.pi * corner[0] ** 2 * (segment.rest_length / 2.0 - corner[1])  # from the edge to the plate
+        modulus = segment.rubber.shear_modulus
+        self.scale = np.full(self.size, segment.thickness_m)
+        self.scale[basis.N :] = modulus
+        self.energy_unit = modulus * float(self._weights.sum())
+        self._mesh = mesh, basis
+
+    def energy(self, x: FloatArray) -> tuple[float, FloatArray, csc_matrix]:
+        """Return the strain energy with the constraint [J], and its derivatives of first and second order.
+
+        Parameters
+        ----------
+        x : ndarray, shape (size,)
+            Displacements [m], then multipliers [Pa].
+        """
+        B, w = self._operator, self._weights
+        strains = np.einsum("eqij,ej->ieq", B, x[self._dofs])
+        found = self._density(strains.reshape(6, -1), self._parameters)
+        density, first, second = (each.full() for each in found)
+        first = first.reshape(6, *w.shape) * w
+        second = second.reshape(6, *w.shape, 6).transpose(1, 2, 0, 3) * w[:, :, None, None]
+        elements, unknowns = self._dofs.shape
+        local = B.reshape(elements, -1, unknowns).transpose(0, 2, 1) @ (second @ B).reshape(elements, -1, unknowns)
+        forces = np.einsum("eqij,ieq->ej", B, first)
+        gradient = np.bincount(self._dofs.ravel(), forces.ravel(), self.size)
+        return float((density.ravel() * w.ravel()).sum()), gradient, self._assembled(self._dofs, local)
+
+    def volume(self, x: FloatArray) -> tuple[float, FloatArray, csc_matrix]:
+        """Return the enclosed volume (A2) [m^3], and its derivatives of first and second order."""
+        volume, forces, local = self._inside.volume(x)
+        gradient = np.bincount(self._inside.dofs.ravel(), forces.ravel(), self.size)
+        return volume + self._disc, gradient, self._assembled(self._inside.dofs, local)
+
+    def _assembled(self, dofs: NDArray[np.intp], local: FloatArray) -> csc_matrix:
+        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+        return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
+
+    def lengths(self, x: FloatArray) -> float:
+        """Return the distance between the plates [m]."""
+        return self.segment.rest_length + 2.0 * float(x[self.plate_z].mean())
+
+    def radius(self, x: FloatArray) -> float:
+        """Return the greatest outer radius [m]."""
+        return float((self._nodes[0, self._outer] + x[self._outer]).max())
+
+    def at_length(self, length: float) -> FloatArray:
+        """Return the held displacements [m] at a distance of the plates [m], shape (held,)."""
+        return np.where(np.isin(self.held, self.plate_z), (length - self.segment.rest_length) / 2.0, 0.0)
+
+    def outline(self, x: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+        """Return the deformed mesh: points r, z [m], shape (2, M), elements, shape (4, E), displacements, (2, M)."""
+        mesh, basis = self._mesh
+        moved = np.array([x[basis.nodal_dofs[0]], x[basis.nodal_dofs[1]]])
+        points = mesh.doflocs[:, : moved.shape[1]]
+        return points + moved, mesh.t, moved
+
+
+class _InnerSurface:
+    """Volume (A2) inside the inner surface, both halves."""
+
+    def __init__(self, basis: Any) -> None:
+        normal_r, normal_z = basis.normals
+        tangent = np.stack([normal_z, -normal_r])  # the normal of the wall points to the axis, the tangent to the plate
+        value = np.array([each[0].value[0] for each in basis.basis])
+        slope = np.array([np.einsum("dfq,dfq->fq", each[0].grad[1], tangent) for each in basis.basis])
+        self.dofs = basis.element_dofs.T
+        self._radius, self._rise = basis.global_coordinates()[0], tangent[1]
+        self._value, self._slope = value.transpose(1, 2, 0), slope.transpose(1, 2, 0)
+        self._weights = 2.0 * np.pi * basis.dx
+
+    def volume(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return the volume [m^3], its derivatives by the unknowns of each facet, and its second derivatives."""
+        N, S, w = self._value, self._slope, self._weights
+        local = x[self.dofs]
+        r = self._radius + np.einsum("fqj,fj->fq", N, local)
+        rise = self._rise + np.einsum("fqj,fj->fq", S, local)
+        forces = np.einsum("fq,fqj->fj", 2.0 * w * r * rise, N) + np.einsum("fq,fqj->fj", w * r**2, S)
+        mixed = np.einsum("fq,fqi,fqj->fij", 2.0 * w * r, N, S)
+        second = np.einsum("fq,fqi,fqj->fij", 2.0 * w * rise, N, N) + mixed + mixed.transpose(0, 2, 1)
+        return float((w * r**2 * rise).sum()), forces, second
+
+
+def _strain_operator(basis: Any, multipliers: Any) -> FloatArray:
+    """Return the matrices from the unknowns of an element to (du_r/dR, du_r/dZ, du_z/dR, du_z/dZ, u_r/R, q).
+
+    The shape is (elements, points, 6, unknowns).
+    """
+    radius = basis.global_coordinates()[0]
+    zero = np.zeros_like(radius)
+    columns = [[*each[0].grad.reshape(4, *radius.shape), each[0].value[0] / radius, zero] for each in basis.basis]
+    columns += [[zero] * 5 + [np.broadcast_to(each[0].value, radius.shape)] for each in multipliers.basis]
+    return np.ascontiguousarray(np.array(columns).transpose(2, 3, 1, 0))
+
+
+def _directions(segment: Segment, mesh: Any, basis: Any, s: FloatArray, depth: FloatArray) -> FloatArray:
+    """Return the unit tangent of the meridian (r, z) at the quadrature points, shape (2, elements, points)."""
+    nodes = MeshQuad2(np.stack([s, depth]), mesh.t)
+    at = Basis(nodes, ElementQuad2(), intorder=GAUSS_ORDER).global_coordinates()[0]
+    return segment.profile.meridian(at.ravel())[1].reshape(2, *at.shape)
+
+
+def _density(segment: Segment) -> ca.Function:
+    """Return the function from strains and parameters to the density of (A1), its gradient and its second derivative.
+
+    Strains are those of `_strain_operator`; parameters are the tangent of the meridian (r, z) and the radius at rest.
+    """
+    e, parameters = ca.SX.sym("e", 6), ca.SX.sym("parameters", 3)
+    F = ca.SX(3, 3)  # entries that are not set stay structural zeros
+    F[0, 0], F[0, 1], F[1, 0], F[1, 1], F[2, 2] = 1.0 + e[0], e[1], e[2], 1.0 + e[3], 1.0 + e[4]
+    meridian, hoop = ca.vertcat(parameters[0], parameters[1], 0.0), ca.DM([0.0, 0.0, 1.0])
+    J = (F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]) * F[2, 2]
+    W = segment.density(F.T @ F, meridian, hoop, parameters[2]) + segment.rubber.constraint(J, e[5])
+    hessian, gradient = ca.hessian(W, e)
+    return ca.Function("density", [e, parameters], [W, gradient, ca.densify(hessian)])
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Equilibrium of a wall at a length and an input."""
+
+    wall: Wall
+    x: FloatArray
+    """Displacements [m] and multipliers [Pa], shape (size,)."""
+    length: float
+    """Distance between the plates [m]."""
+    input: float
+    """Pressure [Pa], or tension of the cable [N]."""
+    iterations: int = 0
+    """Newton steps that led to the state."""
+
+    @property
+    def is_cable(self) -> bool:
+        """Whether the input is a cable."""
+        return self.wall.segment.load.input == "cable_N"
+
+    @property
+    def pressure(self) -> float:
+        """Pressure [Pa]."""
+        return 0.0 if self.is_cable else self.input
+
+    @cached_property
+    def parts(self) -> tuple[float, FloatArray, csc_matrix, float, FloatArray]:
+        """Potential without cable [J], its derivatives of first and second order, volume [m^3], derivative of it."""
+        energy, gradient, tangent = self.wall.energy(self.x)
+        volume, slope, curvature = self.wall.volume(self.x)
+        p = self.pressure
+        return energy - p * volume, gradient - p * slope, tangent - p * curvature, volume, slope
+
+    @property
+    def potential(self) -> float:
+        """Potential (A1) [J]."""
+        return self.parts[0] + (self.input * self.length if self.is_cable else 0.0)
+
+    @property
+    def force(self) -> float:
+        """Axial force that holds the length (A3), positive in tension [N]."""
+        return float(self.parts[1][self.wall.plate_z].sum()) / 2.0 + (self.input if self.is_cable else 0.0)
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume [m^3]."""
+        return self.parts[3]
+
+    @property
+    def radius(self) -> float:
+        """Greatest outer radius [m]."""
+        return self.wall.radius(self.x)
+
+    @cached_property
+    def unstable_directions(self) -> int:
+        """Number of independent directions in which the state is unstable at held length; 0 for a stable state."""
+        free, scale = self.wall.free, self.wall.scale
+        scaled = self.parts[2][free][:, free].toarray() * scale[free, None] * scale[free]
+        return int(np.count_nonzero(eigvalsh(scaled) < 0.0)) - self.wall.multipliers
+
+    @property
+    def residual(self) -> float:
+        """Norm of the residual, relative (`RESIDUAL_TOLERANCE`)."""
+        free = self.wall.free
+        return float(np.linalg.norm(self.parts[1][free] * self.wall.scale[free])) / self.wall.energy_unit
+
+    def moved(self, step: FloatArray, length: float, value: float) -> State:
+        """Return the state after a step of the free unknowns, at a length and an input."""
+        x = self.x.copy()
+        x[self.wall.free] += step
+        x[self.wall.held] = self.wall.at_length(length)
+        return State(self.wall, x, length, value, self.iterations + 1)
+
+    def sensitivity(self, length: float, value: float) -> FloatArray:
+        """Return the derivative of the residual by a parameter t with dl/dt = length, d(input)/dt = value."""
+        wall, (_, _, tangent, _, slope) = self.wall, self.parts
+        held = wall.at_length(length + wall.segment.rest_length)
+        change: FloatArray = tangent[wall.free][:, wall.held] @ held - (0.0 if self.is_cable else value) * slope[wall.free]
+        return change
+
+
+def rest(wall: Wall) -> State:
+    """Return the state at rest: no load, rest length."""
+    return State(wall, np.zeros(wall.size), wall.segment.rest_length, 0.0)
+
+
+Constraint = Callable[[State], tuple[float, FloatArray, float]]
+"""Function of a state that returns the value of a constraint, its derivative by the free unknowns, and its derivative by
+the parameter t of the path."""
+
+
+def solved(state: State, length: float, value: float) -> State | None:
+    """Return the equilibrium at a length [m] and an input, from a close equilibrium; None if Newton's method fails."""
+    start = state.parts[1][state.wall.free] + state.sensitivity(length - state.length, value - state.input)
+    step = _linear(state, -start)
+    state = State(state.wall, state.x, state.length, state.input)
+    return None if step is None else _newton(state.moved(step, length, value), (0.0, 0.0), None)
+
+
+def constrained(state: State, direction: tuple[float, float], constraint: Constraint) -> State | None:
+    """Return the equilibrium on a path (length, input) + t direction where a constraint is zero; None on failure."""
+    return _newton(state, direction, constraint)
+
+
+def _newton(state: State, direction: tuple[float, float], constraint: Constraint | None) -> State | None:
+    norm = _norm(state, constraint)
+    for _ in range(NEWTON_STEPS):
+        if norm <= RESIDUAL_TOLERANCE:
+            return state
+        step = _step(state, direction, constraint)
+        if step is None:
+            return None
+        fraction = 1.0
+        while fraction >= SMALLEST_STEP:
+            dx, dt = fraction * step[0], fraction * step[1]
+            tried = state.moved(dx, state.length + dt * direction[0], state.input + dt * direction[1])
+            tried_norm = _norm(tried, constraint)
+            if tried_norm < norm:  # False for NaN
+                break
+            fraction /= 2.0
+        else:
+            return state if norm <= 100.0 * RESIDUAL_TOLERANCE else None
+        state, norm = tried, tried_norm
+    return None
+
+
+def _norm(state: State, constraint: Constraint | None) -> float:
+    return float(np.hypot(state.residual, constraint(state)[0] if constraint else 0.0))
+
+
+def _step(state: State, direction: tuple[float, float], constraint: Constraint | None) -> tuple[FloatArray, float] | None:
+    """Return the Newton step of the free unknowns and of t."""
+    residual = state.parts[1][state.wall.free]
+    if constraint is None:
+        plain = _linear(state, -residual)
+        return None if plain is None else (plain, 0.0)
+    both = _linear(state, np.stack([-residual, -state.sensitivity(*direction)], axis=1))
+    if both is None:
+        return None
+    value, row, by_t = constraint(state)
+    t = -(value + row @ both[:, 0]) / (by_t + row @ both[:, 1])
+    return both[:, 0] + t * both[:, 1], float(t)
+
+
+def _linear(state: State, right: FloatArray) -> FloatArray | None:
+    """Return the solution of tangent * x = right on the free unknowns, or None if the tangent is singular."""
+    free, scale = state.wall.free, state.wall.scale[state.wall.free]
+    tangent = state.parts[2][free][:, free]
+    scaled = (tangent.multiply(scale[:, None]).multiply(scale[None, :])).tocsc()
+    try:
+        found = splu(scaled, permc_spec="COLAMD").solve((right.T * scale).T)
+    except (RuntimeError, ValueError):  # singular, or not finite
+        return None
+    return (found.T * scale).T if np.isfinite(found).all() else None
