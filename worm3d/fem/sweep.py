@@ -1,0 +1,340 @@
+"""Equilibria of a segment over length and input: paths between states, the choice of states, and the mesh error.
+
+`reached` follows a straight path in the plane of length and input, with steps that are halved where Newton's method
+fails. At a snap-through, two other ways remain. The first has the length of the arc as parameter, which passes turning
+points of length and input. The second has the enclosed volume as parameter, at held length. `sweep` chooses each state
+as far as possible from all states before it, in the rectangle of lengths and inputs, since such states train a law
+better than random states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+
+from worm3d.fem.axisymmetric import Constraint, State, Wall, constrained, rest, solved, tangent_of
+from worm3d.values.arrays import FloatArray
+
+LARGEST_STEP = 0.125
+"""Largest step of a path, as a fraction of the ranges of length and input. Larger steps may jump to another branch of
+solutions; half as large steps double the time and change no state of the shipped barrel."""
+LEAST_STEP = LARGEST_STEP / 64.0
+"""Smallest step of a path before another way is tried. A smooth path needs no step below an eighth of the largest."""
+ARC_STEPS = 300
+"""Largest number of steps along the arc. A snap-through takes 20 to 80."""
+ARC_STEP, LEAST_ARC_STEP = 0.02, 1e-4
+"""First and smallest step along the arc; 1 is the whole path, or a mean displacement of the rest length."""
+VOLUME_STEP = 0.02
+"""Step of the volume as a fraction of the volume at rest. The snap-through of a balloon spans many such steps."""
+VOLUME_STEPS = 500
+"""Largest number of steps of the volume: ten times the volume at rest."""
+FREE_STATES = 11
+"""Number of states without axial force, at equal steps of the input, with which each sweep begins."""
+LENGTH_MARGINS = (0.05, 0.02)
+"""Default margins of the range of lengths below the least free length and above the rest length, relative to the rest
+length. Threads that hardly stretch make larger lengths very stiff."""
+CANDIDATES = 61
+"""Number of lengths and of inputs from which states are chosen."""
+TRIES_PER_STATE = 2
+"""Largest number of tried states per requested stable state. A domain that is more than half unstable is an error."""
+CHECKED_STATES = 5
+"""Number of states that are solved on a second mesh for the mesh error."""
+
+
+@dataclass(frozen=True)
+class Domain:
+    """Rectangle of lengths [m] and inputs [Pa] or [N]."""
+
+    length: tuple[float, float]
+    input: tuple[float, float]
+
+    def scaled(self, length: FloatArray | float, value: FloatArray | float) -> FloatArray:
+        """Return lengths and inputs as fractions of their ranges, shape (..., 2)."""
+        low = np.array([self.length[0], self.input[0]])
+        size = np.array([self.length[1], self.input[1]]) - low
+        scaled: FloatArray = (np.stack(np.broadcast_arrays(length, value), axis=-1) - low) / size
+        return scaled
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Result of a path."""
+
+    state: State
+    """Last equilibrium: at the target, or where the path stopped."""
+    arrived: bool
+    way: str
+    """Way that found the last equilibrium: "steps", "arc length" or "volume"."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table."""
+
+    state: State
+    stable: bool
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of a sweep, for the line on the terminal."""
+
+    rows: tuple[Row, ...]
+    stopped: tuple[str, ...]
+    """A sentence for each target that no way has reached."""
+
+    @property
+    def stable(self) -> int:
+        """Number of stable states."""
+        return sum(row.stable for row in self.rows)
+
+
+def reached(start: State, length: float, value: float, domain: Domain) -> Reached:
+    """Return the equilibrium at a length [m] and an input, along a path from an equilibrium.
+
+    Parameters
+    ----------
+    start : State
+    length, value : float
+        Target.
+    domain : Domain
+        Ranges that scale the steps.
+    """
+    found = by_steps(start, length, value, domain)
+    if found.arrived:
+        return found
+    for way in (by_arc_length, by_volume):
+        other = way(found.state, length, value)
+        if other is not None:
+            return Reached(other, True, way.__name__.removeprefix("by_").replace("_", " "))
+    return found
+
+
+def by_steps(start: State, length: float, value: float, domain: Domain) -> Reached:
+    """Follow a straight path with steps that are halved on failure and doubled after success."""
+    ends = domain.scaled(np.array([start.length, length]), np.array([start.input, value]))
+    largest = LARGEST_STEP / max(float(np.linalg.norm(ends[1] - ends[0])), LARGEST_STEP)
+    least, step, t, state = largest * LEAST_STEP / LARGEST_STEP, largest, 0.0, start
+    while t < 1.0 - 1e-12:
+        step = min(step, 1.0 - t)
+        after = t + step
+        found = solved(state, _between(start.length, length, after), _between(start.input, value, after))
+        if found is not None:
+            t, state, step = after, found, min(2.0 * step, largest)
+        elif step <= least:
+            return Reached(state, False, "steps")
+        else:
+            step /= 2.0
+    return Reached(state, True, "steps")
+
+
+def _between(a: float, b: float, t: float) -> float:
+    return b if t >= 1.0 - 1e-12 else a + t * (b - a)
+
+
+def by_arc_length(start: State, length: float, value: float) -> State | None:
+    """Follow the curve of equilibria through turning points, with the length of the arc as parameter.
+
+    The parameter t of the straight path to the target may decrease on the way. The method ends at t = 1.
+    """
+    direction = (length - start.length, value - start.input)
+    state, t, step = start, 0.0, ARC_STEP
+    before = _Tangent.at(state, direction, None)
+    for _ in range(ARC_STEPS):
+        if before is None or step < LEAST_ARC_STEP:
+            return None
+        found, t_found = _arc_step(state, t, direction, before, step)
+        if found is None:
+            step /= 2.0
+            continue
+        if t_found >= 1.0:
+            return solved(found, length, value)
+        state, t, step = found, t_found, min(1.5 * step, 4.0 * ARC_STEP)
+        before = _Tangent.at(state, direction, before)
+    return None
+
+
+@dataclass(frozen=True)
+class _Tangent:
+    """Unit tangent of a curve of equilibria: free unknowns, and the parameter t."""
+
+    dx: FloatArray
+    dt: float
+    weight: FloatArray
+
+    @classmethod
+    def at(cls, state: State, direction: tuple[float, float], before: _Tangent | None) -> _Tangent | None:
+        """Return the tangent that goes on in the direction of the tangent before, at first towards greater t."""
+        dx = tangent_of(state, direction)
+        if dx is None:
+            return None
+        moves = state.wall.free < state.wall.displacements
+        weight = moves / (moves.sum() * state.wall.segment.rest_length**2)
+        size = float(np.sqrt((weight * dx) @ dx + 1.0))
+        found = cls(dx / size, 1.0 / size, weight)
+        forward = before is None or (weight * found.dx) @ before.dx + found.dt * before.dt > 0.0
+        return found if forward else cls(-found.dx, -found.dt, weight)
+
+
+def _arc_step(
+    state: State, t: float, direction: tuple[float, float], tangent: _Tangent, step: float
+) -> tuple[State | None, float]:
+    free, axis = state.wall.free, int(abs(direction[1]) > 0.0)
+    begin = (state.length, state.input)[axis]
+
+    def moved(found: State) -> float:
+        return ((found.length, found.input)[axis] - begin) / direction[axis]
+
+    def constraint(found: State) -> tuple[float, FloatArray, float]:
+        row = tangent.weight * tangent.dx
+        return row @ (found.x[free] - state.x[free]) + tangent.dt * moved(found) - step, row, tangent.dt
+
+    dt = step * tangent.dt
+    guess = state.moved(step * tangent.dx, state.length + dt * direction[0], state.input + dt * direction[1])
+    found = constrained(guess, direction, constraint)
+    return found, t if found is None else t + moved(found)
+
+
+def by_volume(start: State, length: float, value: float) -> State | None:
+    """Go to the length at held pressure, then change the volume at held length until the pressure is reached.
+
+    The way does not exist for a cable, whose tension does not change the shape at held length.
+    """
+    state = start if start.length == length else solved(start, length, start.input)
+    if state is None or state.is_cable:
+        return None
+    unit, sign = max(abs(value), abs(start.input)), np.sign(value - state.input)
+    size = state.wall.rest_volume
+    for _ in range(VOLUME_STEPS):
+        found = constrained(state, (0.0, unit), held_volume(state.volume + sign * VOLUME_STEP * size, size))
+        if found is None:
+            return None
+        if sign * (found.input - value) >= 0.0:
+            return solved(found, length, value)
+        state = found
+    return None
+
+
+def held_volume(volume: float, unit: float) -> Constraint:
+    """Return the constraint that holds the enclosed volume [m^3], in units of a volume."""
+    return lambda state: ((state.volume - volume) / unit, state.parts[4][state.wall.free] / unit, 0.0)
+
+
+def free_length(state: State, value: float) -> State | None:
+    """Return the state without axial force at an input, from a close state without axial force."""
+    close = solved(state, state.length, value)
+    unit = state.wall.energy_unit / state.wall.segment.rest_length
+    if close is None:
+        return None
+
+    def constraint(found: State) -> tuple[float, FloatArray, float]:
+        row, by_length = found.force_gradient
+        return found.force / unit, row / unit, by_length * found.wall.segment.rest_length / unit
+
+    return constrained(close, (state.wall.segment.rest_length, 0.0), constraint)
+
+
+def free_states(wall: Wall) -> list[State]:
+    """Return the states without axial force, from rest to the greatest input, shape (`FREE_STATES`,) if all exist."""
+    low, high = wall.segment.load.values
+    states = [rest(wall)]
+    for value in np.linspace(0.0, high, 4 * (FREE_STATES - 1) + 1)[1:]:
+        found = free_length(states[-1], float(value))
+        if found is None:
+            break
+        states.append(found)
+    return [state for state in states[::4] if state.input >= low]
+
+
+def domain_of(wall: Wall, free: list[State]) -> Domain:
+    """Return the rectangle of the table, from the description or else from the free lengths."""
+    load, rest_length = wall.segment.load, wall.segment.rest_length
+    lengths = [rest_length, *(state.length for state in free)]
+    low, high = (min(lengths) - LENGTH_MARGINS[0] * rest_length, max(lengths) + LENGTH_MARGINS[1] * rest_length)
+    return Domain(load.length_m or (low, high), load.values)
+
+
+def sweep(wall: Wall, count: int) -> Iterator[Progress]:
+    """Yield the rows after each state, until `count` rows are stable.
+
+    The first rows are the states without axial force. Each further state is as far as possible from all before it.
+
+    Raises
+    ------
+    ValueError
+        Fewer than `count` states are stable among `TRIES_PER_STATE` times as many.
+    """
+    free = free_states(wall)
+    domain = domain_of(wall, free)
+    progress = Progress(tuple(Row(state, state.unstable_directions == 0) for state in free[:count]), ())
+    tried = [domain.scaled(state.length, state.input) for state in free]
+    grid = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, CANDIDATES)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    yield progress
+    while progress.stable < count:
+        if len(tried) >= TRIES_PER_STATE * count + FREE_STATES:
+            raise ValueError(
+                f"only {progress.stable} of {len(tried)} states are stable, must be {count}: the domain of lengths "
+                f"{domain.length} m and inputs {domain.input} is mostly crumpled; narrow load.length_m, or raise the "
+                "least pressure"
+            )
+        point = grid[np.argmax(np.min([((grid - each) ** 2).sum(axis=1) for each in tried], axis=0))]
+        tried.append(point)
+        progress = _with_state(progress, _target(domain, point), domain, rest(wall))
+        yield progress
+
+
+def _target(domain: Domain, point: FloatArray) -> tuple[float, float]:
+    (l0, l1), (v0, v1) = domain.length, domain.input
+    return l0 + float(point[0]) * (l1 - l0), v0 + float(point[1]) * (v1 - v0)
+
+
+def _with_state(progress: Progress, target: tuple[float, float], domain: Domain, fallback: State) -> Progress:
+    """Return the progress with the state at a target, reached from the nearest stable state."""
+    starts = [row.state for row in progress.rows if row.stable] or [fallback]
+    goal = domain.scaled(*target)
+    start = min(starts, key=lambda state: float(np.linalg.norm(domain.scaled(state.length, state.input) - goal)))
+    found = reached(start, *target, domain)
+    if found.arrived:
+        row = Row(found.state, found.state.unstable_directions == 0)
+        return replace(progress, rows=(*progress.rows, row))
+    where = f"stopped at {found.state.length * 1e3:.2f} mm and {found.state.input:.6g}"
+    aim = f"on the way to {target[0] * 1e3:.2f} mm and {target[1]:.6g}"
+    return replace(progress, stopped=(*progress.stopped, f"{where} {aim}"))
+
+
+def mesh_error(rows: tuple[Row, ...], finer: Wall, watch: Callable[[], None] = lambda: None) -> float:
+    """Return the rms difference of the force on a second mesh, relative to the rms force of the table.
+
+    Parameters
+    ----------
+    rows : tuple of Row
+    finer : Wall
+        Model of the same segment on a finer mesh.
+    watch : callable
+        Called after each state.
+    """
+    stable = [row.state for row in rows if row.stable]
+    rms = float(np.sqrt(np.mean([state.force**2 for state in stable])))
+    chosen = [stable[n] for n in np.unique(np.linspace(0, len(stable) - 1, CHECKED_STATES + 1).astype(int))[1:]]
+    differences = []
+    for state in chosen:
+        found = on_mesh(state, finer)
+        if found is not None:
+            differences.append(found.force - state.force)
+        watch()
+    return float(np.sqrt(np.mean(np.square(differences)))) / rms if differences else np.nan
+
+
+def on_mesh(state: State, wall: Wall) -> State | None:
+    """Return the equilibrium on another mesh, from the interpolated displacements and multipliers of a state."""
+    x = np.zeros(wall.size)
+    for mine, other in zip(state.wall.fields, wall.fields, strict=True):
+        s, depth = (np.unique(np.round(each, 12)) for each in mine.places)
+        order = np.lexsort((mine.places[1], mine.places[0]))
+        values = state.x[mine.dofs[order]].reshape(len(s), len(depth))
+        x[other.dofs] = RegularGridInterpolator((s, depth), values, bounds_error=False, fill_value=None)(other.places.T)
+    guess = State(wall, x, state.length, state.input)
+    return solved(guess, state.length, state.input)
