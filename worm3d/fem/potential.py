@@ -93,7 +93,7 @@ class Assembly:
 
     def vector(self, parts: list[FloatArray]) -> FloatArray:
         """Return the sum of element vectors, shape (size,). Each of `parts` has the shape (elements, n)."""
-        return np.bincount(self._index, np.concatenate([p.ravel() for p in parts]), self.size)
+        return np.asarray(np.bincount(self._index, np.concatenate([p.ravel() for p in parts]), self.size), dtype=float)
 
     def matrix(self, parts: list[FloatArray]) -> sp.csc_matrix:
         """Return the sum of element matrices, shape (size, size). Each of `parts` has the shape (elements, n, n)."""
