@@ -1,0 +1,462 @@
+"""A segment between tilted end plates: a 3D model of a quarter of the segment.
+
+The middle cross-section and the plane of bending are planes of symmetry. The model is half of the length and half of
+the circumference, meshed with hexahedra: quadratic positions, linear multiplier of the incompressibility (Q2/Q1). The
+middle cross-section is at z = 0, the plane of bending is y = 0 and x points to the left. The plate at the end holds the
+rim of the wall. It is rigid: a point at X of the body at rest moves to
+
+    x = R(th/2) (X - X_c) + l/2 e_z,   R: rotation about y, X_c: centre of the plate at rest,                    (FB1)
+
+so that l is the distance between the centres of both plates, and th is the angle between the plates. With the
+density W + q (J - 1) of `material`, and the enclosed volume V, an equilibrium is a stationary point of
+
+    Pi(l, th, p) = 4 (integral of W + q (J - 1) dX - p V/4),   V/4 = integral of y n_y da,                       (FB2)
+
+where the integral of V is over the deformed inner surface of the quarter. The divergence theorem with the field y e_y
+leaves no integral over the plate and over the planes of symmetry, where y or n_y is zero. By the envelope theorem,
+
+    force = dPi/dl,   moment = dPi/dth,   stiffness = d2Pi/dth2,                                                (FB3)
+
+are sums of the residual over the nodes of the plate, and for the stiffness one linear solution. Source: Bonet, Wood,
+Nonlinear Continuum Mechanics for Finite Element Analysis (2008), sections 8.5 and 9.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spl
+from scipy.linalg import eigvalsh
+
+from worm3d.fem.description import Segment
+from worm3d.fem.potential import Assembly, Potential
+from worm3d.values import arguments
+from worm3d.values.arrays import BoolArray, FloatArray, IntArray
+
+try:
+    import skfem
+except ImportError as error:
+    raise ImportError("worm3d fem needs scikit-fem: pip install 'worm3d[fem]'") from error
+
+QUADRATURE_ORDER = 4
+"""Degree of the polynomials that the quadrature integrates exactly: 3 x 3 x 3 points in an element."""
+
+PLATE_REFINEMENT = 0.7
+"""Grading of the mesh along the meridian: elements in the middle are longer than the mean by this fraction, elements at
+the plate are shorter by the same fraction. The wall bends sharply at the plate. Without grading, the error of the force
+of the example in `description` is five times as large."""
+
+NEWTON_ITERATIONS = 12
+"""Largest number of Newton iterations for a step of the continuation. Most steps need 4 to 7, and up to 12 where fibres
+become slack. Half this number doubles the time, and double this number changes nothing for the barrel in `description`.
+"""
+
+STEP_TOLERANCE = 1e-7
+"""Newton's method has converged if no node moves by more than this fraction of the rest length in an iteration. A
+hundredth of this value changes no force of the barrel in `description` by more than 2e-9 N, and needs a quarter more
+iterations. A hundred times this value changes forces by up to 1e-5 N."""
+
+STEP_LIMIT = 0.5
+"""Largest motion of a node in an iteration, as a fraction of the rest length. Larger motions are signs of divergence,
+and the step is halved. Half and double give the same results for the barrel in `description`."""
+
+SMALLEST_STEP = 1.0 / 64.0
+"""Smallest step of the continuation, as a fraction of the way to a state. The continuation stops at a smaller one."""
+
+GREATEST_BEND = np.pi / 2.0
+"""Largest angle between the plates [rad]. Larger angles let the wall of usual segments touch itself, without contact
+in this model."""
+
+QUARTERS = 4.0
+"""Number of quarters of a segment."""
+
+
+class Condition(NamedTuple):
+    """Held distance of the plates, held angle between the plates, and gauge pressure."""
+
+    length_m: float
+    bend_rad: float
+    pressure_Pa: float
+
+
+@dataclass(frozen=True)
+class BentState:
+    """An equilibrium between tilted plates.
+
+    Attributes
+    ----------
+    condition : Condition
+        Length, bend and pressure.
+    force_N, moment_Nm, bending_stiffness_Nm : float
+        First derivatives of the potential by length and bend, and second derivative by the bend [N m/rad], (FB3).
+    volume_m3, radius_m : float
+        Enclosed volume, and greatest distance of the outer surface from the plane of bending.
+    stable : bool
+        Whether the tangent at held plates is positive definite.
+    unknowns : ndarray, shape (3 nodes + multipliers,)
+        Positions of the nodes [m], then multipliers over the shear modulus.
+    iterations : int
+        Newton iterations since the start.
+    """
+
+    condition: Condition
+    force_N: float
+    moment_Nm: float
+    bending_stiffness_Nm: float
+    volume_m3: float
+    radius_m: float
+    stable: bool
+    unknowns: FloatArray
+    iterations: int
+
+
+class NoEquilibriumError(ArithmeticError):
+    """The continuation stopped before it reached a state."""
+
+
+class QuarterModel:
+    """The discretised quarter of a segment.
+
+    Parameters
+    ----------
+    segment : Segment
+        The segment.
+    along, around : int
+        Number of elements along half of the length, and around half of the circumference.
+    """
+
+    def __init__(self, segment: Segment, along: int = 16, around: int = 5) -> None:
+        self.segment = segment
+        self.mesh, self.grid = _mesh(segment, along, around)
+        basis = skfem.Basis(self.mesh, skfem.ElementHex2(), intorder=QUADRATURE_ORDER)
+        multiplier = basis.with_element(skfem.ElementHex1())
+        self.nodes = basis.N
+        size = 3 * basis.N + multiplier.N
+        self.wall = _wall(segment, self.grid, basis, multiplier)
+        self.volume = _volume(self.mesh, self.grid)
+        self.assembly = Assembly([self.wall.unknowns, self.volume.unknowns], size)
+        self.rim = np.flatnonzero(self.grid[0] == 1.0)
+        self.held = _held(self.grid, self.rim, size)
+        self.free = np.flatnonzero(~self.held)
+        inside = segment.wall(np.ones(1), -np.ones(1))[:, 0]
+        self.recess = float(np.pi * inside[0] ** 2 * (segment.rest_length - 2.0 * inside[1]))
+        self.rest = np.concatenate([self.mesh.doflocs.T.ravel(), np.zeros(multiplier.N)])
+
+    def placed(self, condition: Condition) -> FloatArray:
+        """Return the positions of the rim, (FB1), shape (rim nodes, 3)."""
+        offset = np.array([0.0, 0.0, condition.length_m / 2.0])
+        moved: FloatArray = self._arms @ _rotation(condition.bend_rad / 2.0, 0).T + offset
+        return moved
+
+    def rates(self, condition: Condition) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the derivatives of (FB1): by length, by bend, twice by bend; each of shape (rim nodes, 3)."""
+        by_length = np.zeros((len(self.rim), 3))
+        by_length[:, 2] = 0.5
+        turned = [self._arms @ _rotation(condition.bend_rad / 2.0, order).T / 2.0**order for order in (1, 2)]
+        return by_length, turned[0], turned[1]
+
+    def derivatives(self, v: FloatArray, pressure: float) -> tuple[FloatArray, sp.csc_matrix]:
+        """Return the gradient and the Hessian of Pi/4, shapes (unknowns,) and (unknowns, unknowns)."""
+        wall, enclosed = self.wall.derivatives(v), self.volume.derivatives(v)
+        gradient, hessian = ([a, -pressure * b] for a, b in zip(wall, enclosed, strict=True))
+        return self.assembly.vector(gradient), self.assembly.matrix(hessian)
+
+    def potential(self, state: BentState) -> float:
+        """Return Pi [J], (FB2)."""
+        v = state.unknowns
+        return QUARTERS * self.wall.value(v) - state.condition.pressure_Pa * self.enclosed(v)
+
+    def enclosed(self, v: FloatArray) -> float:
+        """Return the volume between wall and plates [m^3], with the recess between each plate and the inner edge."""
+        return QUARTERS * self.volume.value(v) + self.recess
+
+    @property
+    def _arms(self) -> FloatArray:
+        """Positions of the rim from the centre of the plate at rest, shape (rim nodes, 3)."""
+        arms: FloatArray = self.mesh.doflocs.T[self.rim] - (0.0, 0.0, self.segment.rest_length / 2.0)
+        return arms
+
+
+def equilibrium(model: QuarterModel, condition: Condition, start: BentState | None = None) -> BentState:
+    """Return the equilibrium at a condition, by continuation along a straight line of conditions.
+
+    Parameters
+    ----------
+    model : QuarterModel
+        The segment.
+    condition : Condition
+        Distance of the plates, angle and pressure.
+    start : BentState, optional
+        An equilibrium nearby. Default: the segment at rest.
+
+    Raises
+    ------
+    NoEquilibriumError
+        The continuation stops before the condition. The message gives the last condition that was reached.
+    """
+    begin, v = Condition(model.segment.rest_length, 0.0, 0.0), model.rest
+    if start is not None:
+        begin, v = start.condition, start.unknowns
+    done, step, count = 0.0, 1.0, 0
+    while done < 1.0:
+        step = min(step, 1.0 - done)
+        found, used = _newton(model, v, _between(begin, condition, done + step))
+        count += used
+        if found is None:
+            step /= 2.0
+        else:
+            v, done, step = found, done + step, 2.0 * step
+        if step < SMALLEST_STEP:
+            raise NoEquilibriumError(
+                f"bent segment: found no equilibrium at {_said(condition)}; the continuation stopped at "
+                f"{_said(_between(begin, condition, done))}; use more pressure there, or leave the state out"
+            )
+    return _measured(model, v, condition, count)
+
+
+def bent_states(
+    segment: Segment,
+    states: Iterable[tuple[float, float, float]],
+    *,
+    along: int = 16,
+    around: int = 5,
+    report: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, float]]:
+    """Return rows of a table of states with bent plates.
+
+    The continuation to a state starts from the nearest solved state. States without an equilibrium are left out.
+
+    Parameters
+    ----------
+    segment : Segment
+        The segment, with its input: gauge pressure, or a cable between the centres of the plates.
+    states : iterable of (float, float, float)
+        Length [m], bend [rad] and input [Pa or N] of each state.
+    along, around : int
+        Number of elements along half of the length, and around half of the circumference.
+    report : callable, optional
+        Called with a sentence after each state.
+
+    Raises
+    ------
+    ValueError
+        There is no state, or a state is out of range.
+
+    Returns
+    -------
+    list of dict
+        A row for each state, in the order of the states, with the keys `length_m`, `bend_rad`, `pressure_Pa` or
+        `cable_N`, `force_N`, `moment_Nm`, `radius_m`, `volume_m3` and `stable` (0 or 1). `force_N` includes the cable's
+        tension.
+    """
+    name = segment.load.input
+    given = _checked(states, name)
+    conditions = [Condition(*state) for state in (given * (1.0, 1.0, name == "pressure_Pa")).tolist()]
+    solved = dict(_solved(QuarterModel(segment, along, around), conditions, report))
+    return [_row(name, float(given[i, 2]), solved[i]) for i in sorted(solved)]
+
+
+def _checked(states: Iterable[tuple[float, float, float]], name: str) -> FloatArray:
+    """Return the states as an array, shape (states, 3)."""
+    given = arguments.array("states", list(states), ("M", 3))
+    arguments.array("length_m", given[:, 0], ("M",), gt=0.0)
+    arguments.array("bend_rad", given[:, 1], ("M",), ge=-GREATEST_BEND, le=GREATEST_BEND)
+    arguments.array(name, given[:, 2], ("M",), ge=0.0)
+    return given
+
+
+def _solved(
+    model: QuarterModel, conditions: list[Condition], report: Callable[[str], None]
+) -> Iterator[tuple[int, BentState]]:
+    """Yield the index and the equilibrium of each condition, each started from the nearest one before."""
+    rest = np.array([(model.segment.rest_length, 0.0, 0.0)])
+    points = np.concatenate([rest, np.array(conditions).reshape(-1, 3)])
+    points /= np.maximum(np.abs(points).max(axis=0), np.finfo(float).tiny)
+    distance = np.linalg.norm(points[:, None] - points, axis=-1)
+    reached: dict[int, BentState | None] = {0: None}
+    left = list(range(1, len(points)))
+    while left:
+        near = distance[np.ix_(list(reached), left)]
+        start, at = np.unravel_index(near.argmin(), near.shape)
+        index = left.pop(at)
+        try:
+            state = equilibrium(model, conditions[index - 1], reached[list(reached)[start]])
+        except NoEquilibriumError as error:
+            report(str(error))
+            continue
+        reached[index] = state
+        report(f"{len(points) - 1 - len(left)} of {len(points) - 1}: {_said(state.condition)}")
+        yield index - 1, state
+
+
+def _row(name: str, value: float, state: BentState) -> dict[str, float]:
+    """Return a row of the table."""
+    return {
+        "length_m": state.condition.length_m,
+        "bend_rad": state.condition.bend_rad,
+        name: value,
+        "force_N": state.force_N + (value if name == "cable_N" else 0.0),
+        "moment_Nm": state.moment_Nm,
+        "radius_m": state.radius_m,
+        "volume_m3": state.volume_m3,
+        "stable": float(state.stable),
+    }
+
+
+def _between(begin: Condition, end: Condition, part: float) -> Condition:
+    """Return the condition after a part of the way. The end is exact."""
+    return end if part == 1.0 else Condition(*((1.0 - part) * np.array(begin) + part * np.array(end)))
+
+
+def _newton(model: QuarterModel, v: FloatArray, condition: Condition) -> tuple[FloatArray | None, int]:
+    """Return the equilibrium near v, or None, and the number of iterations. The first iteration moves the plate."""
+    v = v.copy()
+    plate = _of(model.rim)
+    scale = model.segment.rest_length
+    for iteration in range(1, NEWTON_ITERATIONS + 1):
+        gradient, K = model.derivatives(v, condition.pressure_Pa)
+        moved = np.zeros(len(v))
+        moved[plate] = model.placed(condition).ravel() - v[plate]
+        residual = (gradient + K @ moved)[model.free]
+        try:
+            moved[model.free] = -_factored(K, model.free).solve(residual)
+        except RuntimeError:  # the matrix is singular
+            return None, iteration
+        largest = np.abs(moved[: 3 * model.nodes]).max() / scale
+        if not largest < STEP_LIMIT:
+            return None, iteration
+        v += moved
+        if largest < STEP_TOLERANCE:
+            return v, iteration
+    return None, NEWTON_ITERATIONS
+
+
+def _measured(model: QuarterModel, v: FloatArray, condition: Condition, iterations: int) -> BentState:
+    """Return the measures of an equilibrium, (FB3)."""
+    gradient, K = model.derivatives(v, condition.pressure_Pa)
+    factored = _factored(K, model.free)
+    reaction = gradient[_of(model.rim)]
+    by_length, by_bend, twice = (rate.ravel() for rate in model.rates(condition))
+    moved = np.zeros(len(v))
+    moved[_of(model.rim)] = by_bend
+    moved[model.free] = -factored.solve((K @ moved)[model.free])
+    return BentState(
+        condition=condition,
+        force_N=QUARTERS * float(reaction @ by_length),
+        moment_Nm=QUARTERS * float(reaction @ by_bend),
+        bending_stiffness_Nm=QUARTERS * float(moved @ (K @ moved) + reaction @ twice),
+        volume_m3=model.enclosed(v),
+        radius_m=float(v[1 : 3 * model.nodes : 3].max()),
+        stable=_negative(factored, K, model.free) == len(v) - 3 * model.nodes,
+        unknowns=v,
+        iterations=iterations,
+    )
+
+
+def _factored(K: sp.csc_matrix, free: IntArray) -> spl.SuperLU:
+    """Return the factors of the rows and columns `free`. Pivots are diagonal unless zero."""
+    options = {"SymmetricMode": True}
+    return spl.splu(K[free][:, free].tocsc(), permc_spec="COLAMD", diag_pivot_thresh=0.0, options=options)
+
+
+def _negative(factored: spl.SuperLU, K: sp.csc_matrix, free: IntArray) -> int:
+    """Return the number of negative eigenvalues. Diagonal pivots have their signs (Sylvester's law of inertia)."""
+    diagonal = (factored.perm_r == factored.perm_c).all()
+    signed = factored.U.diagonal() if diagonal else eigvalsh(K[free][:, free].toarray())
+    return int(np.sum(signed < 0.0))
+
+
+def _of(nodes: IntArray) -> IntArray:
+    """Return the indices of the coordinates of nodes, node by node."""
+    return (3 * nodes[:, None] + np.arange(3)).ravel()
+
+
+def _rotation(angle: float, order: int) -> FloatArray:
+    """Return a rotation about y, or its derivative by the angle of the given order: e_z turns to e_x."""
+    c, s = np.cos(angle + order * np.pi / 2.0), np.sin(angle + order * np.pi / 2.0)
+    return np.array([[c, 0.0, s], [0.0, 1.0 if order == 0 else 0.0, 0.0], [-s, 0.0, c]])
+
+
+def _said(condition: Condition) -> str:
+    return (
+        f"length {condition.length_m:.4g} m, bend {condition.bend_rad:.3g} rad, pressure {condition.pressure_Pa:.4g} Pa"
+    )
+
+
+def _mesh(segment: Segment, along: int, around: int) -> tuple[skfem.MeshHex2, FloatArray]:
+    """Return the mesh, and the places of its nodes along (0 to 1), across the wall and around, shape (3, nodes)."""
+    s, across, turn = (np.linspace(0.0, 1.0, n + 1) for n in (along, 1, around))
+    graded = s + PLATE_REFINEMENT / np.pi * np.sin(np.pi * s)
+    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(graded, across, turn))
+    grid = mesh.doflocs
+    r, z = segment.wall(grid[0], 2.0 * grid[1] - 1.0)
+    angle = np.pi * grid[2]
+    return replace(mesh, doflocs=np.array([r * np.cos(angle), r * np.sin(angle), z])), grid
+
+
+def _held(grid: FloatArray, rim: IntArray, size: int) -> BoolArray:
+    """Return which unknowns the planes of symmetry and the plate hold, shape (size,)."""
+    held = np.zeros(size, bool)
+    held[3 * np.flatnonzero(grid[0] == 0.0) + 2] = True
+    held[3 * np.flatnonzero((grid[2] == 0.0) | (grid[2] == 1.0)) + 1] = True
+    held[_of(rim)] = True
+    return held
+
+
+def _wall(segment: Segment, grid: FloatArray, basis: skfem.Basis, multiplier: skfem.Basis) -> Potential:
+    """Return the strain energy of the wall. Local variables: F row by row, and multiplier over shear modulus."""
+    n = basis.Nbfun
+    B = np.zeros((*basis.dx.shape, 10, 3 * n + multiplier.Nbfun))
+    B[:, :, :9, : 3 * n] = _gradients(basis)
+    B[:, :, 9, 3 * n :] = _values(multiplier)
+    unknowns = np.hstack([_coordinates(basis), 3 * basis.N + multiplier.element_dofs.T])
+    e, c = ca.SX.sym("e", 10), ca.SX.sym("c", 7)
+    F = ca.reshape(e[:9], 3, 3).T
+    strain = segment.density(F.T @ F, c[0:3], c[3:6], c[6])
+    density = strain + segment.rubber.constraint(ca.det(F), e[9] * segment.rubber.shear_modulus)
+    return Potential(density, e, c, B, unknowns, basis.dx, _directions(segment, grid, basis))
+
+
+def _directions(segment: Segment, grid: FloatArray, basis: skfem.Basis) -> FloatArray:
+    """Return the unit vectors along the meridian and around the axis, and the radius, shape (7, elements, points)."""
+    x, y, _ = np.asarray(basis.global_coordinates())
+    s = np.einsum("eqn,en->eq", _values(basis), grid[0][basis.element_dofs.T])
+    outward, forward = segment.profile.meridian(s.ravel())[1].reshape(2, *s.shape)
+    radius = np.hypot(x, y)
+    cosine, sine, zero = x / radius, y / radius, np.zeros_like(x)
+    return np.array([outward * cosine, outward * sine, forward, -sine, cosine, zero, radius])
+
+
+def _volume(mesh: skfem.MeshHex2, grid: FloatArray) -> Potential:
+    """Return V/4, (FB2). Local variables: F row by row, and y. Constant: normal N, with n da = cof(F) N dA."""
+    inner = np.flatnonzero((grid[1][mesh.facets] == 0.0).all(axis=0))
+    basis = skfem.FacetBasis(mesh, skfem.ElementHex2(), facets=inner, intorder=QUADRATURE_ORDER)
+    n = basis.Nbfun
+    B = np.zeros((*basis.dx.shape, 10, 3 * n))
+    B[:, :, :9] = _gradients(basis)
+    B[:, :, 9, n : 2 * n] = _values(basis)
+    e, N = ca.SX.sym("e", 10), ca.SX.sym("N", 3)
+    density = -e[9] * ca.dot(ca.cross(e[6:9], e[0:3]), N)  # N points out of the wall, into the gas
+    return Potential(density, e, N, B, _coordinates(basis), basis.dx, np.asarray(basis.normals))
+
+
+def _gradients(basis: skfem.Basis) -> FloatArray:
+    """Return F row by row as a linear function of the positions, shape (elements, points, 9, 3 functions)."""
+    gradients = np.array([basis.basis[i][0].grad for i in range(basis.Nbfun)]).transpose(2, 3, 1, 0)
+    return np.kron(np.eye(3), gradients)
+
+
+def _values(basis: skfem.Basis) -> FloatArray:
+    """Return the shape functions, shape (elements, points, functions)."""
+    values = [np.broadcast_to(basis.basis[i][0], basis.dx.shape) for i in range(basis.Nbfun)]
+    return np.array(values).transpose(1, 2, 0)
+
+
+def _coordinates(basis: skfem.Basis) -> IntArray:
+    """Return the indices of all x, then y, then z, of the nodes of each element, shape (elements, 3 functions)."""
+    return np.hstack([3 * basis.element_dofs.T + i for i in range(3)])
