@@ -22,6 +22,7 @@ from scenes.commands.arguments import (
     SceneArgument,
     Workers,
     file_option,
+    path_of,
 )
 
 batch = typer.Typer(rich_markup_mode=None)
@@ -189,3 +190,37 @@ def fem(
     from scenes.studies.fem.command import Options, mesh_of, run
 
     raise typer.Exit(run(segment, out, Options(states, mesh_of(mesh), quick, force, quiet)))
+
+
+@batch.command()
+def law(
+    table: Annotated[
+        Path,
+        typer.Argument(
+            metavar="TABLE", parser=path_of, help="States of a segment: NetCDF of 'worm3d fem', or CSV of a test bench."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="LAW.json", parser=path_of, help="File of the law.")],
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", metavar="NAME=TITLE", help="Title of a column, as length_mm=Position; repeatable."),
+    ] = None,
+    o: Annotated[
+        list[str] | None,
+        typer.Option("-o", metavar="FACT=NUMBER", help="Fact about the segment, as rest_length_m=0.06; repeatable."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")] = 0,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fit a segment law to finite elements or to bench data.
+
+    Columns: length_m, force_N (positive if it pulls), pressure_Pa or cable_N, radius_m, volume_m3, bend_rad,
+    moment_Nm, and stable (0 for crumpled shapes). A hoop cable that is taken in and let out has cable_mm and force_N.
+    Facts: rest_length_m, rest_radius_m, plate_radius_m, chamber_offset_m, cable_per_diameter. Writes the law, an
+    energy whose derivatives are force and volume, with its errors on held-out states, and a figure (PNG). A record of
+    cycles also gives the friction of the joints. Takes about 10 s.
+    """
+    from scenes.studies.law import command
+
+    raise typer.Exit(command.run(table, out, column or (), o or (), seed=seed, force=force, quiet=quiet))

@@ -1,0 +1,231 @@
+"""The joint fit of a law's energy, of its free contraction and of its free volume to the states of a segment.
+
+The free contraction a(u) and the free volume V_free(u) are cubic splines of the input u (pressure or cable force), with
+the coefficients c and v. a(0) is 0, and c is monotone: its steps are exponentials of unknowns. With the energy U of a
+chamber, (L2) of `scenes.studies.law.learned`, the segment has the potential 2 U(l, a(u)), and
+
+    force = 2 dU/dl                                                                                    (F1)
+    volume = V_free(u) - 2 dU/da a'(u)                                                                 (F2)
+
+The weights of N_U, the steps of c, and v minimise the squares of the errors of (F1) and (F2) together, so that forces
+are the gradient of one energy. The Jacobian is exact. The radius is fitted afterwards, since it depends only on l and
+a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import least_squares
+
+from scenes.studies.law import learned
+from scenes.studies.law.free import Free, States
+from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weight_count
+from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import ReadOnly
+
+MOST_ITERATIONS = 300
+"""Largest number of evaluations in a fit from one start."""
+
+FORCE_FLOOR = 0.2
+"""Force, as a fraction of the rms force, above which errors of the force count relative to the force."""
+
+ENERGY_WEIGHTS, RADIUS_WEIGHTS = weight_count(ENERGY_SIZES), weight_count(RADIUS_SIZES)
+
+
+class _OverStates:
+    """A function of one state, evaluated at many states without copies; the first input is common to all states."""
+
+    def __init__(self, function: ca.Function, count: int) -> None:
+        sizes = [function.numel_in(0), *(count for _ in range(1, function.n_in()))]
+        shapes = [function.size_out(k) for k in range(function.n_out())]
+        self._inputs = [np.zeros(size) for size in sizes]
+        self._outputs = [np.zeros((count, columns, rows)) for rows, columns in shapes]
+        buffer: Any
+        buffer, self._run = function.map("states", "serial", count, [0], []).buffer()
+        self._buffer = buffer  # owns the memory in which the function works
+        for k, array in enumerate(self._inputs):
+            buffer.set_arg(k, memoryview(array.data))
+        for k, flat in enumerate(output.reshape(-1) for output in self._outputs):
+            buffer.set_res(k, memoryview(flat.data))
+
+    def __call__(self, *inputs: FloatArray) -> list[FloatArray]:
+        """Return the outputs, each of shape (S, rows, columns)."""
+        for own, given in zip(self._inputs, inputs, strict=True):
+            own[:] = given
+        self._run()
+        return [output.transpose(0, 2, 1).copy() for output in self._outputs]
+
+
+@lru_cache(maxsize=32)
+def segment_function(scales: Scales, count: int) -> _OverStates:
+    """Return the function of a straight segment for `count` states.
+
+    Inputs: weights of N_U, length, contraction a, and a'(u). Outputs: the force (F1) and the second term of (F2), shape
+    (S, 2, 1), and the Jacobian of both with respect to the weights, a and a'(u), shape (S, 2, weights + 2).
+    """
+    weights = ca.SX.sym("weights", ENERGY_WEIGHTS)
+    length, contraction, slope = (ca.SX.sym(name) for name in ("length", "contraction", "slope"))
+    potential = 2.0 * learned.energy(scales, weights, length, contraction)
+    both = ca.vertcat(ca.gradient(potential, length), -ca.gradient(potential, contraction) * slope)
+    jacobian = ca.densify(ca.jacobian(both, ca.vertcat(weights, contraction, slope)))
+    return _OverStates(ca.Function("segment", [weights, length, contraction, slope], [both, jacobian]), count)
+
+
+@lru_cache(maxsize=32)
+def radius_function(scales: Scales, count: int) -> _OverStates:
+    """Return the function with the radius (L3) of `count` states, and its Jacobian with respect to the weights."""
+    weights, length, contraction = ca.SX.sym("weights", RADIUS_WEIGHTS), ca.SX.sym("length"), ca.SX.sym("contraction")
+    radius = learned.radius(scales, weights, length, contraction)
+    jacobian = ca.densify(ca.jacobian(radius, weights))
+    return _OverStates(ca.Function("radius", [weights, length, contraction], [radius, jacobian]), count)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(ReadOnly):
+    """A fitted law."""
+
+    scales: Scales
+    energy: FloatArray
+    """Weights of N_U, shape (67,)."""
+    radius: FloatArray
+    """Weights of N_R, shape (25,)."""
+    free: Free
+
+    def force(self, length: FloatArray, at: FloatArray) -> FloatArray:
+        """Return the forces at lengths and inputs, each of shape (S,) [N]."""
+        return self._terms(length, at)[:, 0]
+
+    def volume(self, length: FloatArray, at: FloatArray) -> FloatArray:
+        """Return the volumes at lengths and inputs, each of shape (S,) [m^3]."""
+        return self._terms(length, at)[:, 1] + self.free.volume(at)
+
+    def _terms(self, length: FloatArray, at: FloatArray) -> FloatArray:
+        a, slope = self.free.contraction(at), self.free.contraction(at, 1)
+        return segment_function(self.scales, len(at))(self.energy, length, a, slope)[0][:, :, 0]
+
+    def outer_radius(self, length: FloatArray, at: FloatArray) -> FloatArray:
+        """Return the outer radii at lengths and inputs, each of shape (S,) [m]."""
+        return radius_function(self.scales, len(at))(self.radius, length, self.free.contraction(at))[0][:, 0, 0]
+
+
+class _EnergyProblem:
+    """Least-squares problem of the energy. The unknowns are the weights, and those of `free` unless it is held."""
+
+    def __init__(self, scales: Scales, states: States, free: Free, penalty: float, *, holds_free: bool) -> None:
+        self._free, self._holds, self._length = free, holds_free, states.length
+        self._function = segment_function(scales, len(states))
+        self._basis = free.basis(states.input)
+        self._sums = [free.sums(states.input, order) for order in (0, 1)]
+        self._force, self._force_weights = states.force, force_weights(states.force)[:, None]
+        self._volume = states.volume
+        self._volume_weight = 0.0 if states.volume is None else 1.0 / float(np.std(states.volume))
+        self._ridge = np.sqrt(penalty * len(states))
+        self._at: FloatArray = np.zeros(0)
+
+    def solve(self, weights: FloatArray) -> tuple[FloatArray, Free, float]:
+        """Return the weights, the functions of the input, and the cost, from one start."""
+        free = () if self._holds else (self._free.log_steps, self._free.volumes)
+        found = _solved(self.residuals, self.jacobian, np.concatenate([weights, *free]))
+        return *self._split(found.x), float(found.cost) / len(self._force)
+
+    def _split(self, unknowns: FloatArray) -> tuple[FloatArray, Free]:
+        weights, rest = unknowns[:ENERGY_WEIGHTS], unknowns[ENERGY_WEIGHTS:]
+        steps = len(self._free.log_steps)
+        return weights, self._free if self._holds else replace(self._free, log_steps=rest[:steps], volumes=rest[steps:])
+
+    def _evaluate(self, unknowns: FloatArray) -> tuple[FloatArray, Free]:
+        weights, free = self._split(unknowns)
+        if not np.array_equal(unknowns, self._at):
+            steps = np.exp(free.log_steps)
+            self._values, self._of = self._function(weights, self._length, *(sums @ steps for sums in self._sums))
+            self._at = unknowns.copy()
+        return weights, free
+
+    def residuals(self, unknowns: FloatArray) -> FloatArray:
+        """Return the weighted errors of forces and volumes, and the weighted weights."""
+        weights, free = self._evaluate(unknowns)
+        errors = [self._force_weights[:, 0] * (self._values[:, 0, 0] - self._force)]
+        if self._volume is not None:
+            errors.append(self._volume_weight * (self._values[:, 1, 0] + self._basis @ free.volumes - self._volume))
+        return np.concatenate([*errors, self._ridge * weights])
+
+    def jacobian(self, unknowns: FloatArray) -> FloatArray:
+        """Return the derivatives of the residuals."""
+        _, free = self._evaluate(unknowns)
+        blocks = [self._force_weights * self._rows(0, free, np.zeros_like(self._basis))]
+        if self._volume is not None:
+            blocks.append(self._volume_weight * self._rows(1, free, self._basis))
+        return np.vstack([*blocks, self._ridge * np.eye(ENERGY_WEIGHTS, len(unknowns))])
+
+    def _rows(self, output: int, free: Free, of_volumes: FloatArray) -> FloatArray:
+        of = self._of[:, output]
+        if self._holds:
+            return of[:, :ENERGY_WEIGHTS]
+        a, slope = of[:, [ENERGY_WEIGHTS]], of[:, [ENERGY_WEIGHTS + 1]]
+        steps = (a * self._sums[0] + slope * self._sums[1]) * np.exp(free.log_steps)
+        return np.hstack([of[:, :ENERGY_WEIGHTS], steps, of_volumes[:, : len(free.volumes)]])
+
+
+def force_weights(force: FloatArray) -> FloatArray:
+    """Return the weights of errors of the force, shape (S,) [1/N]."""
+    found: FloatArray = 1.0 / np.hypot(FORCE_FLOOR * np.sqrt(np.mean(force**2)), force)
+    return found
+
+
+def fit_energy(
+    scales: Scales, states: States, free: Free, weights: FloatArray, penalty: float, *, holds_free: bool = False
+) -> tuple[FloatArray, Free, float]:
+    """Return the weights of N_U, the functions of the input, and the cost per state.
+
+    Parameters
+    ----------
+    scales : Scales
+    states : States
+    free : Free
+        Functions of the input at the start of the fit.
+    weights : ndarray, shape (67,)
+        Weights at the start.
+    penalty : float
+        Weight of the sum of the squares of all weights, beside the mean square of the relative errors.
+    holds_free : bool
+        Whether `free` stays as it is.
+    """
+    return _EnergyProblem(scales, states, free, penalty, holds_free=holds_free).solve(weights)
+
+
+def fit_radius(
+    scales: Scales, states: States, free: Free, weights: FloatArray, penalty: float
+) -> tuple[FloatArray, float]:
+    """Return the weights of N_R, shape (25,), and the cost per state, from one start; see `fit_energy`."""
+    function, contraction = radius_function(scales, len(states)), free.contraction(states.input)
+    ridge = np.sqrt(penalty * len(states)) * np.eye(RADIUS_WEIGHTS)
+
+    def residuals(at: FloatArray) -> FloatArray:
+        radius = function(at, states.length, contraction)[0][:, 0, 0]
+        return np.concatenate([(radius - states.radius) / scales.radius, ridge @ at])
+
+    def jacobian(at: FloatArray) -> FloatArray:
+        return np.vstack([function(at, states.length, contraction)[1][:, 0] / scales.radius, ridge])
+
+    found = _solved(residuals, jacobian, weights)
+    return found.x, float(found.cost) / len(states)
+
+
+def _solved(residuals: Callable[..., FloatArray], jacobian: Callable[..., FloatArray], start: FloatArray) -> Any:
+    return least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=MOST_ITERATIONS, ftol=1e-6, xtol=1e-9)
+
+
+def drawn(sizes: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return random weights. The weights of the last layer are a tenth of the others, so that its output is small."""
+    layers = []
+    for layer, (fan_in, fan_out) in enumerate(pairwise(sizes)):
+        size = 0.1 if layer == len(sizes) - 2 else 1.0
+        layers += [size * rng.standard_normal(fan_in * fan_out), size * rng.uniform(-1.0, 1.0, fan_out)]
+    return np.concatenate(layers)

@@ -1,0 +1,286 @@
+"""A segment law with its ensemble, its errors on held-out states, and its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+from scenes.language.errors import SceneError
+from scenes.studies.law.fitting import Fit, drawn, fit_energy, fit_radius, force_weights, radius_function
+from scenes.studies.law.free import BoolArray, Free, States, start
+from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales
+from scenes.studies.law.prepared import Prepared
+from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import ReadOnly
+
+HELD_OUT = 0.2
+"""Fraction of the states that is held out. Half of it is drawn at random, and half has the greatest distances."""
+
+PENALTIES = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
+"""Weights of the squares of the networks' weights that are tried. States without noise take one of the first, and 1 %
+of noise one of the last."""
+
+RESTARTS = 3
+"""Number of random starts of the law, of which the best counts. The second and third start change the held-out error by
+a tenth to a half."""
+
+MEMBERS = 4
+"""Number of further laws in the ensemble."""
+
+BAND = 0.2
+"""Greatest force of the working band, as a fraction of the greatest force in the table."""
+
+SPREAD_RATIO = 3.0
+"""Standard deviation between members that counts as known, over its median at the fitted states. Most of the fitted
+states are below it."""
+
+TABLE_SIZE = 41
+"""Number of entries of p(a) in the file. The cubic between them differs from the spline by less than 1e-4 of p."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law(ReadOnly):
+    """A fitted law."""
+
+    prepared: Prepared
+    fit: Fit
+    members: tuple[Fit, ...]
+    """Further laws of the ensemble, fitted to other draws of the states."""
+    held_out: BoolArray
+    """Whether each state is held out, shape (S,)."""
+    penalty: float
+    chamber_offset: float
+    """Offset b of the chambers [m]."""
+    bending: FloatArray
+    """Coefficients of the bending stiffness, shape (6,) [N m]."""
+
+    @property
+    def states(self) -> States:
+        """All states."""
+        return self.prepared.states
+
+    def errors(self) -> dict[str, float | None]:
+        """Return the errors on the held-out states."""
+        return errors(self.fit, self.states.part(self.held_out), self.states)
+
+    def spread(self) -> dict[str, float]:
+        """Return the standard deviations between members that count as known."""
+        known = self.states.part(~self.held_out)
+        ensemble = (self.fit, *self.members)
+        force = np.std([each.force(known.length, known.input) for each in ensemble], axis=0)
+        radius = np.std([each.outer_radius(known.length, known.input) for each in ensemble], axis=0)
+        return {
+            "force_N": SPREAD_RATIO * float(np.median(force)),
+            "radius_m": SPREAD_RATIO * float(np.median(radius)),
+        }
+
+
+def errors(fit: Fit, states: States, of: States) -> dict[str, float | None]:
+    """Return the errors of a law at some states; `of` are all states of the table, which define the working band."""
+    miss = fit.force(states.length, states.input) - states.force
+    band = np.abs(states.force) < BAND * np.abs(of.force).max()
+    volume = None if states.volume is None else _rms(fit.volume(states.length, states.input) - states.volume)
+    return {
+        "force_rms_N": _rms(miss),
+        "force_peak_N": float(np.abs(miss).max()),
+        "force_band_rms_N": _rms(miss[band]) if band.any() else None,
+        "radius_rms_m": _rms(fit.outer_radius(states.length, states.input) - states.radius),
+        "volume_rms_m3": volume,
+        "held_out": len(states),
+        "force_rms_relative": _rms(miss) / _rms(states.force),
+        "force_band_rms_relative": _rms(miss[band]) / _rms(states.force[band]) if band.any() else None,
+        "volume_rms_relative": None if states.volume is None or volume is None else volume / _rms(states.volume),
+    }
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def make(prepared: Prepared, seed: int, tell: Callable[[int], None] = lambda done: None) -> Law:
+    """Fit a law and its ensemble.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    seed : int
+        Seed of the random numbers.
+    tell : callable
+        Function that is called with the number of finished fits, out of `FITS`.
+
+    Raises
+    ------
+    SceneError
+        As in `free.start`, or the offset of the chambers is not below the radius.
+    """
+    states, rng = prepared.states, np.random.default_rng(seed)
+    table = prepared.table
+    free = start(states, table.facts.get("rest_length_m"), table.input_name)
+    scales = _scales(states, free)
+    held_out = _held_out(states, rng)
+    known = states.part(~held_out)
+    done = 0
+
+    def one(states: States, free: Free, penalty: float, *, holds_free: bool = False) -> tuple[float, Fit]:
+        nonlocal done
+        weights = drawn(ENERGY_SIZES, rng)
+        energy, found, cost = fit_energy(scales, states, free, weights, penalty, holds_free=holds_free)
+        radius, _ = fit_radius(scales, states, found, drawn(RADIUS_SIZES, rng), penalty)
+        done += 1
+        tell(done)
+        return cost, Fit(scales, energy, radius, found)
+
+    probe = _drawn_rows(len(known), HELD_OUT, rng)
+    tried = {each: _cost(one(known.part(~probe), free, each)[1], known.part(probe)) for each in PENALTIES}
+    penalty = min(tried, key=lambda each: tried[each])
+    _, fit = min((one(known, free, penalty) for _ in range(RESTARTS)), key=lambda each: each[0])
+    draws = [rng.integers(0, len(known), len(known)) for _ in range(MEMBERS)]
+    members = tuple(one(known.part(rows), fit.free, penalty, holds_free=True)[1] for rows in draws)
+    offset = _offset(prepared, fit)
+    return Law(prepared, fit, members, held_out, penalty, offset, _bending(prepared, fit, offset))
+
+
+FITS = len(PENALTIES) + RESTARTS + MEMBERS
+"""Number of fits for a law."""
+
+
+def _scales(states: States, free: Free) -> Scales:
+    """Return scales from the ranges of the states. The stiffness k is the best one of F = -k s/(1 - a)."""
+    a, x = free.contraction(states.input), states.length / free.rest_length
+    pull = (x / (1.0 - a) - 1.0) / (1.0 - a)
+    k = max(float(pull @ states.force / (pull @ pull)), 1e-9)
+    energy = k * free.rest_length / 4.0
+    return Scales(free.rest_length, k, *_range(x), *_range(a), energy, *_range(states.radius))
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    """Return the middle and half of the range of values. Half of the range is at least 1e-3 of the middle."""
+    low, high = float(values.min()), float(values.max())
+    middle = (low + high) / 2.0
+    return middle, max((high - low) / 2.0, 1e-3 * abs(middle)) or 1.0
+
+
+def _held_out(states: States, rng: np.random.Generator) -> BoolArray:
+    """Return which states are held out: half of them at random, and half by farthest points.
+
+    States with an extreme length or input are not held out, since the law is not valid beyond its states.
+    """
+    points = np.column_stack([_scaled(states.length), _scaled(states.input)])
+    inner = np.flatnonzero((np.abs(points) < 1.0 - 1e-9).all(axis=1) | (np.ptp(points, axis=0) == 0.0).all())
+    count = min(round(HELD_OUT * len(states)), len(inner) // 2)
+    chosen = list(rng.permutation(inner)[: count - count // 2])
+    while len(chosen) < count:
+        rest = np.setdiff1d(inner, chosen)
+        apart = np.linalg.norm(points[rest][:, None] - points[chosen][None], axis=2).min(axis=1)
+        chosen.append(rest[int(np.argmax(apart))])
+    return np.isin(np.arange(len(states)), chosen)
+
+
+def _scaled(values: FloatArray) -> FloatArray:
+    middle, half = _range(values)
+    return (values - middle) / half
+
+
+def _drawn_rows(count: int, share: float, rng: np.random.Generator) -> BoolArray:
+    return np.isin(np.arange(count), rng.permutation(count)[: round(share * count)])
+
+
+def _cost(fit: Fit, states: States) -> float:
+    """Return the mean square of the relative errors at some states."""
+    miss = force_weights(states.force) * (fit.force(states.length, states.input) - states.force)
+    cost = float(np.mean(miss**2))
+    if states.volume is not None:
+        cost += float(np.mean((fit.volume(states.length, states.input) - states.volume) ** 2) / np.var(states.volume))
+    return cost
+
+
+def domain(fit: Fit, states: States) -> tuple[tuple[float, float], float]:
+    """Return the range of lengths, and the greatest contraction."""
+    lengths = np.append(states.length, fit.free.rest_length)
+    return (float(lengths.min()), float(lengths.max())), float(fit.free.contraction(states.input).max())
+
+
+def _offset(prepared: Prepared, fit: Fit) -> float:
+    """Return the offset of the chambers: given, or the least radius in the domain over the square root of 2.
+
+    With this offset, two chambers bend as stiffly as a round shell of this radius.
+    """
+    (low, high), most = domain(fit, prepared.states)
+    corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
+    least = float(_radius(fit, *(each.ravel() for each in corners)).min())
+    given = prepared.table.facts.get("chamber_offset_m")
+    if least <= 0.0 or (given is not None and given >= least):
+        raise SceneError(
+            f"chamber_offset_m: got {given}, must be below the least radius of the law, {least:.4g} m; give another "
+            "one with -o, or leave out states in the corners of the table"
+        )
+    return least / np.sqrt(2.0) if given is None else given
+
+
+def _radius(fit: Fit, length: FloatArray, contraction: FloatArray) -> FloatArray:
+    return radius_function(fit.scales, len(length))(fit.radius, length, contraction)[0][:, 0, 0]
+
+
+def _bending(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
+    """Return the coefficients of the bending stiffness, the best ones for the moments of bent states.
+
+    The moment is b (U'(l + b th) - U'(l - b th)) + m(x, y) th. Without bent states, m is 0.
+    """
+    if not len(prepared.bent):
+        return np.zeros(6)
+    length, level, bend, moment = prepared.bent.T
+    sides = [fit.force(length + sign * offset * bend, level) / 2.0 for sign in (1.0, -1.0)]
+    rest = moment - offset * (sides[0] - sides[1])
+    s = fit.scales
+    x = (length / s.rest_length - s.x_mid) / s.x_half
+    y = (fit.free.contraction(level) - s.y_mid) / s.y_half
+    terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
+    found: FloatArray = np.linalg.lstsq(terms * bend[:, None], rest, rcond=None)[0]
+    return found
+
+
+def content(law: Law) -> dict[str, Any]:
+    """Return the content of the law's file."""
+    fit, table, s = law.fit, law.prepared.table, law.fit.scales
+    lengths, most = domain(fit, law.states)
+    value = np.linspace(0.0, fit.free.spline.high, TABLE_SIZE)
+    at = fit.free.spline.high - value if fit.free.lengthens else value
+    rest_radius = float(_radius(fit, np.array([s.rest_length]), np.zeros(1))[0])
+    return {
+        "kind": "worm3d segment law",
+        "version": 1,
+        "rest_length_m": s.rest_length,
+        "chamber_offset_m": law.chamber_offset,
+        "plate_radius_m": table.facts.get("plate_radius_m", rest_radius),
+        "rest_radius_m": rest_radius,
+        "input": {
+            "name": table.input_name,
+            "unit": {"pressure": "Pa", "cable": "N"}[table.input_name],
+            "contraction": fit.free.contraction(at).tolist(),
+            "value": value.tolist(),
+            "counted_down_from": fit.free.spline.high if fit.free.lengthens else None,
+        },
+        "free_volume_m3": fit.free.volume(at).tolist() if len(fit.free.volumes) else None,
+        "stiffness_N": s.stiffness,
+        "scales": {
+            **{name: getattr(s, name) for name in ("x_mid", "x_half", "y_mid", "y_half")},
+            "energy_J": s.energy,
+            "radius_mid_m": s.radius_mid,
+            "radius_m": s.radius,
+        },
+        "energy": {"sizes": list(ENERGY_SIZES), "weights": fit.energy.tolist()},
+        "radius": {"sizes": list(RADIUS_SIZES), "weights": fit.radius.tolist()},
+        "bending_Nm": law.bending.tolist(),
+        "domain": {"length_m": list(lengths), "contraction": [0.0, most]},
+        "ensemble": [{"energy": each.energy.tolist(), "radius": each.radius.tolist()} for each in law.members],
+        "spread": law.spread(),
+        "errors": law.errors(),
+        "source": table.source,
+        "table_sha256": table.sha256,
+        "made": f"{datetime.now(UTC):%Y-%m-%d}, worm3d {metadata.version('worm3d')}",
+    }
