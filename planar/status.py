@@ -19,6 +19,10 @@ class Status(Enum):
         "weak for its weight"
     )
     FLATTENED = "the rhombus of a segment was pressed flat (limit point); the steps before are kept"
+    OUTSIDE = (
+        "a segment left the domain of the segment law, which has no such lengths or contractions; the steps before are "
+        "kept"
+    )
     FOLDED = "two neighbouring segments folded by 90 degrees or more; the steps before are kept"
     SUNK = "a joint came down to the ground, where only apexes can stand; the steps before are kept"
     BAD_COMMAND = (

@@ -12,6 +12,9 @@ joints determine the apexes. A step of implicit Euler (P1), (P2), (P4), (P5) mak
     + sum_k drag_k/(2 dt) |p_k - p_k,n|^2                           viscous medium (P8)
     + contact and friction                                          `planar.linkage.ground`
 
+These are the terms of rhombi. Other segment laws (`planar.linkage.segment_law`) have another energy of the spring and
+another distance between the apexes, and no apex hinges.
+
 The friction uses the normal loads at the solution. The worm of this model stands on its apexes. The worm of the paper
 is clamped instead: the heights z of its joints are fixed, the normal loads are the reaction forces (P9), and the
 friction is (P10).
@@ -26,9 +29,10 @@ s_n. At rest, the values of cross and angle are cross0 and angle0. The duration 
 """
 
 from planar.linkage.ground import Friction
+from planar.linkage.learned import Learned
 from planar.linkage.run import Run
 from planar.linkage.simulate import simulate
 from planar.linkage.start import LimitPointError
 from planar.linkage.worm import Linkage
 
-__all__ = ["Friction", "LimitPointError", "Linkage", "Run", "simulate"]
+__all__ = ["Friction", "Learned", "LimitPointError", "Linkage", "Run", "simulate"]

@@ -3,10 +3,10 @@
 The docstring of `planar.linkage` has the potential. With the joints p_i, e = p_{i+1} - p_i, s = e.e and
 R = [[0, -1], [1, 0]], the apexes of segment i are
 
-    X = (p_i + p_{i+1})/2 +- w(s) R e,   w = sqrt(a^2/s - 1/4) = h/l                (K1)
+    X = (p_i + p_{i+1})/2 +- w(s) R e,   w = h/l                                    (K1)
 
-where a is the length of the links, l = |e|, and h is half of the diagonal between the apexes. For any force f on an
-apex, with w' = dw/ds,
+where l = |e|, and h is half of the distance between the apexes. A rhombus with links of length a has
+w = sqrt(a^2/s - 1/4), and `planar.linkage.segment_law` has the other laws. For any force f on an apex, with w' = dw/ds,
 
     d(f.wRe)/de  = w R^T f + 2 w' (f.Re) e
     d2(f.wRe)/de2 = 2 w' (R^T f e^T + e f^T R + (f.Re) I) + 4 w'' (f.Re) e e^T.      (K2)
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.ground import Ground
+from planar.linkage.segment_law import RHOMBUS, SegmentLaw, has_shape, slenderness, spring
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
@@ -46,9 +47,7 @@ class Body(NamedTuple):
     [bottom, top].
     """
 
-    k_spring: FloatArray
-    l0: float
-    link_length: FloatArray
+    segment_law: SegmentLaw
     k_torsion: FloatArray
     cross0: FloatArray
     k_apex: FloatArray
@@ -135,9 +134,9 @@ def evaluate(
 ) -> float:
     """Return the potential of a step, and fill the gradient and the Hessian.
 
-    The potential is infinite if a segment would have to be longer than its links allow. If `coupled` is true, friction
-    uses the normal loads at `q` instead of `now.load`. Then `grad` is the residual of the step, `band` is the
-    unsymmetric Jacobian of the residual, and the returned potential has no meaning.
+    The potential is infinite if a segment would have to be longer than its links allow, or has no length. If `coupled`
+    is true, friction uses the normal loads at `q` instead of `now.load`. Then `grad` is the residual of the step, `band`
+    is the unsymmetric Jacobian of the residual, and the returned potential has no meaning.
 
     Parameters
     ----------
@@ -150,20 +149,21 @@ def evaluate(
     """
     grad[:] = 0.0
     band[:, :] = 0.0
-    tangent, length = np.empty((len(body.link_length), 2)), np.empty(len(body.link_length))
-    for i in range(len(body.link_length)):
+    segments = len(body.k_apex)
+    tangent, length = np.empty((segments, 2)), np.empty(segments)
+    for i in range(segments):
         ex, ez = q[2 * i + 2] - q[2 * i], q[2 * i + 3] - q[2 * i + 1]
         square = ex * ex + ez * ez
-        if not (1e-8 * body.link_length[i] ** 2 < square < 4.0 * body.link_length[i] ** 2 * (1.0 - 1e-12)):
+        if not has_shape(i, square, body.segment_law):
             return np.inf
         length[i] = np.sqrt(square)
         tangent[i, 0], tangent[i, 1] = ex / length[i], ez / length[i]
     phi = _joints(q, body, now, grad, band)
-    for i in range(len(body.link_length)):
+    for i in range(segments):
         phi += _segment(i, q, length[i], tangent[i], body, now, grad, band)
         for j in range(2):
             phi += _apex(i, j, q, length[i], body, ground, now, coupled, grad, band)
-    for j in range(1, len(body.link_length)):
+    for j in range(1, segments):
         phi += _torsion(j, length, tangent, body, now, grad, band)
     return phi
 
@@ -189,20 +189,24 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
 def _segment(
     i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
-    """Add the spring (P7), the two apex hinges and the Kelvin-Voigt dampers of segment i; return their potential."""
-    k, a, l_cmd, tau = body.k_spring[i], body.link_length[i], now.l_cmd[i], body.kelvin_voigt_time / now.dt
-    h = np.sqrt(a * a - 0.25 * length * length)
-    stretch, damper, rate = 1.0 - length / l_cmd, tau * k / body.l0, length - now.length_n[i]
-    phi: float = 0.5 * k * body.l0 * stretch**2 + 0.5 * damper * rate**2
-    slope = -k * body.l0 / l_cmd * stretch + damper * rate
-    curve = k * body.l0 / l_cmd**2 + damper
+    """Add the spring of segment i, the two apex hinges of a rhombus, and the dampers; return their potential."""
+    law, tau = body.segment_law, body.kelvin_voigt_time / now.dt
+    phi: float
+    phi, slope, curve = spring(i, length, now.l_cmd[i], law)
+    damper, rate = tau * law.k_spring[i] / law.l0, length - now.length_n[i]
+    phi += 0.5 * damper * rate**2
+    slope += damper * rate
+    curve += damper
 
-    angle = 2.0 * np.arcsin(0.5 * length / a)
-    bend, turn = angle - body.rest_angle[i], angle - now.angle_n[i]
-    phi += body.k_apex[i] * (bend**2 + tau * turn**2)
-    moment = 2.0 * body.k_apex[i] * (bend + tau * turn)
-    slope += moment / h
-    curve += 2.0 * body.k_apex[i] * (1.0 + tau) / h**2 + moment * length / (4.0 * h**3)
+    if law.kind == RHOMBUS:
+        a = law.link_length[i]
+        h = np.sqrt(a * a - 0.25 * length * length)
+        angle = 2.0 * np.arcsin(0.5 * length / a)
+        bend, turn = angle - body.rest_angle[i], angle - now.angle_n[i]
+        phi += body.k_apex[i] * (bend**2 + tau * turn**2)
+        moment = 2.0 * body.k_apex[i] * (bend + tau * turn)
+        slope += moment / h
+        curve += 2.0 * body.k_apex[i] * (1.0 + tau) / h**2 + moment * length / (4.0 * h**3)
 
     for d in range(2):
         grad[2 * i + d] -= slope * t[d]
@@ -231,11 +235,9 @@ def _apex(
 
     The forces are inertia, weight, contact and friction.
     """
-    base, side, a, s = 2 * i, 2.0 * j - 1.0, body.link_length[i], length * length
+    base, side = 2 * i, 2.0 * j - 1.0
     ex, ez = q[base + 2] - q[base], q[base + 3] - q[base + 1]
-    w = np.sqrt(a * a / s - 0.25)
-    w1 = -a * a / (2.0 * s * s * w)
-    w2 = (a * a / (s * s * s) - w1 * w1) / w
+    w, w1, w2 = slenderness(i, length * length, now.l_cmd[i], body.segment_law)
     x = 0.5 * (q[base] + q[base + 2]) - side * w * ez
     z = 0.5 * (q[base + 1] + q[base + 3]) + side * w * ex
     phi, fx, fz, kxx, kxz, kzz = _point(i, j, x, z, body, ground, now, coupled)

@@ -10,7 +10,10 @@ X are the positions of the mass points (joints and apexes), V their velocities, 
 
 * Work of the actuators is the integral of (dE/dl_cmd) dl_cmd over the change of the command by the trapezoidal rule,
   that is, the mean of E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}. The difference between this mean and the value
-  at l_n is a numerical loss, which may be negative.
+  at l_n is a numerical loss, which may be negative. If the half-height h depends on the command, the command also moves
+  the apexes at constant joints. The first-order displacement of an apex in a step is then
+  dX = (dX/dq) dq + (dX/dl_cmd) dl_cmd, and the work contains f.(dX/dl_cmd) dl_cmd, where f is the gradient of the
+  potential of the apex (inertia, weight, contact and friction) at the end of the step.
 * Friction loss is the limit of friction times the distance that the anchor moves. For the friction law (P10) it is
   -F.dq.
 * Viscous loss is c (ds)^2/dt in the Kelvin-Voigt dampers, and the loss in the medium (P8) and in the dampers of
@@ -20,8 +23,8 @@ X are the positions of the mass points (joints and apexes), V their velocities, 
   stored in the contact. The impulse of friction is treated in the same way. The term -m g.(dt (V + V_n)/2 - J dq)
   removes the work of the weight during the impact.
 * Numerical loss is m |dV|^2/2, and E_n - E_{n+1} + gradE_{n+1}.dq for every energy. Since X(q) and s(q) are not linear,
-  the numerical loss also contains force times (J dq - dX) for inertia, contact, friction and dampers. The part that
-  counts as impact is subtracted.
+  the numerical loss also contains force times (first-order dX - dX) for inertia, contact, friction and dampers. The
+  part that counts as impact is subtracted.
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.ground import Ground
-from planar.linkage.shape import R, apexes, cross_products, diagonals, hinge_angles, joint_cosines
+from planar.linkage.segment_law import values
+from planar.linkage.shape import R, apexes_by_law, cross_products, diagonals, hinge_angles, joint_cosines
 from planar.linkage.worm import Linkage
 from worm3d.values.arrays import FloatArray
 
@@ -139,27 +143,35 @@ class Ledger:
 class _Terms:
     def __init__(self, p: Any, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
         self.p, self.worm, self.ground, self.gravity, self.anchored = p, worm, ground, gravity, anchored
-        a = worm.link_length
+        self.law = worm.segment_law
         self.dq = p.end.joints - p.start.joints
         self.de = np.diff(self.dq, axis=1)
         self.l_n, _ = diagonals(p.start.joints)
         self.l, self.t = diagonals(p.end.joints)
         self.stretch = np.sum(self.t * self.de, axis=-1)  # dl/dq . dq
-        self.x_n, self.x = apexes(p.start.joints, a), apexes(p.end.joints, a)
+        self.x_n, self.x = (apexes_by_law(each.joints, each.l_cmd, self.law) for each in (p.start, p.end))
         self.dx = self.x - self.x_n
-        self.jdq = self._first_order_apex_motion(a)
+        self.commanded = np.zeros_like(self.dx)
+        self.first_order = self._first_order_apex_motion()
         self.mean = _per(p.dt, self.dx) * 0.5 * (p.start.apex_velocity + p.end.apex_velocity)
         self.lands = self._lands()
         self.tau = worm.kelvin_voigt_time / p.dt[:, None]
 
-    def _first_order_apex_motion(self, a: FloatArray) -> FloatArray:
-        """Return J dq of the apexes, dm -+ (dh n + h dn), with dh = -l dl/(4 h) and dn = -t (n.de)/l.
+    def _first_order_apex_motion(self) -> FloatArray:
+        """Return the first-order displacement of the apexes, dm -+ (dh n + h dn), with dn = -t (n.de)/l.
 
-        m is the middle between the two joints, and h is half of the diagonal between the apexes.
+        m is the middle between the two joints, and h is half of the distance between the apexes. A rhombus has
+        dh = -l dl/(4 h). For other segment laws, the part (dX/dl_cmd) dl_cmd is kept as `commanded`.
         """
         n = self.t @ R.T
-        h = np.sqrt(a**2 - self.l**2 / 4.0)
-        dh = -self.l * self.stretch / (4.0 * h)
+        if self.worm.has_links:
+            h = np.sqrt(self.worm.link_length**2 - self.l**2 / 4.0)
+            dh = -self.l * self.stretch / (4.0 * h)
+        else:
+            at_end = values(self.l, self.p.end.l_cmd, self.law)
+            h, by_command = at_end.height, at_end.widening * (self.p.end.l_cmd - self.p.start.l_cmd)
+            dh = at_end.along * self.stretch + by_command
+            self.commanded = by_command[..., None, None] * np.stack([-n, n], axis=-2)
         dn = -self.t * (np.sum(n * self.de, axis=-1) / self.l)[..., None]
         reach = dh[..., None] * n + h[..., None] * dn
         middle = 0.5 * (self.dq[:, :-1] + self.dq[:, 1:])
@@ -189,14 +201,15 @@ class _Terms:
             "friction_loss": -friction,
             "work_friction_p13": friction,
             "viscous_loss": np.einsum("j,pjd->p", self.worm.joint_drag, self.dq**2) / self.p.dt,
-            "numerical_loss": np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0] - self.jdq[..., 0]),
+            "work_contract": -np.einsum("pns,pns->p", self.p.apex_friction, self.commanded[..., 0]),
+            "numerical_loss": np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0] - self.first_order[..., 0]),
         }
 
     def _inertia(self) -> dict[str, FloatArray]:
         change, loss = np.zeros(len(self.p.dt)), np.zeros(len(self.p.dt))
         moves = (
             (self.worm.joint_mass, self.p.start.joint_velocity, self.p.end.joint_velocity, self.dq, self.dq),
-            (self.worm.apex_mass, self.p.start.apex_velocity, self.p.end.apex_velocity, self.jdq, self.dx),
+            (self.worm.apex_mass, self.p.start.apex_velocity, self.p.end.apex_velocity, self.first_order, self.dx),
         )
         for mass, v_n, v, first_order, true in moves:
             dv = v - v_n
@@ -204,53 +217,51 @@ class _Terms:
             curvature = (dv / _per(self.p.dt, dv) * (first_order - true)).sum(-1)
             change += _weighted(mass, per_point[0])
             loss += _weighted(mass, per_point[1] + curvature)
-        return {"kinetic": change, "numerical_loss": loss}
+        commanding = _weighted(self.worm.apex_mass, (dv / _per(self.p.dt, dv) * self.commanded).sum(-1))
+        return {"work_contract": commanding, "kinetic": change, "numerical_loss": loss}
 
     def _weight(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Return the change of E = -m g.X with its numerical loss, and the part of impact that is due to the weight.
 
-        The numerical loss is E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX).
+        The numerical loss is -m g.(first-order dX - dX).
         """
         g, p, joints, tips = self.gravity, self.p, self.worm.joint_mass, self.worm.apex_mass
         change = -_weighted(joints, self.dq @ g) - _weighted(tips, self.dx @ g)
         mean = _per(p.dt, self.dq) * 0.5 * (p.start.joint_velocity + p.end.joint_velocity)
-        carried = _weighted(joints, (self.dq - mean) @ g) + _weighted(tips, (self.jdq - self.mean) @ g)
+        carried = _weighted(joints, (self.dq - mean) @ g) + _weighted(tips, (self.first_order - self.mean) @ g)
         impact = self.lands * carried
-        loss = -_weighted(tips, (self.jdq - self.dx) @ g)
-        return {"potential": change, "numerical_loss": loss}, {"impact": impact, "numerical_loss": -impact}
+        loss, commanding = -_weighted(tips, (self.first_order - self.dx) @ g), -_weighted(tips, self.commanded @ g)
+        of_weight = {"work_contract": commanding, "potential": change, "numerical_loss": loss}
+        return of_weight, {"impact": impact, "numerical_loss": -impact}
 
     def _elastic(self) -> dict[str, FloatArray]:
         worm, p = self.worm, self.p
-        k, l0, a = np.asarray(worm.k_spring), worm.l0, worm.link_length
         cmd_n, cmd = p.start.l_cmd, p.end.l_cmd
 
         def spring(length: FloatArray, command: FloatArray) -> FloatArray:
-            return 0.5 * k * l0 * (1.0 - length / command) ** 2
+            return values(length, command, self.law).energy
 
         def tension(command: FloatArray | float) -> FloatArray:
-            return -k * l0 / command * (1.0 - self.l / command)
+            return values(self.l, command, self.law).tension
 
         commanding = spring(self.l_n, cmd) - spring(self.l_n, cmd_n)
         commanded = spring(self.l, cmd) - spring(self.l, cmd_n)
         work = (commanding + commanded) / 2.0  # integral of (dE/dl_cmd) dl_cmd, by the trapezoidal rule
         rise = spring(self.l, cmd) - spring(self.l_n, cmd)
         change, numerical = spring(self.l, cmd) - spring(self.l_n, cmd_n), tension(cmd) * self.stretch - rise
-        damper = self.tau * k / l0
+        damper = self.tau * np.asarray(worm.k_spring) / worm.l0
         viscous = damper * (self.l - self.l_n) ** 2
         numerical = numerical + work - commanding
         numerical = numerical + damper * (self.l - self.l_n) * (self.stretch - (self.l - self.l_n))
-        p11 = -(tension(cmd) - tension(l0)) * self.stretch
+        p11 = -(tension(cmd) - tension(worm.l0)) * self.stretch
         terms = {"work_contract": work, "elastic": change, "viscous_loss": viscous, "numerical_loss": numerical}
         total = {name: term.sum(axis=1) for name, term in (terms | {"work_contract_p11": p11}).items()}
 
-        opening = self.stretch / np.sqrt(a**2 - self.l**2 / 4.0)
-        hinges = hinge_angles(self.l_n, a), hinge_angles(self.l, a), opening, worm.rest_angle
         across = np.sum((self.t @ R.T) * self.de, axis=-1) / self.l
         turning = joint_cosines(p.end.joints) * (across[:, 1:] - across[:, :-1])
         joints = cross_products(p.start.joints), cross_products(p.end.joints), turning, np.asarray(worm.cross0)
-        # Energies k/2 (s - rest)^2 with dampers; `first_order` is ds/dq . dq. The factor 2: a rhombus has two hinges.
-        stiffness = 2.0 * np.asarray(worm.k_apex), np.asarray(worm.k_torsion)
-        for k, (s_n, s, first_order, rest) in zip(stiffness, (hinges, joints), strict=True):
+        # Energies k/2 (s - rest)^2 with dampers; `first_order` is ds/dq . dq.
+        for k, (s_n, s, first_order, rest) in (*self._hinges(), (np.asarray(worm.k_torsion), joints)):
             ds = s - s_n
             rise = 0.5 * k * ((s - rest) ** 2 - (s_n - rest) ** 2)
             loss = k * (s - rest) * first_order - rise + k * self.tau * ds * (first_order - ds)
@@ -258,6 +269,15 @@ class _Terms:
             total["viscous_loss"] += (k * self.tau * ds**2).sum(axis=1)
             total["numerical_loss"] += loss.sum(axis=1)
         return total
+
+    def _hinges(self) -> list[tuple[FloatArray, tuple[FloatArray, ...]]]:
+        """Return stiffness and angles of the two apex hinges of each rhombus; nothing for other segments."""
+        if not self.worm.has_links:
+            return []
+        a = self.worm.link_length
+        opening = self.stretch / np.sqrt(a**2 - self.l**2 / 4.0)
+        angles = hinge_angles(self.l_n, a), hinge_angles(self.l, a), opening, self.worm.rest_angle
+        return [(2.0 * np.asarray(self.worm.k_apex), angles)]
 
     def _contact(self) -> dict[str, FloatArray]:
         if self.ground is None:
@@ -274,7 +294,12 @@ class _Terms:
         rise = 0.5 * ground.stiffness * (depth**2 - depth_n**2)
         damped = -(load - ground.stiffness * depth) * dz
         impact = np.where(_per(self.lands, load) > 0.0, -load * self.mean[..., 1] - rise, damped)
-        return {"penetration": rise, "impact": impact, "numerical_loss": -rise - load * self.jdq[..., 1] - impact}
+        return {
+            "work_contract": -load * self.commanded[..., 1],
+            "penetration": rise,
+            "impact": impact,
+            "numerical_loss": -rise - load * self.first_order[..., 1] - impact,
+        }
 
     def _friction(self, ground: Ground) -> dict[str, FloatArray]:
         p = self.p
@@ -305,6 +330,7 @@ class _Terms:
         impact = _per(self.lands, load) * force * (towards_head * self.mean[..., 0] - ds)
         load_change = stored_n - load_n * spring_energy(s_n)
         return {
+            "work_contract": force * towards_head * self.commanded[..., 0],
             "friction_loss": load * p.cap * slope(p.slip) * p.slip,
             "anchor": stored - stored_n + load_change,
             "load_change": load_change,
@@ -312,7 +338,7 @@ class _Terms:
             "impact": impact,
             "numerical_loss": spring * stretch
             - (stored - stored_n)
-            + force * (towards_head * self.jdq[..., 0] - ds)
+            + force * (towards_head * self.first_order[..., 0] - ds)
             + (force - load * p.cap * slope(p.slip)) * p.slip
             - impact,
             "work_friction_p13": -force * ds,

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from planar.linkage import regimes
 from planar.linkage.element import HALF_BANDWIDTH, NO_BAND, ROWS, Body, Now, apex_gauge, evaluate
 from planar.linkage.ground import Ground
-from planar.linkage.shape import apexes
+from planar.linkage.segment_law import slenderness
+from planar.linkage.shape import apexes_by_law
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
@@ -112,7 +113,7 @@ class Newton:
         tiny displacement of a stuck contact. Plain bisection would need very many evaluations to find such a point.
         """
         slope, scratch, noise = float(self.gradient @ direction), np.empty_like(q), 1e-14 * abs(phi)
-        kinks = np.empty(2 * len(self.body.link_length))
+        kinks = np.empty(2 * len(self.body.k_apex))
         kinks = np.sort(kinks[: _resting_points(q, direction, self.body, self.ground, now, kinks)])
         low, high, step = 0.0, 1.0, 1.0
         best: FloatArray | None = None
@@ -138,14 +139,14 @@ class Newton:
         """
         if not np.isfinite(self._evaluate(q, now, coupled=False)):
             return q, 1, False  # the worm cannot take this shape
-        regime, iterations = regimes.of_law(q, self.body.link_length, self.ground, now), 0
+        regime, iterations = regimes.of_law(q, self.body.segment_law, self.ground, now), 0
         for turn in range(first, 60):
             taken = now._replace(regime=regime)
             q, used, converged = self._polish(q, taken, most=40)
             iterations += used
             if not converged:
                 break
-            regime = regimes.after(q, self.body.link_length, self.ground, taken, turn)
+            regime = regimes.after(q, self.body.segment_law, self.ground, taken, turn)
             if (regime == taken.regime).all():
                 return q, iterations, True
         return q, iterations, False
@@ -175,7 +176,7 @@ def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
     if k == 0.0:
         return np.zeros_like(now.load)
     stiff = k + c / dt
-    depth = np.maximum(0.0, -apexes(q.reshape(-1, 2), body.link_length)[..., 1])
+    depth = np.maximum(0.0, -apexes_by_law(q.reshape(-1, 2), now.l_cmd, body.segment_law)[..., 1])
     return np.asarray(stiff * np.maximum(0.0, depth - c / dt * now.depth_n / stiff))
 
 
@@ -189,7 +190,7 @@ def _resting_points(
     stiffer direction. The step ends just beyond this point, so that the next Hessian contains the stiffness that holds
     the contact.
     """
-    n, found = len(body.link_length), 0
+    n, found = len(body.k_apex), 0
     for i in range(n):
         for j in range(2):
             if now.load[i, j] <= 0.0 or ground.stiffness == 0.0:
@@ -200,7 +201,7 @@ def _resting_points(
                 ax, az = q[k] + far * direction[k], q[k + 1] + far * direction[k + 1]
                 bx, bz = q[k + 2] + far * direction[k + 2], q[k + 3] + far * direction[k + 3]
                 square = (bx - ax) ** 2 + (bz - az) ** 2
-                w = np.sqrt(max(body.link_length[i] ** 2 / square - 0.25, 0.0))
+                w, _, _ = slenderness(i, square, now.l_cmd[i], body.segment_law)
                 x = 0.5 * (ax + bx) - (2.0 * j - 1.0) * w * (bz - az)
                 y[end], mu, b = apex_gauge(i, j, x, ground, now)
                 if end == 0:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from planar.linkage.element import OPEN, SLIDE, STICK, Now
 from planar.linkage.ground import LIMIT_TOLERANCE, Ground
-from planar.linkage.shape import apexes
+from planar.linkage.segment_law import SegmentLaw
+from planar.linkage.shape import apexes_by_law
 from worm3d.values.arrays import FloatArray
 
 Regimes = NDArray[np.int64]
@@ -23,35 +24,35 @@ AT_ONCE = 10
 violates the law most, so that two regimes do not alternate forever."""
 
 
-def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
-    """Return the regimes that the law gives at q, shape (N, 2); `a` is the length of the links."""
-    _, y, limit = gauge(q, a, ground, now)
+def of_law(q: FloatArray, law: SegmentLaw, ground: Ground, now: Now) -> Regimes:
+    """Return the regimes that the law of contact gives at q, shape (N, 2); `law` is the segment law."""
+    _, y, limit = gauge(q, law, ground, now)
     slides = np.abs(y) > limit
-    return np.where(_load(q, a, ground, now) > 0.0, np.where(slides, SLIDE, STICK) + (y <= 0.0), OPEN)
+    return np.where(_load(q, law, ground, now) > 0.0, np.where(slides, SLIDE, STICK) + (y <= 0.0), OPEN)
 
 
-def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> Regimes:
+def after(q: FloatArray, law: SegmentLaw, ground: Ground, now: Now, turn: int) -> Regimes:
     """Return the regimes for the next round, shape (N, 2), given the solution q for the regimes in `now`.
 
     If q obeys the law, the regimes do not change. A contact that slides although its friction is below the limit
     becomes stuck. Only a stuck contact can change its direction or begin to slide. `turn` is the number of the round.
     """
-    (_, y, limit), load = gauge(q, a, ground, now), _load(q, a, ground, now)
+    (_, y, limit), load = gauge(q, law, ground, now), _load(q, law, ground, now)
     old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)
     tail = old % 2
     along = np.where(tail == 1, -y, y) / limit
     kinds = [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0]
     wrong = np.select(kinds, [load / scale, -load / scale, 1.0 - along, -along], along - 1.0)
-    new = np.select(kinds, [of_law(q, a, ground, now), OPEN, STICK + tail, STICK + 1 - tail], SLIDE + tail)
+    new = np.select(kinds, [of_law(q, law, ground, now), OPEN, STICK + tail, STICK + 1 - tail], SLIDE + tail)
     denied = wrong > LIMIT_TOLERANCE
     if turn >= AT_ONCE and denied.any():
         denied = wrong == wrong.max()
     return np.where(denied, new, old)
 
 
-def gauge(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
+def gauge(q: FloatArray, law: SegmentLaw, ground: Ground, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return s*, y = s - s* and cap b of (G2) at q, whatever the given regimes are; each of shape (N, 2) [m]."""
-    x = apexes(q.reshape(-1, 2), a)[..., 0]
+    x = apexes_by_law(q.reshape(-1, 2), now.l_cmd, law)[..., 0]
     r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / now.dt)
     centre = ground.gauge_damping / now.dt * r * now.slide_n
     y = now.direction[:, None] * (x - now.anchor) - centre
@@ -59,7 +60,7 @@ def gauge(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> tuple[Float
     return centre, y, now.cap * r / np.maximum(mu, ground.least)
 
 
-def _load(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> FloatArray:
+def _load(q: FloatArray, law: SegmentLaw, ground: Ground, now: Now) -> FloatArray:
     """Return the linear load of the contacts, shape (N, 2) [N]; it is negative where an apex is above the ground."""
-    z = apexes(q.reshape(-1, 2), a)[..., 1]
+    z = apexes_by_law(q.reshape(-1, 2), now.l_cmd, law)[..., 1]
     return np.asarray(-(ground.stiffness + ground.damping / now.dt) * z - ground.damping / now.dt * now.depth_n)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planar.linkage.ground import Ground
 from planar.linkage.ledger import Ledger
-from planar.linkage.shape import apexes, diagonals
+from planar.linkage.shape import apexes_by_law, diagonals
 from planar.linkage.step import State, Step
 from planar.linkage.worm import Linkage
 from planar.status import Status, Stop
@@ -58,7 +58,7 @@ class Run:
     @cached_property
     def apexes(self) -> FloatArray:
         """Apexes [bottom, top] of each segment, shape (T, N, 2, 2) [m]."""
-        return apexes(self.joints, self.worm.link_length)
+        return apexes_by_law(self.joints, self._l_cmd, self.worm.segment_law)
 
     @cached_property
     def length(self) -> FloatArray:
@@ -68,7 +68,11 @@ class Run:
     @cached_property
     def contraction(self) -> FloatArray:
         """Commanded contraction, shape (T, N)."""
-        return 1.0 - np.array([state.l_cmd for state in self._states]) / self.worm.l0
+        return 1.0 - self._l_cmd / self.worm.l0
+
+    @property
+    def _l_cmd(self) -> FloatArray:
+        return np.array([state.l_cmd for state in self._states])
 
     @cached_property
     def com(self) -> FloatArray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from planar.linkage.segment_law import RHOMBUS, SegmentLaw, values
 from worm3d.values.arrays import FloatArray
 
 R = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -24,14 +25,29 @@ def diagonals(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def apexes(joints: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the apexes [bottom, top] of each segment, midpoint -+ h n, shape (..., N, 2, 2) [m].
+    """Return the apexes [bottom, top] of each rhombus, midpoint -+ h n, shape (..., N, 2, 2) [m].
 
     The joints have the shape (..., N+1, 2) [m], and the lengths a of the links the shape (N,) [m].
     """
+    e = joints[..., 1:, :] - joints[..., :-1, :]
+    return _across(joints, np.sqrt(a**2 / (e[..., 0] ** 2 + e[..., 1] ** 2) - 0.25))
+
+
+def apexes_by_law(joints: FloatArray, l_cmd: FloatArray, law: SegmentLaw) -> FloatArray:
+    """Return the apexes [bottom, top] of segments with any segment law, shape (..., N, 2, 2) [m].
+
+    The joints have the shape (..., N+1, 2) [m], and the commanded lengths the shape (..., N) [m].
+    """
+    if law.kind == RHOMBUS:
+        return apexes(joints, law.link_length)
+    length, _ = diagonals(joints)
+    return _across(joints, values(length, l_cmd, law).height / length)
+
+
+def _across(joints: FloatArray, w: FloatArray) -> FloatArray:
+    """Return the apexes (K1) of segments whose ratios w = h/l have the shape (..., N)."""
     tail, head = joints[..., :-1, :], joints[..., 1:, :]
-    e = head - tail
-    w = np.sqrt(a**2 / (e[..., 0] ** 2 + e[..., 1] ** 2) - 0.25)  # h/l, as in (K1)
-    middle = 0.5 * (tail + head)
+    e, middle = head - tail, 0.5 * (tail + head)
     points = np.empty((*e.shape[:-1], 2, 2))
     for j, reach in enumerate((-w, w)):
         points[..., j, 0] = middle[..., 0] - reach * e[..., 1]

@@ -208,7 +208,7 @@ class _Simulation:
         return first + second, status
 
     def _guard(self, step: Step) -> Status:
-        return shape_status(self.worm, step.end.joints, self.on_ground)
+        return shape_status(self.worm, step.end.joints, step.end.l_cmd, self.on_ground)
 
 
 def _stop(status: Status, k: int, dt: float, parts: list[Step]) -> Stop:

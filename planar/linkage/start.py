@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.ground import RESTING_PENETRATION, Friction, Ground
-from planar.linkage.shape import apexes, diagonals, joint_cosines
+from planar.linkage.learned import Learned
+from planar.linkage.shape import apexes_by_law, diagonals, joint_cosines
 from planar.linkage.step import ContactStepper, State
 from planar.linkage.worm import Linkage
 from planar.status import Status
@@ -53,14 +54,17 @@ def require_equilibrium(worm: Linkage, gravity: float) -> None:
         )
 
 
-def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
+def shape_status(worm: Linkage, joints: FloatArray, l_cmd: FloatArray, on_ground: bool) -> Status:
     """Return DONE if the model is valid for the shape of the worm, else the status that names the failure."""
     if not np.isfinite(joints).all():
         return Status.NOT_FINITE
     length, _ = diagonals(joints)
-    height = np.sqrt(np.maximum(worm.link_length**2 - length**2 / 4.0, 0.0))
-    if (height < FLATTENED_HEIGHT * worm.rest_half_height).any():
-        return Status.FLATTENED
+    if worm.has_links:
+        height = np.sqrt(np.maximum(worm.link_length**2 - length**2 / 4.0, 0.0))
+        if (height < FLATTENED_HEIGHT * worm.rest_half_height).any():
+            return Status.FLATTENED
+    if isinstance(worm.segment, Learned) and not worm.segment.contains(length, 1.0 - l_cmd / worm.l0):
+        return Status.OUTSIDE
     if (joint_cosines(joints) <= 0.0).any():
         return Status.FOLDED
     if on_ground and (joints[:, 1] <= 0.0).any():
@@ -71,7 +75,7 @@ def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
 def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> FloatArray:
     """Return the joints at the start, shape (N+1, 2) [m].
 
-    Raise ValueError if the links do not reach, or if an apex is inside the ground.
+    Raise ValueError if a segment has no such length, or if an apex is inside the ground.
     """
     if start is None:
         height = float(worm.rest_half_height.max()) if on_ground else 0.0
@@ -79,14 +83,14 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
     joints: FloatArray = arguments.floats("start", start)
     require_shape("start", joints, (worm.segments + 1, 2), "x, z of each joint")
     length = np.linalg.norm(np.diff(joints, axis=0), axis=1)
-    wrong = ~((length > 0.0) & (length < 2.0 * worm.link_length))
+    low, high, why = worm.possible_lengths
+    wrong = ~((length > low) & (length < high))
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ValueError(
-            f"start: segment {i} is {length[i]:.4g} m long, must lie between 0 and {2 * worm.link_length[i]:.4g} m, "
-            "twice the length of its links"
+            f"start: segment {i} is {length[i]:.4g} m long, must lie between {low[i]:.4g} and {high[i]:.4g} m, {why}"
         )
-    lowest = float(apexes(joints, worm.link_length)[..., 1].min())
+    lowest = _lowest(worm, joints)
     if on_ground and lowest < -OVERLAP * worm.l0:
         raise ValueError(f"start: an apex lies {-lowest:.3g} m inside the ground z = 0; lift the worm")
     return joints
@@ -94,7 +98,11 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
 
 def touches(worm: Linkage, joints: FloatArray) -> bool:
     """Return whether an apex touches the ground z = 0, up to rounding."""
-    return float(apexes(joints, worm.link_length)[..., 1].min()) <= 1e-6 * worm.length
+    return _lowest(worm, joints) <= 1e-6 * worm.length
+
+
+def _lowest(worm: Linkage, joints: FloatArray) -> float:
+    return float(apexes_by_law(joints, np.full(worm.segments, worm.l0), worm.segment_law)[..., 1].min())
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
@@ -109,7 +117,7 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
     dt = SETTLING_TIME * float(np.sqrt(worm.length / np.hypot(*weight)))
     for _ in range(200):
         step = stepper.step(state, state.l_cmd, np.zeros((worm.segments + 1, 2)), dt)
-        status = shape_status(worm, step.end.joints, on_ground=True)
+        status = shape_status(worm, step.end.joints, step.end.l_cmd, on_ground=True)
         if status is not Status.DONE:
             return state, status
         if not step.solution.converged:

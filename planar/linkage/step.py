@@ -13,7 +13,8 @@ from planar.linkage.element import BY_LAW, Body, Now
 from planar.linkage.ground import LIMIT_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.regimes import gauge
-from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
+from planar.linkage.segment_law import RHOMBUS
+from planar.linkage.shape import apexes_by_law, cross_products, diagonals, hinge_angles
 from planar.linkage.worm import Linkage
 from planar.metrics import p10_friction
 from worm3d.values.arrays import FloatArray
@@ -44,12 +45,13 @@ class State:
     def at_rest(cls, joints: FloatArray, worm: Linkage) -> State:
         """Return the state of a worm at rest, without commands and without forces of friction."""
         n = worm.segments
-        positions = apexes(joints, worm.link_length)
+        l_cmd = np.full(n, worm.l0)
+        positions = apexes_by_law(joints, l_cmd, worm.segment_law)
         return cls(
             joints=joints,
             joint_velocity=np.zeros((n + 1, 2)),
             apex_velocity=np.zeros((n, 2, 2)),
-            l_cmd=np.full(n, worm.l0),
+            l_cmd=l_cmd,
             anchor=positions[..., 0].copy(),
             slide=np.zeros((n, 2)),
             stuck=np.ones((n, 2), dtype=bool),
@@ -100,9 +102,13 @@ class Stepper(ABC):
         `l_cmd` are the commanded lengths at the end of the step, and `force` the external forces on the joints.
         """
 
+    def _apexes(self, joints: FloatArray, l_cmd: FloatArray) -> FloatArray:
+        return apexes_by_law(joints, l_cmd, self.body.segment_law)
+
     def _now(self, state: State, l_cmd: FloatArray, force: FloatArray, cap: FloatArray, dt: float) -> Now:
-        positions = apexes(state.joints, self.body.link_length)
+        positions, law = self._apexes(state.joints, state.l_cmd), self.body.segment_law
         length, tangent = diagonals(state.joints)
+        has_hinges = law.kind == RHOMBUS
         return Now(
             dt=dt,
             l_cmd=l_cmd,
@@ -113,7 +119,7 @@ class Stepper(ABC):
             joint_n=state.joints,
             length_n=length,
             cross_n=cross_products(state.joints),
-            angle_n=hinge_angles(length, self.body.link_length),
+            angle_n=hinge_angles(length, law.link_length) if has_hinges else np.zeros_like(length),
             depth_n=np.maximum(0.0, -positions[..., 1]),
             anchor=state.anchor,
             direction=np.where(tangent[:, 0] < 0.0, -1.0, 1.0),
@@ -126,7 +132,7 @@ class Stepper(ABC):
 
     def _moved(self, state: State, q: FloatArray, now: Now) -> State:
         joints = q.reshape(-1, 2)
-        before, after = apexes(state.joints, self.body.link_length), apexes(joints, self.body.link_length)
+        before, after = self._apexes(state.joints, state.l_cmd), self._apexes(joints, now.l_cmd)
         return replace(
             state,
             joints=joints,
@@ -165,7 +171,7 @@ class ContactStepper(Stepper):
             solution = self.newton.solve(guess, now)
             iterations += solution.iterations
             load = loads(solution.q, self.body, self.ground, now)
-            _, y, limit = gauge(solution.q, self.body.link_length, self.ground, now)
+            _, y, limit = gauge(solution.q, self.body.segment_law, self.ground, now)
             breaks = stuck & (load > 0.0) & (np.abs(y) > limit * (1.0 - LIMIT_TOLERANCE))
             if not solution.converged or self.ground.static_ratio == 1.0 or not breaks.any():
                 break
@@ -173,7 +179,7 @@ class ContactStepper(Stepper):
         slip, slide = self._return_map(solution.q, now, load)
         touching = load > 0.0
         moved = self._moved(state, solution.q, now)
-        x = apexes(moved.joints, self.body.link_length)[..., 0]
+        x = self._apexes(moved.joints, now.l_cmd)[..., 0]
         end = replace(
             moved,
             load=load,
@@ -185,7 +191,7 @@ class ContactStepper(Stepper):
 
     def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the displacement of the anchors (G3), and the displacement of the apexes from the moved anchors."""
-        centre, y, limit = gauge(q, self.body.link_length, self.ground, now)
+        centre, y, limit = gauge(q, self.body.segment_law, self.ground, now)
         yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + LIMIT_TOLERANCE))
         left = centre + np.where(yields, np.sign(y) * limit, y)
         return np.where(yields, centre + y - left, 0.0), left
@@ -238,14 +244,15 @@ class ThresholdStepper(Stepper):
         """Predict without friction, compute loads and velocities from the prediction, and correct with friction."""
         now = self._now(state, l_cmd, force, np.ones_like(state.load), dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
-        before, after = (apexes(q.reshape(-1, 2), self.body.link_length)[..., 0] for q in (state.joints, predicted.q))
+        before = self._apexes(state.joints, state.l_cmd)[..., 0]
+        after = self._apexes(predicted.q.reshape(-1, 2), l_cmd)[..., 0]
         velocity = now.direction[:, None] * (after - before) / dt
         load = loads(predicted.q, self.body, self.ground, now)
         friction = now.direction[:, None] * p10_friction(load, velocity, self.mu, self.threshold)
         solution = self._corrected(predicted, now._replace(push=friction))
         moved = self._moved(state, solution.q, now)
         end = replace(moved, load=loads(solution.q, self.body, self.ground, now))
-        slid = now.direction[:, None] * (apexes(end.joints, self.body.link_length)[..., 0] - before)
+        slid = now.direction[:, None] * (self._apexes(end.joints, l_cmd)[..., 0] - before)
         slip = np.where(friction != 0.0, slid, 0.0)
         return self._finished(state, end, solution, now, slip=slip, apex_friction=friction)
 

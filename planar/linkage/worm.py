@@ -1,20 +1,24 @@
 """The corrected planar worm: parameters, rest shape, and the weight that would flatten the worm.
 
-Segment i is a rhombus of four rigid links of length a (the paper's axial stiffness k_link is infinite here). Its
-diagonal l_i lies between two joints of the chain. Half of the other diagonal, between the apexes, is
-h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. A segment that shortens becomes wider.
+With the segment law "rhombus", segment i is a rhombus of four rigid links of length a (the paper's axial stiffness
+k_link is infinite here). Its diagonal l_i lies between two joints of the chain. Half of the other diagonal, between the
+apexes, is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. A segment that shortens becomes wider. Segments
+with another law (`planar.linkage.segment_law`) have no links.
 """
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planar.linkage.learned import SCALES, Learned
+from planar.linkage.segment_law import HYDROSTAT, LEARNED, RHOMBUS, SegmentLaw, values
 from planar.linkage.shape import hinge_angles
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import check, documented, parameter, parameters_of
 from worm3d.values.read_only import ReadOnly
 
 MOST_SEGMENTS = 10_000
@@ -24,7 +28,12 @@ MOST_SEGMENTS = 10_000
 @documented
 @dataclass(frozen=True, eq=False)
 class Linkage(ReadOnly):
-    """A chain of N rhombic linkages in the plane (x, z). Instances are validated and cannot be changed."""
+    """A chain of N segments in the plane (x, z). Instances are validated and cannot be changed.
+
+    `segment` is the segment law: "rhombus" (the default), "hydrostat", the path of the file of a learned law, or a
+    `planar.linkage.Learned`. With a learned law, `length`, `half_height` and `k_spring` follow from the file if they
+    have their default values; other values must agree with the file. Only a rhombus has apex hinges.
+    """
 
     segments: int = parameter(6, "number of segments, N", ge=1, le=MOST_SEGMENTS, aka=("n", "n_segments"))
     length: float = parameter(1.0, "length at rest; segments are equally long, l0 = length / N", "m", gt=0)
@@ -68,10 +77,19 @@ class Linkage(ReadOnly):
         "N s/m",
         ge=0,
     )
+    segment: str | os.PathLike[str] | Learned = "rhombus"
 
     def __post_init__(self) -> None:
         n = arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
         check(self, segment=n, joint=n - 1)
+        object.__setattr__(self, "segment", _segment(self.segment))
+        if not self.has_links:
+            self._follow("k_apex", 0.0, "0: only a rhombus has apex hinges")
+        if isinstance(self.segment, Learned):
+            law, why = self.segment, "in the file of the segment law"
+            self._follow("length", n * law.rest_length, f"{n * law.rest_length:.9g} m, {n} times the rest length {why}")
+            self._follow("half_height", law.rest_radius, f"{law.rest_radius:.9g} m, the radius at rest {why}")
+            self._follow("k_spring", law.stiffness, f"{law.stiffness:.9g} N, the stiffness {why}")
         if self.half_height is None:
             half_height = np.full(n, np.sqrt(3.0) / 4.0 * self.l0)
             half_height.setflags(write=False)
@@ -80,6 +98,41 @@ class Linkage(ReadOnly):
             area = float(self.l0 * np.sum(self.rest_half_height))
             object.__setattr__(self, "mass", arguments.number("mass", self.density * area * self.depth, "kg", gt=0.0))
 
+    def _follow(self, name: str, value: float, allowed: str) -> None:
+        """Set a parameter that the segment law determines. It must have this value, or its default value."""
+        known, given = parameters_of(type(self))[name], getattr(self, name)
+        if given is not None and not (np.all(given == known.default) or np.allclose(given, value, rtol=1e-9, atol=0.0)):
+            raise ValueError(f"{name}: got {given}, must be left out or be {allowed}")
+        implied = arguments.array(name, value, (self.segments,), fill=True) if known.each else value
+        object.__setattr__(self, name, implied)
+
+    @property
+    def has_links(self) -> bool:
+        """Whether the segments are rhombi of links."""
+        return self.segment == "rhombus"
+
+    @property
+    def segment_law(self) -> SegmentLaw:
+        """Segment law as constants for the compiled functions."""
+        of_file = isinstance(self.segment, Learned)
+        scales, energy, radius = np.zeros(len(SCALES)), np.zeros(0), np.zeros(0)
+        if isinstance(self.segment, Learned):
+            scales, energy, radius = self.segment.scales, self.segment.energy, self.segment.radius
+        kind = RHOMBUS if self.has_links else LEARNED if of_file else HYDROSTAT
+        sizes = self.l0, np.asarray(self.k_spring), self.link_length, np.asarray(self.half_height, dtype=float)
+        return SegmentLaw(kind, *sizes, scales, energy, radius)
+
+    @property
+    def possible_lengths(self) -> tuple[FloatArray, FloatArray, str]:
+        """Exclusive limits of the lengths of the segments, each of shape (N,) [m], and their reason in words."""
+        nothing = np.zeros(self.segments)
+        if isinstance(self.segment, Learned):
+            low, high = self.segment.lengths
+            return nothing + low, nothing + high, "the domain of the segment law"
+        if self.has_links:
+            return nothing, 2.0 * self.link_length, "twice the length of its links"
+        return nothing, nothing + np.inf, "as any length of a hydrostat"
+
     @property
     def l0(self) -> float:
         """Rest length of a segment [m]."""
@@ -87,13 +140,15 @@ class Linkage(ReadOnly):
 
     @property
     def rest_half_height(self) -> FloatArray:
-        """Rest half-height h0 of each rhombus, shape (N,) [m]."""
+        """Rest half-height h0 of each segment, shape (N,) [m]. For a learned law, this is the value of the network."""
+        if isinstance(self.segment, Learned):
+            return values(np.full(self.segments, self.l0), self.l0, self.segment_law).height
         return np.asarray(self.half_height, dtype=float)
 
     @property
     def link_length(self) -> FloatArray:
-        """Length a of the links of each segment, shape (N,) [m]."""
-        return np.asarray(np.sqrt(self.rest_half_height**2 + self.l0**2 / 4.0))
+        """Length a of the links of each rhombus, shape (N,) [m]."""
+        return np.asarray(np.sqrt(np.asarray(self.half_height, dtype=float) ** 2 + self.l0**2 / 4.0))
 
     @property
     def rest_angle(self) -> FloatArray:
@@ -141,7 +196,12 @@ class Linkage(ReadOnly):
         dh/dl = -l/(4 h), the segment carries the load w in equilibrium if dE/dl = w l/(4 h), where E is the elastic
         energy of the segment. The limit point is the largest w for which this equation has a solution in
         l_cmd < l < 2 a. Under a larger load the rhombus collapses. `contraction` is the command to all segments.
+
+        The weight is infinite for segments without links. A hydrostat carries any weight, and a run with a learned law
+        ends if a segment leaves the domain of the law.
         """
+        if not self.has_links:
+            return np.full(self.segments, np.inf)
         shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)
         return np.array([self._limit_point(*shape, contraction) for shape in shapes])
 
@@ -173,3 +233,11 @@ class Linkage(ReadOnly):
         ends[0] += self.joint_mass[0] / 2.0
         ends[-1] += self.joint_mass[-1] / 2.0
         return np.asarray(gravity * (joints + ends + 2.0 * self.apex_mass[:, 1]))
+
+
+def _segment(given: str | os.PathLike[str] | Learned) -> str | Learned:
+    """Return a segment law as the word of its kind, or as the content of its file."""
+    if isinstance(given, Learned) or given in ("rhombus", "hydrostat"):
+        return given
+    kinds = "'rhombus', 'hydrostat', the path of a file, or a planar.linkage.Learned"
+    return Learned.read(arguments.instance("segment", given, str | os.PathLike, kinds))

@@ -81,7 +81,7 @@ def test_given_regimes_against_central_differences(uneven_worm: Linkage) -> None
     body, ground = body_of(uneven_worm), ground_of_scale(uneven_worm, 1000.0)
     law, given, band, step = np.zeros(SIZE), np.zeros(SIZE), np.zeros((ROWS, SIZE)), 1e-7
     evaluate(q, body, ground, now, True, law, NO_BAND)
-    own = now._replace(regime=regimes.of_law(q, body.link_length, ground, now))
+    own = now._replace(regime=regimes.of_law(q, body.segment_law, ground, now))
     assert len(set(own.regime.ravel())) > 3
     evaluate(q, body, ground, own, True, given, NO_BAND)
     assert_allclose(given, law, rtol=1e-12, atol=1e-12)

@@ -1,0 +1,161 @@
+"""Learned segment laws: the file that `worm3d law` writes, and its validation."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planar.linkage.segment_law import ENERGY_LAYERS, NEURONS, RADIUS_LAYERS, network
+from worm3d.values import arguments, regular_file
+from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import ReadOnly
+
+FILE_KIND, FILE_VERSION = "worm3d segment law", 1
+"""Words that a file must contain as `kind` and `version`."""
+
+LARGEST_FILE = 10_000_000
+"""Largest size of a file [byte]; a file with an ensemble of twenty networks has 40,000 bytes."""
+
+REST_RADIUS_ERROR = 0.05
+"""Largest difference between the radius at rest in a file and the radius of the network, as a fraction of the radius.
+
+Fits differ by 1 %. Wrong units, or weights in another order, differ by much more.
+"""
+
+SCALES = ("x_mid", "x_half", "y_mid", "y_half", "energy_J", "radius_mid_m", "radius_m")
+"""Keys of the scales in a file, in the order of `planar.linkage.segment_law.SegmentLaw.scales`."""
+
+KEYS = {
+    "rest_length": ("rest_length_m",),
+    "rest_radius": ("rest_radius_m",),
+    "stiffness": ("stiffness_N",),
+    "energy": ("energy", "weights"),
+    "radius": ("radius", "weights"),
+    "lengths": ("domain", "length_m"),
+    "contractions": ("domain", "contraction"),
+}
+"""Key of each field of `Learned` in a file; the scales are in `SCALES`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Learned(ReadOnly):
+    """A segment law from a file (S2). Instances are validated and cannot be changed.
+
+    Parameters
+    ----------
+    rest_length, rest_radius : float
+        Length and outer radius of a segment at rest [m].
+    stiffness : float
+        k [N].
+    scales : ndarray, shape (7,)
+        x_mid, x_half, y_mid, y_half, E [J], R_mid [m] and R_scale [m].
+    energy, radius : ndarray, shapes (67,) and (25,)
+        Weights of N_U and N_R.
+    lengths, contractions : ndarray, shape (2,)
+        Least and greatest length [m] and contraction of the domain.
+
+    Raises
+    ------
+    ValueError
+        If a value is missing, has the wrong shape or is out of range.
+    """
+
+    rest_length: float
+    rest_radius: float
+    stiffness: float
+    scales: FloatArray
+    energy: FloatArray
+    radius: FloatArray
+    lengths: FloatArray
+    contractions: FloatArray
+
+    def __post_init__(self) -> None:
+        for name, unit in (("rest_length", "m"), ("rest_radius", "m"), ("stiffness", "N")):
+            object.__setattr__(self, name, arguments.number(name, getattr(self, name), unit, gt=0.0))
+        for name, size in (
+            ("scales", len(SCALES)),
+            ("energy", 67),
+            ("radius", 25),
+            ("lengths", 2),
+            ("contractions", 2),
+        ):
+            object.__setattr__(self, name, arguments.array(name, getattr(self, name), (size,)))
+        super().__post_init__()
+        for name, divisor in (("x_half", self.scales[1]), ("y_half", self.scales[3])):
+            arguments.number(f"scales.{name}", float(divisor), gt=0.0)
+        (low, high), (least, most) = self.lengths, self.contractions
+        if not 0.0 < low < self.rest_length < high:
+            raise ValueError(
+                f"domain.length_m: got {low:g} to {high:g} m, must be above 0, ascend, and contain the rest length of "
+                f"{self.rest_length:g} m"
+            )
+        if not (least == 0.0 < most < 1.0):
+            raise ValueError(f"domain.contraction: got {least:g} to {most:g}, must be from 0 to a number below 1")
+        self._require_radius()
+
+    def _require_radius(self) -> None:
+        x, y = (1.0 - self.scales[0]) / self.scales[1], -self.scales[2] / self.scales[3]
+        radius = self.scales[5] + self.scales[6] * network(self.radius, RADIUS_LAYERS, float(x), float(y), 0.0, 0.0)[0]
+        if abs(radius - self.rest_radius) > REST_RADIUS_ERROR * self.rest_radius:
+            raise ValueError(
+                f"rest_radius_m: got {self.rest_radius:g} m, but the network has {radius:g} m at rest; check the units "
+                "and the order of the weights, or fit the law again"
+            )
+
+    def contains(self, length: FloatArray, contraction: FloatArray) -> bool:
+        """Return whether all lengths [m] and contractions are in the domain, up to rounding."""
+        rounding = 1e-9
+        inside = (length >= self.lengths[0] * (1.0 - rounding)) & (length <= self.lengths[1] * (1.0 + rounding))
+        reached = (contraction >= -rounding) & (contraction <= self.contractions[1] + rounding)
+        return bool((inside & reached).all())
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Learned:
+        """Return the segment law in a file.
+
+        Raises
+        ------
+        ValueError
+            If the file cannot be read or is not a valid segment law.
+        """
+        what = "segment: must be 'rhombus', 'hydrostat' or a file of a segment law; the file"
+        text = regular_file.content(path, LARGEST_FILE, what)
+        try:
+            return cls(**_fields(json.loads(text)))
+        except RecursionError:
+            why = "it is nested too deeply"
+        except UnicodeDecodeError:
+            why = "it is no text"
+        except json.JSONDecodeError as error:
+            why = f"it is no JSON ({error})"
+        except ValueError as error:
+            why = str(error)
+        raise ValueError(f"segment law {os.path.basename(path)!r}: {why}")
+
+
+def _fields(found: Any) -> dict[str, Any]:
+    """Return the arguments of `Learned` from the content of a file."""
+    if not isinstance(found, Mapping):
+        raise ValueError("the file must contain an object with the keys of a segment law")
+    for key, expected in (("kind", FILE_KIND), ("version", FILE_VERSION)):
+        if _at(found, key) != expected:
+            raise ValueError(f"{key}: got {found[key]!r}, must be {expected!r}; write the file with 'worm3d law'")
+    for name, layers in (("energy", ENERGY_LAYERS), ("radius", RADIUS_LAYERS)):
+        sizes = [2, *[NEURONS] * layers, 1]
+        if _at(found, name, "sizes") != sizes:
+            raise ValueError(f"{name}.sizes: got {found[name]['sizes']!r}, must be {sizes}")
+    scales = np.array([arguments.number(f"scales.{key}", _at(found, "scales", key)) for key in SCALES])
+    return {**{name: _at(found, *keys) for name, keys in KEYS.items()}, "scales": scales}
+
+
+def _at(found: Any, *keys: str) -> Any:
+    for k, key in enumerate(keys):
+        if not isinstance(found, Mapping) or key not in found:
+            raise ValueError(f"there is no key {'.'.join(keys[: k + 1])!r}; write the file with 'worm3d law'")
+        found = found[key]
+    return found
