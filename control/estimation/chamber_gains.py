@@ -93,7 +93,6 @@ class ChamberGains:
         self._most = np.array([trust.begin, trust.begin, trust.begin_mean]) ** 2
         self._covariance = np.zeros((count, 2, 3, 3)) + np.diag(self._most)
         self._variances = np.einsum("ijkk->ijk", self._covariance)  # a view
-        self._row = np.ones((count, 2, 3))
         self._told: FloatArray | None = None
         self._given = np.zeros((3 * count - 1, 1))
         self._lagged = np.zeros((3 * count - 1, len(self._lags)))
@@ -103,7 +102,6 @@ class ChamberGains:
         self._left, self._left_power = np.zeros((2, count, 2))
         self._own_power = np.full((count, 2), trust.usual_strain**2)
         self.miss, self.expected, self.healthy = np.full((count, 2), np.nan), *np.zeros((2, count, 2))
-        self._no_miss = self.miss
 
     @property
     def gain(self) -> FloatArray:
@@ -151,7 +149,7 @@ class ChamberGains:
             self._past.popleft()
         waves = turned / (2.0 * pi)
         self._wander(waves)
-        self.miss = self._no_miss
+        self.miss = np.full_like(self.miss, np.nan)
         self._since = self._since[0] + waves, self._since[1] + passed
         if strain is not None and self._past[0][0] <= instant + 1e-9:
             x, y = next(rows for at, *rows in reversed(self._past) if at <= instant + 1e-9)
@@ -174,8 +172,7 @@ class ChamberGains:
         own, slope = (each[:, :chambers].reshape(-1, *p.shape) for each in (x, y))
         others = (self._others * inputs(p * own + q * slope, x[:, chambers:])).sum(axis=(0, -1))
         own_x, own_y = (self._own * own).sum(axis=0), (self._own * slope).sum(axis=0)
-        row = self._row
-        row[..., 0], row[..., 1] = own_x, own_y
+        row = np.stack([own_x, own_y, np.ones_like(own_x)], axis=-1)
         self.expected, self.healthy = p * own_x + q * own_y, own_x
         self.miss = strain - others - self.expected - self._state[..., 2]
         if waves < 1e-6:  # the wave stands still

@@ -274,8 +274,8 @@ class Estimator:
             after.pushed += best.pushed
             height = sample.com[2] - sample.standing
             if not best.refused and np.isfinite(height):
-                place = merged(after.beliefs).mean[:2]
-                after.ground = after.ground.sampled(place, height, self._trust_ground, sample.deviation)
+                trust = replace(self._trust_ground, height=max(self._trust_ground.height, sample.deviation))
+                after.ground = after.ground.sampled(merged(after.beliefs).mean[:2], height, trust)
             if new and np.isfinite(best.nis):
                 self.noise.learn(best.innovation, best.spread)
         if sample.heading is not None:

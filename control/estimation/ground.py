@@ -77,15 +77,12 @@ class Ground:
         """Climb per metre in x and in y, shape (2,)."""
         return self.mean[1:]
 
-    def sampled(self, place: FloatArray, height: float, trust: GroundTrust, deviation: float = 0.0) -> Ground:
-        """Return the belief after a sample of the height of the ground, z - H [m], at a place (2,) [m], (KF6).
-
-        `deviation` is the standard deviation of the sample [m]; at least `trust.height` is assumed.
-        """
+    def sampled(self, place: FloatArray, height: float, trust: GroundTrust) -> Ground:
+        """Return the belief after a sample of the height of the ground, z - H [m], at a place (2,) [m], (KF6)."""
         gathered = np.vstack([self.gathered, [*place, height]])
         if np.hypot(*(place - gathered[0, :2])) < trust.stride:
             return replace(self, gathered=gathered[-MAX_GROUND_SAMPLES:])
-        middle, noise = gathered.mean(axis=0), _noise(gathered[:, 2], max(trust.height, deviation), trust)
+        middle, noise = gathered.mean(axis=0), _noise(gathered[:, 2], trust)
         return self._fused(middle[:2], float(middle[2]), trust.standing**2 + noise / len(gathered), trust)
 
     def _fused(self, place: FloatArray, height: float, variance: float, trust: GroundTrust) -> Ground:
@@ -101,8 +98,8 @@ class Ground:
         return Ground(place, mean + gain * (height - mean[0]), spread, np.zeros((0, 3)))
 
 
-def _noise(heights: FloatArray, deviation: float, trust: GroundTrust) -> float:
-    told = deviation**2
+def _noise(heights: FloatArray, trust: GroundTrust) -> float:
+    told = trust.height**2
     expected = told + trust.standing**2
     found = float(heights.var(ddof=1)) if len(heights) > 1 else expected
     return found if found > expected * (1.0 + BY_CHANCE * np.sqrt(2.0 / max(len(heights) - 1, 1))) else told

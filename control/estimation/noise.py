@@ -58,7 +58,7 @@ class Noise:
             self.deviation = self.told if by_chance else min(found, self._most)
 
     def _recent(self) -> tuple[float, float, float]:
-        """Return the variances; old samples are dropped if the noise of the latest samples differs from all samples."""
+        """Return `_variance` of all samples. If the noise of the latest samples differs, drop the older samples."""
         found = before, spread, _ = self._variance(len(self._found))
         if len(self._found) > NOISE_LATEST:
             now = latest, _, chance = self._variance(NOISE_LATEST)

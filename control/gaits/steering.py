@@ -58,7 +58,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from types import MappingProxyType
 from typing import Literal, NamedTuple, get_args
 
@@ -205,14 +205,9 @@ class Schedule(Spelled):
         return self._wave(ahead + self.hinge_phase, self.steering_wavelength, segments)[:, 1:]
 
     def _wave(self, phase: FloatArray, wavelength: float, segments: int) -> FloatArray:
+        x = (np.arange(segments) + 0.5) / segments
         sign = 1.0 if self.direction == "retrograde" else -1.0
-        return np.sin(_phases_along(segments, wavelength) + sign * phase)
-
-
-@cache
-def _phases_along(segments: int, wavelength: float) -> FloatArray:
-    """Return k x of the segments, shape (N,) [rad]."""
-    return 2.0 * np.pi * ((np.arange(segments) + 0.5) / segments) / wavelength
+        return np.sin(2.0 * np.pi * x / wavelength + sign * phase)
 
 
 WAVE_SCHEDULES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": Schedule(steepness=2.0)})

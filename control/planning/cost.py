@@ -180,7 +180,6 @@ class Prediction:
         missed = cost(state, scaled, before, wanted)
         self._states = Buffered(ca.Function("next", [state, scaled], ca.cse([end])).mapaccum("roll", steps))
         self._state_slopes = compile_kernel(_slopes(end, [state, scaled], []), exact=True)
-        self._lanes = self._state_slopes.allocate(steps)
         self._misses = Buffered(ca.Function("miss", [state, scaled, before, wanted], ca.cse([missed])).map(steps))
         self._miss_slopes = Buffered(_slopes(missed, [state, scaled, before], [wanted]).map(steps))
 
@@ -213,7 +212,7 @@ class Prediction:
 
     def _slopes_of_states(self, states: FloatArray, z: FloatArray) -> FloatArray:
         """Return dX/dU, (O3), shape (steps, n, 3 steps)."""
-        given, found = self._lanes
+        given, found = self._state_slopes.allocate(self.steps)
         given[:, : self.steps] = np.hstack([states[:-1], z.reshape(-1, INPUTS)]).T
         evaluate(self._state_slopes.address, given, found, self.steps)
         by_step = found[:, : self.steps].T.reshape(self.steps, STATES + INPUTS, STATES)

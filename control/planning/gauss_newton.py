@@ -112,10 +112,10 @@ class GaussNewton:
         # The shift, relative to the mean of the diagonal, fixes directions that no residual depends on.
         hessian[range(n), range(n)] += 1e-9 * hessian[:n, :n].trace() / n
         gradient[:n] = jacobian[:equal].T @ r[:equal]
-        excesses = np.hstack([jacobian[equal:], -np.eye(limits)]), -inf, -r[equal:]
+        excesses = np.hstack([jacobian[equal:], -np.eye(limits)]) if limits else 0.0
         bounds = np.concatenate([lower, np.zeros(limits)]), np.concatenate([upper, np.full(limits, inf)])
         programme = self._programme(limits)
-        step = programme(hessian, gradient, *excesses, *bounds, *[0.0] * 5)[0][:n]
+        step = programme(hessian, gradient, excesses, -inf, -r[equal:], *bounds, *[0.0] * 5)[0][:n]
         return np.clip(step, lower, upper) if programme.solved and np.isfinite(step).all() else None
 
 
