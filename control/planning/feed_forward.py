@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from control.estimation.reduced import ReducedInput
 from control.identification.identified import SteeringMap
 from control.identification.surrogate import MIN_WAVE_FREQUENCY
-from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
@@ -57,8 +56,8 @@ class FeedForward:
         self._steerings = np.linspace(0.0, found.ranges.steering, 97)  # close, since weak steering hardly turns a worm
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
-        self._speed = Buffered(ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes)))
-        self._turn_rate = Buffered(ca.Function("turn_rate", [*wave], ca.cse([rate])).map(len(self._steerings)))
+        self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
+        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(len(self._steerings))
         self._straight = self._speeds(0.0)
         self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
         self.least_divisor = 0.5 * float(self._straight[POINTS_PER_PART])
@@ -125,14 +124,15 @@ class FeedForward:
 
     def _turn_rates(self, amplitude: float, frequency: float) -> FloatArray:
         """Return the turn rate at each steering [rad/s]."""
-        return self._turn_rate(amplitude, frequency, self._steerings)[0].ravel()
+        return np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
 
     def _speeds(self, steering: float) -> FloatArray:
         """Return the speeds along the line [m/s].
 
         They are made to increase everywhere, since the fit of the map may decrease at its edges.
         """
-        return np.maximum.accumulate(self._speed(self._amplitudes, self._frequencies, steering)[0].ravel())
+        speeds = np.array(self._speed(self._amplitudes[None], self._frequencies[None], steering)).ravel()
+        return np.maximum.accumulate(speeds)
 
 
 def _through(*ends: float) -> FloatArray:
