@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import pi
+from math import isfinite, pi
 
 import numpy as np
 
@@ -82,6 +82,7 @@ class ChamberGains:
         weights = model.weights.transpose(2, 0, 1)[:, :, None]
         self._own, self._others = weights[..., 0], weights.copy()
         self._others[..., 0] = 0.0
+        self._change = np.array([self._trust.wander, self._trust.wander, self._trust.wander_mean]) ** 2
         self.reset()
 
     def reset(self) -> None:
@@ -91,11 +92,12 @@ class ChamberGains:
         self._state[..., 0], self._state[..., 2] = 1.0, self._model.mean[:, None]
         self._most = np.array([trust.begin, trust.begin, trust.begin_mean]) ** 2
         self._covariance = np.zeros((count, 2, 3, 3)) + np.diag(self._most)
+        self._variances = np.einsum("ijkk->ijk", self._covariance)  # a view
         self._told: FloatArray | None = None
         self._given = np.zeros((3 * count - 1, 1))
         self._lagged = np.zeros((3 * count - 1, len(self._lags)))
         self._time = self._phase = np.nan
-        self._since = np.zeros(2)
+        self._since = 0.0, 0.0
         self._past: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._left, self._left_power = np.zeros((2, count, 2))
         self._own_power = np.full((count, 2), trust.usual_strain**2)
@@ -135,7 +137,7 @@ class ChamberGains:
         """
         if self._told is None or t <= self._time:
             return
-        passed, turned = t - self._time, abs(phase - self._phase) if np.isfinite(self._phase) else 0.0
+        passed, turned = t - self._time, abs(phase - self._phase) if isfinite(self._phase) else 0.0
         self._time, self._phase = t, phase
         x = self._lagged = lagged(self._lagged, self._given, self._told, self._lags, passed)
         self._given = self._told
@@ -148,17 +150,16 @@ class ChamberGains:
         waves = turned / (2.0 * pi)
         self._wander(waves)
         self.miss = np.full_like(self.miss, np.nan)
-        self._since += waves, passed
+        self._since = self._since[0] + waves, self._since[1] + passed
         if strain is not None and self._past[0][0] <= instant + 1e-9:
             x, y = next(rows for at, *rows in reversed(self._past) if at <= instant + 1e-9)
-            self._correct(strain, x, y, *self._since.tolist())
-            self._since[:] = 0.0
+            self._correct(strain, x, y, *self._since)
+            self._since = 0.0, 0.0
 
     def _wander(self, waves: float) -> None:
         """Increase the variance of the states by the change expected in the given number of waves."""
-        wander = waves * np.array([self._trust.wander, self._trust.wander, self._trust.wander_mean]) ** 2
-        diagonal = np.einsum("ijkk->ijk", self._covariance)  # a view
-        np.minimum(diagonal + wander, np.maximum(diagonal, self._most), out=diagonal)
+        most = np.maximum(self._variances, self._most)
+        np.minimum(self._variances + waves * self._change, most, out=self._variances)
 
     def _correct(self, strain: FloatArray, x: FloatArray, y: FloatArray, waves: float, passed: float) -> None:
         """Process strains with the delayed commands x and their slopes y, shape (3 N - 1, M) each.
@@ -177,14 +178,15 @@ class ChamberGains:
         if waves < 1e-6:  # the wave stands still
             return
         known, lasting = np.isfinite(self.miss), max(self._trust.lasts / waves, 1.0)
+        miss = np.where(known, self.miss, 0.0)
         spread = np.einsum("ijkl,ijl->ijk", self._covariance, row)
         variance = self._noise**2 + self._trust.missed**2 * lasting + (row * spread).sum(axis=-1)
-        gain = np.where(known, 1.0 / variance, 0.0)[..., None] * spread
-        self._state = self._state + gain * np.where(known, self.miss, 0.0)[..., None]
+        gain = (known / variance)[..., None] * spread
+        self._state += gain * miss[..., None]
         self._covariance -= gain[..., None] * spread[..., None, :]
-        left = np.where(known, self.miss * (1.0 - (gain * row).sum(axis=-1)), 0.0)
+        left = miss * (1.0 - (gain * row).sum(axis=-1))
         self._left += (1.0 - np.exp(-passed / self._trust.smoothing)) * (left - self._left)
         judged = known & (np.abs(own_x).max() > self._trust.least_strain)
-        share = np.where(judged, 1.0 - np.exp(-waves / self._trust.judged), 0.0)
+        share = judged * (1.0 - np.exp(-waves / self._trust.judged))
         self._left_power += share * (self._left**2 - self._left_power)
         self._own_power += share * (self.expected**2 - self._own_power)

@@ -52,20 +52,21 @@ class Noise:
             self._found.append((0.5 * float(change @ change), spread))
         self._last = innovation
         if len(self._found) >= NOISE_LEAST:
-            self._forget()
-            variance, spread, chance = self._variance(len(self._found))
+            variance, spread, chance = self._recent()
             by_chance = abs(variance - self.told**2) <= chance * (self.told**2 + spread)
             found = sqrt(max(variance, self._least**2))
             self.deviation = self.told if by_chance else min(found, self._most)
 
-    def _forget(self) -> None:
-        """Drop old samples if the noise of the latest samples differs from the noise of all samples."""
+    def _recent(self) -> tuple[float, float, float]:
+        """Return `_variance` of all samples. If the noise of the latest samples differs, drop the older samples."""
+        found = before, spread, _ = self._variance(len(self._found))
         if len(self._found) > NOISE_LATEST:
-            before, spread, _ = self._variance(len(self._found))
-            latest, _, chance = self._variance(NOISE_LATEST)
+            now = latest, _, chance = self._variance(NOISE_LATEST)
             if abs(latest - before) > chance * (max(min(latest, before), 0.0) + spread):
                 while len(self._found) > NOISE_LATEST:
                     self._found.popleft()
+                return now
+        return found
 
     def _variance(self, count: int) -> tuple[float, float, float]:
         """Return the measured and the predicted variance of the latest samples [m^2].

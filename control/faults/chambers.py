@@ -143,8 +143,12 @@ class Chambers:
     def _disobeying(self, t: float, doubt: float) -> NDArray[np.bool_]:
         """Return a mask of the chambers that have been faulty for a while, shape (N, 2)."""
         size, apart = np.abs(self._miss), self._miss[:, 0] - self._miss[:, 1]
+        wide = np.abs(apart) > LIMIT + NOISE_MARGIN * doubt
+        if not wide.any():  # nearly always
+            self._since.fill(np.inf)
+            return np.zeros(self._shape, dtype=bool)
         beside = np.sign(apart) * np.vstack([np.append(apart[1:], 0.0), np.append(0.0, apart[:-1])])
-        alone = (np.abs(apart) > LIMIT + NOISE_MARGIN * doubt) & (beside < SPREAD * np.abs(apart)).all(axis=0)
+        alone = wide & (beside < SPREAD * np.abs(apart)).all(axis=0)
         bad = (
             alone[:, None] & (size > ONE_SIDED * size[:, ::-1]) & (np.abs(self._short) > MISSED * np.abs(self._healthy))
         )

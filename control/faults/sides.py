@@ -55,7 +55,8 @@ class Sides:
             return []
         expected = strain - gains.miss
         seen, told = strain[:, 0] - strain[:, 1], expected[:, 0] - expected[:, 1]
-        apart = np.nan_to_num(np.stack([seen - told, seen + told, told]))
+        apart = np.array([seen - told, seen + told, told])
+        apart[np.isnan(apart)] = 0.0
         self._apart += (1.0 - np.exp(-passed / DIFFERENCE_SMOOTHING_TIME)) * (apart - self._apart)
         self._sums += self._apart**2
         self._count, self._seconds = self._count + 1, self._seconds + passed

@@ -57,7 +57,7 @@ backwards and turns the same way as with amplitude -A: (distance, turn, drift) -
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Literal, NamedTuple, get_args
@@ -107,8 +107,8 @@ class GaitParameters(Spelled):
     """Steering by hinges [rad]."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            arguments.number(field.name, getattr(self, field.name))
+        for name in ("amplitude", "bias", "hinge"):
+            arguments.number(name, getattr(self, name))
         standing = "above 0; amplitude 0 stands still"
         arguments.number("frequency", self.frequency, "Hz", gt=0.0, allowed=standing)
 
@@ -139,7 +139,7 @@ class Correction(NamedTuple):
     """Phase lead of the command to each chamber, shape (N, 2) [rad]."""
 
 
-UNCORRECTED = Correction(np.ones((1, 1)), np.zeros((1, 1)))
+UNCORRECTED = Correction(np.ones((1, 2)), np.zeros((1, 1)))
 
 
 @documented
@@ -178,12 +178,15 @@ class Schedule(Spelled):
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         back, amplitude = amplitude < 0.0, np.abs(amplitude)
         psi, bending = phase[:, None, None], phase[:, None] + 2.0 * np.pi * self.lead * frequency
-        gain, ahead = (np.where(back[..., None], each[::-1, ::-1], each) for each in correction or UNCORRECTED)
-        shift = ahead.transpose(0, 2, 1)
-        pulse = self.pulse(psi + shift, body.segments).transpose(0, 2, 1)
-        steered = self._wave(bending[:, None] + shift + self.bias_phase, self.steering_wavelength, body.segments)
-        unequal = bias[..., None] * steered.transpose(0, 2, 1) * LEFT_RIGHT
-        chambers = np.clip(gain * (amplitude[..., None] * (pulse + unequal)), *body.stroke)
+        gain, ahead = correction or UNCORRECTED
+        if back.any():
+            gain, ahead = (np.where(back[..., None], each[::-1, ::-1], each) for each in (gain, ahead))
+        shift = ahead.swapaxes(-1, -2)
+        wave = self.pulse(psi + shift, body.segments).swapaxes(1, 2)
+        if bias.any():
+            steered = self._wave(bending[:, None] + shift + self.bias_phase, self.steering_wavelength, body.segments)
+            wave = wave + bias[..., None] * steered.swapaxes(1, 2) * LEFT_RIGHT
+        chambers = (gain * (amplitude[..., None] * wave)).clip(*body.stroke)
         bend = hinge * self.bend(bending, body.segments)
         if back.any():
             chambers = np.where(back[..., None], chambers[:, ::-1, ::-1], chambers)
@@ -192,7 +195,7 @@ class Schedule(Spelled):
 
     def pulse(self, phase: FloatArray, segments: int) -> FloatArray:
         """Return the contraction without steering, divided by the amplitude, at phases (..., 1) or (..., N) [rad]."""
-        return np.clip(self.steepness * self._wave(phase, self.wavelength, segments), 0.0, 1.0)
+        return (self.steepness * self._wave(phase, self.wavelength, segments)).clip(0.0, 1.0)
 
     def bend(self, ahead: FloatArray, segments: int) -> FloatArray:
         """Return the hinge angles of (S2) divided by the steering, shape (K, N - 1).

@@ -24,6 +24,7 @@ from math import inf
 import casadi as ca
 import numpy as np
 
+from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
 Residuals = Callable[[FloatArray], FloatArray]
@@ -70,7 +71,7 @@ class GaussNewton:
 
     def __init__(self, n: int, iterations: int) -> None:
         self.n, self.iterations = n, iterations
-        self._programme = cache(partial(_programme, n))
+        self._programme = cache(partial(_Programme, n))
 
     def minimise(
         self,
@@ -111,14 +112,11 @@ class GaussNewton:
         # The shift, relative to the mean of the diagonal, fixes directions that no residual depends on.
         hessian[range(n), range(n)] += 1e-9 * hessian[:n, :n].trace() / n
         gradient[:n] = jacobian[:equal].T @ r[:equal]
-        programme, given = self._programme(limits), {"h": hessian, "g": gradient}
-        if limits:
-            given |= {"a": np.hstack([jacobian[equal:], -np.eye(limits)]), "uba": -r[equal:]}
-        given["lbx"] = np.concatenate([lower, np.zeros(limits)])
-        given["ubx"] = np.concatenate([upper, np.full(limits, inf)])
-        step = np.array(programme(**given)["x"]).ravel()[:n]
-        solved = programme.stats()["success"] and np.isfinite(step).all()
-        return np.clip(step, lower, upper) if solved else None
+        excesses = np.hstack([jacobian[equal:], -np.eye(limits)]) if limits else 0.0
+        bounds = np.concatenate([lower, np.zeros(limits)]), np.concatenate([upper, np.full(limits, inf)])
+        programme = self._programme(limits)
+        step = programme(hessian, gradient, excesses, -inf, -r[equal:], *bounds, *[0.0] * 5)[0][:n]
+        return np.clip(step, lower, upper) if programme.solved and np.isfinite(step).all() else None
 
 
 def half_square(r: FloatArray, limits: int = 0) -> float:
@@ -133,10 +131,17 @@ def _counted(r: FloatArray, limits: int) -> FloatArray:
     return np.concatenate([r[:equal], np.maximum(r[equal:], 0.0)]) if limits else r
 
 
-def _programme(n: int, limits: int) -> ca.Function:
-    """Return the solver of (O6)."""
-    shapes = {"h": ca.Sparsity.dense(n + limits, n + limits), "a": ca.Sparsity.dense(limits, n + limits)}
-    return ca.conic("programme", "daqp", shapes, {"error_on_fail": False})
+class _Programme(Buffered):
+    """Solver of (O6) for n unknowns and some limits. The arguments are those of CasADi's `conic`, in their order."""
+
+    def __init__(self, n: int, limits: int) -> None:
+        shapes = {"h": ca.Sparsity.dense(n + limits, n + limits), "a": ca.Sparsity.dense(limits, n + limits)}
+        super().__init__(ca.conic("programme", "daqp", shapes, {"error_on_fail": False}))
+
+    @property
+    def solved(self) -> bool:
+        """Whether the last call found the solution."""
+        return bool(self._buffer.stats()["success"])
 
 
 def _better(

@@ -63,7 +63,7 @@ class Gate:
         self.first: dict[tuple[str, Refusal], float] = {}
         self._instants: dict[str, set[float]] = {name: set() for name in QUANTITIES}
         self._latest = dict.fromkeys(QUANTITIES, -np.inf)
-        self._same: dict[str, tuple[FloatArray, FloatArray]] = {}
+        self._same: dict[str, tuple[FloatArray | float, FloatArray | float]] = {}
 
     def __call__(self, t: float, measurement: Measurement | Observation, moving: bool = False) -> Measurement:
         """Return the usable part of a measurement or an observation at time t [s]. TypeError for other types.
@@ -121,9 +121,8 @@ class Gate:
         The part is None if too few numbers are left.
         """
         numbers = np.asarray(value)
-        last, since = self._same.get(name, (None, np.full(numbers.shape, instant)))
-        if last is not None:
-            since = np.where(numbers == last, since, instant)
+        last, since = self._same.get(name, (np.nan, instant))
+        since = np.where(numbers == last, since, instant)
         self._same[name] = numbers, since
         frozen = instant - since > QUANTITIES[name].may_stay
         if numbers.ndim < 2:  # one instrument: a worm may crawl along an axis

@@ -183,9 +183,10 @@ class SCurve(Curve, Path):
         k, side = 2.0 * np.pi / self.wavelength, _sign(self.towards)
         axis = self.azimuth - side * math.atan(self.amplitude * k)
         ahead, left = _direction(axis), side * _left(axis)
-        y = self.amplitude * np.array([np.sin(k * u), k * np.cos(k * u), -(k**2) * np.sin(k * u)])
-        r = np.array(self.start) + np.outer(u, ahead) + np.outer(y[0], left)
-        return r, ahead + np.outer(y[1], left), np.outer(y[2], left)
+        u = u[:, None]
+        sin, cos = np.sin(k * u), np.cos(k * u)
+        r = np.array(self.start) + u * ahead + self.amplitude * sin * left
+        return r, ahead + self.amplitude * (k * cos) * left, self.amplitude * (-(k**2) * sin) * left
 
 
 @dataclass(frozen=True, eq=False)

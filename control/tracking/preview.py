@@ -111,7 +111,8 @@ def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
     s, path, way = np.asarray(s, dtype=float), reference.path, TURNS_IN * able.length
     if path is None:
         return able.reach(np.zeros(s.shape))
-    return able.reach((path.heading(s + way / 2.0) - path.heading(s - way / 2.0)) / way)
+    ahead, behind = path.heading(np.stack([s + way / 2.0, s - way / 2.0]))
+    return able.reach((ahead - behind) / way)
 
 
 def _ending(reference: Reference, s: FloatArray, wave: float) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ wrong value.
 from __future__ import annotations
 
 import operator
+from math import isfinite
 from typing import Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
@@ -50,12 +51,13 @@ def number(
     error message.
     """
     found = _real(value)
-    got = f"{shown(value)}{f' {unit}' if unit else ''}"
-    if found is None or not _within(found, bounds) or not (np.isfinite(found) or (infinite and found > 0.0)):
-        raise ValueError(f"{name}: got {got}, must be {allowed or range_text(infinite, **bounds)}")
-    if not (np.isinf(found) or _of_a_likely_size(found, bounds, largest)):
-        raise ValueError(f"{name}: got {got}, must be of a size {_likely(largest)}")
-    return found
+    if found is None or not _within(found, bounds) or not (isfinite(found) or (infinite and found > 0.0)):
+        right = allowed or range_text(infinite, **bounds)
+    elif isfinite(found) and not _of_a_likely_size(found, bounds, largest):
+        right = f"of a size {_likely(largest)}"
+    else:
+        return found
+    raise ValueError(f"{name}: got {shown(value)}{f' {unit}' if unit else ''}, must be {right}")
 
 
 def whole(name: str, value: Any, ge: int = 1, le: int = 2**63 - 1) -> int:
@@ -205,7 +207,7 @@ def _within(value: Any, bounds: Bounds) -> Any:
 
 
 def _of_a_likely_size(value: Any, bounds: Bounds, largest: float = MAX_MAGNITUDE) -> Any:
-    size = np.abs(value)
+    size = abs(value)
     return (size <= largest) & (size >= (1.0 / largest if bounds.get("gt") == 0.0 else 0.0))
 
 
