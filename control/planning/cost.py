@@ -30,7 +30,6 @@ from control.planning.constraints import Constraint
 from control.planning.terms import CostTerm, Moment, Wanted
 from control.tracking.preview import Preview
 from worm3d.machine.buffered import Buffered
-from worm3d.machine.codegen import compile_kernel, evaluate
 from worm3d.values.arrays import FloatArray
 
 WANTED = len(Wanted._fields)
@@ -179,7 +178,7 @@ class Prediction:
         end = ca.cse(model.step(step)(state, given))  # before the differentiation, which then takes a tenth of the time
         missed = cost(state, scaled, before, wanted)
         self._states = Buffered(ca.Function("next", [state, scaled], ca.cse([end])).mapaccum("roll", steps))
-        self._state_slopes = compile_kernel(_slopes(end, [state, scaled], []), exact=True)
+        self._state_slopes = Buffered(_slopes(end, [state, scaled], []).map(steps))
         self._misses = Buffered(ca.Function("miss", [state, scaled, before, wanted], ca.cse([missed])).map(steps))
         self._miss_slopes = Buffered(_slopes(missed, [state, scaled, before], [wanted]).map(steps))
 
@@ -212,14 +211,11 @@ class Prediction:
 
     def _slopes_of_states(self, states: FloatArray, z: FloatArray) -> FloatArray:
         """Return dX/dU, (O3), shape (steps, n, 3 steps)."""
-        given, found = self._state_slopes.allocate(self.steps)
-        given[:, : self.steps] = np.hstack([states[:-1], z.reshape(-1, INPUTS)]).T
-        evaluate(self._state_slopes.address, given, found, self.steps)
-        by_step = found[:, : self.steps].T.reshape(self.steps, STATES + INPUTS, STATES)
+        to_state, to_input = self._state_slopes(states[:-1].T, z.reshape(-1, INPUTS).T)
         slopes = np.zeros((self.steps, STATES, INPUTS * self.steps))
-        for k, own in enumerate(by_step.transpose(0, 2, 1).copy()):
-            slopes[k] = own[:, :STATES] @ slopes[k - 1]  # slopes[-1] before the first step, still 0
-            slopes[k][:, INPUTS * k : INPUTS * (k + 1)] += own[:, STATES:]
+        for k, (a, b) in enumerate(zip(self._by_step(to_state, STATES), self._by_step(to_input, INPUTS), strict=True)):
+            slopes[k] = a @ slopes[k - 1]  # slopes[-1] before the first step, still 0
+            slopes[k][:, INPUTS * k : INPUTS * (k + 1)] += b
         return slopes
 
     def _by_step(self, side_by_side: FloatArray, columns: int) -> FloatArray:
