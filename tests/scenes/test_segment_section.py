@@ -70,7 +70,7 @@ def test_a_scene_with_a_law_runs(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("overrides", "sentence"),
     [
-        (("segment.kind=learned",), r"segment.file: must name the file of a law that 'worm3d law' wrote"),
+        (("segment.kind=learned",), r"segment.kind: must name the file of a law that 'worm3d law' wrote"),
         (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
         (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),
         (("segment.kind=rhombic",), r"segment.kind: .*did you mean 'rhombus'"),

@@ -79,6 +79,7 @@ def test_every_parameter_of_the_plant_is_documented(part: type) -> None:
         "hysteresis",
         "load",
         "medium",
+        "segment",
     }  # parts, with parameters of their own
     assert all(f"\n{name} : " in (part.__doc__ or "") for name in names)
 

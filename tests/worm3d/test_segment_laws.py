@@ -144,10 +144,10 @@ WAVE = TravellingWave(amplitude=0.25)
 GROUND = Friction(0.1, 0.5, 0.4)
 
 
-def crawl(segment_law: worm3d.SegmentLaw, dt: float = 0.01, **changes: Any) -> worm3d.Result:
+def crawl(segment_law: worm3d.SegmentLaw, dt: float = 0.01, mass: float = 0.1, **changes: Any) -> worm3d.Result:
     """Return a crawl on a plane, which must reach its end."""
     given: dict[str, Any] = {"actuation": WAVE, "duration": 4.0, "dt": dt} | changes
-    result = simulate(Worm(segment=segment_law), Plane(), GROUND, **given)
+    result = simulate(Worm(segment=segment_law, mass=mass), Plane(), GROUND, **given)
     assert result.status is Status.DONE, result.stop.sentence
     return result
 
@@ -164,14 +164,12 @@ def test_a_hydrostat_crawls_with_constant_volume_and_a_closed_ledger() -> None:
 
 @pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
 def test_the_command_does_work_on_the_points_that_it_moves(law: Learned, integrator: str) -> None:
-    """Unless this work is booked, it is numerical loss, which then is no smaller with shorter steps."""
-    shares = []
-    for dt in (0.01, 0.005):
-        energy = crawl(law, dt, integrator=integrator).energy
-        assert energy.balance_error < 1e-12
-        shares.append(abs(energy.numerical_loss.sum()) / energy.work_contract.sum())
-    assert shares[0] < {"bdf2": 0.02, "implicit_euler": 0.2}[integrator]
-    assert shares[1] < 0.6 * shares[0]
+    """Unless this work is booked, it is numerical loss: -7 to -8 % of the work of this worm, at any time step."""
+    coarse, fine = (crawl(law, dt, mass=0.4, integrator=integrator).energy for dt in (0.01, 0.005))
+    assert coarse.balance_error < 1e-12
+    most = {"bdf2": 0.01, "implicit_euler": 0.03}[integrator]
+    shares = [each.numerical_loss.sum() / each.work_contract.sum() for each in (coarse, fine)]
+    assert 0.0 < shares[1] < 0.8 * shares[0] < most
 
 
 def test_the_distance_converges_with_the_time_step(law: Learned) -> None:
@@ -226,9 +224,7 @@ def test_the_commands_of_a_start_are_those_of_its_points(law: Learned) -> None:
     """The first recorded points have the radius that belongs to the contraction at the start."""
     worm = Worm(segment=law)
     start = State.straight(worm, None, contraction=0.3)
-    result = simulate(
-        worm, None, state=start, duration=0.1, gravity=(0, 0, 0), actuation=lambda t: np.full((6, 2), 0.3)
-    )
+    result = simulate(worm, None, state=start, duration=0.1, gravity=(0, 0, 0))
     apexes, joints = result.apexes[0], result.joints[0]
     away = np.linalg.norm(apexes - ((joints[:-1] + joints[1:]) / 2.0)[:, None], axis=2)
     _, radius = learned_laws.evaluated(CONTENT, np.full(1, worm.l0), np.full(1, 0.3))
@@ -246,9 +242,7 @@ def test_a_result_stands_alone_and_goes_on(law: Learned, tmp_path: Path) -> None
     path.unlink()
     loaded = worm3d.load(tmp_path / "half.nc")
     assert loaded.worm.segment == worm.segment
-    rest = simulate(
-        loaded.worm, Plane(), GROUND, actuation=lambda t: WAVE.bind(worm)(t + 0.5), duration=0.5, state=loaded.state
-    )
+    rest = simulate(loaded.worm, Plane(), GROUND, actuation=WAVE, duration=0.5, state=loaded.state)
     assert_array_equal(rest.joints[-1], whole.joints[-1])
     assert_allclose(loaded.worm.segment.law.energy, CONTENT["energy"]["weights"])
 
@@ -292,7 +286,7 @@ def test_the_force_of_a_stretched_segment_is_the_slope_of_the_energy(law: Learne
     h = 1e-5
     assert_allclose(found.force, (energy(length + h) - energy(length - h)) / (2.0 * h), rtol=0, atol=1e-6)
     assert_allclose(np.cumsum(found.elastic), energy(length) - energy(length[:1]), rtol=0, atol=1e-13)
-    with pytest.raises(ValueError, match=r"must be above 0.08333 and below 0.2 m, the domain of the segment law"):
+    with pytest.raises(ValueError, match=r"must be above 0.0833333 and below 0.2 m, the domain of the segment law"):
         worm3d.stretch_segment(worm, [0.15, 0.3], [0.0, 1.0])
 
 
