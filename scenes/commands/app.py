@@ -34,6 +34,7 @@ SECTIONS = {
     "Scenes": ("run", "check", "list", "init"),
     "Results": ("plot", "view", "export", "compare"),
     "Many runs": ("sweep", "study", "fit", "learn"),
+    "Soft segments": ("fem",),
 }
 """Groups of commands in the help, by title."""
 

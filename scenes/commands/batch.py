@@ -162,3 +162,30 @@ def learn(
 
     task = Task(scene, minutes, practice, seed, o or (), texts(vary or ()), worms, threads, acts)
     raise typer.Exit(run(task, to, force=force, quiet=quiet))
+
+
+@batch.command()
+def fem(
+    segment: Annotated[
+        str, typer.Argument(metavar="SEGMENT", help="TOML file that describes a segment, or a shipped one: barrel.")
+    ],
+    out: Annotated[Path, file_option("--out", help="Table to write, NetCDF; pictures are written beside the table.")],
+    states: Annotated[int, typer.Option("--states", min=4, max=100_000, help="Number of stable states.")] = 100,
+    mesh: Annotated[
+        str,
+        typer.Option("--mesh", metavar="ALONGxACROSS", help="Elements of half of the segment, and through the wall."),
+    ] = "20x2",
+    quick: Annotated[bool, typer.Option("--quick", help="Few states on a coarse mesh, for a first look.")] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute a table of a soft segment by finite elements.
+
+    The segment is described by profile, wall, rubber, fibres and load. Each row of the table is an equilibrium at a
+    length and a pressure (or tension of a cable): force, radius, enclosed volume, and whether the state is stable. The
+    error of the mesh is found on a second mesh. 100 states take about half a minute. Needs scikit-fem: pip install
+    'worm3d[fem]'.
+    """
+    from scenes.studies.fem.command import Options, mesh_of, run
+
+    raise typer.Exit(run(segment, out, Options(states, mesh_of(mesh), quick, force, quiet)))

@@ -229,7 +229,7 @@ def _density(segment: Segment) -> ca.Function:
     J = (F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]) * F[2, 2]
     W = segment.density(F.T @ F, meridian, hoop, parameters[2]) + segment.rubber.constraint(J, e[5])
     hessian, gradient = ca.hessian(W, e)
-    return ca.Function("density", [e, parameters], [W, gradient, ca.densify(hessian)])
+    return ca.Function("density", [e, parameters], ca.cse([W, gradient, ca.densify(hessian)]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -305,7 +305,7 @@ def _with_state(progress: Progress, target: tuple[float, float], domain: Domain,
     return replace(progress, stopped=(*progress.stopped, f"{where} {aim}"))
 
 
-def mesh_error(rows: tuple[Row, ...], finer: Wall, watch: Callable[[], None] = lambda: None) -> float:
+def mesh_error(rows: tuple[Row, ...], finer: Wall, watch: Callable[[int], None] = lambda done: None) -> float:
     """Return the rms difference of the force on a second mesh, relative to the rms force of the table.
 
     Parameters
@@ -314,17 +314,17 @@ def mesh_error(rows: tuple[Row, ...], finer: Wall, watch: Callable[[], None] = l
     finer : Wall
         Model of the same segment on a finer mesh.
     watch : callable
-        Called after each state.
+        Called with the number of finished states after each state.
     """
     stable = [row.state for row in rows if row.stable]
     rms = float(np.sqrt(np.mean([state.force**2 for state in stable])))
     chosen = [stable[n] for n in np.unique(np.linspace(0, len(stable) - 1, CHECKED_STATES + 1).astype(int))[1:]]
     differences = []
-    for state in chosen:
+    for done, state in enumerate(chosen, start=1):
         found = on_mesh(state, finer)
         if found is not None:
             differences.append(found.force - state.force)
-        watch()
+        watch(done)
     return float(np.sqrt(np.mean(np.square(differences)))) / rms if differences else np.nan
 
 

@@ -1,0 +1,1 @@
+"""`worm3d fem`: tables of soft segments by finite elements."""

@@ -1,0 +1,144 @@
+"""`worm3d fem`: compute the equilibria of a soft segment by finite elements, and write table and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import typer
+
+from scenes.language.errors import MissingPartError, SceneError
+from scenes.records.folder import disc_errors, made, written_whole
+from scenes.running.drawing import save_figure
+from scenes.running.terminal import counted, progress
+from worm3d.fem.description import Segment, parse
+
+try:
+    from worm3d.fem import pictures, table
+    from worm3d.fem.axisymmetric import Wall
+    from worm3d.fem.sweep import CHECKED_STATES, Progress, mesh_error, sweep
+except ImportError as error:
+    raise MissingPartError(str(error)) from error
+
+DATA = Path(__file__).parents[2] / "data"
+"""Folder of the descriptions that ship with the program."""
+QUICK_STATES, QUICK_MESH = 25, (10, 1)
+"""States and elements of --quick, for a first look: about a tenth of the time, and some ten times the mesh error."""
+
+MOST_ALONG, MOST_ACROSS = 80, 4
+"""Largest mesh. The mesh error takes four times as many elements, and the test of stability the cube of the time."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command."""
+
+    states: int
+    """Number of stable states."""
+    mesh: tuple[int, int]
+    """Elements along half of the segment and through the wall."""
+    quick: bool
+    force: bool
+    quiet: bool
+
+
+def run(segment: str, out: Path, options: Options) -> int:
+    """Compute the table of a segment, write it and its pictures, and return the exit code.
+
+    Raises
+    ------
+    SceneError
+        The description is wrong, the file exists, or too few states are stable.
+    """
+    if options.quick:
+        options = replace(options, states=min(options.states, QUICK_STATES), mesh=QUICK_MESH)
+    if out.exists() and not options.force:
+        raise SceneError(f"{out} exists: choose another name, or replace it with --force")
+    made(out.parent)
+    described, began = load(segment), perf_counter()
+    try:
+        result = _swept(described, options)
+    except ValueError as wrong:
+        raise SceneError(f"{segment}: {wrong}") from wrong
+    found_error = _checked(described, result, options)
+    _write(out, described, result, options, found_error)
+    if not options.quiet:
+        _report(out, result, found_error, perf_counter() - began)
+    return 0
+
+
+def mesh_of(text: str) -> tuple[int, int]:
+    """Return the numbers of elements of a text such as `20x2`.
+
+    Raises
+    ------
+    SceneError
+        The text is not of this form, or a number is too small or too large.
+    """
+    along, cross, across = text.partition("x")
+    numbers = [int(part) if part.isdecimal() and len(part) < 4 else 0 for part in (along, across)]
+    if not (cross and 4 <= numbers[0] <= MOST_ALONG and 1 <= numbers[1] <= MOST_ACROSS):
+        raise SceneError(
+            f"--mesh: got '{text}', must be two numbers such as 20x2: 4 to {MOST_ALONG} elements along half of the "
+            f"segment, and 1 to {MOST_ACROSS} through the wall"
+        )
+    return numbers[0], numbers[1]
+
+
+def load(segment: str) -> Segment:
+    """Return a segment from a TOML file, or from the name of a shipped description.
+
+    Raises
+    ------
+    SceneError
+        There is no such description, or the description is wrong.
+    """
+    shipped = {path.stem: path for path in sorted(DATA.glob("*.toml"))}
+    path = shipped.get(segment, Path(segment))
+    if not path.is_file():
+        raise SceneError(f"there is no segment '{segment}': must be a TOML file, or one of {', '.join(shipped)}")
+    try:
+        return parse(path.read_text(encoding="utf-8"))
+    except ValueError as wrong:
+        raise SceneError(f"{path.name}: {wrong}") from wrong
+
+
+def _swept(segment: Segment, options: Options) -> Progress:
+    with progress("finite elements", options.states, quiet=options.quiet, what="state") as show:
+        for result in sweep(Wall(segment, *options.mesh), options.states):
+            show(result.stable)
+    return result
+
+
+def _checked(segment: Segment, result: Progress, options: Options) -> float:
+    along, across = options.mesh
+    with progress("mesh error", CHECKED_STATES, quiet=options.quiet, what="state") as show:
+        return mesh_error(result.rows, Wall(segment, 2 * along, 2 * across), show)
+
+
+def _write(out: Path, segment: Segment, result: Progress, options: Options, error: float) -> None:
+    along, across = options.mesh
+    source = (
+        f"worm3d fem: axisymmetric finite elements (Q2/Q1), {along} x {across} elements of half of the segment, "
+        f"farthest-point states; {counted(len(result.stopped), 'state')} not reached"
+    )
+    with written_whole(out) as part, disc_errors(out):
+        table.write(part, segment, table.columns(result.rows), source, error)
+    save_figure(pictures.shapes(result.rows), picture_path(out, "shapes"))
+    save_figure(pictures.states(result.rows), picture_path(out, "states"))
+
+
+def picture_path(out: Path, name: str) -> Path:
+    """Return the path of a picture beside a table."""
+    return out.with_name(f"{out.stem}_{name}.png")
+
+
+def _report(out: Path, result: Progress, error: float, seconds: float) -> None:
+    crumpled = len(result.rows) - result.stable
+    typer.echo(f"{counted(result.stable, 'stable state')}, {crumpled} crumpled, in {seconds:.0f} s")
+    typer.echo(f"mesh error of the force: {100.0 * error:.2g} % (rms, from a mesh of half the size)")
+    for sentence in result.stopped:
+        typer.echo(f"not reached: {sentence}")
+    for path in (out, picture_path(out, "shapes"), picture_path(out, "states")):
+        typer.echo(str(path))
