@@ -48,17 +48,18 @@ MOST_ROWS = 1500
 """Largest number of rows in the fit of the friction, which takes about 10 s. Longer records are thinned out."""
 
 ROUGHNESS = 1e-2
-"""Weight of second differences of the elastic force's coefficients, over its scale, beside errors over the peak."""
+"""Weight of second differences of the elastic force's coefficients beside errors of the force."""
 
 REST_WEIGHT = 30.0
-"""Weight of the elastic force at the rest length, where it must be 0, over its scale. At half and at double, this force
-stays below 0.1 % of the scale."""
+"""Weight of the elastic force at the rest length, where it must be 0, beside errors of the force. At half and at
+double, this force stays below 0.1 % of the peak."""
+
+LEAST_STEP = 0.05
+"""Least growth of the elastic force over the range of lengths, as a fraction of the peak of the measured force. With no
+growth, the free length would jump with the input."""
 
 LEVEL_WIDTH = 0.02
 """Largest difference of inputs that count as one, as a fraction of the greatest input."""
-
-GRID_SIZE = 14
-"""Number of lengths, and of cable forces, at which the law is fitted to an elastic force."""
 
 HELD_OUT_EVERY = 5
 """In a record with one cycle, every row of this number is left out of the fit, and measures its error."""
@@ -72,8 +73,6 @@ class Record(ReadOnly):
     """Length [m]."""
     force: FloatArray
     """Measured force, along the axis or in the hoop cable [N]."""
-    lever: FloatArray
-    """Factor that converts the measured force to a force along the axis."""
     level: FloatArray
     """Number of the input in `inputs`."""
     inputs: FloatArray
@@ -83,6 +82,20 @@ class Record(ReadOnly):
     ways: tuple[slice, ...]
     """Rows between reversals."""
     rest_length: float | None
+    cable_per_diameter: float | None
+    """kappa of (B2), or None if the force was measured along the axis."""
+
+    def lever(self, length: FloatArray) -> FloatArray:
+        """Return the force along the axis over the measured force at the given lengths, shape (T,)."""
+        if self.link is None or self.cable_per_diameter is None:
+            return np.ones(len(length))
+        found: FloatArray = self.cable_per_diameter * length / (2.0 * self.height(length))
+        return found
+
+    def height(self, length: FloatArray) -> FloatArray:
+        """Return the half-height of the rhombus at the given lengths, shape (T,) [m]."""
+        found: FloatArray = np.sqrt(float(self.link or 0.0) ** 2 - length**2 / 4.0)
+        return found
 
     @property
     def cycles(self) -> list[tuple[slice, ...]]:
@@ -107,7 +120,7 @@ class Cycle(ReadOnly):
     record: Record
     spline: Spline
     elastic: FloatArray
-    """Coefficients of the elastic force along the axis at each input, shape (L, coefficients) [N]."""
+    """Coefficients of the elastic force, in the direction of the measured force, shape (L, coefficients) [N]."""
     moment: float
     """Friction M of each of a segment's two apex hinges, both chambers together [N m]."""
     load_ratio: float
@@ -137,8 +150,12 @@ class Cycle(ReadOnly):
     def half_width(self) -> float:
         """Greatest friction along the segment [N]."""
         length = np.linspace(self.spline.low, self.spline.high, 100)
-        passive = self.spline.matrix(length) @ self.elastic[0]
-        return float(_slope(self.record.link, length, passive, self.moment, self.load_ratio).max())
+        return float(_slope(self.record, length, self.force(length, 0), self.moment, self.load_ratio).max())
+
+    def force(self, length: FloatArray, level: int) -> FloatArray:
+        """Return the elastic force along the axis at the input with the given number, shape (T,) [N]."""
+        found: FloatArray = self.record.lever(length) * (self.spline.matrix(length) @ self.elastic[level])
+        return found
 
     def scene_keys(self) -> list[str]:
         """Return the friction as lines of a scene."""
@@ -157,15 +174,14 @@ def record_of(table: Table) -> Record | None:
     if not table.ordered:
         return None
     columns, link = table.columns, _link(table)
-    if "length" in columns:
-        length, lever = columns["length"], np.ones(len(table))
-    else:
-        length, lever = _of_hoop(table)
+    hoop = "length" not in columns
+    length = _under_hoop(table) if hoop else columns["length"]
     ways = ways_of(length)
     if len(ways) < 2 or len(length) < ROWS_PER_WAY * len(ways):
         return None
     inputs, level = _levels(table.input)
-    return Record(length, table.columns["force"], lever, level, inputs, link, ways, table.facts.get("rest_length_m"))
+    rest, kappa = table.facts.get("rest_length_m"), table.facts["cable_per_diameter"] if hoop else None
+    return Record(length, columns["force"], level, inputs, link, ways, rest, kappa)
 
 
 def _link(table: Table) -> float | None:
@@ -177,8 +193,8 @@ def _link(table: Table) -> float | None:
     return link if longest < 1.9 * link else None
 
 
-def _of_hoop(table: Table) -> tuple[FloatArray, FloatArray]:
-    """Return the lengths and the levers du/dl of a record of a hoop cable, (B2)."""
+def _under_hoop(table: Table) -> FloatArray:
+    """Return the lengths of a segment with a hoop cable, (B2), shape (T,) [m]."""
     h0, l0, kappa = (table.fact(name) for name in ("rest_radius_m", "rest_length_m", "cable_per_diameter"))
     link = np.hypot(h0, l0 / 2.0)
     height = h0 - table.columns["taken_in"] / (2.0 * kappa)
@@ -189,8 +205,7 @@ def _of_hoop(table: Table) -> tuple[FloatArray, FloatArray]:
             f"column 'cable': got {taken.min():.4g} to {taken.max():.4g} m, must be from {least:.4g} to {most:.4g} m; "
             "correct its unit, rest_radius_m or cable_per_diameter"
         )
-    length = 2.0 * np.sqrt(link**2 - height**2)
-    return length, kappa * length / (2.0 * height)
+    return np.asarray(2.0 * np.sqrt(link**2 - height**2))
 
 
 def ways_of(length: FloatArray) -> tuple[slice, ...]:
@@ -216,9 +231,9 @@ def _levels(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     return inputs, np.abs(values[:, None] - inputs).argmin(axis=1)
 
 
-def _slope(link: float | None, length: FloatArray, passive: FloatArray, moment: float, ratio: float) -> FloatArray:
+def _slope(record: Record, length: FloatArray, passive: FloatArray, moment: float, ratio: float) -> FloatArray:
     """Return dy/dl of (B1)."""
-    hinge = 0.0 if link is None else 2.0 * moment / np.sqrt(link**2 - length**2 / 4.0)
+    hinge = 0.0 if record.link is None else 2.0 * moment / record.height(length)
     found: FloatArray = hinge + ratio * np.abs(passive)
     return found
 
@@ -231,15 +246,13 @@ def predicted(record: Record, spline: Spline, elastic: FloatArray, parameters: F
     """
     moment, ratio, log_give, log_spread = parameters
     grid = np.linspace(spline.low, spline.high, 400)
-    of_grid = spline.matrix(grid) @ elastic[0]
-    y = cumulative_trapezoid(_slope(record.link, grid, of_grid, moment, ratio), grid, initial=0.0)
+    slope = _slope(record, grid, record.lever(grid) * (spline.matrix(grid) @ elastic[0]), moment, ratio)
+    y = cumulative_trapezoid(slope, grid, initial=0.0)
     places = [2.0 * k / (Jenkins.elements - 1) - 1.0 for k in range(Jenkins.elements)]
     give = 2.0 * np.exp(log_give + log_spread * np.array(places))
     loads = _stretches(np.interp(record.length, grid, y), give).mean(axis=1)
-    basis = spline.matrix(record.length)
-    own = np.einsum("tc,tc->t", basis, elastic[record.level])
-    friction = loads * _slope(record.link, record.length, basis @ elastic[0], moment, ratio)
-    found: FloatArray = (own + friction) / record.lever
+    own = np.einsum("tc,tc->t", spline.matrix(record.length), elastic[record.level])
+    found: FloatArray = own + loads * np.interp(record.length, grid, slope) / record.lever(record.length)
     return found
 
 
@@ -262,32 +275,30 @@ def fit_cycle(record: Record) -> Cycle:
     SceneError
         The record has more inputs than its first cycles show.
     """
-    chosen = _chosen(record)
-    rest = _rest(record)
+    chosen, rest = _chosen(record), _rest(record)
     covered = np.append(record.length, rest)
     spline = Spline(float(covered.min()), float(covered.max()), ELASTIC_COEFFICIENTS)
     count, levels = ELASTIC_COEFFICIENTS, len(record.inputs)
     peak = float(np.abs(record.force).max())
-    scale = float(np.abs(record.force * record.lever).max())
-    rough = np.diff(np.eye(count), n=2, axis=0)
-    at_rest = spline.matrix(rest)
+    at_rest, rough = spline.matrix(rest), np.diff(np.eye(count), n=2, axis=0)
 
     def split(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return scale * unknowns[:-4].reshape(levels, count), unknowns[-4:]
+        return peak * np.cumsum(unknowns[:-4].reshape(levels, count), axis=1), unknowns[-4:]
 
     def residuals(unknowns: FloatArray) -> FloatArray:
         elastic, parameters = split(unknowns)
-        miss = (predicted(record, spline, elastic, parameters) - record.force)[chosen] / peak
-        smooth = ROUGHNESS * (elastic / scale @ rough.T).ravel()
-        return np.concatenate([miss, smooth, REST_WEIGHT * at_rest @ elastic[0] / scale])
+        miss = (predicted(record, spline, elastic, parameters) - record.force)[chosen]
+        smooth = ROUGHNESS * elastic @ rough.T
+        return np.concatenate([miss, smooth.ravel(), REST_WEIGHT * at_rest @ elastic[0]]) / peak
 
-    energy = scale * np.ptp(record.length)
-    basis = spline.matrix(record.length)
-    first = np.vstack([_mean_curve(basis, record, k, chosen, rough, scale) for k in range(levels)]) / scale
-    begin = np.concatenate([first.ravel(), [0.01 * energy, 0.2, np.log(0.01 * energy), np.log(3.0)]])
-    low = np.concatenate([np.full(first.size, -np.inf), [0.0, 0.0, np.log(1e-6 * energy), 0.0]])
-    high = np.concatenate([np.full(first.size, np.inf), [energy, 0.99, np.log(energy), np.log(30.0)]])
-    found = least_squares(residuals, begin, bounds=(low, high), x_scale="jac", max_nfev=60, ftol=1e-6)
+    energy = peak * np.ptp(record.length)
+    least = LEAST_STEP / (count - 1)
+    first = np.tile([-0.25, *[0.5 / (count - 1)] * (count - 1)], levels)
+    begin = np.concatenate([first, [0.01 * energy, 0.2, np.log(0.01 * energy), np.log(3.0)]])
+    low = np.tile([-np.inf, *[least] * (count - 1)], levels)
+    low = np.concatenate([low, [0.0, 0.0, np.log(1e-6 * energy), 0.0]])
+    high = np.concatenate([np.full(len(first), np.inf), [energy, 0.99, np.log(energy), np.log(30.0)]])
+    found = least_squares(residuals, begin, bounds=(low, high), x_scale="jac", max_nfev=80, ftol=1e-6)
     elastic, (moment, ratio, log_give, log_spread) = split(found.x)
     parameters = (0.0 if record.link is None else float(moment), float(ratio), float(np.exp(log_give)))
     return Cycle(record, spline, elastic, *parameters, float(np.exp(log_spread)), chosen)
@@ -308,14 +319,3 @@ def _chosen(record: Record) -> BoolArray:
     if len(record.inputs) > 1 or len(record.cycles) < 2:
         return np.asarray(rows % HELD_OUT_EVERY != HELD_OUT_EVERY - 1)
     return np.asarray(rows < record.cycles[0][-1].stop)
-
-
-def _mean_curve(
-    basis: FloatArray, record: Record, level: int, chosen: BoolArray, rough: FloatArray, scale: float
-) -> FloatArray:
-    """Return the coefficients of a smooth curve through both directions at one input."""
-    own = chosen & (record.level == level)
-    system = np.vstack([basis[own] / record.lever[own, None], ROUGHNESS * rough])
-    wanted = np.concatenate([record.force[own], np.zeros(len(rough))])
-    found: FloatArray = np.linalg.lstsq(system, wanted, rcond=None)[0]
-    return found

@@ -155,7 +155,7 @@ def _elastic(law: Law, cycle: Cycle) -> FloatArray:
     length = np.linspace(cycle.spline.low, cycle.spline.high, 200)
     basis = cycle.spline.matrix(length)
     forces = [law.fit.force(length, np.full(len(length), level)) for level in cycle.record.inputs]
-    return np.array([np.linalg.lstsq(basis, force, rcond=None)[0] for force in forces])
+    return np.array([np.linalg.lstsq(basis, force / cycle.record.lever(length), rcond=None)[0] for force in forces])
 
 
 def _friction(law: Law, cycle: Cycle) -> Iterable[Block]:

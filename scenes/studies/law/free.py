@@ -138,8 +138,7 @@ def start(states: States, rest_length: float | None, what: str = "input") -> Fre
     if states.volume is None:
         return free
     volume = surfaces[1].at(length, at) * _size(states.volume)
-    volumes: FloatArray = np.linalg.lstsq(free.basis(at), volume, rcond=None)[0]
-    return replace(free, volumes=volumes)
+    return replace(free, volumes=np.asarray(np.linalg.lstsq(free.basis(at), volume, rcond=None)[0], dtype=float))
 
 
 def _size(values: FloatArray) -> float:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scenes.language.errors import SceneError
 from scenes.studies.law import bench
-from scenes.studies.law.bench import GRID_SIZE, Cycle
+from scenes.studies.law.bench import Cycle
 from scenes.studies.law.free import BoolArray, States
 from scenes.studies.law.surface import Spline, Surface
 from scenes.studies.law.table import Table
@@ -18,6 +18,15 @@ from worm3d.values.read_only import ReadOnly
 
 FEWEST_STATES = 40
 """Least number of states for a fit. A membrane in closed form needs 30 of them for an error of the force of 1 %."""
+
+SPREAD_STATES = 150
+"""Number of states to which the law is fitted if the elastic force is a known curve."""
+
+EVEN_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
+"""Steps, modulo 1, of points that fill a square evenly: powers of the inverse of the plastic number."""
+
+LEVEL_STATES = 28
+"""Number of states at each input of a record of cycles."""
 
 STRAIGHT = 1e-6
 """Greatest bend of a state that counts as straight [rad]."""
@@ -119,29 +128,20 @@ def _of_cycle(table: Table, cycle: Cycle) -> Prepared:
         states = States(length, level, force, _radii(table, length, level), None)
         return Prepared(table, _require_enough(states), notes, cycle)
 
-    def elastic(length: FloatArray) -> FloatArray:
-        found: FloatArray = spline.matrix(length) @ cycle.elastic[0]
-        return found
-
     def lever(length: FloatArray) -> FloatArray:
-        if not hoop:
-            return -np.ones(len(length))
-        order = np.argsort(record.length)
-        return np.asarray(np.interp(length, record.length[order], record.lever[order]))
+        return record.lever(length) if hoop else -np.ones(len(length))
 
-    states = _under_cable(table, elastic, (spline.low, spline.high), lever)
+    states = _under_cable(table, lambda length: cycle.force(length, 0), (spline.low, spline.high), lever)
     if hoop:
-        height = np.sqrt(float(record.link or 0.0) ** 2 - states.length**2 / 4.0)
-        states = States(states.length, states.input, states.force, height, None)
+        states = replace(states, radius=record.height(states.length))
     return Prepared(table, states, (HOOP_NOTE,) if hoop else (*notes, AXIAL_NOTE), cycle)
 
 
 def _level(cycle: Cycle, level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return lengths, inputs and elastic forces of one input of a record, each of shape (2 GRID_SIZE,)."""
+    """Return lengths, inputs and elastic forces of one input of a record, each of shape (LEVEL_STATES,)."""
     own = cycle.record.length[cycle.record.level == level]
-    length = np.linspace(own.min(), own.max(), 2 * GRID_SIZE)
-    force = cycle.spline.matrix(length) @ cycle.elastic[level]
-    return length, np.full(len(length), cycle.record.inputs[level]), force
+    length = np.linspace(own.min(), own.max(), LEVEL_STATES)
+    return length, np.full(len(length), cycle.record.inputs[level]), cycle.force(length, level)
 
 
 def _under_cable(
@@ -150,17 +150,19 @@ def _under_cable(
     lengths: tuple[float, float],
     lever: Callable[[FloatArray], FloatArray],
 ) -> States:
-    """Return states of a segment with a known elastic force under a cable, F = P(l) - T du/dl, on a grid.
+    """Return states of a segment with a known elastic force under a cable, F = P(l) - T du/dl, spread evenly.
 
     The greatest cable force T has its free length at the end of the measured lengths.
     """
-    length = np.linspace(*lengths, GRID_SIZE)
+    length = np.linspace(*lengths, 50)
     balance = elastic(length) / lever(length)
     most = float(balance.max())
-    if most <= 0.0 or (np.argmax(balance) not in (0, GRID_SIZE - 1)):
+    if most <= 0.0:
         raise SceneError(
             f"without an input, the force must change its sign at the rest length; got {elastic(length).min():.3g} to "
             f"{elastic(length).max():.3g} N; measure lengths below the rest length, or give the column of the input"
         )
-    at, tension = (each.ravel() for each in np.meshgrid(length, np.linspace(0.0, most, GRID_SIZE)))
+    spread = (0.5 + np.arange(SPREAD_STATES)[:, None] * EVEN_STEPS) % 1.0
+    unit = np.vstack([spread, [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]]])
+    at, tension = lengths[0] + np.ptp(lengths) * unit[:, 0], most * unit[:, 1]
     return States(at, tension, elastic(at) - tension * lever(at), _radii(table, at, 0.0 * at), None)
