@@ -134,9 +134,9 @@ def evaluate(
 ) -> float:
     """Return the potential of a step, and fill the gradient and the Hessian.
 
-    The potential is infinite if a segment would have to be longer than its links allow, or has no length. If `coupled`
-    is true, friction uses the normal loads at `q` instead of `now.load`. Then `grad` is the residual of the step, `band`
-    is the unsymmetric Jacobian of the residual, and the returned potential has no meaning.
+    The potential is infinite if a segment has no length, or would have to be longer than its links allow. If `coupled`
+    is true, friction uses the normal loads at `q` instead of `now.load`. Then `grad` is the residual of the step,
+    `band` is the unsymmetric Jacobian of the residual, and the returned potential has no meaning.
 
     Parameters
     ----------

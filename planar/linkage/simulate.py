@@ -69,7 +69,9 @@ def simulate(
     ----------
     worm : Linkage
     gait : callable
-        Function of the time [s] that returns the contraction of each segment, shape (N,).
+        Function of the time [s] that returns the contraction of each segment, shape (N,). With a learned segment law,
+        the command moves the apexes. The command should then be continuous and begin at 0: a jump, also in the first
+        step, strikes the ground, and the energy of the strike grows as `dt` becomes shorter.
     duration, dt : float
         Simulated time and time step [s].
     ground : str

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from planar.linkage import Friction, Linkage, regimes
 from planar.linkage.element import BY_LAW, HALF_BANDWIDTH, NO_BAND, OPEN, ROWS, SLIDE, STICK, Body, Now, evaluate
 from planar.linkage.ground import Ground
-from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
+from planar.linkage.shape import apexes, apexes_by_law, cross_products, diagonals, hinge_angles
 from planar.linkage.step import body_of
 
 N, SIZE = 4, 10
@@ -19,11 +19,11 @@ def ground_of_scale(worm: Linkage, stiffness: float) -> Ground:
     return ground._replace(stiffness=stiffness, damping=5.0, yield_gauge=0.01, gauge_damping=2.0)
 
 
-def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
+def some_step(worm: Linkage, height: float = 0.07) -> tuple[np.ndarray, Now]:
     """Return joints, and a step that does not start at rest, with everything switched on."""
     rng = np.random.default_rng(1)
-    joints = worm.rest() + 0.01 * rng.standard_normal((N + 1, 2)) + [0.0, 0.07]
-    points = apexes(joints, worm.link_length)
+    joints = worm.rest() + 0.01 * rng.standard_normal((N + 1, 2)) + [0.0, height]
+    points = apexes_by_law(joints, np.full(N, worm.l0), worm.segment_law)
     length, _ = diagonals(joints)
     now = Now(
         dt=0.01,
@@ -35,7 +35,7 @@ def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
         joint_n=joints + 0.001,
         length_n=length + 0.01,
         cross_n=cross_products(joints) + 0.1,
-        angle_n=hinge_angles(length, worm.link_length) + 0.1,
+        angle_n=hinge_angles(length, worm.link_length) + 0.1 if worm.has_links else np.zeros(N),
         depth_n=np.abs(0.001 * rng.standard_normal((N, 2))),
         anchor=points[..., 0] + np.array([[0.004], [-0.05], [0.05], [-0.004]]),  # stuck and sliding, both ways
         direction=np.array([1.0, 1.0, 1.0, -1.0]),
@@ -57,9 +57,14 @@ def dense(band: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("coupled", [False, True])
-def test_against_central_differences(uneven_worm: Linkage, coupled: bool) -> None:
-    q, now = some_step(uneven_worm)
-    body, ground = body_of(uneven_worm), ground_of_scale(uneven_worm, 1000.0)
+@pytest.mark.parametrize("kind", ["rhombus", "hydrostat", "learned"])
+def test_against_central_differences(uneven_worm: Linkage, law_worm: Linkage, kind: str, coupled: bool) -> None:
+    other = {"half_height": None, "k_spring": 13.0, "length": 1.0, "segment": law_worm.segment}
+    changes = other if kind == "learned" else {"segment": kind}
+    worm = uneven_worm if kind == "rhombus" else uneven_worm.with_changes(k_apex=0.0, **changes)
+    q, now = some_step(worm, 0.07 if kind != "learned" else 0.055)
+    body, ground = body_of(worm), ground_of_scale(worm, 1000.0)
+    assert len(set(regimes.of_law(q, body.segment_law, ground, now).ravel())) > 1, "some apexes touch the ground"
     gradient, band = np.zeros(SIZE), np.zeros((ROWS, SIZE))
     evaluate(q, body, ground, now, coupled, gradient, band)
     matrix, step = dense(band), 1e-7
