@@ -38,7 +38,7 @@ Four figures describe the speed, and each suits a purpose:
 * `stride_bl` and `speed_bl_s` compare gaits and worms. Both count the last waves only, so that the start of the run has
   no effect. Use `stride_bl` if the duration of a wave does not matter, and `speed_bl_s` otherwise.
 * `mean_speed_m_s` is the speed of the whole run along the first heading, and includes the slow start.
-* `speed_BL_per_period` is `mean_speed_m_s` in body lengths per period, as in the paper.
+* `speed_BL_per_period` is `mean_speed_m_s` in body lengths per period.
 """.strip()
 
 LAST_WAVES = """
