@@ -57,7 +57,7 @@ STYLE_NETWORK = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])(?:https?:)?//"""
 
 CODE_BLOCK = re.compile(r"^(`{3,})[^\n]*\n.*?^\1", re.MULTILINE | re.DOTALL)
 COMMENT = re.compile(r"^[ \t]*%.*$", re.MULTILINE)
-"""A line of Markdown that MyST takes as a comment and leaves out, such as the second half of "5 %" after a line break."""
+"""A line that MyST takes as a comment and leaves out, such as the second half of "5 %" after a line break."""
 
 PROCESSES = 2
 """Number of generators, and of tutorials, that run at the same time."""
