@@ -55,6 +55,10 @@ NETWORK = re.compile(r"""<(?:script|img|iframe|source|video|audio|link)\b[^>]*?(
 """A part of a page that a browser would load from the network. Links, which the reader follows, are allowed."""
 STYLE_NETWORK = re.compile(r"""(?:url\(\s*["']?|@import\s+["'])(?:https?:)?//""")
 
+CODE_BLOCK = re.compile(r"^(`{3,})[^\n]*\n.*?^\1", re.MULTILINE | re.DOTALL)
+COMMENT = re.compile(r"^[ \t]*%.*$", re.MULTILINE)
+"""A line that MyST takes as a comment and leaves out, such as the second half of "5 %" after a line break."""
+
 PROCESSES = 2
 """Number of generators, and of tutorials, that run at the same time."""
 
@@ -95,7 +99,7 @@ def build(out: Path, *, partial: bool) -> list[str]:
         for path in ROOT.iterdir():  # pages may include and show files of the tree, such as ../scenes/CHANGES.md
             if not path.name.startswith((".git", ".venv", ".docs")):
                 (Path(name) / path.name).symlink_to(path)
-        mistakes = assemble(sources)
+        mistakes = [*assemble(sources), *lost_lines(sources)]
         missing = [*missing_pages(sources)]
         for page in missing:
             page.parent.mkdir(exist_ok=True)
@@ -165,6 +169,13 @@ def missing_pages(sources: Path) -> Iterator[Path]:
             page = sources / folder / f"{name}.md"
             if not page.exists():
                 yield page
+
+
+def lost_lines(sources: Path) -> Iterator[str]:
+    """Yield the lines of text that MyST would leave out as comments."""
+    for page in sorted(sources.rglob("*.md")):
+        for line in COMMENT.findall(CODE_BLOCK.sub("", _text(page))):
+            yield f"{page.relative_to(sources)}: a line begins with %, and would be left out: {line[:60]}"
 
 
 def sphinx(sources: Path, made: Path, *, partial: bool) -> list[str]:

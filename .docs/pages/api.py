@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cache, cached_property
 from typing import Any
@@ -18,18 +18,45 @@ MODULES = {
     "control.sensing": "Sensors and their measurements.",
     "planar.published": "The program of the paper.",
     "planar.linkage": "The corrected planar model.",
+    "worm3d.values.parameters": "Parameters of parts of your own, see [parts](../guides/parts.md).",
+    "control.parts": "Marks for parts of your own, see [parts of a controller](../guides/control.md).",
+    "control.planning.terms": "",
+    "control.planning.constraints": "",
+    "control.estimation.reduced": "State and input of the reduced model of a worm, for terms and constraints.",
+    "control.tracking.preview": "The reference ahead of the worm, for the weights of terms and constraints.",
 }
-"""Modules whose public names the page lists, with a sentence for each."""
+"""Modules whose names the page lists, with a sentence for each. Without a sentence, the page has the docstring."""
+
+SOME_NAMES = {
+    "worm3d.values.parameters": ("parameter",),
+    "control.parts": ("part",),
+    "control.planning.terms": ("Part", "CostTerm", "Moment", "Wanted", "TERMS"),
+    "control.planning.constraints": ("Constraint", "CONSTRAINTS"),
+    "control.estimation.reduced": ("ReducedState", "ReducedInput"),
+    "control.tracking.preview": ("Preview",),
+}
+"""Names that the page lists, of modules without `__all__`."""
 
 OURS = ("worm3d", "control", "planar", "scenes")
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+IN_PYTHON_ONLY = {
+    ADDRESS.pattern: "",
+    r"= '([^']*)'": r'= "\1"',
+    "'": "",
+    r"ForwardRef\((.*)\)": r"\1",
+    r"<class ([\w.]+)>": r"\1",
+    r': "(Literal.*?)"': r": \1",
+    r"<dataclasses\._MISSING_TYPE object>": "MISSING",
+}
+"""Patterns in the text of a parameter that readers do not need, and their replacements, in this order."""
 WIDTH = 88
 """Width of a line of a signature."""
 
 PAGE_INTRODUCTION = """
-This page lists the public names of the Python packages. The program makes the page from signatures and docstrings. In
-Python, `help(worm3d.Worm)` prints the same text. All quantities are in SI units, and angles are in radians. [Keys of
-scenes](scene_keys.md) have the same parameters with units in the name.
+This page lists the public names of the Python packages, and the names of further modules that parts of your own need.
+The program makes the page from signatures and docstrings. In Python, `help(worm3d.Worm)` prints the same text. All
+quantities are in SI units, and angles are in radians. [Keys of scenes](scene_keys.md) have the same parameters with
+units in the name.
 """.strip()
 
 
@@ -38,14 +65,19 @@ def api() -> str:
     blocks = [PAGE_INTRODUCTION]
     for name, said in MODULES.items():
         module = importlib.import_module(name)
-        blocks += [f"## {name}", said]
-        blocks += [block for each in module.__all__ for block in _named(name, each, getattr(module, each))]
+        blocks += [f"## {name}", said or docstring(module.__doc__ or "")]
+        blocks += [block for each in _names_of(name) for block in _named(name, each, getattr(module, each))]
     return page("Python names", *blocks)
 
 
 def every_name() -> set[str]:
     """Return all public names with their modules, such as "worm3d.Worm"."""
-    return {f"{name}.{each}" for name in MODULES for each in importlib.import_module(name).__all__}
+    return {f"{name}.{each}" for name in MODULES for each in _names_of(name)}
+
+
+def _names_of(module: str) -> Sequence[str]:
+    names: Sequence[str] = SOME_NAMES.get(module) or importlib.import_module(module).__all__
+    return names
 
 
 def _named(module: str, name: str, value: Any) -> Iterator[str]:
@@ -75,11 +107,17 @@ def _signature(name: str, value: Any) -> str:
     except ValueError:
         return f"```python\n{name}\n```"
     unbound = [each for each in signature.parameters.values() if each.name not in ("self", "cls")]
-    shown = [ADDRESS.sub("", str(each).replace("'", "")) for each in unbound]
-    texts = [*_with_marks(shown, unbound)]
+    texts = [*_with_marks(list(map(_readable, unbound)), unbound)]
     line = f"{name}({', '.join(texts)})"
     split = f"{name}(\n    " + ",\n    ".join(texts) + ",\n)"
     return f"```text\n{line if len(line) <= WIDTH else split}\n```"
+
+
+def _readable(value: object) -> str:
+    text = str(value)
+    for pattern, instead in IN_PYTHON_ONLY.items():
+        text = re.sub(pattern, instead, text)
+    return text
 
 
 def _with_marks(texts: list[str], parameters: list[inspect.Parameter]) -> Iterator[str]:
@@ -112,10 +150,9 @@ def _is_listed(holder: type, name: str) -> bool:
 @cache
 def _classes() -> frozenset[Any]:
     """Return the classes that the page lists."""
-    modules = [importlib.import_module(name) for name in MODULES]
-    return frozenset(
-        value for module in modules for name in module.__all__ if inspect.isclass(value := getattr(module, name))
-    )
+    places = (name.rpartition(".") for name in every_name())
+    values = (getattr(importlib.import_module(module), name) for module, _, name in places)
+    return frozenset(value for value in values if inspect.isclass(value))
 
 
 def _is_member(value: Any) -> bool:

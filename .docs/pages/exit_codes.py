@@ -14,14 +14,14 @@ from scenes.running.runner import EXIT_CODES
 
 PAGE_INTRODUCTION = """
 A command of `worm3d` ends with an exit code. Scripts can act on the code: `worm3d run flat || echo failed`. A sentence
-on standard error says what happened. The program makes this page from its classes of errors.
+on standard error gives the reason. The program makes this page from its classes of errors.
 """.strip()
 
 STATUSES = {
-    "done": "The command did what it was asked to do.",
+    "done": "The command did all of the requested work.",
     "diverged": "The run diverged. The files contain the part of the run before the failure.",
     "incomplete": "A case of a sweep, or a study, failed. The other cases are complete.",
-    "interrupted": "The command was stopped by Ctrl-C. The part that was computed before is kept.",
+    "interrupted": "The command was stopped by Ctrl-C or another signal. The part that was computed before is kept.",
 }
 """Meaning of each status in `EXIT_CODES`."""
 

@@ -17,8 +17,11 @@ A scene is a TOML file with sections. This page lists all sections and their key
 meaning. The program makes the page from the same declarations with which `worm3d check` checks a scene. `worm3d init
 FILE` writes all keys of a model into a file. `-o section.key=value` changes a key for one run.
 
-A key without a default must be given. The name of a key ends in the unit. Keys that end in `_deg` are in degrees. A
-section may have a key `kind` that chooses a part, such as a gait. Some keys exist only for some kinds, and the text
+A key without a default must be given. The name of a key ends in the unit, and the parameter in Python has the same name
+without the unit. Where the names differ in another way, the text has the name in Python. Keys that end in `_deg` are in
+degrees.
+
+A section may have a key `kind` that chooses a part, such as a gait. Some keys exist only for some kinds, and the text
 names these kinds. `module:NAME` as a kind means a part of your own, see [parts of your own](../guides/parts.md).
 """.strip()
 
@@ -97,7 +100,17 @@ def entry(name: str, known: Key, kinds: Sequence[str] = ()) -> Definition:
     """Return the entry of a key; `kinds` are the kinds of the section."""
     meaning, items = split_meaning(known)
     words = bullets(f"{code(value(word))}: {prose(text)}" if text else code(value(word)) for word, text in items)
-    return code(name), [f"{sentence(meaning, known.choices)} {_only(known, kinds)}".strip(), words, numbers(known)]
+    text = " ".join(
+        filter(None, [meaning and sentence(meaning, known.choices), _only(known, kinds), _in_python(name, known)])
+    )
+    return code(name), [text, words, numbers(known)]
+
+
+def _in_python(name: str, known: Key) -> str:
+    """Return the name of the parameter in Python, if the key does not contain the name."""
+    others = [each for each in known.parameters if each not in name]
+    also = " also" if len(others) < len(known.parameters) else ""
+    return f"In Python{also}: {' or '.join(map(code, others))}." if others else ""
 
 
 def _only(known: Key, kinds: Sequence[str]) -> str:

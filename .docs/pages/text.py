@@ -9,6 +9,8 @@ from inspect import cleandoc
 CODE = re.compile(r"(`+[^`]+`+)")
 SPECIAL = re.compile(r"([\\*_$<>\[\]{}~|#])")
 """Characters with a meaning in Markdown, or in its extension MyST."""
+EMPHASIS = re.compile(r"\\\*(?=\w)((?:(?!\\\*).)*[\w.])\\\*(?!\w)")
+"""Words between asterisks, after the asterisks have been escaped."""
 SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
 """Title of a section of a docstring, underlined as numpydoc requires."""
 
@@ -17,9 +19,10 @@ Definition = tuple[str, Sequence[str]]
 
 
 def prose(text: str) -> str:
-    """Return plain text as Markdown. Words between backticks stay code."""
+    """Return plain text as Markdown. Words between backticks stay code, and words between asterisks are emphasised."""
     parts = CODE.split(text)
-    return "".join(part if k % 2 else SPECIAL.sub(r"\\\1", part) for k, part in enumerate(parts))
+    escaped = (part if k % 2 else SPECIAL.sub(r"\\\1", part) for k, part in enumerate(parts))
+    return EMPHASIS.sub(r"*\1*", "".join(escaped))
 
 
 def sentence(text: str, names: Sequence[str] = ()) -> str:
@@ -73,12 +76,22 @@ def docstring(text: str) -> str:
 
 def paragraphs(text: str) -> str:
     """Return paragraphs and indented formulas of a docstring as Markdown."""
-    return "\n\n".join(_paragraph(block) for block in re.split(r"\n\s*\n", text.strip("\n")) if block.strip())
+    blocks: list[str] = []
+    for block in re.split(r"\n[ \t]*\n", text.strip("\n")):
+        if blocks and _is_indented(block) and _is_indented(blocks[-1]):  # lines of code with an empty line between them
+            blocks[-1] += f"\n\n{block}"
+        elif block.strip():
+            blocks.append(block)
+    return "\n\n".join(map(_paragraph, blocks))
+
+
+def _is_indented(block: str) -> bool:
+    return all(line.startswith("    ") or not line for line in block.split("\n"))
 
 
 def _paragraph(block: str) -> str:
     """Return a paragraph. Lines that are indented by four columns are a formula or code."""
-    said = [line for line in block.split("\n") if not line.startswith("    ")]
+    said = [] if _is_indented(block) else [line for line in block.split("\n") if not line.startswith("    ")]
     if not said:
         return f"```text\n{cleandoc(block)}\n```"
     if len(said) == len(block.split("\n")):

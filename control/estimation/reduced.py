@@ -53,6 +53,7 @@ import numpy as np
 from control.gaits.steering import BLEND, PACE, GaitParameters, Mechanism
 from control.identification.identified import Identified
 from worm3d import Worm
+from worm3d.values.documented import with_fields
 
 IDENTIFIED = 0.8
 """The lag n_v was identified at about this frequency f_p [Hz]."""
@@ -60,12 +61,14 @@ LONGEST_SUBSTEP = 0.5
 """Longest substep of the Runge-Kutta method, as a fraction of the shortest time constant."""
 
 
+@with_fields
 class ReducedState(NamedTuple):
     """State of the reduced model; each field is an SX of one entry, or a number."""
 
     x: float | ca.SX
-    """Centre of mass [m]."""
+    """x of the centre of mass [m]."""
     y: float | ca.SX
+    """y of the centre of mass [m]."""
     heading: float | ca.SX
     """Azimuth h of the body [rad]."""
     speed: float | ca.SX
@@ -91,6 +94,7 @@ INDEX = {name: k for k, name in enumerate(ReducedState._fields)}
 """Index of each state by its name."""
 
 
+@with_fields
 class ReducedInput(NamedTuple):
     """Input of the reduced model: the commanded wave."""
 

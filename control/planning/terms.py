@@ -1,8 +1,9 @@
 """Terms of the cost of a plan, which express its goals and their weights.
 
 A term is a frozen dataclass whose fields are tolerances. Its method `misses` returns deviations from the goal as CasADi
-symbols, each divided by its tolerance. `.docs/guides/control.md` has an example of a user's term, `Thrift`. In Python
-it is added by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
+symbols, each divided by its tolerance. The cost of a plan is half the sum of the squares of all misses, at the end of
+each step of the horizon. `.docs/guides/control.md` has an example of a user's term, `Thrift`. In Python a term is added
+by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
 
 Let V_ref, r, psi and f_0 be the requested speed, point of the path, heading and frequency. The supplied terms are
 
@@ -49,6 +50,7 @@ from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput, ReducedState
 from control.tracking.preview import Preview
+from worm3d.values.documented import with_fields
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import Checked
 
@@ -64,6 +66,7 @@ WALLED = 0.1
 10 to 12)."""
 
 
+@with_fields
 class Wanted(NamedTuple):
     """Goals of the reference for the end of a step. Each field is an SX with one entry."""
 
@@ -72,6 +75,7 @@ class Wanted(NamedTuple):
     x: ca.SX
     """x of the point of the path [m]. 0 without a path."""
     y: ca.SX
+    """y of the point of the path [m]. 0 without a path."""
     heading: ca.SX
     """Heading of the path, or else the requested heading [rad]. 0 without either."""
     crab: ca.SX
@@ -88,11 +92,13 @@ class Wanted(NamedTuple):
     """Greatest allowed offset of both ends of the body to the right of the path, a positive number [m]."""
 
 
+@with_fields
 @dataclass(frozen=True, eq=False)
 class Moment:
     """State of the worm at the end of a step and the goals for this instant, as CasADi symbols."""
 
     state: ReducedState
+    """State of the reduced model: position, heading, speed, turn rate, steering and five constants."""
     given: ReducedInput
     """Inputs during the step: amplitude, frequency [Hz] and steering."""
     scaled: ca.SX
@@ -108,6 +114,7 @@ class Moment:
     roll: ca.SX
     """Greatest roll in a wave according to the identified map [rad]. 0 if the map does not contain the roll."""
     wanted: Wanted
+    """Goals for this instant: speed, point and heading of the path, and bounds of the offset."""
     length: float
     """Length of the body [m]."""
 

@@ -26,6 +26,7 @@ from control.tracking.detour import Detour
 from control.tracking.paths import lengthening
 from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
+from worm3d.values.documented import with_fields
 
 APPROACH = 2.0
 """The distance from the end of a path decreases to 37 % in this time T [waves]. T is longer than the lag of the speed,
@@ -40,6 +41,7 @@ Reach = Callable[[FloatArray], FloatArray]
 """Function that returns the greatest speeds on curves of given curvatures, of the same shape [1/m] -> [m/s]."""
 
 
+@with_fields
 @dataclass(frozen=True, eq=False)
 class Preview:
     """Requested motion at K instants."""

@@ -148,7 +148,7 @@ def go_on(
 
 @app.command()
 def check(scene: SceneArgument, o: Overrides = None, no_code: NoCode = False) -> None:
-    """Check a scene without running it.
+    """Check a scene without a run.
 
     All mistakes are listed, with one line for each mistake.
     """
@@ -265,7 +265,7 @@ def view(
     result: Annotated[
         str, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc; with --live a scene.")
     ],
-    live: Annotated[bool, typer.Option("--live", help="Show a scene while it runs; nothing is stored.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show a scene during the run; nothing is stored.")] = False,
     o: Overrides = None,
     speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="With --live: simulated over real time.")] = 1.0,
     skin: Annotated[bool, typer.Option(help="Show a smooth skin, or else the chambers and links.")] = True,

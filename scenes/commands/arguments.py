@@ -41,7 +41,7 @@ NoCode = Annotated[
     ),
 ]
 """Option whose callback does everything. Commands that have this option need not use the value."""
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only errors and warnings.")]
 RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Run cases again that failed before.")]
 Workers = Annotated[int | None, typer.Option("--workers", metavar="N", help="Run on N processes of this machine.")]
 CaseLimit = Annotated[

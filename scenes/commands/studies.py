@@ -186,7 +186,7 @@ def identify(
 def control(
     out: Out = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the random trials.")] = 0,
-    seeds: Annotated[int, typer.Option("--seeds", help="Number of seeds: --seed and the numbers after it.")] = 1,
+    seeds: Annotated[int, typer.Option("--seeds", help="Number of seeds: --seed and the following numbers.")] = 1,
     count: Annotated[int, typer.Option("--trials", help="Number of random trials per seed.")] = 30,
     trials: Annotated[
         list[str] | None,

@@ -20,9 +20,10 @@ def apply_overrides(
     Raises
     ------
     SceneError
-        If there are more than `most` overrides, or the value of an override is nested too deeply.
+        If an override is no text, there are more than `most` overrides, or the value of an override is nested too
+        deeply.
     """
-    overrides = tuple(overrides)
+    overrides = override_texts(overrides)
     if len(overrides) > most:
         raise SceneError(f"got {len(overrides)} overrides, at most {most} are allowed: write them into a scene's file")
     result: dict[str, Any] = dict(data)
@@ -40,6 +41,17 @@ def apply_overrides(
             result = _with(result, path, _value(text.strip()))
     require_shallow(result)
     return result, paths, mistakes
+
+
+def override_texts(overrides: Any) -> tuple[str, ...]:
+    """Return overrides as a tuple; raise SceneError if they are no list of texts, since programs may pass anything."""
+    try:
+        texts = () if isinstance(overrides, str | Mapping) else tuple(overrides)
+    except TypeError:
+        texts = ()
+    if overrides and (not texts or not all(isinstance(text, str) for text in texts)):
+        raise SceneError(f'overrides: got {overrides!r:.60}, must be a list of texts, such as ["run.duration_s=4"]')
+    return texts
 
 
 def _value(text: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from textwrap import wrap
 from typing import Any
 
 from scenes.language.errors import SceneError
@@ -14,6 +15,9 @@ from scenes.language.sweep_section import SWEEP, Sweep
 from scenes.language.toml import key, value
 from scenes.models.base import Model
 from scenes.models.loading import with_own_parts
+
+WIDTH = 118
+"""Largest width of a comment above a key. Editors show longer lines only in part."""
 
 
 def template(model: Model[Any], overrides: Iterable[str] = ()) -> str:
@@ -60,10 +64,18 @@ def _section(schema: type[Section], prefix: str, given: Mapping[str, Any]) -> It
         else:
             allowed = ", ".join(map(value, known.choices))
             one_of = f"; one of {allowed}" if allowed else ""
-            yield f"# {known.meaning_in_section}{known.described(with_default=False)}{one_of}"
+            meaning = f"{known.meaning_in_section}{known.described(with_default=False)}{one_of}"
+            yield from _comment(meaning)
             default = given.get(name, known.default)
             if default is not None:
                 default = given.get(name, known.defaults_by_kind.get(kind, default))
-            left_out = f"# {name} is left out: {known.default_text}"
-            missing = f"# {name} = ?  must be given" if known.is_required and name not in given else ""
-            yield missing or (left_out if default is None else f"{name} = {value(default)}")
+            if known.is_required and name not in given:
+                yield f"# {name} = ?  must be given"
+            elif default is None:
+                yield from _comment(f"{name} is left out: {known.default_text}")
+            else:
+                yield f"{name} = {value(default)}"
+
+
+def _comment(text: str) -> Iterator[str]:
+    return (f"# {line}" for line in wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False))

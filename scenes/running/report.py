@@ -161,7 +161,7 @@ class Report:
 
 
 class StudyStoppedError(Exception):
-    """Ctrl-C has stopped a study that stores nothing before it is finished."""
+    """A signal has stopped a study that stores nothing before it is finished; the message is the cause."""
 
 
 def report_study(
@@ -190,8 +190,8 @@ def report_study(
     with folders.prepared(out, name, force=force) as folder:
         try:
             report = study(folder)
-        except StudyStoppedError:
-            typer.echo(f"{name}: stopped by Ctrl-C; nothing of it was kept", err=True)
+        except StudyStoppedError as stop:
+            typer.echo(f"{name}: stopped by {stop}; nothing of it was kept", err=True)
             return EXIT_CODES["interrupted"]
         with busy("drawing", quiet=quiet):
             report.write(folder)

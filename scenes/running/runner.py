@@ -95,10 +95,10 @@ def lengthened(earlier: Record, more: float | None = None) -> Scene:
 
 
 def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool) -> int:
-    kept = "nothing of this run was kept"
+    kept, late = "nothing of this run was kept", Interruption()
     try:
         record = _simulate_patiently(scene, earlier, quiet=quiet)
-        with Interruption() as late:
+        with late:
             _keep(record, folder)
         kept = f"{folder / RESULT} is safe, 'worm3d plot {folder}' draws it"
         if late.requested:
@@ -106,7 +106,7 @@ def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool
         with busy("drawing", quiet=quiet):
             _draw(record, scene, folder)
     except KeyboardInterrupt:
-        typer.echo(f"{scene.name}: stopped by Ctrl-C; {kept}", err=True)
+        typer.echo(f"{scene.name}: stopped by {late.cause}; {kept}", err=True)
         return EXIT_CODES["interrupted"]
     _tell(record, scene, folder, quiet=quiet)
     return EXIT_CODES[record.status]

@@ -97,6 +97,8 @@ class Interruption:
     def __init__(self) -> None:
         self.requested = False
         """Whether the user wants to stop the run."""
+        self.cause = "Ctrl-C"
+        """Cause of the request in words: Ctrl-C, which is SIGINT, or the name of another signal."""
         self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interruption:
@@ -111,6 +113,8 @@ class Interruption:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.requested = True
+        if number != signal.SIGINT:
+            self.cause = f"the signal {signal.Signals(number).name}"
         self._restore()
 
     def _restore(self) -> None:

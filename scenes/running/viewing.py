@@ -56,7 +56,7 @@ def watch(scene: Scene, *, speed: float, opens: bool) -> int:
     if terminal.failed(record):
         typer.echo(terminal.failure(record, scene.model), err=True)
     else:
-        how = "stopped by Ctrl-C" if record.status == "interrupted" else record.sentence
+        how = f"stopped by {interruption.cause}" if record.status == "interrupted" else record.sentence
         typer.echo(f"{scene.name}: {how}; nothing was kept, 'worm3d run' keeps it")
     return EXIT_CODES[record.status]
 

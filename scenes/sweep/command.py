@@ -97,13 +97,14 @@ def checked(source: Source, options: Options) -> Plan:
 
 
 def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options, then: Then) -> int:
-    name = plan.base.name
+    name, interruption = plan.base.name, Interruption()
     try:
-        status, told_at_end = _run_and_write(folder, plan, executor, options, then)
+        status, told_at_end = _run_and_write(folder, plan, executor, options, then, interruption)
     except KeyboardInterrupt:
         status, told_at_end = "interrupted", ()
     if status == "interrupted":
-        typer.echo(f"{name}: stopped by Ctrl-C; finished cases are safe, and the same command runs the rest", err=True)
+        how = f"stopped by {interruption.cause}"
+        typer.echo(f"{name}: {how}; finished cases are safe, and the same command runs the rest", err=True)
     if not options.quiet:
         for line in told_at_end:
             typer.echo(line)
@@ -111,12 +112,12 @@ def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options, th
 
 
 def _run_and_write(
-    folder: Path, plan: Plan, executor: Executor, options: Options, then: Then
+    folder: Path, plan: Plan, executor: Executor, options: Options, then: Then, interruption: Interruption
 ) -> tuple[str, Sequence[str]]:
     """Return the status of the sweep, and the lines at the end of the report."""
     sweep = Sweep(plan, folder, options.results, options.case_limit_s or CASE_LIMIT)
     name, begun = plan.base.name, time.monotonic()
-    with Interruption() as interruption, shown(name, quiet=options.quiet) as show:
+    with interruption, shown(name, quiet=options.quiet, workers=options.workers or 0) as show:
         far = sweep.run(
             executor, lambda: interruption.requested, show, anew=options.force, retry_failed=options.retry_failed
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenes.language.errors import MissingPartError
+from scenes.language.errors import MissingPartError, SceneError
 from scenes.records import folder as folders
 from scenes.sweep.engine import Sweep, chosen, require_place
 from scenes.sweep.executors import LOOPBACK
@@ -43,9 +43,10 @@ def sweep(
     scene : str or Path
         Name of a shipped scene, or path of a TOML file.
     vary : mapping, optional
-        Values of each varied key, by key. The values are a sequence, or a text in the format of the command line, such
-        as "1:3:5" (five values from 1 to 3), "1:100:5:log" (five values with equal ratios), or "1:3" (a range for
-        `random`). Several keys make a grid. The default is the section [sweep] of the scene.
+        Values of each varied key, by key, for example {"gait.period_s": [1.0, 2.0]}. The values are a sequence, or a
+        text in the format of the command line, such as "1:3:5" (five values from 1 to 3), "1:100:5:log" (five values
+        with equal ratios), or "1:3" (a range for `random`). Several keys make a grid. The default is the section
+        [sweep] of the scene.
     random : int, optional
         Number of random cases.
     cases : sequence of mappings, or a CSV file, optional
@@ -88,6 +89,8 @@ def sweep(
         import xarray
     except ImportError as error:
         raise MissingPartError("worm3d.sweep: xarray is not installed; pip install 'worm3d[xarray]'") from error
+    if not (vary is None or isinstance(vary, Mapping)):
+        raise SceneError(f"vary: got {vary!r:.60}, must be a mapping from keys to values; fixed keys are `overrides`")
     executor = chosen(workers, scheduler, bind)
     listed = cases_of(Path(cases)) if isinstance(cases, str | Path) else cases or ()
     plan = planned(Source.of(scene, overrides), vary, random=random, listed=listed)

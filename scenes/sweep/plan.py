@@ -15,6 +15,7 @@ from typing import Any
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene, read_text
+from scenes.language.overrides import override_texts
 from scenes.language.sweep_section import varied_keys
 from scenes.language.toml import path_of
 from scenes.models.loading import Draft, ImpossibleError, Scene
@@ -49,9 +50,9 @@ class Source:
 
     @classmethod
     def of(cls, scene: str | Path, overrides: Iterable[str] = ()) -> Source:
-        """Return the scene with a name or path; raise SceneError if there is none."""
+        """Return the scene with a name or path; raise SceneError if there is none, or the overrides are no texts."""
         path = find_scene(str(scene))
-        return cls(read_text(path), path.stem, path.parent, tuple(overrides))
+        return cls(read_text(path), path.stem, path.parent, override_texts(overrides))
 
     def parse(self, overrides: Iterable[str] = ()) -> Scene:
         """Return the checked scene, with further overrides."""

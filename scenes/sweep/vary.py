@@ -76,7 +76,7 @@ def design_of(
     SceneError
         If the values of a key are invalid, there is nothing to vary, or there are too many cases.
     """
-    if random is not None and not 1 <= random <= MOST_CASES:
+    if random is not None and not (isinstance(random, int) and 1 <= random <= MOST_CASES):
         raise SceneError(f"--random: got {random}, must be from 1 to {MOST_CASES}")
     if random is not None and listed:
         raise SceneError("--random and --list: both choose the cases; give one of the two")

@@ -135,7 +135,9 @@ def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) 
     plain = parse_scene(f'model = "worm"\ntitle = "{settings.title}"\nsays = "{settings.says}"', "plain")
     assert settings == plain.settings
     assert "\n# time step [s], 0 < …\ndt_s = 0.01\n" in text
-    assert '; one of "direct", "retrograde", "standing"\n# direction is left out: that of its kind: ' in text
+    unwrapped = text.replace("\n# ", " ")
+    assert '; one of "direct", "retrograde", "standing" direction is left out: that of its kind: ' in unwrapped
+    assert max(len(line) for line in text.splitlines() if line.startswith("# ")) <= 120
     keys = [line for line in text.splitlines() if " = " in line and not line.startswith("#")]
     written = [line for line in parse_scene(text, "mine").to_toml().splitlines() if " = " in line]
     own = re.findall(r"^# (\w+) is left out: that of its kind", text, re.MULTILINE)

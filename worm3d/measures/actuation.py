@@ -35,7 +35,7 @@ def _at_limit(result: FinishedRun) -> float:
     return float((low | high).any(axis=(1, 2)).sum())
 
 
-@measure("work_input_J", "energy that the actuators drew from their sources")
+@measure("work_input_J", "energy that the actuators drew from their sources of energy")
 def _input(result: FinishedRun) -> float:
     actuator = result.worm.actuator
     if not actuator.has_source:

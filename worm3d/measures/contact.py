@@ -108,7 +108,10 @@ def _backward(result: FinishedRun, waves: Waves, slid: FloatArray) -> FloatArray
     return backward
 
 
-@measure("anchoring_duty", "share of time in which a segment is anchored: bears load and does not slide")
+@measure(
+    "anchoring_duty",
+    "share of time in which a segment is anchored, bears load and does not slide; mean over the segments",
+)
 def _duty(result: FinishedRun) -> float:
     waves, n = waves_of(result), result.worm.segments
     found = contacts(result, waves)

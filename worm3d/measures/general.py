@@ -30,6 +30,15 @@ NO_PAYLOAD = "the worm carries no payload"
 
 USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
 """Names of the uses of the work, such as friction."""
+USE_MEANINGS = {
+    "hysteresis": "friction in the joints of the chambers",
+    "damping": "damping of the material, the medium and the contacts, and losses within the actuators",
+    "impact": "impacts on the world",
+    "numerical": "numerical loss of the time steps, positive or negative",
+    "gained": "increase of the stored energy from the start to the end",
+    "friction": "friction on the world",
+}
+"""Meaning of each use of the work."""
 
 
 @measure("status", "how the run ended")
@@ -72,7 +81,10 @@ def _heading_change(result: FinishedRun) -> float:
     return turned
 
 
-@measure("work_contract_J", "net work of the actuators")
+@measure(
+    "work_contract_J",
+    "net work of the actuators; of actuators with a source of energy, the energy drawn from the source",
+)
 def _work(result: FinishedRun) -> float:
     return float(result.energy.work_contract.sum())
 
@@ -82,7 +94,7 @@ def _friction(result: FinishedRun) -> float:
     return result.energy.uses["friction"]
 
 
-@measure("cost_of_transport", "net work of the actuators divided by (weight times distance)")
+@measure("cost_of_transport", "net work of the actuators, work_contract_J, divided by (weight times distance)")
 def _cost(result: FinishedRun) -> float:
     work = _work(result)
     if work < -_rounding(result):
@@ -157,17 +169,19 @@ def _halved(result: FinishedRun) -> float:
 measure("work_external_J", "work of external forces")(partial(_total, term="work_external"))
 for _name in USES:
     if _name != "friction":
-        measure(f"work_{_name}_J", f"part of the work: {_name}")(partial(_use, name=_name))
+        measure(f"work_{_name}_J", f"part of the work: {USE_MEANINGS[_name]}")(partial(_use, name=_name))
 measure("work_damping_medium_J", "work dissipated by damping in the medium")(partial(_total, term="drag_loss"))
 
 
-@measure("work_damping_material_J", "work dissipated by damping in the material and in the actuators")
+@measure("work_damping_material_J", "part of the damping outside the medium: material, contacts and actuators")
 def _material(result: FinishedRun) -> float:
     return result.energy.uses["damping"] - float(result.energy.drag_loss.sum())
 
 
 for _name in USES:
-    measure(f"cost_of_transport_{_name}", f"part of the cost of transport: {_name}")(partial(_share, name=_name))
+    measure(f"cost_of_transport_{_name}", f"part of the cost of transport: {USE_MEANINGS[_name]}")(
+        partial(_share, name=_name)
+    )
 
 
 @measure("settling_m", "largest motion of a joint while the worm was brought to rest before the run")

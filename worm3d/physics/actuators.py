@@ -26,6 +26,7 @@ import numpy as np
 from worm3d.physics.body import Body
 from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.arrays import FloatArray
+from worm3d.values.documented import with_fields
 from worm3d.values.parameters import documented, parameter, parameters_of
 
 COMMANDS = ("command", "command_n", "given_n", "force_command", "force_command_n", "force_n")
@@ -35,27 +36,33 @@ RESPONSE_INPUTS = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", 
 """Names of the inputs of `Actuator.respond` other than parameters and states."""
 
 
+@with_fields
 class Response(NamedTuple):
-    """Response of an actuator in a step. Only the fields marked * may depend on "length", "span" and "<state>_hat"."""
+    """Response of an actuator in a time step.
+
+    `command`, `force` and `spring` must not depend on "length", "span" and "<state>_hat", and without `spring` neither
+    must `given`. The other attributes may. For a hinge, `force` and `spring` have no effect, and the actuator must have
+    neither a potential nor energies.
+    """
 
     command: Symbol
     """The command after the limits: contraction of a chamber, or angle of a hinge [rad]."""
     given: Symbol
-    """* Output of the actuator, which a run records: contraction of a chamber, or angle of a hinge [rad]."""
+    """Output of the actuator, which a run records: contraction of a chamber, or angle of a hinge [rad]."""
     force: Symbol = 0.0
     """Force along the chamber [N]; a positive force contracts the chamber."""
     spring: Symbol | None = None
     """Contraction of the rest length of the chamber's spring. None means the same as `given`."""
     potential: Symbol = 0.0
-    """* Potential Psi [J]. The force on the chamber is minus the derivative of Psi with respect to the length."""
+    """Potential Psi [J]. The force on the chamber is minus the derivative of Psi with respect to the length."""
     states: Symbols = {}  # noqa: RUF012  # never changed
-    """* The states at the end of the step, by name."""
+    """The states at the end of the step, by name."""
     work: Symbol = 0.0
-    """* Energy supplied by the source during the step, in addition to the work on the spring's rest length [J]."""
+    """Energy supplied by the source during the step, in addition to the work on the spring's rest length [J]."""
     stored: Symbol = 0.0
-    """* Change of the energy stored in the actuator [J]."""
+    """Change of the energy stored in the actuator [J]."""
     lost: Symbol = 0.0
-    """* Energy lost within the actuator [J]."""
+    """Energy lost within the actuator [J]."""
 
 
 ACTUATORS: dict[str, type[Actuator]] = {}
@@ -66,9 +73,16 @@ ACTUATORS: dict[str, type[Actuator]] = {}
 class Actuator(Part, registry=ACTUATORS):
     """Base class of all actuators: a frozen dataclass with fields made by `worm3d.values.parameters.parameter`.
 
-    The class statement gives a subclass its name, for example `class Valve(Actuator, name="valve")`. A subclass defines
-    `respond`. A field declared with each="segment" may be an array. The argument `actuator` of `worm3d.Worm` selects
-    the actuator of the chambers, and `hinge_actuator` the actuator of the hinges.
+    A subclass defines `respond`. A field declared with each="segment" may be an array. The argument `actuator` of
+    `worm3d.Worm` selects the actuator of the chambers, and `hinge_actuator` the actuator of the hinges.
+
+    A subclass with states declares them by the class attribute `states`, a mapping from the name of each state to the
+    unit of the state, for example `states: ClassVar = {"charge": "C"}`. The unit of a pure number is "1". `respond`
+    returns the states at the end of a step in `Response.states`, and `at_rest` returns the states at the start of a
+    run. `Result.actuator_states` contains the recorded states.
+
+    A class needs a name only if scenes or `worm3d.ACTUATORS` shall find the class by a short name: `class
+    Valve(Actuator, name="valve")`. Scenes find a class without a name as `module:NAME`.
     """
 
     known: ClassVar[tuple[str, ...]] = RESPONSE_INPUTS

@@ -139,10 +139,24 @@ def parameter(
     made: type[Parameter] = Parameter,
     **others: Any,
 ) -> Any:
-    """Return a dataclass field with a `Parameter` as metadata.
+    """Return a field of a dataclass, with its description.
 
-    The arguments are the bounds gt, ge, lt, le, and the attributes of `Parameter`. Without a default, the field is a
-    required argument of the dataclass. `made` is `Parameter` or a subclass.
+    Parameters
+    ----------
+    default : object
+        Default of the field. Without a default, the field is a required argument of the dataclass.
+    meaning : str
+        Meaning of the parameter, as a noun phrase. `worm3d init` and error messages show the meaning.
+    unit : str
+        SI unit, such as "s", "N/m" or "rad". Empty for a dimensionless number. A scene's key ends in the unit.
+    made : type
+        `Parameter` or a subclass.
+    others
+        Any of the following. The bounds `gt`, `ge`, `lt` and `le`: the value must be above, at least, below, or at most
+        this number. `each`: "segment", "joint", "side" or "sample", if the value may be an array with a number for each
+        of them; see `EACH`. `key`: name in a scene, if it is not the name of the field with the unit. `aka`: wrong
+        names for which an error message suggests the right name. `infinite`: whether the value may be infinite.
+        `left_out`: text in place of a default that is None or infinite.
     """
     bounds: dict[str, Any] = {name: others.pop(name) for name in ("gt", "ge", "lt", "le") if name in others}
     known = made(meaning=meaning, unit=unit, bounds=bounds, **others)

@@ -30,8 +30,8 @@ _HEAD = struct.Struct("<3q4d")
 class Mesh(GridWorld):
     """A closed triangle mesh from a file, as a grid of signed distances. The object is frozen and validated.
 
-    The grid is computed once and stored on disk under a digest of the file and the options. Edges and corners are
-    rounded by about one cell (`worm3d.worlds.sampled_kernel`).
+    The grid is computed once and stored on disk under a digest of the file and the options. At edges and corners, which
+    become round, the surface is off by up to a fifth of a cell (`worm3d.worlds.sampled_kernel`).
 
     Attributes
     ----------

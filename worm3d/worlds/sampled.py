@@ -72,7 +72,10 @@ class Grid(ReadOnly):
 
 
 class GridWorld(World, ReadOnly):
-    """A world as a grid of signed distances. Edges and corners are rounded by about one cell (`sampled_kernel`)."""
+    """A world as a grid of signed distances.
+
+    At edges and corners, which become round, the surface is off by up to a fifth of a cell (`sampled_kernel`).
+    """
 
     grid: Grid
     grip: float

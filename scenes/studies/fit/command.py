@@ -51,6 +51,6 @@ def run(
             try:
                 return report(fit(scene, to, vary, overrides, runs, go_on))
             except StoppedError as stop:
-                raise StudyStoppedError from stop
+                raise StudyStoppedError(interruption.cause) from stop
 
     return report_study(f"fit-{name}", study, out, force=force, quiet=quiet)

@@ -68,7 +68,7 @@ def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quie
         try:
             return fit(wanted, like, lambda tried: not interruption.requested)
         except StoppedError as stop:
-            raise StudyStoppedError from stop
+            raise StudyStoppedError(interruption.cause) from stop
 
 
 def _report(training: Training, comparison: Comparison, found: list[Recording], fitted: list[str], to: Path) -> Report:

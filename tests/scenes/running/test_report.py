@@ -100,7 +100,7 @@ def test_the_last_line_names_the_files_and_warnings_stand_apart(
 
 def test_a_study_that_is_stopped_says_so_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def study(folder: Path) -> Report:
-        raise StudyStoppedError
+        raise StudyStoppedError("Ctrl-C")
 
     assert report_study("worms", study, tmp_path / "x") == EXIT_CODES["interrupted"]
     assert capsys.readouterr() == ("", "worms: stopped by Ctrl-C; nothing of it was kept\n")

@@ -152,6 +152,13 @@ def test_the_second_ctrl_c_has_its_old_power() -> None:
             os.kill(os.getpid(), signal.SIGINT)
 
 
+@pytest.mark.parametrize(("number", "cause"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "the signal SIGTERM")])
+def test_the_cause_of_an_interruption_is_named(number: signal.Signals, cause: str) -> None:
+    with Interruption() as interruption:
+        os.kill(os.getpid(), number)
+    assert interruption.cause == cause
+
+
 def test_afterwards_ctrl_c_is_as_before() -> None:
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with Interruption():

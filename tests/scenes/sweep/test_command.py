@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import worm3d as package
+from scenes.language.errors import SceneError
 from scenes.records import folder
 from scenes.sweep import engine
 from scenes.sweep.engine import Progress
@@ -200,6 +201,17 @@ def test_progress_tells_rate_time_left_and_failures() -> None:
     )
     assert summed_up(Progress(10_000, 0, 100), 1000.0) == "100 of 10000 cases, 0.1 cases/s, 27.5 h left"
     assert summed_up(Progress(2, 0, 2), 0.1) == "2 of 2 cases, 20 cases/s"
+    assert summed_up(Progress(3, 2), 0.0, workers=4) == "2 of 3 cases, 2 kept from before, 1 worker starting"
+    assert summed_up(Progress(3, 3), 0.0, workers=4) == "3 of 3 cases, 3 kept from before"
+    assert summed_up(Progress(3, 0, 1), 1.0, workers=4) == "1 of 3 cases, 1 cases/s, 2 s left"
+
+
+def test_from_python_wrong_types_are_refused_with_advice() -> None:
+    with pytest.raises(SceneError, match=r"^vary: got \['gait.period_s=1'\], must be a mapping from keys to values"):
+        package.sweep("planar_published", ["gait.period_s=1"])  # type: ignore[arg-type]
+    for wrong in ("run.duration_s=1", {"run.duration_s": 1}, [["run.duration_s=1"]]):
+        with pytest.raises(SceneError, match="must be a list of texts"):
+            package.sweep("planar_published", {"gait.period_s": [1]}, overrides=wrong)  # type: ignore[arg-type]
 
 
 def test_from_python_it_is_a_data_set(tmp_path: Path) -> None:
