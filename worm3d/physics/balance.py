@@ -4,7 +4,7 @@ The ledger of a run balances whatever energies an actuator declares, because the
 numerical loss. A single run cannot distinguish such a difference from the error of the time steps. Therefore this check
 moves the chamber of an isolated actuator twice, with full steps and with half steps. The energy missing up to a time is
 
-    D = sum of (work - stored - lost + dPsi/dl (l - l_n))                                               (B1)
+    D = sum of (work - stored - lost + dPsi/dl (l - l_n))                                               (A6)
 
 over the steps until then. D is extrapolated to steps of zero length as 2 D_half - D. The result is 0 if the force and
 the energies are consistent.
@@ -80,7 +80,7 @@ def warn_of_imbalance(worm: Worm) -> None:
 
 
 def balance(part: Actuator, worm: Worm, steps: int = 100) -> Balance:
-    """Return the missing energy (B1) for the chamber of the worm that misses most.
+    """Return the missing energy (A6) for the chamber of the worm that misses most.
 
     The motion takes 1 s, a typical period of a gait, in `steps` full steps.
     """

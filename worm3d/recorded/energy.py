@@ -61,9 +61,10 @@ class Energy(ReadOnly):
     def uses(self) -> dict[str, float]:
         """Energy that each use takes of the work of actuators and external forces, by name [J]. The sum is the work.
 
-        The uses are friction on the world, friction in the joints of the chambers ("hysteresis"), damping (of the
-        material, by the medium and in the actuators), impacts, numerical loss, and the increase of stored energy from
-        start to end ("gained": kinetic, elastic, potential, of contacts and actuators).
+        The uses are friction on the world, friction in the joints of the chambers ("hysteresis"), "damping" (dampers of
+        the material, of the medium and of friction, and all losses within the actuators), impacts, numerical loss, and
+        the increase of stored energy from start to end ("gained": kinetic, elastic, potential, of contacts and
+        actuators).
         """
         parts = {
             "friction": self.friction_loss,

@@ -5,13 +5,13 @@ The dampers act on the strains for the hinge angle of the step, as the chambers'
 
 The derivatives use the spins w_1, w_2 of the frames, (E1). The strains depend only on the difference of the spins:
 
-    (J1)  ds_i = m_i.(w_2 - w_1),   m_twist = (t_1 + t_2)/(1 + t_1.t_2)
+    (EJ1) ds_i = m_i.(w_2 - w_1),   m_twist = (t_1 + t_2)/(1 + t_1.t_2)
           m_pitch = t_2 x (d x t_1) + d_2 x (c - s d)/|d_1 + d_2|   with the mean d of (E5), m_yaw the same with u
 
 Here s = c.d. An energy whose derivatives with respect to the strains are f_i has the moment m = sum f_i m_i. Let m' be
 the change of m if only the second frame turns. The second variation of the energy at constant f_i is
 
-    (J2)  (w_2 - w_1).(m'(w_2' - w_1') + w_1' x m) + m.(dw_2' - dw_1')
+    (EJ2) (w_2 - w_1).(m'(w_2' - w_1') + w_1' x m) + m.(dw_2' - dw_1')
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _derivatives() -> tuple[ca.SX, ca.SX]:
 
 
 def _moments() -> list[ca.SX]:
-    """Return m of pitch, yaw and twist, (J1), each of shape (3,)."""
+    """Return m of pitch, yaw and twist, (EJ1), each of shape (3,)."""
     f, g = _FRAMES
     c, found = ca.cross(f.t, g.t), []
     for own, other in ((f.d, g.d), (f.u, g.u)):
@@ -173,7 +173,7 @@ def _spin(k: int) -> ca.SX:
 
 
 def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
-    """Return the second variation (J2) as a matrix, shape (8, 8)."""
+    """Return the second variation (EJ2) as a matrix, shape (8, 8)."""
     axes, between = _FRAMES[1][1:], spins[1] - spins[0]
     turning = ca.jacobian(m, ca.vertcat(*axes)) @ ca.vertcat(*[-ca.skew(axis) for axis in axes])
     curve = between.T @ (turning @ between - ca.skew(m) @ spins[0])

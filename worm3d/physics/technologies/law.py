@@ -130,7 +130,7 @@ class Technology(Actuator):
     rate: float = parameter(NO_LIMIT, "greatest speed of the drive", "1/s", gt=0, infinite=True, left_out="no limit")
     gauge: Numbers | None = parameter(
         None,
-        "cross-section whose rise, fall and leak these are, (T1a); of a bundle, that of all its wires",
+        "cross-section with these values of rise, fall and leak, (T1a); for a bundle, the total of all wires",
         "m^2",
         gt=0,
         each="segment",
