@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -79,6 +80,9 @@ def everything(again: bool) -> int:
 
 def parts() -> Iterator[Part]:
     """Yield all parts by name."""
+    sys.path.append(str(Path(__file__).parent / "worm3d"))
+    from learned_laws import written
+
     from control import gaits
     from scenes.commands.cli import main as command
     from scenes.language.loader import shipped_scenes
@@ -97,7 +101,9 @@ def parts() -> Iterator[Part]:
         yield scene(name, *steps)
     for section in ("actuator", "hysteresis", "medium", "segment"):
         kinds = keys_in(type(getattr(settings, section)))["kind"].choices
-        yield from (scene("flat", f"{section}.kind={kind}", "worm.drag_N_s_m=0.1") for kind in kinds)
+        more = {"learned": (f"segment.file={written(Path())}",)}
+        for kind in kinds:
+            yield scene("flat", f"{section}.kind={kind}", "worm.drag_N_s_m=0.1", *more.get(kind, ()))
     yield from (scene("flat", f"gait.kind={kind}") for kind in gaits.GAITS)
     yield from (scene("flat", f"friction.law={law}") for law in LAWS)
     yield from (scene("flat", f"world.kind={kind}") for kind in ("clamped", "groove", "none"))

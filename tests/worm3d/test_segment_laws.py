@@ -220,6 +220,17 @@ def test_a_worm_that_is_wider_than_at_rest_starts(law: Learned, contraction: flo
     assert result.settling is not None
 
 
+def test_a_worm_with_wide_plates_starts_on_them(tmp_path: Path) -> None:
+    """The plates are wider than the worm is tall, so that both plates carry load after settling."""
+    wide = Learned(str(learned_laws.written(tmp_path, CONTENT | {"plate_radius_m": 0.058})))
+    worm = Worm(segment=wide)
+    start = State.straight(worm, Plane())
+    assert (start.joints[:, 2] > 0.058 - 1e-12).all()
+    result = simulate(worm, Plane(), GROUND, duration=0.2)
+    assert result.status is Status.DONE
+    assert (result.end_load[-1] > 0.0).all()
+
+
 def test_the_commands_of_a_start_are_those_of_its_points(law: Learned) -> None:
     """The first recorded points have the radius that belongs to the contraction at the start."""
     worm = Worm(segment=law)

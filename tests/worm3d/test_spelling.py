@@ -40,6 +40,7 @@ MADE_BY_OTHERS = {
     worm3d.Controller,
     worm3d.Response,
     worm3d.LoadStep,
+    worm3d.Spring,
     worm3d.Status,
     worm3d.View,
     worm3d.Observation,

@@ -41,6 +41,10 @@ from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
 
+DOMAIN_ROUNDING = 1e-9
+"""Length by which a chamber may be outside the domain of a segment law, as a fraction of the segment length. Rounding
+errors of actuators are a millionth of this value. A tenth and ten times this value have the same effect."""
+
 SUNK_DEPTH = 0.1
 """A joint that lies deeper in the world than this fraction of the segment length has sunk, which ends the run."""
 
@@ -208,6 +212,8 @@ class Plant:
         self.arrays["longest"][0], domain = worm.segment.flattened_length(worm), worm.segment.domain(worm)
         rest = worm.l0 * (1.0 - domain.greatest), worm.l0 * (1.0 - domain.least)
         self.arrays["domain"][:] = domain.shortest, domain.longest, *rest
+        self.arrays["domain"][0::2] -= DOMAIN_ROUNDING * worm.l0
+        self.arrays["domain"][1::2] += DOMAIN_ROUNDING * worm.l0
         self.arrays["stuck"][:] = 1.0
 
     def _put(self, rows: Layout, array: str, count: int, values: Mapping[str, Any], prefix: str = "") -> None:

@@ -440,7 +440,7 @@ def _spring_ledger(spring: Spring, at: ca.SX, at_n: ca.SX, hat: ca.SX, commanded
 
 
 def _bending_ledger(law: Law) -> ca.SX:
-    """Return the terms of the further energy (S3), whose past coordinates are the mean length and the angle at t_n."""
+    """Return the terms of the further energy (SL3), whose past coordinates are the mean length and the angle at t_n."""
     s, x = SEGMENT_LAYOUT.symbols, _shape(law)
     now, before, rest = s["commanded"], s["commanded_n"], ca.vertcat(s["l0"], s["l0"])
     at, at_n = (ca.sum1(x.lengths) / 2.0, s["q"][4]), (ca.sum1(s["length_n"]) / 2.0, s["angle_n"][0])

@@ -4,10 +4,10 @@ A segment has two chambers, left and right. Chamber c has the length l_c of (E2)
 of command is the rest length l_cmd = l0 (1 - a), where a is the contraction that the actuator has reached. A segment
 law gives, in CasADi symbols,
 
-    springs   of each chamber: an energy U(l_c, l_cmd), and possibly a second energy of an angle of the chamber (S1)
-    dampers   on the same coordinates                                                                       (S2)
-    bending   a further energy of the whole segment, B(l, th, l_cmd of both chambers)                       (S3)
-    outline   of each chamber: height h(l_c, l_cmd) and outward distance w(l_c, l_cmd)                      (S4)
+    springs   of each chamber: an energy U(l_c, l_cmd), and possibly a second energy of an angle of the chamber (SL1)
+    dampers   on the same coordinates                                                                       (SL2)
+    bending   a further energy of the whole segment, B(l, th, l_cmd of both chambers)                       (SL3)
+    outline   of each chamber: height h(l_c, l_cmd) and outward distance w(l_c, l_cmd)                      (SL4)
 
 The apexes of chamber c below and above are at m +- b d -+ h u, and the outward apex is at m +- w d, in the notation of
 (E3). If the outline depends on l_cmd, the command moves contact points at a constant shape of the segment. In a step,
@@ -44,7 +44,7 @@ method. No worm comes close to this length, so that half and double this value c
 
 
 class Spring(NamedTuple):
-    """A spring of a chamber with a damper, (S1) and (S2)."""
+    """A spring of a chamber with a damper, (SL1) and (SL2)."""
 
     energy: Callable[[Symbol, Symbol], Symbol]
     """Function of the coordinate and of the chamber's commanded rest length [m] that returns the energy [J]."""
@@ -107,12 +107,12 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
 
     @classmethod
     def springs(cls, s: Symbols) -> tuple[Spring, ...]:
-        """Return the springs (S1) of a chamber: one on its length, or a second one on its `angle`."""
+        """Return the springs (SL1) of a chamber: one on its length, or a second one on its `angle`."""
         return (lengthwise(s),)
 
     @classmethod
     def bending(cls, s: Symbols, length: Symbol, bend: Symbol, commanded: Symbol) -> Symbol:
-        """Return the further energy (S3) of a segment [J].
+        """Return the further energy (SL3) of a segment [J].
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
 
     @classmethod
     def outline(cls, s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:
-        """Return height h and outward distance w of a chamber, (S4) [m].
+        """Return height h and outward distance w of a chamber, (SL4) [m].
 
         The arguments are the inputs as in `angle`, and the length and commanded rest length of the chamber [m].
         """
@@ -196,7 +196,8 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         length, contraction = np.broadcast_arrays(np.asarray(length, dtype=float), contraction)
         columns = [np.repeat(row, length.shape[1], axis=1) for row in columns_of(self, worm).values()]
         commanded = worm.l0 * (1.0 - contraction)
-        found = _outlines(type(self))(length.reshape(1, -1), commanded.reshape(1, -1), *columns).full()
+        kind: Any = type(self)
+        found = _outlines(kind)(length.reshape(1, -1), commanded.reshape(1, -1), *columns).full()
         height, outward = found.reshape(2, *length.shape)
         return height, outward
 

@@ -3,9 +3,9 @@
 A chamber has the length l and the contraction a, which is the contraction that it would have without load. With
 s = 1 - l/(l0 (1 - a)), x = (l/l0 - x_mid)/x_half and y = (a - y_mid)/y_half,
 
-    U(l, a) = s^2 (k l0/4 + E N_U(x, y))         energy of a chamber                                        (L1)
-    R(l, a) = R_mid + R_scale N_R(x, y)          outer radius of the segment at a chamber                   (L2)
-    B = m(x, y) th^2/2                           energy of bending, x and y at the mean of both chambers    (L3)
+    U(l, a) = s^2 (k l0/4 + E N_U(x, y))         energy of a chamber                                        (SL5)
+    R(l, a) = R_mid + R_scale N_R(x, y)          outer radius of the segment at a chamber                   (SL6)
+    B = m(x, y) th^2/2                           energy of bending, x and y at the mean of both chambers    (SL7)
 
 N_U and N_R are networks (`worm3d.physics.segment_laws.network`), and m is a polynomial of degree 2. For every a, value
 and slope of U are 0 at the free length l0 (1 - a). Without a network, U is the spring (E4). The cross-section is a
@@ -35,7 +35,7 @@ from worm3d.values.parameters import documented, parameter
 @documented
 @dataclass(frozen=True, eq=False)
 class Learned(SegmentLaw, name="learned"):
-    """Energy, radius and bending stiffness of a segment from a file that 'worm3d law' writes, (L1) to (L3).
+    """Energy, radius and bending stiffness of a segment from a file that 'worm3d law' writes, (SL5) to (SL7).
 
     The sizes and the stiffness of the worm follow from the file. A run that leaves the domain of the file stops.
 
@@ -71,7 +71,7 @@ class Learned(SegmentLaw, name="learned"):
 
     @classmethod
     def springs(cls, s: Symbols) -> tuple[Spring, ...]:
-        """Return the energy (L1)."""
+        """Return the energy (SL5)."""
 
         def energy(length: Symbol, commanded: Symbol) -> Symbol:
             strain = 1.0 - length / commanded
@@ -82,14 +82,14 @@ class Learned(SegmentLaw, name="learned"):
 
     @classmethod
     def bending(cls, s: Symbols, length: Symbol, bend: Symbol, commanded: Symbol) -> Symbol:
-        """Return the energy (L3)."""
+        """Return the energy (SL7)."""
         x, y = _scaled(s, length, (commanded[0] + commanded[1]) / 2.0)
         m = sum(s["bending"][k] * term for k, term in enumerate((1.0, x, y, x * x, x * y, y * y)))
         return m * bend**2 / 2.0
 
     @classmethod
     def outline(cls, s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:
-        """Return sqrt(R^2 - b^2) and R, (L2)."""
+        """Return sqrt(R^2 - b^2) and R, (SL6)."""
         middle, scale = (s["scales"][SCALES.index(name)] for name in ("radius_mid_m", "radius_m"))
         radius = middle + scale * network(s["radius"], RADIUS_SIZES, _scaled(s, length, commanded))
         return (radius**2 - s["offset"] ** 2) ** 0.5, radius
