@@ -283,10 +283,6 @@ def test_sizes_follow_from_the_law(law_worm: Linkage, law_file: Path) -> None:
         ({"stiffness_N": -13.0}, "stiffness: got -13.0 N, must be finite and above 0"),
         ({"rest_length_m": "long"}, "rest_length: got 'long' m, must be"),
         ({"rest_radius_m": 50.0}, "rest_radius_m: got 50 m, but the network has 0.05.* m at rest; check the units"),
-        (
-            {"energy": {"sizes": [2, 6, 1], "weights": [0.0] * 25}},
-            r"energy.sizes: got \[2, 6, 1\], must be \[2, 6, 6, 1\]",
-        ),
         ({"energy": {"sizes": [2, 6, 6, 1], "weights": [0.0] * 66}}, r"energy: got shape \(66,\), must be \(67,\)"),
         ({"radius": {"sizes": [2, 6, 1]}}, "there is no key 'radius.weights'"),
         (
@@ -307,7 +303,8 @@ def test_bad_files(law_content: dict, tmp_path: Path, change: dict, sentence: st
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"), [("{", "it is no JSON"), ("[]", "must contain an object"), ("{}", "there is no key 'kind'")]
+    ("text", "sentence"),
+    [("{", "must be JSON: Expecting"), ("[]", "there is no key 'kind'"), ("{}", "there is no key 'kind'")],
 )
 def test_files_that_are_no_laws(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
