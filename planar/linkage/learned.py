@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from planar.linkage.segment_law import ENERGY_LAYERS, NEURONS, RADIUS_LAYERS, network
+from planar.linkage.segment_law import RADIUS_LAYERS, network
 from worm3d.values import arguments, regular_file
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -30,34 +28,10 @@ Fits differ by 1 %. Wrong units, or weights in another order, differ by much mor
 SCALES = ("x_mid", "x_half", "y_mid", "y_half", "energy_J", "radius_mid_m", "radius_m")
 """Keys of the scales in a file, in the order of `planar.linkage.segment_law.SegmentLaw.scales`."""
 
-KEYS = {
-    "rest_length": ("rest_length_m",),
-    "rest_radius": ("rest_radius_m",),
-    "stiffness": ("stiffness_N",),
-    "energy": ("energy", "weights"),
-    "radius": ("radius", "weights"),
-    "lengths": ("domain", "length_m"),
-    "contractions": ("domain", "contraction"),
-}
-"""Key of each field of `Learned` in a file; the scales are in `SCALES`."""
-
 
 @dataclass(frozen=True, eq=False)
 class Learned(ReadOnly):
     """A segment law from a file (S2). Instances are validated and cannot be changed.
-
-    Parameters
-    ----------
-    rest_length, rest_radius : float
-        Length and outer radius of a segment at rest [m].
-    stiffness : float
-        k [N].
-    scales : ndarray, shape (7,)
-        x_mid, x_half, y_mid, y_half, E [J], R_mid [m] and R_scale [m].
-    energy, radius : ndarray, shapes (67,) and (25,)
-        Weights of N_U and N_R.
-    lengths, contractions : ndarray, shape (2,)
-        Least and greatest length [m] and contraction of the domain.
 
     Raises
     ------
@@ -66,28 +40,31 @@ class Learned(ReadOnly):
     """
 
     rest_length: float
+    """l0 [m]."""
     rest_radius: float
+    """Outer radius at rest [m]."""
     stiffness: float
+    """k [N]."""
     scales: FloatArray
+    """Scales in the order of `SCALES`, shape (7,)."""
     energy: FloatArray
+    """Weights of N_U, shape (67,)."""
     radius: FloatArray
+    """Weights of N_R, shape (25,)."""
     lengths: FloatArray
+    """Least and greatest length in the domain, shape (2,) [m]."""
     contractions: FloatArray
+    """Least and greatest contraction in the domain, shape (2,); the least is 0."""
 
     def __post_init__(self) -> None:
         for name, unit in (("rest_length", "m"), ("rest_radius", "m"), ("stiffness", "N")):
             object.__setattr__(self, name, arguments.number(name, getattr(self, name), unit, gt=0.0))
-        for name, size in (
-            ("scales", len(SCALES)),
-            ("energy", 67),
-            ("radius", 25),
-            ("lengths", 2),
-            ("contractions", 2),
-        ):
+        sizes = {"scales": len(SCALES), "energy": 67, "radius": 25, "lengths": 2, "contractions": 2}
+        for name, size in sizes.items():
             object.__setattr__(self, name, arguments.array(name, getattr(self, name), (size,)))
         super().__post_init__()
-        for name, divisor in (("x_half", self.scales[1]), ("y_half", self.scales[3])):
-            arguments.number(f"scales.{name}", float(divisor), gt=0.0)
+        for k in (1, 3):  # divisors
+            arguments.number(f"scales.{SCALES[k]}", float(self.scales[k]), gt=0.0)
         (low, high), (least, most) = self.lengths, self.contractions
         if not 0.0 < low < self.rest_length < high:
             raise ValueError(
@@ -127,35 +104,31 @@ class Learned(ReadOnly):
         text = regular_file.content(path, LARGEST_FILE, what)
         try:
             return cls(**_fields(json.loads(text)))
-        except RecursionError:
-            why = "it is nested too deeply"
-        except UnicodeDecodeError:
-            why = "it is no text"
-        except json.JSONDecodeError as error:
-            why = f"it is no JSON ({error})"
-        except ValueError as error:
-            why = str(error)
-        raise ValueError(f"segment law {os.path.basename(path)!r}: {why}")
+        except (ValueError, RecursionError) as error:
+            why = f"must be JSON: {error}" if isinstance(error, json.JSONDecodeError) else error
+            raise ValueError(f"segment law {os.path.basename(path)!r}: {why}") from None
 
 
 def _fields(found: Any) -> dict[str, Any]:
     """Return the arguments of `Learned` from the content of a file."""
-    if not isinstance(found, Mapping):
-        raise ValueError("the file must contain an object with the keys of a segment law")
     for key, expected in (("kind", FILE_KIND), ("version", FILE_VERSION)):
         if _at(found, key) != expected:
             raise ValueError(f"{key}: got {found[key]!r}, must be {expected!r}; write the file with 'worm3d law'")
-    for name, layers in (("energy", ENERGY_LAYERS), ("radius", RADIUS_LAYERS)):
-        sizes = [2, *[NEURONS] * layers, 1]
-        if _at(found, name, "sizes") != sizes:
-            raise ValueError(f"{name}.sizes: got {found[name]['sizes']!r}, must be {sizes}")
-    scales = np.array([arguments.number(f"scales.{key}", _at(found, "scales", key)) for key in SCALES])
-    return {**{name: _at(found, *keys) for name, keys in KEYS.items()}, "scales": scales}
+    return {
+        "rest_length": _at(found, "rest_length_m"),
+        "rest_radius": _at(found, "rest_radius_m"),
+        "stiffness": _at(found, "stiffness_N"),
+        "scales": [arguments.number(f"scales.{key}", _at(found, "scales", key)) for key in SCALES],
+        "energy": _at(found, "energy", "weights"),
+        "radius": _at(found, "radius", "weights"),
+        "lengths": _at(found, "domain", "length_m"),
+        "contractions": _at(found, "domain", "contraction"),
+    }
 
 
 def _at(found: Any, *keys: str) -> Any:
-    for k, key in enumerate(keys):
+    for key in keys:
         if not isinstance(found, Mapping) or key not in found:
-            raise ValueError(f"there is no key {'.'.join(keys[: k + 1])!r}; write the file with 'worm3d law'")
+            raise ValueError(f"there is no key {'.'.join(keys)!r}; write the file with 'worm3d law'")
         found = found[key]
     return found

@@ -223,16 +223,16 @@ class _Terms:
     def _weight(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Return the change of E = -m g.X with its numerical loss, and the part of impact that is due to the weight.
 
-        The numerical loss is -m g.(first-order dX - dX).
+        The numerical loss is -m g.(first-order dX - dX). The command does no work on the weight, since it moves the two
+        apexes of a segment, which have equal masses, in opposite directions.
         """
         g, p, joints, tips = self.gravity, self.p, self.worm.joint_mass, self.worm.apex_mass
         change = -_weighted(joints, self.dq @ g) - _weighted(tips, self.dx @ g)
         mean = _per(p.dt, self.dq) * 0.5 * (p.start.joint_velocity + p.end.joint_velocity)
         carried = _weighted(joints, (self.dq - mean) @ g) + _weighted(tips, (self.first_order - self.mean) @ g)
         impact = self.lands * carried
-        loss, commanding = -_weighted(tips, (self.first_order - self.dx) @ g), -_weighted(tips, self.commanded @ g)
-        of_weight = {"work_contract": commanding, "potential": change, "numerical_loss": loss}
-        return of_weight, {"impact": impact, "numerical_loss": -impact}
+        loss = -_weighted(tips, (self.first_order - self.dx) @ g)
+        return {"potential": change, "numerical_loss": loss}, {"impact": impact, "numerical_loss": -impact}
 
     def _elastic(self) -> dict[str, FloatArray]:
         worm, p = self.worm, self.p

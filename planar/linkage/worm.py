@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planar.linkage.learned import SCALES, Learned
+from planar.linkage.learned import Learned
 from planar.linkage.segment_law import HYDROSTAT, LEARNED, RHOMBUS, SegmentLaw, values
 from planar.linkage.shape import hinge_angles
 from worm3d.values import arguments
@@ -114,13 +114,11 @@ class Linkage(ReadOnly):
     @property
     def segment_law(self) -> SegmentLaw:
         """Segment law as constants for the compiled functions."""
-        of_file = isinstance(self.segment, Learned)
-        scales, energy, radius = np.zeros(len(SCALES)), np.zeros(0), np.zeros(0)
-        if isinstance(self.segment, Learned):
-            scales, energy, radius = self.segment.scales, self.segment.energy, self.segment.radius
-        kind = RHOMBUS if self.has_links else LEARNED if of_file else HYDROSTAT
         sizes = self.l0, np.asarray(self.k_spring), self.link_length, np.asarray(self.half_height, dtype=float)
-        return SegmentLaw(kind, *sizes, scales, energy, radius)
+        if isinstance(self.segment, Learned):
+            return SegmentLaw(LEARNED, *sizes, self.segment.scales, self.segment.energy, self.segment.radius)
+        nothing = np.zeros(0)
+        return SegmentLaw(RHOMBUS if self.has_links else HYDROSTAT, *sizes, nothing, nothing, nothing)
 
     @property
     def possible_lengths(self) -> tuple[FloatArray, FloatArray, str]:
@@ -237,7 +235,7 @@ class Linkage(ReadOnly):
 
 def _segment(given: str | os.PathLike[str] | Learned) -> str | Learned:
     """Return a segment law as the word of its kind, or as the content of its file."""
-    if isinstance(given, Learned) or given in ("rhombus", "hydrostat"):
+    if isinstance(given, Learned) or (isinstance(given, str) and given in ("rhombus", "hydrostat")):
         return given
     kinds = "'rhombus', 'hydrostat', the path of a file, or a planar.linkage.Learned"
     return Learned.read(arguments.instance("segment", given, str | os.PathLike, kinds))

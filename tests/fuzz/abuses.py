@@ -244,7 +244,7 @@ TARGETS: dict[str, Target] = {
         {},
         _kinds(whole="segments", positive="length density depth", number="apex_mass_fraction kelvin_voigt_time drag")
         | _kinds(each="k_spring k_torsion cross0 k_apex")
-        | {"half_height": "each?", "mass": "positive?"},
+        | {"half_height": "each?", "mass": "positive?", "segment": "path"},
     ),
     "linkage.Friction": Target(linkage.Friction, {}, _kinds(each="forward backward", positive="static_ratio")),
     "linkage.simulate": Target(

@@ -3,6 +3,7 @@
 import json
 import pickle
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -35,7 +36,8 @@ def crawling(t: float) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def crawls(law_worm: Linkage) -> list[linkage.Run]:
-    return [linkage.simulate(law_worm, crawling, duration=1.5, dt=dt) for dt in (0.01, 0.005, 0.0025)]
+    worm = law_worm.with_changes(mass=0.2)
+    return [linkage.simulate(worm, crawling, duration=1.5, dt=dt) for dt in (0.01, 0.005, 0.0025)]
 
 
 @pytest.mark.parametrize(("key", "layers"), [("energy", ENERGY_LAYERS), ("radius", RADIUS_LAYERS)])
@@ -55,7 +57,7 @@ def test_learned_law_is_the_potential_that_it_was_fitted_to(law_worm: Linkage, c
     found = values(length, L0 * (1.0 - contraction), law_worm.segment_law)
     energy, dl = closed_form.energy, 1e-6
     tension = (energy(length + dl, contraction) - energy(length - dl, contraction)) / (2.0 * dl)
-    assert_allclose(found.energy, energy(length, contraction), rtol=5e-3)
+    assert_allclose(found.energy, energy(length, contraction), rtol=1e-2)
     assert_allclose(found.tension, tension, rtol=1e-2, atol=0.02)
     assert_allclose(found.height, closed_form.radius(length, contraction), rtol=1e-3)
     assert np.abs(tension).max() > 5.0
@@ -134,12 +136,13 @@ def test_the_ledger_books_the_work_of_a_command_that_moves_apexes(crawls: list[l
         values(at, l_cmd[1:], law).energy - values(at, l_cmd[:-1], law).energy for at in (length[:-1], length[1:])
     ]
     of_springs = sum(change.sum() for change in changes) / 2.0
-    assert run.work_contract - of_springs > 0.03 * run.work_contract
+    unbooked = ledger.numerical_loss.sum() - (run.work_contract - of_springs)
+    assert abs(unbooked) > 0.05 * run.work_contract, "that work is not small"
 
 
 def test_inflating_a_held_segment_lifts_its_weight(law_worm: Linkage) -> None:
     """With its joints' x held, only the command widens it: work on the apexes is the weight times the rise."""
-    worm = law_worm.with_changes(segments=1, length=1.0, k_torsion=1.0, cross0=0.0)
+    worm = Linkage(segments=1, mass=0.07, segment=law_worm.segment)
     held = np.array([[True, False], [True, False]])
     run = linkage.simulate(
         worm, lambda t: np.array([0.1 * t**2]), duration=1.5, held=held, friction=Friction(0.2, 0.2), dt=2.5e-3
@@ -157,6 +160,34 @@ def test_inflating_a_held_segment_lifts_its_weight(law_worm: Linkage) -> None:
     assert_allclose(opening, (height[-1] - height[-2]) / 2.5e-3, rtol=1e-9)
 
 
+@pytest.mark.parametrize("what", ["inertia", "friction"])
+def test_work_of_the_command_on_the_apexes_of_held_joints(law_worm: Linkage, what: str) -> None:
+    """In the air it becomes kinetic energy; a tilted segment, pressed on the ground, rubs along it."""
+    worm, tilt = Linkage(segments=1, mass=0.07, segment=law_worm.segment), 0.3 * (what == "friction")
+    along = worm.l0 / 2.0 * np.array([np.cos(tilt), np.sin(tilt)])
+    height = worm.rest_half_height[0] * np.cos(tilt) + (what == "inertia")
+    run = linkage.simulate(
+        worm,
+        lambda t: np.array([0.1 * t**2]),
+        duration=0.5,
+        dt=1e-3,
+        friction=Friction(0.3, 0.3),
+        gravity=0.0 if what == "inertia" else 9.81,
+        start=np.array([-along, along]) + np.array([0.0, height]),
+        held=np.ones((2, 2), dtype=bool),
+        settle=False,
+    )
+    ledger = run.ledger
+    assert run.status is Status.DONE
+    on_apexes = ledger.work_contract.sum() - ledger.elastic.sum()
+    stored = {"inertia": ledger.kinetic, "friction": ledger.penetration + ledger.friction_loss}[what].sum()
+    assert stored > 5e-8
+    assert_allclose(on_apexes, stored, rtol=0.05)
+    assert abs(ledger.numerical_loss.sum()) < 0.02 * on_apexes
+    if what == "friction":
+        assert ledger.friction_loss.sum() > 0.05 * on_apexes
+
+
 def test_first_order_displacement_of_the_apexes_has_the_command(crawls: list[linkage.Run]) -> None:
     """Its error falls with the square of the time step; without the command it would fall with the step itself."""
     errors = []
@@ -168,11 +199,23 @@ def test_first_order_displacement_of_the_apexes_has_the_command(crawls: list[lin
     assert errors[1] < 0.35 * errors[0]
 
 
+def test_the_integrator_is_of_first_order(law_worm: Linkage) -> None:
+    """A bent worm in the air, with a command that moves the apexes."""
+    start = law_worm.rest() + np.column_stack([np.zeros(N + 1), 1.0 + 0.02 * np.sin(np.arange(N + 1))])
+    ends = []
+    for dt in (2e-3, 1e-3, 5e-4, 2.5e-4):
+        run = linkage.simulate(law_worm, crawling, duration=0.2, dt=dt, gravity=0.0, start=start, settle=False)
+        assert run.ledger.balance_error < 1e-12
+        assert_allclose(run.com[-1], run.com[0], atol=1e-12)
+        ends.append(run.joints[-1])
+    steps = [np.abs(fine - coarse).max() for coarse, fine in pairwise(ends)]
+    assert_allclose(np.log2(np.array(steps[:-1]) / steps[1:]), 1.0, atol=0.2)
+
+
 def test_the_distance_converges_with_the_time_step(crawls: list[linkage.Run]) -> None:
     coarse, middle, fine = (run.distance for run in crawls)
     assert fine > 0.02
-    assert abs(fine - middle) < 0.8 * abs(middle - coarse)
-    assert abs(fine - middle) < 0.01 * fine
+    assert_allclose([coarse, middle], fine, rtol=0.01)
 
 
 def written(folder: Path, content: object) -> Path:
@@ -203,7 +246,8 @@ def test_a_run_stops_outside_the_domain(law_worm: Linkage, way: str) -> None:
     )
     assert run.status is Status.OUTSIDE
     assert "left the domain of the segment law" in run.stop.sentence
-    assert (run.contraction.max() if way == "command" else run.length.max() / L0 / 1.25 * 0.35) <= 0.35
+    assert run.contraction.max() < 0.35 + 1e-9
+    assert run.length.max() < 1.25 * L0
     assert 0.3 < run.stop.time < 1.6
     start = law_worm.rest() * [1.3, 1.0] + [0.0, 0.1]
     with pytest.raises(
@@ -239,10 +283,6 @@ def test_sizes_follow_from_the_law(law_worm: Linkage, law_file: Path) -> None:
         ({"stiffness_N": -13.0}, "stiffness: got -13.0 N, must be finite and above 0"),
         ({"rest_length_m": "long"}, "rest_length: got 'long' m, must be"),
         ({"rest_radius_m": 50.0}, "rest_radius_m: got 50 m, but the network has 0.05.* m at rest; check the units"),
-        (
-            {"energy": {"sizes": [2, 6, 1], "weights": [0.0] * 25}},
-            r"energy.sizes: got \[2, 6, 1\], must be \[2, 6, 6, 1\]",
-        ),
         ({"energy": {"sizes": [2, 6, 6, 1], "weights": [0.0] * 66}}, r"energy: got shape \(66,\), must be \(67,\)"),
         ({"radius": {"sizes": [2, 6, 1]}}, "there is no key 'radius.weights'"),
         (
@@ -263,7 +303,8 @@ def test_bad_files(law_content: dict, tmp_path: Path, change: dict, sentence: st
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"), [("{", "it is no JSON"), ("[]", "must contain an object"), ("{}", "there is no key 'kind'")]
+    ("text", "sentence"),
+    [("{", "must be JSON: Expecting"), ("[]", "there is no key 'kind'"), ("{}", "there is no key 'kind'")],
 )
 def test_files_that_are_no_laws(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
