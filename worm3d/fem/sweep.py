@@ -67,7 +67,15 @@ class Domain:
         """Return lengths and inputs from which states are chosen, shape (K, 2)."""
         ranges = [np.linspace(low, high, CANDIDATES) for low, high in (self.length, self.input)]
         points = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, 2)
-        return points if self.least is None else points[points[:, 0] >= np.interp(points[:, 1], *self.least)]
+        return points[points[:, 0] >= self.shortest(points[:, 1])]
+
+    def shortest(self, value: FloatArray | float) -> FloatArray:
+        """Return the least length [m] at inputs."""
+        return np.asarray(np.interp(value, *self.least) if self.least else np.full(np.shape(value), self.length[0]))
+
+    def corners(self) -> FloatArray:
+        """Return the four corners, shape (4, 2)."""
+        return np.array([[length, value] for value in self.input for length in (self.shortest(value), self.length[1])])
 
 
 @dataclass(frozen=True)
@@ -274,7 +282,8 @@ def domain_of(wall: Wall, free: list[State]) -> Domain:
 def sweep(wall: Wall, count: int) -> Iterator[Progress]:
     """Yield the rows after each state, until `count` rows are stable.
 
-    The first rows are the states without axial force. Each further state is as far as possible from all before it.
+    The first rows are the states without axial force and the corners of the domain. Each further state is as far as
+    possible from all before it.
 
     Raises
     ------
@@ -285,8 +294,7 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
     domain = domain_of(wall, free)
     progress = Progress(tuple(Row(state, state.unstable_directions == 0) for state in free[:count]), ())
     tried = [domain.scaled(state.length, state.input) for state in free]
-    grid = domain.grid()
-    scaled = domain.scaled(grid[:, 0], grid[:, 1])
+    grid, corners = domain.grid(), list(domain.corners())
     yield progress
     while progress.stable < count:
         if len(tried) >= TRIES_PER_STATE * count + FREE_STATES:
@@ -295,10 +303,18 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
                 f"{domain.length} m and inputs {domain.input} is mostly crumpled; narrow load.length_m, or raise the "
                 "least pressure"
             )
-        farthest = np.argmax(np.min([((scaled - each) ** 2).sum(axis=1) for each in tried], axis=0))
-        tried.append(scaled[farthest])
-        progress = _with_state(progress, (float(grid[farthest, 0]), float(grid[farthest, 1])), domain, rest(wall))
+        length, value = corners.pop() if corners else farthest(domain, grid, tried)
+        tried.append(domain.scaled(length, value))
+        progress = _with_state(progress, (float(length), float(value)), domain, rest(wall))
         yield progress
+
+
+def farthest(domain: Domain, grid: FloatArray, tried: list[FloatArray]) -> FloatArray:
+    """Return the point of a grid, shape (K, 2), that is farthest from all tried points, which are scaled."""
+    scaled = domain.scaled(grid[:, 0], grid[:, 1])
+    distances = np.min([((scaled - each) ** 2).sum(axis=1) for each in tried], axis=0)
+    found: FloatArray = grid[np.argmax(distances)]
+    return found
 
 
 def _with_state(progress: Progress, target: tuple[float, float], domain: Domain, fallback: State) -> Progress:
