@@ -66,6 +66,13 @@ class Field:
     """Position along the meridian in [0, 1], and depth in [-1, 1], of each node, shape (2, M)."""
     dofs: NDArray[np.intp]
     """Indices of the unknowns, shape (M,)."""
+    basis: Any
+    """Scalar basis in these coordinates."""
+
+    def at(self, x: FloatArray, places: FloatArray) -> FloatArray:
+        """Return the values of the component at places, shape (2, K), as an array of shape (K,)."""
+        values: FloatArray = self.basis.probes(places) @ x[self.dofs]
+        return values
 
 
 class Wall:
@@ -91,8 +98,9 @@ class Wall:
         multipliers = of_places.with_element(ElementQuad1())
         self.displacements, self.multipliers = int(basis.N), int(multipliers.N)
         self.size = basis.N + multipliers.N
-        self.fields = tuple(Field(of_places.doflocs[:, dofs], dofs) for dofs in basis.split_indices())
-        self.fields += (Field(multipliers.doflocs, basis.N + np.arange(multipliers.N)),)
+        scalar, linear = (Basis(flat, kind(), intorder=GAUSS_ORDER) for kind in (ElementQuad2, ElementQuad1))
+        self.fields = tuple(Field(scalar.doflocs, dofs, scalar) for dofs in basis.split_indices())
+        self.fields += (Field(linear.doflocs, basis.N + np.arange(linear.N), linear),)
 
         self._dofs = np.vstack([basis.element_dofs, basis.N + multipliers.element_dofs]).T
         self._operator = _strain_operator(basis, multipliers)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import RegularGridInterpolator
 
 from worm3d.fem.axisymmetric import Constraint, State, Wall, constrained, rest, solved, tangent_of
 from worm3d.values.arrays import FloatArray
@@ -345,22 +344,20 @@ def mesh_error(rows: tuple[Row, ...], finer: Wall, watch: Callable[[int], None] 
     stable = [row.state for row in rows if row.stable]
     rms = float(np.sqrt(np.mean([state.force**2 for state in stable])))
     chosen = [stable[n] for n in np.unique(np.linspace(0, len(stable) - 1, CHECKED_STATES + 1).astype(int))[1:]]
+    lengths = [state.length for state in stable]
+    domain = Domain((min(lengths), max(lengths)), finer.segment.load.values)
     differences = []
     for done, state in enumerate(chosen, start=1):
-        found = on_mesh(state, finer)
-        if found is not None:
-            differences.append(found.force - state.force)
+        found = on_mesh(state, finer) or reached(rest(finer), state.length, state.input, domain).state
+        differences.append(found.force - state.force)
         watch(done)
-    return float(np.sqrt(np.mean(np.square(differences)))) / rms if differences else np.nan
+    return float(np.sqrt(np.mean(np.square(differences)))) / rms
 
 
 def on_mesh(state: State, wall: Wall) -> State | None:
     """Return the equilibrium on another mesh, from the interpolated displacements and multipliers of a state."""
     x = np.zeros(wall.size)
     for mine, other in zip(state.wall.fields, wall.fields, strict=True):
-        s, depth = (np.unique(np.round(each, 12)) for each in mine.places)
-        order = np.lexsort((mine.places[1], mine.places[0]))
-        values = state.x[mine.dofs[order]].reshape(len(s), len(depth))
-        x[other.dofs] = RegularGridInterpolator((s, depth), values, bounds_error=False, fill_value=None)(other.places.T)
+        x[other.dofs] = mine.at(state.x, other.places)
     guess = State(wall, x, state.length, state.input)
     return solved(guess, state.length, state.input)
