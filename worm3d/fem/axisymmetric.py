@@ -173,7 +173,7 @@ class _InnerSurface:
     def __init__(self, basis: Any) -> None:
         normal_r, normal_z = basis.normals
         tangent = np.stack([normal_z, -normal_r])  # the normal of the wall points to the axis, the tangent to the plate
-        value = np.array([each[0].value[0] for each in basis.basis])
+        value = np.array([np.asarray(each[0])[0] for each in basis.basis])
         slope = np.array([np.einsum("dfq,dfq->fq", each[0].grad[1], tangent) for each in basis.basis])
         self.dofs = basis.element_dofs.T
         self._radius, self._rise = basis.global_coordinates()[0], tangent[1]
@@ -199,8 +199,8 @@ def _strain_operator(basis: Any, multipliers: Any) -> FloatArray:
     """
     radius = basis.global_coordinates()[0]
     zero = np.zeros_like(radius)
-    columns = [[*each[0].grad.reshape(4, *radius.shape), each[0].value[0] / radius, zero] for each in basis.basis]
-    columns += [[zero] * 5 + [np.broadcast_to(each[0].value, radius.shape)] for each in multipliers.basis]
+    columns = [[*each[0].grad.reshape(4, *radius.shape), np.asarray(each[0])[0] / radius, zero] for each in basis.basis]
+    columns += [[zero] * 5 + [np.broadcast_to(np.asarray(each[0]), radius.shape)] for each in multipliers.basis]
     return np.ascontiguousarray(np.array(columns).transpose(2, 3, 1, 0))
 
 

@@ -167,8 +167,8 @@ class Load:
     values : tuple of float
         Least and greatest value of the input [Pa] or [N].
     length_m : tuple of float or None
-        Least and greatest distance between the plates [m]. None: from the free length at the greatest input to a little
-        above the rest length (`worm3d.fem.sweep`).
+        Least and greatest distance between the plates [m]. None: from a little below the free length at each input to a
+        little above the rest length (`worm3d.fem.sweep`).
     """
 
     input: str = "pressure_Pa"

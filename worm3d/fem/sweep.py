@@ -3,8 +3,8 @@
 `reached` follows a straight path in the plane of length and input, with steps that are halved where Newton's method
 fails. At a snap-through, two other ways remain. The first has the length of the arc as parameter, which passes turning
 points of length and input. The second has the enclosed volume as parameter, at held length. `sweep` chooses each state
-as far as possible from all states before it, in the rectangle of lengths and inputs, since such states train a law
-better than random states.
+as far as possible from all states before it, in the plane of length and input, since such states train a law better
+than random states.
 """
 
 from __future__ import annotations
@@ -23,19 +23,22 @@ LARGEST_STEP = 0.125
 solutions; half as large steps double the time and change no state of the shipped barrel."""
 LEAST_STEP = LARGEST_STEP / 64.0
 """Smallest step of a path before another way is tried. A smooth path needs no step below an eighth of the largest."""
-ARC_STEPS = 300
-"""Largest number of steps along the arc. A snap-through takes 20 to 80."""
+ARC_STEPS = 120
+"""Largest number of steps along the arc. A snap-through takes 20 to 80 steps. Where the wall folds many times, more
+steps do not arrive either."""
 ARC_STEP, LEAST_ARC_STEP = 0.02, 1e-4
 """First and smallest step along the arc; 1 is the whole path, or a mean displacement of the rest length."""
-VOLUME_STEP = 0.02
-"""Step of the volume as a fraction of the volume at rest. The snap-through of a balloon spans many such steps."""
-VOLUME_STEPS = 500
-"""Largest number of steps of the volume: ten times the volume at rest."""
+VOLUME_STEP, LEAST_VOLUME_STEP = 0.05, 0.002
+"""First and smallest step of the volume, as a fraction of the volume. The snap-through of a balloon spans some 50 such
+steps."""
+VOLUME_STEPS = 120
+"""Largest number of steps of the volume."""
 FREE_STATES = 11
 """Number of states without axial force, at equal steps of the input, with which each sweep begins."""
-LENGTH_MARGINS = (0.05, 0.02)
-"""Default margins of the range of lengths below the least free length and above the rest length, relative to the rest
-length. Threads that hardly stretch make larger lengths very stiff."""
+SHORTENING, LENGTHENING = 0.1, 0.02
+"""Margins of the domain below the free length at each input, and above the rest length, relative to the rest length. A
+wall without pressure that is shortened further folds many times. Threads that hardly stretch make larger lengths very
+stiff."""
 CANDIDATES = 61
 """Number of lengths and of inputs from which states are chosen."""
 TRIES_PER_STATE = 2
@@ -44,12 +47,14 @@ CHECKED_STATES = 5
 """Number of states that are solved on a second mesh for the mesh error."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Domain:
-    """Rectangle of lengths [m] and inputs [Pa] or [N]."""
+    """Lengths [m] and inputs [Pa] or [N] of a table."""
 
     length: tuple[float, float]
     input: tuple[float, float]
+    least: tuple[FloatArray, FloatArray] | None = None
+    """Inputs, ascending, and the least length at each input; None for a rectangle."""
 
     def scaled(self, length: FloatArray | float, value: FloatArray | float) -> FloatArray:
         """Return lengths and inputs as fractions of their ranges, shape (..., 2)."""
@@ -57,6 +62,20 @@ class Domain:
         size = np.array([self.length[1], self.input[1]]) - low
         scaled: FloatArray = (np.stack(np.broadcast_arrays(length, value), axis=-1) - low) / size
         return scaled
+
+    def grid(self) -> FloatArray:
+        """Return lengths and inputs from which states are chosen, shape (K, 2)."""
+        ranges = [np.linspace(low, high, CANDIDATES) for low, high in (self.length, self.input)]
+        points = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, 2)
+        return points[points[:, 0] >= self.shortest(points[:, 1])]
+
+    def shortest(self, value: FloatArray | float) -> FloatArray:
+        """Return the least length [m] at inputs."""
+        return np.asarray(np.interp(value, *self.least) if self.least else np.full(np.shape(value), self.length[0]))
+
+    def corners(self) -> FloatArray:
+        """Return the four corners, shape (4, 2)."""
+        return np.array([[length, value] for value in self.input for length in (self.shortest(value), self.length[1])])
 
 
 @dataclass(frozen=True)
@@ -206,15 +225,15 @@ def by_volume(start: State, length: float, value: float) -> State | None:
     state = start if start.length == length else solved(start, length, start.input)
     if state is None or state.is_cable:
         return None
-    unit, sign = max(abs(value), abs(start.input)), np.sign(value - state.input)
-    size = state.wall.rest_volume
+    unit, sign, step = max(abs(value), abs(start.input)), np.sign(value - state.input), VOLUME_STEP
     for _ in range(VOLUME_STEPS):
-        found = constrained(state, (0.0, unit), held_volume(state.volume + sign * VOLUME_STEP * size, size))
-        if found is None:
-            return None
-        if sign * (found.input - value) >= 0.0:
+        target = state.volume * (1.0 + sign * step)
+        found = constrained(state, (0.0, unit), held_volume(target, state.volume))
+        if found is not None and sign * (found.input - value) >= 0.0:
             return solved(found, length, value)
-        state = found
+        if found is None and step <= LEAST_VOLUME_STEP:
+            return None
+        state, step = (state, step / 2.0) if found is None else (found, min(1.5 * step, VOLUME_STEP))
     return None
 
 
@@ -241,26 +260,30 @@ def free_states(wall: Wall) -> list[State]:
     """Return the states without axial force, from rest to the greatest input, shape (`FREE_STATES`,) if all exist."""
     low, high = wall.segment.load.values
     states = [rest(wall)]
-    for value in np.linspace(0.0, high, 4 * (FREE_STATES - 1) + 1)[1:]:
+    for value in np.linspace(0.0, high, 2 * (FREE_STATES - 1) + 1)[1:]:
         found = free_length(states[-1], float(value))
         if found is None:
             break
         states.append(found)
-    return [state for state in states[::4] if state.input >= low]
+    return [state for state in states[::2] if state.input >= low]
 
 
 def domain_of(wall: Wall, free: list[State]) -> Domain:
-    """Return the rectangle of the table, from the description or else from the free lengths."""
+    """Return the domain of the table: the rectangle of the description, or else the lengths about the free lengths."""
     load, rest_length = wall.segment.load, wall.segment.rest_length
-    lengths = [rest_length, *(state.length for state in free)]
-    low, high = (min(lengths) - LENGTH_MARGINS[0] * rest_length, max(lengths) + LENGTH_MARGINS[1] * rest_length)
-    return Domain(load.length_m or (low, high), load.values)
+    if load.length_m is not None:
+        return Domain(load.length_m, load.values)
+    lengths = np.array([state.length for state in free])
+    least = lengths - SHORTENING * rest_length
+    longest = max(rest_length, float(lengths.max())) + LENGTHENING * rest_length
+    return Domain((float(least.min()), longest), load.values, (np.array([state.input for state in free]), least))
 
 
 def sweep(wall: Wall, count: int) -> Iterator[Progress]:
     """Yield the rows after each state, until `count` rows are stable.
 
-    The first rows are the states without axial force. Each further state is as far as possible from all before it.
+    The first rows are the states without axial force and the corners of the domain. Each further state is as far as
+    possible from all before it.
 
     Raises
     ------
@@ -271,7 +294,7 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
     domain = domain_of(wall, free)
     progress = Progress(tuple(Row(state, state.unstable_directions == 0) for state in free[:count]), ())
     tried = [domain.scaled(state.length, state.input) for state in free]
-    grid = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, CANDIDATES)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid, corners = domain.grid(), list(domain.corners())
     yield progress
     while progress.stable < count:
         if len(tried) >= TRIES_PER_STATE * count + FREE_STATES:
@@ -280,15 +303,18 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
                 f"{domain.length} m and inputs {domain.input} is mostly crumpled; narrow load.length_m, or raise the "
                 "least pressure"
             )
-        point = grid[np.argmax(np.min([((grid - each) ** 2).sum(axis=1) for each in tried], axis=0))]
-        tried.append(point)
-        progress = _with_state(progress, _target(domain, point), domain, rest(wall))
+        length, value = corners.pop() if corners else farthest(domain, grid, tried)
+        tried.append(domain.scaled(length, value))
+        progress = _with_state(progress, (float(length), float(value)), domain, rest(wall))
         yield progress
 
 
-def _target(domain: Domain, point: FloatArray) -> tuple[float, float]:
-    (l0, l1), (v0, v1) = domain.length, domain.input
-    return l0 + float(point[0]) * (l1 - l0), v0 + float(point[1]) * (v1 - v0)
+def farthest(domain: Domain, grid: FloatArray, tried: list[FloatArray]) -> FloatArray:
+    """Return the point of a grid, shape (K, 2), that is farthest from all tried points, which are scaled."""
+    scaled = domain.scaled(grid[:, 0], grid[:, 1])
+    distances = np.min([((scaled - each) ** 2).sum(axis=1) for each in tried], axis=0)
+    found: FloatArray = grid[np.argmax(distances)]
+    return found
 
 
 def _with_state(progress: Progress, target: tuple[float, float], domain: Domain, fallback: State) -> Progress:

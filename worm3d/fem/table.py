@@ -74,8 +74,9 @@ def write(path: Path, segment: Segment, table: Mapping[str, FloatArray], source:
     with netcdf_file(path, "w") as file:
         file.kind, file.version, file.source = KIND, VERSION, source
         file.input = segment.load.input.partition("_")[0]
-        file.rest_length_m, file.plate_radius_m = segment.rest_length, segment.plate_radius
-        file.mesh_error, file.segment = mesh_error, segment.text
+        file.segment = segment.text
+        numbers = (segment.rest_length, segment.plate_radius, mesh_error)  # a Python float would be stored in 32 bits
+        file.rest_length_m, file.plate_radius_m, file.mesh_error = map(np.float64, numbers)
         file.createDimension("state", len(table["length_m"]))
         for name, values in table.items():
             variable = file.createVariable(name, "i4" if name == "stable" else "f8", ("state",))
