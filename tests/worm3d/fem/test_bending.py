@@ -144,7 +144,7 @@ def test_force_and_moment_converge_with_the_mesh() -> None:
     assert errors[0, 1] < 0.005 * fine.moment_Nm
 
 
-@pytest.mark.parametrize(("length", "stable"), [(0.098, True), (0.08, False)])
+@pytest.mark.parametrize(("length", "stable"), [(0.098, True), (0.096, False)])
 def test_stable_means_a_positive_tangent_on_displacements_that_keep_the_volume(length: float, stable: bool) -> None:
     model = QuarterModel(tube(0.1), along=5, around=3)
     state = equilibrium(model, Condition(length, 0.1, 0.0))
@@ -165,6 +165,12 @@ def test_rows_of_a_table() -> None:
     assert all(row["stable"] == 1.0 and row["moment_Nm"] > 0.0 for row in rows)
     assert len(said) == 3
     assert "no equilibrium at length 0.11 m, bend 0.1 rad, pressure 1e+05 Pa; the continuation stopped at" in said[-1]
+
+
+def test_bends_are_spread_over_straight_states() -> None:
+    straight = [(0.125 * i, 1000.0 * i) for i in range(1, 7)]
+    assert bending.with_bends(straight, 3) == [(0.125, 0.1, 1000.0), (0.375, 0.2, 3000.0), (0.625, 0.3, 5000.0)]
+    assert len(set(bending.with_bends(straight[:3], 12))) == 12
 
 
 def test_a_cable_adds_its_tension_to_the_force() -> None:
