@@ -176,6 +176,9 @@ def fem(
         str,
         typer.Option("--mesh", metavar="ALONGxACROSS", help="Elements of half of the segment, and through the wall."),
     ] = "20x2",
+    bending: Annotated[
+        int, typer.Option("--bending", min=0, max=100_000, help="Number of states with bent plates, by a 3D model.")
+    ] = 0,
     quick: Annotated[bool, typer.Option("--quick", help="Few states on a coarse mesh, for a first look.")] = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -184,12 +187,12 @@ def fem(
 
     The segment is described by profile, wall, rubber, fibres and load. Each row of the table is an equilibrium at a
     length and a pressure (or tension of a cable): force, radius, enclosed volume, and whether the state is stable. The
-    error of the mesh is found on a second mesh. 100 states take about half a minute. Needs scikit-fem: pip install
-    'worm3d[fem]'.
+    error of the mesh is found on a second mesh. 100 states take about half a minute, and bent states a second each.
+    Needs scikit-fem: pip install 'worm3d[fem]'.
     """
     from scenes.studies.fem.command import Options, mesh_of, run
 
-    raise typer.Exit(run(segment, out, Options(states, mesh_of(mesh), quick, force, quiet)))
+    raise typer.Exit(run(segment, out, Options(states, mesh_of(mesh), bending, quick, force, quiet)))
 
 
 @batch.command()

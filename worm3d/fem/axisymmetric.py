@@ -90,7 +90,7 @@ class Wall:
 
     def __init__(self, segment: Segment, along: int = 20, across: int = 2, held: str = "rz") -> None:
         self.segment = segment
-        flat = MeshQuad.init_tensor(_graded(along), np.linspace(-1.0, 1.0, across + 1))
+        flat = MeshQuad.init_tensor(graded(along), np.linspace(-1.0, 1.0, across + 1))
         places = MeshQuad2.from_mesh(flat)  # the coordinates of this mesh are s and depth
         self._mesh = MeshQuad2(segment.wall(*places.doflocs), places.t)
         vector = ElementVector(ElementQuad2())
@@ -219,10 +219,10 @@ def _gathered(dofs: NDArray[np.intp], local: FloatArray, size: int) -> FloatArra
     return summed
 
 
-def _graded(along: int) -> FloatArray:
+def graded(along: int) -> FloatArray:
     """Return positions of elements along the meridian, with smaller elements close to the plate (`GRADING`)."""
-    graded: FloatArray = 1.0 - (1.0 - np.linspace(0.0, 1.0, along + 1)) ** GRADING
-    return graded
+    places: FloatArray = 1.0 - (1.0 - np.linspace(0.0, 1.0, along + 1)) ** GRADING
+    return places
 
 
 def _density(segment: Segment) -> ca.Function:

@@ -33,7 +33,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 from scipy.linalg import eigvalsh
 
-from worm3d.fem.axisymmetric import GRADING
+from worm3d.fem.axisymmetric import graded
 from worm3d.fem.description import Segment
 from worm3d.fem.potential import Assembly, Potential
 from worm3d.values import arguments
@@ -406,8 +406,8 @@ def _said(condition: Condition) -> str:
 
 def _mesh(segment: Segment, along: int, around: int, across: int) -> tuple[skfem.MeshHex2, FloatArray]:
     """Return the mesh, and the places of its nodes along (0 to 1), across the wall and around, shape (3, nodes)."""
-    t, depth, turn = (np.linspace(0.0, 1.0, n + 1) for n in (along, across, around))
-    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(1.0 - (1.0 - t) ** GRADING, depth, turn))
+    depth, turn = (np.linspace(0.0, 1.0, n + 1) for n in (across, around))
+    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(graded(along), depth, turn))
     grid = mesh.doflocs
     r, z = segment.wall(grid[0], 2.0 * grid[1] - 1.0)
     angle = np.pi * grid[2]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
 import typer
 
 from scenes.language.errors import MissingPartError, SceneError
@@ -13,10 +15,12 @@ from scenes.records.folder import disc_errors, made, written_whole
 from scenes.running.drawing import save_figure
 from scenes.running.terminal import counted, progress
 from worm3d.fem.description import Segment, parse
+from worm3d.values.arrays import FloatArray
 
 try:
     from worm3d.fem import pictures, table
     from worm3d.fem.axisymmetric import Wall
+    from worm3d.fem.bending import bent_states, with_bends
     from worm3d.fem.sweep import CHECKED_STATES, Progress, mesh_error, sweep
 except ImportError as error:
     raise MissingPartError(str(error)) from error
@@ -38,6 +42,8 @@ class Options:
     """Number of stable states."""
     mesh: tuple[int, int]
     """Elements along half of the segment and through the wall."""
+    bending: int
+    """Number of states with bent plates."""
     quick: bool
     force: bool
     quiet: bool
@@ -117,14 +123,27 @@ def _checked(segment: Segment, result: Progress, options: Options) -> float:
         return mesh_error(result.rows, Wall(segment, 2 * along, 2 * across), show)
 
 
+def _bent(segment: Segment, result: Progress, options: Options) -> dict[str, FloatArray]:
+    """Return the columns of states with bent plates; no columns without such states."""
+    if not options.bending:
+        return {}
+    straight = [(row.state.length, row.state.input) for row in result.rows if row.stable]
+    with progress("bent states", options.bending, quiet=options.quiet, what="state") as show:
+        done = count(1)
+        rows = bent_states(segment, with_bends(straight, options.bending), report=lambda _: show(next(done)))
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
 def _write(out: Path, segment: Segment, result: Progress, options: Options, error: float) -> None:
     along, across = options.mesh
+    rows, bent = table.columns(result.rows), _bent(segment, result, options)
+    rows = {name: np.concatenate([column, bent.get(name, column[:0])]) for name, column in rows.items()}
     source = (
         f"worm3d fem: axisymmetric finite elements (Q2/Q1), {along} x {across} elements of half of the segment, "
         f"farthest-point states; {counted(len(result.stopped), 'state')} not reached"
     )
     with written_whole(out) as part, disc_errors(out):
-        table.write(part, segment, table.columns(result.rows), source, error)
+        table.write(part, segment, rows, source, error)
     save_figure(pictures.shapes(result.rows), picture_path(out, "shapes"))
     save_figure(pictures.states(result.rows), picture_path(out, "states"))
 
