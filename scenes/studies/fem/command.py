@@ -28,7 +28,7 @@ except ImportError as error:
 DATA = Path(__file__).parents[2] / "data"
 """Folder of the descriptions that ship with the program."""
 QUICK_STATES, QUICK_MESH = 25, (10, 1)
-"""States and elements of --quick, for a first look: about a tenth of the time, and some ten times the mesh error."""
+"""States and elements of --quick, for a first look. The force of the shipped barrel has an error of about 0.2 %."""
 
 MOST_ALONG, MOST_ACROSS = 80, 4
 """Largest mesh. The mesh error takes four times as many elements, and the test of stability the cube of the time."""
