@@ -129,11 +129,11 @@ class _EnergyProblem:
         self._ridge = np.sqrt(penalty * len(states))
         self._at: FloatArray = np.zeros(0)
 
-    def solve(self, weights: FloatArray) -> tuple[FloatArray, Free, float]:
-        """Return the weights, the functions of the input, and the cost, from one start."""
+    def solve(self, weights: FloatArray) -> tuple[float, FloatArray, Free]:
+        """Return the cost per state, the weights, and the functions of the input, from one start."""
         free = () if self._holds else (self._free.log_steps, self._free.volumes)
         found = _solved(self.residuals, self.jacobian, np.concatenate([weights, *free]))
-        return *self._split(found.x), float(found.cost) / len(self._force)
+        return float(found.cost) / len(self._force), *self._split(found.x)
 
     def _split(self, unknowns: FloatArray) -> tuple[FloatArray, Free]:
         weights, rest = unknowns[:ENERGY_WEIGHTS], unknowns[ENERGY_WEIGHTS:]
@@ -181,8 +181,8 @@ def force_weights(force: FloatArray) -> FloatArray:
 
 def fit_energy(
     scales: Scales, states: States, free: Free, weights: FloatArray, penalty: float, *, holds_free: bool = False
-) -> tuple[FloatArray, Free, float]:
-    """Return the weights of N_U, the functions of the input, and the cost per state.
+) -> tuple[float, FloatArray, Free]:
+    """Return the cost per state, the weights of N_U, and the functions of the input, from one start.
 
     Parameters
     ----------
@@ -202,8 +202,8 @@ def fit_energy(
 
 def fit_radius(
     scales: Scales, states: States, free: Free, weights: FloatArray, penalty: float
-) -> tuple[FloatArray, float]:
-    """Return the weights of N_R, shape (25,), and the cost per state, from one start; see `fit_energy`."""
+) -> tuple[float, FloatArray]:
+    """Return the cost per state and the weights of N_R, shape (25,), from one start; see `fit_energy`."""
     function, contraction = radius_function(scales, len(states)), free.contraction(states.input)
     ridge = np.sqrt(penalty * len(states)) * np.eye(RADIUS_WEIGHTS)
 
@@ -215,7 +215,7 @@ def fit_radius(
         return np.vstack([function(at, states.length, contraction)[1][:, 0] / scales.radius, ridge])
 
     found = _solved(residuals, jacobian, weights)
-    return found.x, float(found.cost) / len(states)
+    return float(found.cost) / len(states), found.x
 
 
 def _solved(residuals: Callable[..., FloatArray], jacobian: Callable[..., FloatArray], start: FloatArray) -> Any:

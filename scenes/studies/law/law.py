@@ -9,11 +9,12 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from scenes.language.errors import SceneError
 from scenes.studies.law.fitting import Fit, drawn, fit_energy, fit_radius, force_weights, radius_function
 from scenes.studies.law.free import BoolArray, Free, States, start
-from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales
+from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weight_count
 from scenes.studies.law.prepared import Prepared
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -21,9 +22,15 @@ from worm3d.values.read_only import ReadOnly
 HELD_OUT = 0.2
 """Fraction of the states that is held out. Half of it is drawn at random, and half has the greatest distances."""
 
+HULL_WIDTH = 0.02
+"""Greatest distance of states that count as on the convex hull, over half of the ranges of length and input."""
+
 PENALTIES = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
 """Weights of the squares of the networks' weights that are tried. States without noise take one of the first, and 1 %
 of noise one of the last."""
+
+PROBES = 2
+"""Number of draws of a fifth of the fitted states at which the penalties are compared."""
 
 RESTARTS = 3
 """Number of random starts of the law, of which the best counts. The second and third start change the held-out error by
@@ -121,31 +128,47 @@ def make(prepared: Prepared, seed: int, tell: Callable[[int], None] = lambda don
     states, rng = prepared.states, np.random.default_rng(seed)
     table = prepared.table
     free = start(states, table.facts.get("rest_length_m"), table.input_name)
-    scales = _scales(states, free)
-    held_out = _held_out(states, rng)
-    known = states.part(~held_out)
-    done = 0
+    scales, held_out = _scales(states, free), _held_out(states, rng)
+    known, done = states.part(~held_out), 0
 
-    def one(states: States, free: Free, penalty: float, *, holds_free: bool = False) -> tuple[float, Fit]:
+    def energy(of: States, penalty: float, free: Free, *, holds_free: bool = False) -> tuple[float, FloatArray, Free]:
         nonlocal done
-        weights = drawn(ENERGY_SIZES, rng)
-        energy, found, cost = fit_energy(scales, states, free, weights, penalty, holds_free=holds_free)
-        radius, _ = fit_radius(scales, states, found, drawn(RADIUS_SIZES, rng), penalty)
+        found = fit_energy(scales, of, free, drawn(ENERGY_SIZES, rng), penalty, holds_free=holds_free)
         done += 1
         tell(done)
-        return cost, Fit(scales, energy, radius, found)
+        return found
 
-    probe = _drawn_rows(len(known), HELD_OUT, rng)
-    tried = {each: _cost(one(known.part(~probe), free, each)[1], known.part(probe)) for each in PENALTIES}
-    penalty = min(tried, key=lambda each: tried[each])
-    _, fit = min((one(known, free, penalty) for _ in range(RESTARTS)), key=lambda each: each[0])
-    draws = [rng.integers(0, len(known), len(known)) for _ in range(MEMBERS)]
-    members = tuple(one(known.part(rows), fit.free, penalty, holds_free=True)[1] for rows in draws)
+    def radius(of: States, penalty: float, free: Free) -> tuple[float, FloatArray]:
+        return fit_radius(scales, of, free, drawn(RADIUS_SIZES, rng), penalty)
+
+    probes = [_drawn_rows(len(known), HELD_OUT, rng) for _ in range(PROBES)]
+    nothing = np.zeros(weight_count(RADIUS_SIZES))
+
+    def miss(penalty: float) -> float:
+        tried = [(probe, energy(known.part(~probe), penalty, free)) for probe in probes]
+        return sum(_cost(Fit(scales, found[1], nothing, found[2]), known.part(probe)) for probe, found in tried)
+
+    penalty = min(PENALTIES, key=miss)
+    _, weights, free = min((energy(known, penalty, free) for _ in range(RESTARTS)), key=lambda each: each[0])
+
+    def radius_miss(penalty: float) -> float:
+        tried = [(known.part(probe), radius(known.part(~probe), penalty, free)[1]) for probe in probes]
+        return sum(
+            _rms(Fit(scales, weights, own, free).outer_radius(at.length, at.input) - at.radius) for at, own in tried
+        )
+
+    radius_penalty = min(PENALTIES, key=radius_miss)
+    _, radii = min((radius(known, radius_penalty, free) for _ in range(RESTARTS)), key=lambda each: each[0])
+    fit, members = Fit(scales, weights, radii, free), []
+    for _ in range(MEMBERS):
+        of = known.part(rng.integers(0, len(known), len(known)))
+        own = energy(of, penalty, free, holds_free=True)[1], radius(of, radius_penalty, free)[1]
+        members.append(Fit(scales, *own, free))
     offset = _offset(prepared, fit)
-    return Law(prepared, fit, members, held_out, penalty, offset, _bending(prepared, fit, offset))
+    return Law(prepared, fit, tuple(members), held_out, penalty, offset, _bending(prepared, fit, offset))
 
 
-FITS = len(PENALTIES) + RESTARTS + MEMBERS
+FITS = PROBES * len(PENALTIES) + RESTARTS + MEMBERS
 """Number of fits for a law."""
 
 
@@ -168,10 +191,11 @@ def _range(values: FloatArray) -> tuple[float, float]:
 def _held_out(states: States, rng: np.random.Generator) -> BoolArray:
     """Return which states are held out: half of them at random, and half by farthest points.
 
-    States with an extreme length or input are not held out, since the law is not valid beyond its states.
+    States on the convex hull of lengths and inputs are not held out, since the law is not valid beyond them.
     """
     points = np.column_stack([_scaled(states.length), _scaled(states.input)])
-    inner = np.flatnonzero((np.abs(points) < 1.0 - 1e-9).all(axis=1) | (np.ptp(points, axis=0) == 0.0).all())
+    planes = ConvexHull(points, "QJ").equations
+    inner = np.flatnonzero((points @ planes[:, :2].T + planes[:, 2]).max(axis=1) < -HULL_WIDTH)
     count = min(round(HELD_OUT * len(states)), len(inner) // 2)
     chosen = list(rng.permutation(inner)[: count - count // 2])
     while len(chosen) < count:
