@@ -203,7 +203,7 @@ def test_the_integrator_is_of_first_order(law_worm: Linkage) -> None:
     """A bent worm in the air, with a command that moves the apexes."""
     start = law_worm.rest() + np.column_stack([np.zeros(N + 1), 1.0 + 0.02 * np.sin(np.arange(N + 1))])
     ends = []
-    for dt in (2e-3, 1e-3, 5e-4, 2.5e-4):
+    for dt in (4e-3, 2e-3, 1e-3, 5e-4):
         run = linkage.simulate(law_worm, crawling, duration=0.2, dt=dt, gravity=0.0, start=start, settle=False)
         assert run.ledger.balance_error < 1e-12
         assert_allclose(run.com[-1], run.com[0], atol=1e-12)
