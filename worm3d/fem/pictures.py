@@ -76,7 +76,7 @@ def states(rows: Sequence[Row]) -> Figure:
         if crumpled:
             places = np.array([[state.length * 1e3, state.input] for state in crumpled])
             axis.plot(*places.T, "x", color=CRUMPLED_COLOUR, label="crumpled")
-            axis.legend(loc="upper left")
+            axis.legend(loc="lower left")
         axis.set_xlabel("length [mm]")
         axis.set_ylabel("tension of the cable [N]" if stable[0].is_cable else "pressure [Pa]")
     return figure
