@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
 from control.gaits import TravellingWave
+from planar import linkage
 from worm3d import Friction, Hydrostat, Jenkins, Learned, Plane, Pneumatic, Rhombus, State, Status, Worm, simulate
 from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.hysteresis import Hysteresis
@@ -363,3 +364,25 @@ def test_a_file_that_is_no_law_is_refused(text: str, sentence: str, tmp_path: Pa
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"segment law 'none.json': there is no such file in"):
         Learned(str(tmp_path / "none.json"))
+
+
+@pytest.mark.parametrize("kind", ["learned", "hydrostat"])
+def test_the_planar_linkage_moves_as_the_flat_worm(kind: str, tmp_path: Path) -> None:
+    """Both programs evaluate the law by formulas of their own. The agreement is to rounding."""
+    place, path = (np.arange(4) + 0.5) / 4.0, str(learned_laws.written(tmp_path, CONTENT))
+    sizes = {"segments": 4, "mass": 0.07, "k_torsion": 10.0, "k_apex": 0.0}
+    sizes |= {} if kind == "learned" else {"length": 0.64, "half_height": 0.05}
+
+    def contraction(t: float) -> np.ndarray:
+        begun = min(1.0, 2.0 * t)
+        return 0.1 * begun**2 * (3.0 - 2.0 * begun) * (1.0 - np.cos(2.0 * np.pi * (place + t)))
+
+    flat = Worm.planar(**sizes, segment=Learned(path) if kind == "learned" else Hydrostat())
+    command = lambda t: worm3d.Command(np.column_stack([contraction(t)] * 2))  # noqa: E731
+    ground = Friction(0.03, 0.20, lateral=0.7, static_ratio=1.2)
+    found = simulate(flat, Plane(), ground, command, duration=1.0, dt=0.01, integrator="implicit_euler")
+    oracle = linkage.Linkage(**sizes, segment=path if kind == "learned" else kind)
+    wanted = linkage.simulate(oracle, contraction, duration=1.0, dt=0.01)
+    assert_allclose(found.joints[..., [0, 2]], wanted.joints, rtol=0, atol=1e-12)
+    assert_allclose(found.energy.work_contract.sum(), wanted.ledger.work_contract.sum(), rtol=1e-9)
+    assert wanted.distance > 0.02

@@ -72,6 +72,7 @@ class Worm(Body):
         k_apex: Numbers = 0.12,
         kelvin_voigt_time: float = 0.05,
         drag: float = 0.0,
+        segment: SegmentLaw | None = None,
     ) -> Worm:
         """Return the planar special case, with the parameters of `planar.linkage.Linkage`.
 
@@ -81,20 +82,26 @@ class Worm(Body):
         Parameters
         ----------
         half_height : float or ndarray, shape (N,), optional
-            Rest half-height of the chambers [m]. The default is sqrt(3)/4 l0, as in the paper.
+            Rest half-height of the chambers [m]. The default follows from the segment law; otherwise it is sqrt(3)/4
+            l0, as in the paper.
         density, depth : float
             If `mass` is not given, the mass is density [kg/m^3] x rest area of the rhombi [m^2] x depth [m].
         apex_mass_fraction : float
             Share of the mass that is on the apexes.
         k_apex : float or ndarray, shape (N,)
-            Stiffness of each of the two apex hinges of a rhombus [N m/rad].
+            Stiffness of each of the two apex hinges of a rhombus [N m/rad]. Other segments have no apex hinges.
+        segment : SegmentLaw, optional
+            The default is `Rhombus`. Sizes that a law determines may be left out.
         """
         segments = arguments.whole("segments", segments, le=MOST_SEGMENTS)
         for name, value in (("length", length), ("density", density), ("depth", depth)):
             arguments.number(name, value, gt=0.0)
         apex_mass_fraction = arguments.number("apex_mass_fraction", apex_mass_fraction, ge=0.0, le=1.0)
-        l0 = length / segments
-        h0 = np.sqrt(3.0) / 4.0 * l0 if half_height is None else half_height
+        law = Rhombus() if segment is None else segment
+        arguments.instance("segment", law, SegmentLaw, "a worm3d.SegmentLaw such as worm3d.Hydrostat()")
+        implied = law.implied(segments, flat=True)
+        l0 = implied.get("length", length) / segments
+        h0 = implied.get("half_height", np.sqrt(3.0) / 4.0 * l0) if half_height is None else half_height
         area = float(l0 * np.sum(arguments.array("half_height", h0, (segments,), fill=True)))
         return cls(
             segments=segments,
@@ -116,6 +123,7 @@ class Worm(Body):
             stroke=(-100.0, 0.999),
             outward_apexes=False,
             end_faces=False,
+            segment=law,
             flat=True,
         )
 
@@ -152,7 +160,8 @@ class Worm(Body):
     def _follow_segment_law(self) -> None:
         """Set the values that follow from the segment law; raise ValueError for given values that differ."""
         defaults = {each.name: each.default for each in fields(self)}
-        implied = self.segment.implied(arguments.whole("segments", self.segments, le=MOST_SEGMENTS))
+        segments = arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
+        implied = self.segment.implied(segments, flat=self.flat)
         for name, value in {**implied, **self.segment.suited()}.items():
             given = getattr(self, name)
             if _all_close(given, defaults[name], 0.0):

@@ -137,8 +137,11 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         """Return the inputs of the law by name: a number, N numbers, or a column with a number for each value."""
         return {name: getattr(self, name) for name in parameters_of(type(self)) if name in self.inputs()}
 
-    def implied(self, segments: int) -> Mapping[str, Any]:
-        """Return the arguments of `worm3d.Worm` that follow from the law, by name, for a worm of N segments."""
+    def implied(self, segments: int, *, flat: bool) -> Mapping[str, Any]:
+        """Return the arguments of `worm3d.Worm` that follow from the law, by name, for a worm of N segments.
+
+        In a `flat` worm the chambers lie on the axis.
+        """
         return {}
 
     def suited(self) -> Mapping[str, Any]:

@@ -101,13 +101,13 @@ class Learned(SegmentLaw, name="learned"):
         own = {"energy": law.energy, "radius": law.radius, "bending": law.bending, "scales": scales}
         return {name: each[:, None] for name, each in own.items()}
 
-    def implied(self, segments: int) -> Mapping[str, Any]:
+    def implied(self, segments: int, *, flat: bool) -> Mapping[str, Any]:
         """Return the sizes and the stiffness of the worm."""
-        law = self.law
+        law, offset = self.law, 0.0 if flat else self.law.chamber_offset
         return {
             "length": segments * law.rest_length,
-            "chamber_offset": law.chamber_offset,
-            "half_height": float(np.sqrt(law.rest_radius**2 - law.chamber_offset**2)),
+            "chamber_offset": offset,
+            "half_height": float(np.sqrt(law.rest_radius**2 - offset**2)),
             "k_spring": law.stiffness,
         }
 
