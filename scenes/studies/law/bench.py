@@ -171,7 +171,7 @@ def record_of(table: Table) -> Record | None:
     SceneError
         A fact about the hoop cable is missing, or more cable is taken in than the segment has.
     """
-    if not table.ordered:
+    if not table.ordered or len(table) < 2 * ROWS_PER_WAY:
         return None
     columns, link = table.columns, _link(table)
     hoop = "length" not in columns
