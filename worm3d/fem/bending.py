@@ -289,12 +289,16 @@ def _checked(states: Iterable[tuple[float, float, float]], name: str) -> FloatAr
 def _solved(
     model: QuarterModel, conditions: list[Condition], report: Callable[[str], None]
 ) -> Iterator[tuple[int, BentState]]:
-    """Yield the index and the equilibrium of each condition, each started from the nearest one before."""
-    rest = np.array([(model.segment.rest_length, 0.0, 0.0)])
-    points = np.concatenate([rest, np.array(conditions).reshape(-1, 3)])
+    """Yield the index and the equilibrium of each condition, each started from the nearest one before.
+
+    The first start is the segment at rest length under the greatest pressure. Under less pressure, a segment that
+    becomes shorter crumples.
+    """
+    inflated = Condition(model.segment.rest_length, 0.0, max(each.pressure_Pa for each in conditions))
+    points = np.array([inflated, *conditions])
     points /= np.maximum(np.abs(points).max(axis=0), np.finfo(float).tiny)
     distance = np.linalg.norm(points[:, None] - points, axis=-1)
-    reached: dict[int, BentState | None] = {0: None}
+    reached = {0: equilibrium(model, inflated, None)}
     left = list(range(1, len(points)))
     while left:
         near = distance[np.ix_(list(reached), left)]

@@ -30,6 +30,10 @@ DATA = Path(__file__).parents[2] / "data"
 QUICK_STATES, QUICK_MESH = 25, (10, 1)
 """States and elements of --quick, for a first look. The force of the shipped barrel has an error of about 0.2 %."""
 
+BENT_FORCES = -0.02, 0.2
+"""Range of the force of the straight states that are bent, as shares of the greatest force: states in which a segment
+works. States that are compressed more crumple when they bend, and their continuation takes ten times as long."""
+
 MOST_ALONG, MOST_ACROSS = 80, 4
 """Largest mesh. The mesh error takes four times as many elements, and the test of stability the cube of the time."""
 
@@ -127,7 +131,10 @@ def _bent(segment: Segment, result: Progress, options: Options) -> dict[str, Flo
     """Return the columns of states with bent plates; no columns without such states."""
     if not options.bending:
         return {}
-    straight = [(row.state.length, row.state.input) for row in result.rows if row.stable]
+    stable = [row.state for row in result.rows if row.stable]
+    peak = max(abs(state.force) for state in stable)
+    low, high = (share * peak for share in BENT_FORCES)
+    straight = [(state.length, state.input) for state in stable if low <= state.force <= high and state.input > 0.0]
     with progress("bent states", options.bending, quiet=options.quiet, what="state") as show:
         done = count(1)
         rows = bent_states(segment, with_bends(straight, options.bending), report=lambda _: show(next(done)))
