@@ -104,6 +104,10 @@ class Steady:
 def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, skipped: int) -> Steady:
     """Simulate `waves` waves with constant parameters on level ground, and evaluate all but the first `skipped`."""
     rows = round(gait.period / DT)
+    try:
+        gait.bind(worm)
+    except ValueError:  # the wave needs more than the worm's stroke
+        return Steady(None, float("nan"), float("nan"))
     run = _simulated(worm, ground, gait, waves * rows)
     if run.status is not worm3d.Status.DONE:
         return Steady(None, float("nan"), float("nan"))

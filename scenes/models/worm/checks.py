@@ -18,7 +18,7 @@ from scenes.models.checks import RUN_CHECKS, building, gait_checks, in_keys, too
 from scenes.models.switched import switched_checks
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
-from scenes.models.worm.build import PARTS, WORM_KEYS, friction_of, gravity_of, start_of, worm_of
+from scenes.models.worm.build import PARTS, WORM_KEYS, friction_of, gait_of, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
     NO_LAW,
     PlanarGait,
@@ -118,6 +118,14 @@ def _law_is_named(file: str, kind: str) -> str | None:
     return "must name the file of a law that 'worm3d law' wrote" if kind == "learned" and file == NO_LAW else None
 
 
+def _stays_within_the_law(gait: WormGait, *sections: Section) -> None:
+    """Raise ValueError if a gait contracts chambers further than the segment law allows, for laws that set a stroke."""
+    scene = scene_with(WormScene, ("gait", *BODY), (gait, *sections))
+    worm = worm_of(scene)
+    if worm.segment.suited():
+        gait_of(scene).bind(worm)
+
+
 def _push_on_a_joint(joint: int, segments: int) -> str | None:
     return None if joint <= segments else f"got {joint}: the last joint, the head, is {segments} (worm.segments)"
 
@@ -171,7 +179,13 @@ SPATIAL_CHECKS = (
 )
 """Checks for scenes of every 3D worm, with a gait or with a controller."""
 
-WORM_CHECKS = (*SPATIAL_CHECKS, *gait_checks(WormGait, Worm), *REFLEX_CHECKS, start_check(WormScene))
+WORM_CHECKS = (
+    *SPATIAL_CHECKS,
+    *gait_checks(WormGait, Worm),
+    building(_stays_within_the_law, "gait", *BODY),
+    *REFLEX_CHECKS,
+    start_check(WormScene),
+)
 
 PLANAR_CHECKS = (
     *WORLD_CHECKS,

@@ -9,6 +9,7 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, Delaunay
 
 from scenes.language.errors import SceneError
@@ -284,9 +285,11 @@ def domain(fit: Fit, states: States) -> tuple[tuple[float, float], float]:
 
 
 def _offset(prepared: Prepared, fit: Fit) -> float:
-    """Return the offset of the chambers: given, or the least radius in the domain over the square root of 2.
+    """Return the offset of the chambers.
 
-    With this offset, two chambers bend as stiffly as a round shell of this radius.
+    Without a given offset, the offset is the best one for the moments of bent states. A larger offset would need a
+    negative bending stiffness m, and the worm would buckle sideways. Without bent states, the offset is the least
+    radius in the domain over the square root of 2: two chambers then bend as stiffly as a round shell of this radius.
     """
     (low, high), most = domain(fit, prepared.states)
     corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
@@ -297,7 +300,22 @@ def _offset(prepared: Prepared, fit: Fit) -> float:
             f"chamber_offset_m: got {given}, must be below the least radius of the law, {least:.4g} m; give another "
             "one with -o, or leave out states in the corners of the table"
         )
-    return least / np.sqrt(2.0) if given is None else given
+    if given is not None:
+        return given
+    if not len(prepared.bent):
+        return least / np.sqrt(2.0)
+    moment = prepared.bent[:, 3]
+    bounds = least * np.array([0.01, 0.99])
+    best = minimize_scalar(lambda b: float(np.sum((moment - _moment(prepared, fit, b)) ** 2)), bounds=bounds)
+    return float(best.x)
+
+
+def _moment(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
+    """Return the moments b (U'(l + b th) - U'(l - b th)) of the chambers in the bent states [N m]."""
+    length, level, bend, _ = prepared.bent.T
+    longer, shorter = (fit.force(length + sign * offset * bend, level) / 2.0 for sign in (1.0, -1.0))
+    found: FloatArray = offset * (longer - shorter)
+    return found
 
 
 def _radius(fit: Fit, length: FloatArray, contraction: FloatArray) -> FloatArray:
@@ -312,8 +330,7 @@ def _bending(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
     if not len(prepared.bent):
         return np.zeros(6)
     length, level, bend, moment = prepared.bent.T
-    sides = [fit.force(length + sign * offset * bend, level) / 2.0 for sign in (1.0, -1.0)]
-    rest = moment - offset * (sides[0] - sides[1])
+    rest = moment - _moment(prepared, fit, offset)
     s = fit.scales
     x = (length / s.rest_length - s.x_mid) / s.x_half
     y = (fit.free.contraction(level) - s.y_mid) / s.y_half
