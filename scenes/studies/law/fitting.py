@@ -2,7 +2,7 @@
 
 The free contraction a(u) and the free volume V_free(u) are cubic splines of the input u (pressure or cable force), with
 the coefficients c and v. a(0) is 0, and c is monotone: its steps are exponentials of unknowns. With the energy U of a
-chamber, (L2) of `scenes.studies.law.learned`, the segment has the potential 2 U(l, a(u)), and
+chamber, (SL5) of `worm3d.physics.segment_laws.learned`, the segment has the potential 2 U(l, a(u)), and
 
     force = 2 dU/dl                                                                                    (F1)
     volume = V_free(u) - 2 dU/da a'(u)                                                                 (F2)
@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 
 from scenes.studies.law import learned
 from scenes.studies.law.free import Free, States
-from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weight_count
+from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
@@ -36,7 +36,7 @@ MOST_ITERATIONS = 300
 FORCE_FLOOR = 0.2
 """Force, as a fraction of the rms force, above which errors of the force count relative to the force."""
 
-ENERGY_WEIGHTS, RADIUS_WEIGHTS = weight_count(ENERGY_SIZES), weight_count(RADIUS_SIZES)
+ENERGY_WEIGHTS, RADIUS_WEIGHTS = weights_of(ENERGY_SIZES), weights_of(RADIUS_SIZES)
 
 
 class _OverStates:
@@ -80,7 +80,7 @@ def segment_function(scales: Scales, count: int) -> _OverStates:
 
 @lru_cache(maxsize=32)
 def radius_function(scales: Scales, count: int) -> _OverStates:
-    """Return the function with the radius (L3) of `count` states, and its Jacobian with respect to the weights."""
+    """Return the function with the radius (SL6) of `count` states, and its Jacobian with respect to the weights."""
     weights, length, contraction = ca.SX.sym("weights", RADIUS_WEIGHTS), ca.SX.sym("length"), ca.SX.sym("contraction")
     radius = learned.radius(scales, weights, length, contraction)
     jacobian = ca.densify(ca.jacobian(radius, weights))

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from scenes.language.errors import SceneError
 from scenes.studies.law.fitting import Fit, drawn, fit_energy, fit_radius, force_weights, radius_function
 from scenes.studies.law.free import BoolArray, Free, States, start
-from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weight_count
+from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weights_of
 from scenes.studies.law.prepared import EVEN_STEPS, Prepared
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -168,7 +168,7 @@ class _Fitter:
         _, found, own = fit_energy(self._scales, of, free, weights, penalty, holds_free=holds_free)
         self._done += 1
         self._tell(self._done)
-        return Fit(self._scales, found, np.zeros(weight_count(RADIUS_SIZES)), own)
+        return Fit(self._scales, found, np.zeros(weights_of(RADIUS_SIZES)), own)
 
     def radius(self, of: States, fit: Fit, penalty: float) -> Fit:
         """Return a law with the best radius of some random starts."""
