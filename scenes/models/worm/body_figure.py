@@ -11,7 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scenes.models.worm.overview import in_its_frame
+from scenes.models.worm.overview import in_its_frame, outlines
 from scenes.models.worm.view import scene_of, world_seen
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
@@ -64,7 +64,7 @@ def _bodies(
     """
     half, order = 0.5 * record["chamber_length"][row], (1, 0) if across == 2 else (0, 1)
     shapes = PolyCollection(
-        [r for side in order for r in _rhombi(joints, points, half[:, side], side, across)],
+        [r for side in order for r in _chambers(record, joints, points, half[:, side], side, across)],
         array=np.concatenate([record["contraction"][row, :, side] for side in order]),
         cmap=LinearSegmentedColormap.from_list("contraction", RAMP[::-1]),
         edgecolors="0.2",
@@ -124,8 +124,10 @@ def _beside(figure: Figure) -> Axes:
     return figure.add_axes((1.0 - 1.2 / wide, 0.5 - 0.5 * tall / high, 0.15 / wide, tall / high))
 
 
-def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int) -> FloatArray:
-    """Return the outlines of the chambers on one side (0 left, 1 right) as rhombi, shape (N, 4, 2).
+def _chambers(
+    record: Record, joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int
+) -> FloatArray:
+    """Return the outlines of the chambers on one side (0 left, 1 right), shape (N, C, 2) [m].
 
     Two corners are on the axis of the segment. In the side view (`across` = 2), the other two are the upper and the
     lower apex. In the top view, they are the outward apex and its mirror image.
@@ -135,7 +137,7 @@ def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int,
     edge = np.diff(joints, axis=0)
     reach = half[:, None] * edge / np.linalg.norm(edge, axis=1)[:, None]
     one, other = (above, below) if across == 2 else (outward, 2.0 * centre - outward)
-    return np.stack([centre - reach, one, centre + reach, other], axis=1)[:, :, [0, across]]
+    return outlines(record, centre - reach, one, centre + reach, other)[:, :, [0, across]]
 
 
 def _section(axes: Axes, record: Record, world: World | None, com: FloatArray, across: int) -> None:

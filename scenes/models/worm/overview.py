@@ -7,12 +7,16 @@ import math
 import numpy as np
 from PIL.Image import Image
 
+from scenes.models.worm.view import scene_of
 from scenes.records import overview
 from scenes.records.record import Record
+from worm3d.physics.segment_law_names import SEGMENT_LAWS
 from worm3d.values.arrays import FloatArray
 
 APEX_ROWS = ((0, 3), (1, 4), (2, 5))
 """Numbers of the lower, the upper and the outward apexes of a segment, each for the left and the right chamber."""
+ELLIPSE_CORNERS = 32
+"""Number of corners of the polygon that is drawn for an ellipse."""
 
 
 def draw(record: Record) -> Image:
@@ -23,8 +27,8 @@ def draw(record: Record) -> Image:
     below, above, outward = ([points[:, :, row] for row in rows] for rows in APEX_ROWS)
     tail, head = joints[:, :-1], joints[:, 1:]
     most = float(np.abs(record["contraction"]).max()) or 1.0
-    left, right = (np.stack([tail, above[k], head, below[k]], axis=2) for k in (0, 1))
-    flat = np.stack([tail, outward[0], head, outward[1]], axis=2)
+    left, right = (outlines(record, tail, above[k], head, below[k]) for k in (0, 1))
+    flat = outlines(record, tail, outward[0], head, outward[1])
     views = (
         overview.Side(
             "from its right: height [m]",
@@ -43,6 +47,20 @@ def draw(record: Record) -> Image:
     )
     moved = com - com[0]
     return overview.of_run(record, views, {"along the initial heading": moved[:, 0], "to its left": moved[:, 1]})
+
+
+def outlines(record: Record, tail: FloatArray, top: FloatArray, head: FloatArray, bottom: FloatArray) -> FloatArray:
+    """Return the outlines of segments in a view, shape (..., C, 3) [m]: rhombi, or ellipses for segments without links.
+
+    The arguments are the corners of the rhombi, or the ends of the axes of the ellipses, each of shape (..., 3) [m].
+    """
+    section = getattr(scene_of(record), "segment", None)
+    if section is None or SEGMENT_LAWS[section.kind].has_links:
+        return np.stack([tail, top, head, bottom], axis=-2)
+    angle = np.linspace(0.0, 2.0 * np.pi, ELLIPSE_CORNERS, endpoint=False)[:, None]
+    middle, along, across = (each[..., None, :] / 2.0 for each in (top + bottom, head - tail, top - bottom))
+    found: FloatArray = middle + np.cos(angle) * along + np.sin(angle) * across
+    return found
 
 
 def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:
