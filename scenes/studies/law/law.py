@@ -303,7 +303,7 @@ def _offset(prepared: Prepared, fit: Fit) -> float:
     if given is not None:
         return given
     if not len(prepared.bent):
-        return least / np.sqrt(2.0)
+        return float(least / np.sqrt(2.0))
     moment = prepared.bent[:, 3]
     bounds = least * np.array([0.01, 0.99])
     best = minimize_scalar(lambda b: float(np.sum((moment - _moment(prepared, fit, b)) ** 2)), bounds=bounds)
