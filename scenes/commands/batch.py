@@ -222,7 +222,7 @@ def law(
     moment_Nm, and stable (0 for crumpled shapes). A hoop cable that is taken in and let out has cable_mm and force_N.
     Facts: rest_length_m, rest_radius_m, plate_radius_m, chamber_offset_m, cable_per_diameter. Writes the law, an
     energy whose derivatives are force and volume, with its errors on held-out states, and a figure (PNG). A record of
-    cycles also gives the friction of the joints. Takes about 10 s.
+    cycles also gives the friction of the joints. Takes about 20 s.
     """
     from scenes.studies.law import command
 

@@ -179,9 +179,11 @@ def record_of(table: Table) -> Record | None:
     ways = ways_of(length)
     if len(ways) < 2 or len(length) < ROWS_PER_WAY * len(ways):
         return None
-    inputs, level = _levels(table.input)
+    thin = slice(None, None, -(-len(length) // MOST_ROWS))
+    length, force, ways = length[thin], columns["force"][thin], ways_of(length[thin])
+    inputs, level = _levels(table.input[thin])
     rest, kappa = table.facts.get("rest_length_m"), table.facts["cable_per_diameter"] if hoop else None
-    return Record(length, columns["force"], level, inputs, link, ways, rest, kappa)
+    return Record(length, force, level, inputs, link, ways, rest, kappa)
 
 
 def _link(table: Table) -> float | None:

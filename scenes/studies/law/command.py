@@ -146,8 +146,12 @@ def _sentences(law: Law) -> Iterable[str]:
             "The input lengthens the segment. The contraction is counted from the free length at the greatest input, "
             f"{1e3 * free.rest_length:.4g} mm."
         )
-    if not law.bending.any():
+    if law.moment_error is None:
         yield "The table has no bent states. The bending stiffness follows from the two chambers only."
+    else:
+        count = counted(len(law.prepared.bent), "bent state")
+        yield f"The moments of {count} have an rms error of {law.moment_error:.1%} of their rms."
+    yield f"The chambers are {1e3 * law.chamber_offset:.3g} mm from the axis."
 
 
 def _elastic(law: Law, cycle: Cycle) -> FloatArray:

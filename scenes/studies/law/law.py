@@ -52,6 +52,9 @@ STATE_WEIGHT = 3
 BAND = 0.2
 """Greatest force of the working band, as a fraction of the greatest force in the table."""
 
+HALF_DISC_CENTRE = 4.0 / (3.0 * np.pi)
+"""Distance of the centre of half a disc from the centre of the disc, over the radius."""
+
 SPREAD_RATIO = 3.0
 """Standard deviation between members that counts as known, over its median at the fitted states. Most of the fitted
 states are below it."""
@@ -75,6 +78,8 @@ class Law(ReadOnly):
     """Offset b of the chambers [m]."""
     bending: FloatArray
     """Coefficients of the bending stiffness, shape (6,) [N m]."""
+    moment_error: float | None
+    """Rms error of the moments of bent states over their rms, or None without bent states."""
 
     @property
     def states(self) -> States:
@@ -148,10 +153,12 @@ def make(prepared: Prepared, seed: int, tell: Callable[[int], None] = lambda don
     fit = fitter.radius(known, fit, radius_penalty)
     members = []
     for part, each in zip(parts, first[1:], strict=True):
-        own = fitter.energy(part, fit.free, penalty, each.energy, holds_free=True)
-        members.append(fitter.radius(part, own, radius_penalty))
+        begun = (each.energy, fit.energy)  # the first start alone sometimes ends in a bad minimum
+        tried = [fitter.energy(part, fit.free, penalty, start, holds_free=True) for start in begun]
+        members.append(fitter.radius(part, min(tried, key=lambda own: _cost(own, part)), radius_penalty))
     offset = _offset(prepared, fit)
-    return Law(prepared, fit, tuple(members), held_out, penalty, offset, _bending(prepared, fit, offset))
+    bending = _bending(prepared, fit, offset)
+    return Law(prepared, fit, tuple(members), held_out, penalty, offset, *bending)
 
 
 class _Fitter:
@@ -223,7 +230,7 @@ def _with_medians(known: States, fits: Sequence[Fit]) -> States:
     return States(both(known.length, length), both(known.input, level), both(known.force, force), unused, volume)
 
 
-FITS = PROBES * len(PENALTIES) + 2 * (1 + MEMBERS)
+FITS = PROBES * len(PENALTIES) + 2 + 3 * MEMBERS
 """Number of fits for a law."""
 
 
@@ -287,9 +294,10 @@ def domain(fit: Fit, states: States) -> tuple[tuple[float, float], float]:
 def _offset(prepared: Prepared, fit: Fit) -> float:
     """Return the offset of the chambers.
 
-    Without a given offset, the offset is the best one for the moments of bent states. A larger offset would need a
-    negative bending stiffness m, and the worm would buckle sideways. Without bent states, the offset is the least
-    radius in the domain over the square root of 2: two chambers then bend as stiffly as a round shell of this radius.
+    Without a given offset, the offset is the best one for the moments of bent states without a bending stiffness m. A
+    larger offset would need a negative m, and the worm would buckle sideways. Without bent states, the offset is the
+    distance of the centre of half a disc from the axis. There the pressure acts in a chamber that fills half of the
+    cross-section. The disc has the least radius in the domain.
     """
     (low, high), most = domain(fit, prepared.states)
     corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
@@ -303,7 +311,7 @@ def _offset(prepared: Prepared, fit: Fit) -> float:
     if given is not None:
         return given
     if not len(prepared.bent):
-        return float(least / np.sqrt(2.0))
+        return HALF_DISC_CENTRE * least
     moment = prepared.bent[:, 3]
     bounds = least * np.array([0.01, 0.99])
     best = minimize_scalar(lambda b: float(np.sum((moment - _moment(prepared, fit, b)) ** 2)), bounds=bounds)
@@ -322,13 +330,13 @@ def _radius(fit: Fit, length: FloatArray, contraction: FloatArray) -> FloatArray
     return radius_function(fit.scales, len(length))(fit.radius, length, contraction)[0][:, 0, 0]
 
 
-def _bending(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
-    """Return the coefficients of the bending stiffness, the best ones for the moments of bent states.
+def _bending(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, float | None]:
+    """Return the coefficients of the bending stiffness for the moments of bent states, and the moments' error.
 
     The moment is b (U'(l + b th) - U'(l - b th)) + m(x, y) th. Without bent states, m is 0.
     """
     if not len(prepared.bent):
-        return np.zeros(6)
+        return np.zeros(6), None
     length, level, bend, moment = prepared.bent.T
     rest = moment - _moment(prepared, fit, offset)
     s = fit.scales
@@ -336,7 +344,7 @@ def _bending(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
     y = (fit.free.contraction(level) - s.y_mid) / s.y_half
     terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
     found: FloatArray = np.linalg.lstsq(terms * bend[:, None], rest, rcond=None)[0]
-    return found
+    return found, _rms(terms @ found * bend - rest) / _rms(moment)
 
 
 def content(law: Law) -> dict[str, Any]:
