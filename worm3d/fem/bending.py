@@ -291,14 +291,19 @@ def _solved(
 ) -> Iterator[tuple[int, BentState]]:
     """Yield the index and the equilibrium of each condition, each started from the nearest one before.
 
-    The first start is the segment at rest length under the greatest pressure. Under less pressure, a segment that
-    becomes shorter crumples.
+    The first start is the segment at rest length under the greatest pressure, or at rest if there is no such
+    equilibrium. Under less pressure, a segment that becomes shorter crumples.
     """
-    inflated = Condition(model.segment.rest_length, 0.0, max(each.pressure_Pa for each in conditions))
-    points = np.array([inflated, *conditions])
+    begin = Condition(model.segment.rest_length, 0.0, max(each.pressure_Pa for each in conditions))
+    inflated: BentState | None
+    try:
+        inflated = equilibrium(model, begin)
+    except NoEquilibriumError:
+        begin, inflated = begin._replace(pressure_Pa=0.0), None
+    points = np.array([begin, *conditions])
     points /= np.maximum(np.abs(points).max(axis=0), np.finfo(float).tiny)
     distance = np.linalg.norm(points[:, None] - points, axis=-1)
-    reached = {0: equilibrium(model, inflated, None)}
+    reached = {0: inflated}
     left = list(range(1, len(points)))
     while left:
         near = distance[np.ix_(list(reached), left)]
