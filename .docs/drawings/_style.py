@@ -151,7 +151,8 @@ def _segment() -> ca.Function:
     forward, left = ca.DM([1.0, 0.0, 0.0]), ca.DM([0.0, 1.0, 0.0])
     f = elements.frame(head - tail, roll, ca.SX(forward), ca.SX(left))
     chambers = elements.chamber_lengths(f.length, bend, offset)
-    points = elements.apexes((tail + head) / 2.0, f, chambers, link, offset)
+    heights = [elements.half_height(link, chamber) for chamber in chambers]
+    points = elements.apexes((tail + head) / 2.0, f, [(h, offset + h) for h in heights], offset)
     given = [tail, head, roll, bend, link, offset]
     return ca.Function("segment", given, [f.length, f.t, f.d, f.u, ca.vertcat(*chambers), ca.horzcat(*points)])
 
