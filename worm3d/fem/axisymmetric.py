@@ -31,10 +31,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvalsh
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from worm3d.fem.description import Segment
+from worm3d.fem.potential import Assembly, Potential
 from worm3d.values.arrays import FloatArray
 
 try:
@@ -102,18 +103,13 @@ class Wall:
         self.fields = tuple(Field(scalar.doflocs, dofs, scalar) for dofs in basis.split_indices())
         self.fields += (Field(linear.doflocs, basis.N + np.arange(linear.N), linear),)
 
-        self._dofs = np.vstack([basis.element_dofs, basis.N + multipliers.element_dofs]).T
-        self._operator = _strain_operator(basis, multipliers)
-        radius, s = basis.global_coordinates()[0], of_places.global_coordinates()[0]
-        self._weights = 4.0 * np.pi * radius * basis.dx  # 2 pi R for the ring, and twice for both halves
-        tangents = segment.profile.meridian(s.ravel())[1]
-        self._parameters = np.stack([*tangents, radius.ravel()])
-        self._density = _density(segment).map(radius.size)
+        self._energy = _energy(segment, basis, multipliers, of_places.global_coordinates()[0])
 
         def facets(axis: int, value: float) -> Any:
             return flat.facets_satisfying(lambda x: np.isclose(x[axis], value), boundaries_only=True)
 
-        self._inside = _InnerSurface(FacetBasis(self._mesh, vector, facets=facets(1, -1.0)))
+        self._inside = _volume(FacetBasis(self._mesh, vector, facets=facets(1, -1.0)))
+        self._assemblies = [Assembly([each.unknowns], self.size) for each in (self._energy, self._inside)]
         middle, plate = basis.get_dofs(facets(0, 0.0)), basis.get_dofs(facets(0, 1.0))
         self.plate_z = plate.all("u^2") if "z" in held else np.zeros(0, dtype=int)
         fixed = [middle.all("u^2"), self.plate_z, plate.all("u^1") if "r" in held else []]
@@ -128,7 +124,7 @@ class Wall:
         self.rest_volume = self.volume(np.zeros(self.size))[0]
         modulus = segment.rubber.shear_modulus
         self.scale = np.where(np.arange(self.size) < basis.N, segment.thickness_m, modulus)
-        self.energy_unit = modulus * float(self._weights.sum())
+        self.energy_unit = modulus * float(self._energy.weight.sum())
 
     def energy(self, x: FloatArray) -> tuple[float, FloatArray, csc_matrix]:
         """Return the strain energy with the constraint [J], and its derivatives of first and second order.
@@ -138,27 +134,16 @@ class Wall:
         x : ndarray, shape (size,)
             Displacements [m], then multipliers [Pa].
         """
-        B, w = self._operator, self._weights
-        strains = np.einsum("eqij,ej->ieq", B, x[self._dofs])
-        found = self._density(strains.reshape(6, -1), self._parameters)
-        density, first, second = (each.full() for each in found)
-        first = first.reshape(6, *w.shape) * w
-        second = second.reshape(6, *w.shape, 6).transpose(1, 2, 0, 3) * w[:, :, None, None]
-        elements, unknowns = self._dofs.shape
-        local = B.reshape(elements, -1, unknowns).transpose(0, 2, 1) @ (second @ B).reshape(elements, -1, unknowns)
-        forces = np.einsum("eqij,ieq->ej", B, first)
-        gradient = _gathered(self._dofs, forces, self.size)
-        return float((density.ravel() * w.ravel()).sum()), gradient, self._assembled(self._dofs, local)
+        return self._summed(self._energy, self._assemblies[0], x)
 
     def volume(self, x: FloatArray) -> tuple[float, FloatArray, csc_matrix]:
         """Return the enclosed volume (A2) [m^3], and its derivatives of first and second order."""
-        volume, forces, local = self._inside.volume(x)
-        gradient = _gathered(self._inside.dofs, forces, self.size)
-        return volume + self._disc, gradient, self._assembled(self._inside.dofs, local)
+        volume, gradient, curvature = self._summed(self._inside, self._assemblies[1], x)
+        return volume + self._disc, gradient, curvature
 
-    def _assembled(self, dofs: NDArray[np.intp], local: FloatArray) -> csc_matrix:
-        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size)).tocsc()
+    def _summed(self, part: Potential, assembly: Assembly, x: FloatArray) -> tuple[float, FloatArray, csc_matrix]:
+        gradient, hessian = part.derivatives(x)
+        return part.value(x), assembly.vector([gradient]), assembly.matrix([hessian])
 
     def radius(self, x: FloatArray) -> float:
         """Return the greatest outer radius [m]."""
@@ -175,69 +160,51 @@ class Wall:
         return corners + moved, self._mesh.t
 
 
-class _InnerSurface:
-    """Volume (A2) inside the inner surface, both halves."""
+def _energy(segment: Segment, basis: Any, multipliers: Any, s: FloatArray) -> Potential:
+    """Return the integral of (A1) over both halves, without pressure and cable. s: position along the meridian.
 
-    def __init__(self, basis: Any) -> None:
-        normal_r, normal_z = basis.normals
-        tangent = np.stack([normal_z, -normal_r])  # the normal of the wall points to the axis, the tangent to the plate
-        value = np.array([np.asarray(each[0])[0] for each in basis.basis])
-        slope = np.array([np.einsum("dfq,dfq->fq", each[0].grad[1], tangent) for each in basis.basis])
-        self.dofs = basis.element_dofs.T
-        self._radius, self._rise = basis.global_coordinates()[0], tangent[1]
-        self._value, self._slope = value.transpose(1, 2, 0), slope.transpose(1, 2, 0)
-        self._weights = 2.0 * np.pi * basis.dx
-
-    def volume(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return the volume [m^3], its derivatives by the unknowns of each facet, and its second derivatives."""
-        N, S, w = self._value, self._slope, self._weights
-        local = x[self.dofs]
-        r = self._radius + np.einsum("fqj,fj->fq", N, local)
-        rise = self._rise + np.einsum("fqj,fj->fq", S, local)
-        forces = np.einsum("fq,fqj->fj", 2.0 * w * r * rise, N) + np.einsum("fq,fqj->fj", w * r**2, S)
-        mixed = np.einsum("fq,fqi,fqj->fij", 2.0 * w * r, N, S)
-        second = np.einsum("fq,fqi,fqj->fij", 2.0 * w * rise, N, N) + mixed + mixed.transpose(0, 2, 1)
-        return float((w * r**2 * rise).sum()), forces, second
-
-
-def _strain_operator(basis: Any, multipliers: Any) -> FloatArray:
-    """Return the matrices from the unknowns of an element to (du_r/dR, du_r/dZ, du_z/dR, du_z/dZ, u_r/R, q).
-
-    The shape is (elements, points, 6, unknowns).
+    Local variables are du_r/dR, du_r/dZ, du_z/dR, du_z/dZ, u_r/R and q. Constants are the tangent of the meridian
+    (r, z) and the radius at rest.
     """
     radius = basis.global_coordinates()[0]
     zero = np.zeros_like(radius)
     columns = [[*each[0].grad.reshape(4, *radius.shape), np.asarray(each[0])[0] / radius, zero] for each in basis.basis]
     columns += [[zero] * 5 + [np.broadcast_to(np.asarray(each[0]), radius.shape)] for each in multipliers.basis]
+    e, c = ca.SX.sym("e", 6), ca.SX.sym("c", 3)
+    F = ca.SX(3, 3)  # entries that are not set stay structural zeros
+    F[0, 0], F[0, 1], F[1, 0], F[1, 1], F[2, 2] = 1.0 + e[0], e[1], e[2], 1.0 + e[3], 1.0 + e[4]
+    J = (F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]) * F[2, 2]
+    strain = segment.density(F.T @ F, ca.vertcat(c[0], c[1], 0.0), ca.DM([0.0, 0.0, 1.0]), c[2])
+    density = strain + segment.rubber.constraint(J, e[5])
+    dofs = np.vstack([basis.element_dofs, basis.N + multipliers.element_dofs]).T
+    given = np.stack([*segment.profile.meridian(s.ravel())[1].reshape(2, *s.shape), radius])
+    ring = 4.0 * np.pi * radius * basis.dx  # 2 pi R for the ring, and twice for both halves
+    return Potential(density, e, c, _operator(columns), dofs, ring, given)
+
+
+def _volume(basis: Any) -> Potential:
+    """Return (A2) for both halves. Local variables are u_r and du_z/ds, constants the radius at rest and dZ/ds."""
+    normal_r, normal_z = basis.normals
+    tangent = np.stack([normal_z, -normal_r])  # the normal of the wall points to the axis, the tangent to the plate
+    columns = [[np.asarray(each[0])[0], np.einsum("dfq,dfq->fq", each[0].grad[1], tangent)] for each in basis.basis]
+    e, c = ca.SX.sym("e", 2), ca.SX.sym("c", 2)
+    given = np.stack([basis.global_coordinates()[0], tangent[1]])
+    density = (c[0] + e[0]) ** 2 * (c[1] + e[1])
+    return Potential(density, e, c, _operator(columns), basis.element_dofs.T, 2.0 * np.pi * basis.dx, given)
+
+
+def _operator(columns: list[list[FloatArray]]) -> FloatArray:
+    """Return the matrices from unknowns to local variables, shape (elements, points, variables, unknowns).
+
+    `columns` contains the local variables at all points, shape (elements, points), for a unit of each unknown.
+    """
     return np.ascontiguousarray(np.array(columns).transpose(2, 3, 1, 0))
-
-
-def _gathered(dofs: NDArray[np.intp], local: FloatArray, size: int) -> FloatArray:
-    """Return the sums of the local values of each unknown, shape (size,)."""
-    summed = np.zeros(size)
-    np.add.at(summed, dofs, local)
-    return summed
 
 
 def graded(along: int) -> FloatArray:
     """Return positions of elements along the meridian, with smaller elements close to the plate (`GRADING`)."""
     places: FloatArray = 1.0 - (1.0 - np.linspace(0.0, 1.0, along + 1)) ** GRADING
     return places
-
-
-def _density(segment: Segment) -> ca.Function:
-    """Return the function from strains and parameters to the density of (A1), its gradient and its second derivative.
-
-    Strains are those of `_strain_operator`; parameters are the tangent of the meridian (r, z) and the radius at rest.
-    """
-    e, parameters = ca.SX.sym("e", 6), ca.SX.sym("parameters", 3)
-    F = ca.SX(3, 3)  # entries that are not set stay structural zeros
-    F[0, 0], F[0, 1], F[1, 0], F[1, 1], F[2, 2] = 1.0 + e[0], e[1], e[2], 1.0 + e[3], 1.0 + e[4]
-    meridian, hoop = ca.vertcat(parameters[0], parameters[1], 0.0), ca.DM([0.0, 0.0, 1.0])
-    J = (F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]) * F[2, 2]
-    W = segment.density(F.T @ F, meridian, hoop, parameters[2]) + segment.rubber.constraint(J, e[5])
-    hessian, gradient = ca.hessian(W, e)
-    return ca.Function("density", [e, parameters], ca.cse([W, gradient, ca.densify(hessian)]))
 
 
 @dataclass(frozen=True, eq=False)

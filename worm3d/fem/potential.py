@@ -44,7 +44,7 @@ class Potential:
         given: FloatArray,
     ) -> None:
         hessian, gradient = ca.hessian(density, local)
-        results = [gradient, ca.reshape(hessian, -1, 1)]
+        results = ca.cse([gradient, ca.densify(ca.reshape(hessian, -1, 1))])
         self._value = ca.Function("value", [local, constant], [density]).map(weight.size)
         self._derivatives = ca.Function("derivatives", [local, constant], results).map(weight.size)
         self.unknowns, self.weight, self.shape = unknowns, weight, B.shape

@@ -15,7 +15,6 @@ from scenes.records.folder import disc_errors, made, written_whole
 from scenes.running.drawing import save_figure
 from scenes.running.terminal import counted, progress
 from worm3d.fem.description import Segment, parse
-from worm3d.values.arrays import FloatArray
 
 try:
     from worm3d.fem import pictures, table
@@ -72,9 +71,12 @@ def run(segment: str, out: Path, options: Options) -> int:
     except ValueError as wrong:
         raise SceneError(f"{segment}: {wrong}") from wrong
     found_error = _checked(described, result, options)
-    _write(out, described, result, options, found_error)
+    bent = _bent(described, result, options)
+    _write(out, described, result, bent, options, found_error)
     if not options.quiet:
         _report(out, result, found_error, perf_counter() - began)
+        if options.bending:
+            typer.echo(f"{len(bent)} of {counted(options.bending, 'bent state')} found")
     return 0
 
 
@@ -127,27 +129,28 @@ def _checked(segment: Segment, result: Progress, options: Options) -> float:
         return mesh_error(result.rows, Wall(segment, 2 * along, 2 * across), show)
 
 
-def _bent(segment: Segment, result: Progress, options: Options) -> dict[str, FloatArray]:
-    """Return the columns of states with bent plates; no columns without such states."""
-    if not options.bending:
-        return {}
+def _bent(segment: Segment, result: Progress, options: Options) -> list[dict[str, float]]:
+    """Return the rows of states with bent plates; states without an equilibrium are left out."""
     stable = [row.state for row in result.rows if row.stable]
     peak = max(abs(state.force) for state in stable)
     low, high = (share * peak for share in BENT_FORCES)
     straight = [(state.length, state.input) for state in stable if low <= state.force <= high and state.input > 0.0]
+    if not (options.bending and straight):
+        return []
     with progress("bent states", options.bending, quiet=options.quiet, what="state") as show:
         done = count(1)
-        rows = bent_states(segment, with_bends(straight, options.bending), report=lambda _: show(next(done)))
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return bent_states(segment, with_bends(straight, options.bending), report=lambda _: show(next(done)))
 
 
-def _write(out: Path, segment: Segment, result: Progress, options: Options, error: float) -> None:
+def _write(
+    out: Path, segment: Segment, result: Progress, bent: list[dict[str, float]], options: Options, error: float
+) -> None:
     along, across = options.mesh
-    rows, bent = table.columns(result.rows), _bent(segment, result, options)
-    rows = {name: np.concatenate([column, bent.get(name, column[:0])]) for name, column in rows.items()}
+    rows = {name: np.append(column, [row[name] for row in bent]) for name, column in table.columns(result.rows).items()}
     source = (
         f"worm3d fem: axisymmetric finite elements (Q2/Q1), {along} x {across} elements of half of the segment, "
-        f"farthest-point states; {counted(len(result.stopped), 'state')} not reached"
+        f"farthest-point states; {counted(len(result.stopped), 'state')} not reached; "
+        f"{counted(len(bent), 'bent state')} of a quarter model"
     )
     with written_whole(out) as part, disc_errors(out):
         table.write(part, segment, rows, source, error)
