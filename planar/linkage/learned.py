@@ -31,7 +31,7 @@ SCALES = ("x_mid", "x_half", "y_mid", "y_half", "energy_J", "radius_mid_m", "rad
 
 @dataclass(frozen=True, eq=False)
 class Learned(ReadOnly):
-    """A segment law from a file (S2). Instances are validated and cannot be changed.
+    """A segment law from a file (PL2). Instances are validated and cannot be changed.
 
     Raises
     ------

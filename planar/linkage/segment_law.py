@@ -4,8 +4,8 @@ In the plane, both chambers of a segment coincide. A segment has the length l, t
 length l_cmd = l0 (1 - c) and the half-height h, and s = 1 - l/l_cmd. The segment laws are
 
     rhombus     U = s^2 k l0/2                     h = sqrt(a^2 - l^2/4), and apex hinges (`planar.linkage`)
-    hydrostat   U = s^2 k l0/2                     h = h0 sqrt(l0/l), constant volume                        (S1)
-    learned     U = s^2 (k l0/2 + 2 E N_U(x, y))   h = R_mid + R_scale N_R(x, y)                             (S2)
+    hydrostat   U = s^2 k l0/2                     h = h0 sqrt(l0/l), constant volume                        (PL1)
+    learned     U = s^2 (k l0/2 + 2 E N_U(x, y))   h = R_mid + R_scale N_R(x, y)                             (PL2)
                 x = (l/l0 - x_mid)/x_half          y = (c - y_mid)/y_half
 
 N_U and N_R are feed-forward networks with the activation f(v) = v/sqrt(1 + v^2) and with 6 neurons in each hidden
@@ -43,7 +43,7 @@ class SegmentLaw(NamedTuple):
     half_height: FloatArray
     """(N,) h0."""
     scales: FloatArray
-    """(7,) x_mid, x_half, y_mid, y_half, E, R_mid and R_scale of (S2)."""
+    """(7,) x_mid, x_half, y_mid, y_half, E, R_mid and R_scale of (PL2)."""
     energy: FloatArray
     """(67,) weights of N_U."""
     radius: FloatArray
@@ -80,7 +80,7 @@ def network(
 
 @njit
 def _scaled(length: float, l_cmd: float, law: SegmentLaw) -> tuple[float, float]:
-    """Return x and y of (S2)."""
+    """Return x and y of (PL2)."""
     scales = law.scales
     return (length / law.l0 - scales[0]) / scales[1], (1.0 - l_cmd / law.l0 - scales[2]) / scales[3]
 

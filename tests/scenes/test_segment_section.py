@@ -6,11 +6,14 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import worm_of
+from scenes.models.worm.overview import outlines
 from scenes.running.runner import simulate
 from worm3d import Hydrostat, Learned, Rhombus
 
@@ -67,9 +70,30 @@ def test_a_scene_with_a_law_runs(folder: Path) -> None:
     assert outcome.summary["energy_balance_error"] < 1e-12
 
 
+@pytest.mark.parametrize(("kind", "corners"), [("rhombus", 4), ("hydrostat", 32)])
+def test_outlines_reach_from_joint_to_joint_and_from_apex_to_apex(kind: str, corners: int) -> None:
+    run = simulate(load_scene("flat", (*SHORT, f"segment.kind={kind}")))
+    joints, points = run["joints"][-1], run["points"][-1]
+    drawn = outlines(run, joints[:-1], points[:, 1], joints[1:], points[:, 0])
+    assert drawn.shape == (6, corners, 3)
+    for end in (joints[:-1], joints[1:], points[:, 1], points[:, 0]):
+        away = np.linalg.norm((drawn - end[:, None])[..., [0, 2]], axis=2).min(axis=1)
+        assert_allclose(away, 0.0, atol=1e-3 * (kind == "hydrostat"))
+
+
+def test_a_controller_of_a_law_with_small_strokes_gets_a_sentence() -> None:
+    learned = ("segment.kind=learned", "segment.file=barrel.json")
+    with pytest.raises(SceneError, match=r"contract its chambers by 0.4, must be at most the stroke, 0.2701; choose"):
+        simulate(load_scene("path_line", (*SHORT, *learned)))
+
+
 @pytest.mark.parametrize(
     ("overrides", "sentence"),
     [
+        (
+            ("segment.kind=learned", "segment.file=barrel.json", "gait.amplitude=0.3"),
+            r"gait.amplitude: got 0.3, must be at most 0.27",
+        ),
         (("segment.kind=learned",), r"segment.kind: must name the file of a law that 'worm3d law' wrote"),
         (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
         (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),

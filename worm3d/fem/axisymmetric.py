@@ -3,17 +3,17 @@
 The mesh has one half of the segment, by symmetry. Displacements u = (u_r, u_z) are biquadratic, and the multiplier q of
 the volume is bilinear (Q2/Q1). F is the deformation gradient, whose entry around the axis is 1 + u_r/R, and J = det F:
 
-    Pi(u, q; l, p) = integral of (W(C) + q (J - 1) - q^2/(2 bulk)) dV  -  p V(u) + T l,                (A1)
-    V(u) = integral along the inner surface of pi r^2 dz,                                              (A2)
+    Pi(u, q; l, p) = integral of (W(C) + q (J - 1) - q^2/(2 bulk)) dV  -  p V(u) + T l,                (FA1)
+    V(u) = integral along the inner surface of pi r^2 dz,                                              (FA2)
 
 with pressure p and tension T of a cable along the axis. Energies and forces are those of the whole segment. The plates
 hold u_z = (l - l0)/2 at the edge of the wall, and V includes the volume up to the plate. Thus the thrust of the
 pressure on the plates is included, and the tangent is symmetric. At equilibrium
 
-    force = dPi/dl,   V = -dPi/dp.                                                                     (A3)
+    force = dPi/dl,   V = -dPi/dp.                                                                     (FA3)
 
-A state is stable if the tangent, on displacements that keep the volume, has no negative eigenvalue. The tangent of (A1)
-has one negative eigenvalue for each unknown of q. Each further negative eigenvalue is an unstable direction
+A state is stable if the tangent, on displacements that keep the volume, has no negative eigenvalue. The tangent of
+(FA1) has one negative eigenvalue for each unknown of q. Each further negative eigenvalue is an unstable direction
 (Sylvester's law of inertia).
 
 Sources: Simo, Taylor, Pister, Comput. Methods Appl. Mech. Eng. 51:177 (1985) for the mixed form; Bonet and Wood,
@@ -137,7 +137,7 @@ class Wall:
         return self._summed(self._energy, self._assemblies[0], x)
 
     def volume(self, x: FloatArray) -> tuple[float, FloatArray, csc_matrix]:
-        """Return the enclosed volume (A2) [m^3], and its derivatives of first and second order."""
+        """Return the enclosed volume (FA2) [m^3], and its derivatives of first and second order."""
         volume, gradient, curvature = self._summed(self._inside, self._assemblies[1], x)
         return volume + self._disc, gradient, curvature
 
@@ -161,7 +161,7 @@ class Wall:
 
 
 def _energy(segment: Segment, basis: Any, multipliers: Any, s: FloatArray) -> Potential:
-    """Return the integral of (A1) over both halves, without pressure and cable. s: position along the meridian.
+    """Return the integral of (FA1) over both halves, without pressure and cable. s: position along the meridian.
 
     Local variables are du_r/dR, du_r/dZ, du_z/dR, du_z/dZ, u_r/R and q. Constants are the tangent of the meridian
     (r, z) and the radius at rest.
@@ -183,7 +183,7 @@ def _energy(segment: Segment, basis: Any, multipliers: Any, s: FloatArray) -> Po
 
 
 def _volume(basis: Any) -> Potential:
-    """Return (A2) for both halves. Local variables are u_r and du_z/ds, constants the radius at rest and dZ/ds."""
+    """Return (FA2) for both halves. Local variables are u_r and du_z/ds, constants the radius at rest and dZ/ds."""
     normal_r, normal_z = basis.normals
     tangent = np.stack([normal_z, -normal_r])  # the normal of the wall points to the axis, the tangent to the plate
     columns = [[np.asarray(each[0])[0], np.einsum("dfq,dfq->fq", each[0].grad[1], tangent)] for each in basis.basis]
@@ -241,12 +241,12 @@ class State:
 
     @property
     def potential(self) -> float:
-        """Potential (A1) [J]."""
+        """Potential (FA1) [J]."""
         return self.parts[0] + (self.input * self.length if self.is_cable else 0.0)
 
     @property
     def force(self) -> float:
-        """Axial force that holds the length (A3), positive in tension [N]."""
+        """Axial force that holds the length (FA3), positive in tension [N]."""
         return float(self.parts[1][self.wall.plate_z].sum()) / 2.0 + (self.input if self.is_cable else 0.0)
 
     @property

@@ -3,30 +3,30 @@
 Rubber keeps its volume. The density depends on the isochoric tensor C' = det(C)^(-1/3) C, so that the pressure-like
 multiplier q alone carries the change of volume J = sqrt(det C):
 
-    W(C) + q (J - 1) - q^2 / (2 bulk)                                                                  (M1)
+    W(C) + q (J - 1) - q^2 / (2 bulk)                                                                  (FM1)
 
 An infinite bulk modulus gives J = 1 exactly. With the invariants I1 = tr C' and I2 = tr C'^-1 the densities are
 
-    neo-Hookean   W = mu/2 (I1 - 3)                                                                    (M2)
-    Yeoh          W = sum over i of c_i (I1 - 3)^i,  i = 1, 2, 3                                       (M3)
-    Ogden         W = sum over i of mu_i/alpha_i (tr C'^(alpha_i/2) - 3)                               (M4)
+    neo-Hookean   W = mu/2 (I1 - 3)                                                                    (FM2)
+    Yeoh          W = sum over i of c_i (I1 - 3)^i,  i = 1, 2, 3                                       (FM3)
+    Ogden         W = sum over i of mu_i/alpha_i (tr C'^(alpha_i/2) - 3)                               (FM4)
 
-The trace of (M4) is the sum of the powers alpha_i of the principal stretches. Principal stretches have no finite
+The trace of (FM4) is the sum of the powers alpha_i of the principal stretches. Principal stretches have no finite
 derivatives where two of them are equal. `power_trace` therefore uses the invariants. For 0 < r < 1
 
-    x^r = sin(pi r)/pi * integral over t from -1 to 1 of 2 x (1 - t)^(r-1) (1 + t)^(-r) / ((1 - t) + x (1 + t))   (M5)
+    x^r = sin(pi r)/pi * integral over t from -1 to 1 of 2 x (1 - t)^(r-1) (1 + t)^(-r) / ((1 - t) + x (1 + t))   (FM5)
 
 by Gauss-Jacobi quadrature, and the trace of each rational term is a ratio of polynomials in I1 and I2.
 
 A family of fibres with the unit direction a0 in the body at rest has the stretch lambda = sqrt(a0 . C a0). The energy
 of a metre of one fibre at rest is
 
-    w = k/2 (lambda - 1)^2,                                                                            (M6)
+    w = k/2 (lambda - 1)^2,                                                                            (FM6)
 
 or zero for lambda < 1 if the fibres carry tension only. A square metre of wall has w times the fibres per metre.
 
 Sources: Holzapfel, Nonlinear Solid Mechanics (2000), chapter 6; Yeoh, Rubber Chem. Technol. 66:754 (1993); Ogden, Proc.
-R. Soc. A 326:565 (1972); (M5) is the integral of Hale, Higham, Trefethen, SIAM J. Numer. Anal. 46:2505 (2008),
+R. Soc. A 326:565 (1972); (FM5) is the integral of Hale, Higham, Trefethen, SIAM J. Numer. Anal. 46:2505 (2008),
 equation 1.1, with the substitution x = (1 - t)/(1 + t).
 """
 
@@ -46,11 +46,11 @@ from worm3d.values import arguments
 from worm3d.values.parameters import check, documented, parameter
 
 POWER_NODES = 16
-"""Number of quadrature nodes of (M5). The relative error is below 1e-9 for principal stretches from 0.35 to 2.8. Half
+"""Number of quadrature nodes of (FM5). The relative error is below 1e-9 for principal stretches from 0.35 to 2.8. Half
 as many nodes give 2e-5 there, twice as many give 1e-13 at twice the cost."""
 GREATEST_EXPONENT = 10.0
 """Largest size of an Ogden exponent. Published rubbers have exponents of at most 6 or so; larger exponents amplify the
-rounding errors of (M5)."""
+rounding errors of (FM5)."""
 TENSION_ONSET = 5e-3
 """Range of strain over which the stiffness of fibres in tension grows from zero to its full value. Half of the range is
 the strain that fibres lose. With a fifth of the range, Newton's method fails in some states of the shipped barrel that
@@ -60,7 +60,7 @@ folds; twice the range saves no steps."""
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Rubber:
-    """Base of the rubbers: the constraint of volume (M1)."""
+    """Base of the rubbers: the constraint of volume (FM1)."""
 
     bulk_modulus_Pa: float = parameter(
         math.inf, "bulk modulus; infinite for exact incompressibility", "Pa", gt=0.0, infinite=True, left_out="infinite"
@@ -92,14 +92,14 @@ class Rubber:
         return self.isochoric(trace * volume ** (-1.0 / 3.0), minors * volume ** (-2.0 / 3.0))
 
     def constraint(self, J: Any, q: Any) -> Any:
-        """Return the term of the multiplier in (M1) [J/m^3]. J: change of volume, q: multiplier [Pa]."""
+        """Return the term of the multiplier in (FM1) [J/m^3]. J: change of volume, q: multiplier [Pa]."""
         return q * (J - 1.0) - q**2 / (2.0 * self.bulk_modulus_Pa)
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class NeoHookean(Rubber):
-    """Neo-Hookean rubber, (M2)."""
+    """Neo-Hookean rubber, (FM2)."""
 
     shear_modulus_Pa: float = parameter(meaning="shear modulus mu", unit="Pa", gt=0.0)
 
@@ -109,14 +109,14 @@ class NeoHookean(Rubber):
         return self.shear_modulus_Pa
 
     def isochoric(self, I1: Any, I2: Any) -> Any:
-        """Return (M2) [J/m^3]."""
+        """Return (FM2) [J/m^3]."""
         return self.shear_modulus_Pa / 2.0 * (I1 - 3.0)
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Yeoh(Rubber):
-    """Yeoh rubber, (M3). The shear modulus at rest is 2 c1."""
+    """Yeoh rubber, (FM3). The shear modulus at rest is 2 c1."""
 
     c1_Pa: float = parameter(meaning="first coefficient, half of the shear modulus", unit="Pa", gt=0.0)
     c2_Pa: float = parameter(0.0, "second coefficient; slightly negative for softening rubber", "Pa")
@@ -138,7 +138,7 @@ class Yeoh(Rubber):
         return 2.0 * self.c1_Pa
 
     def isochoric(self, I1: Any, I2: Any) -> Any:
-        """Return (M3) [J/m^3]."""
+        """Return (FM3) [J/m^3]."""
         x = I1 - 3.0
         return x * (self.c1_Pa + x * (self.c2_Pa + x * self.c3_Pa))
 
@@ -146,7 +146,7 @@ class Yeoh(Rubber):
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Ogden(Rubber):
-    """Ogden rubber, (M4). The shear modulus at rest is half of the sum of mu_i alpha_i.
+    """Ogden rubber, (FM4). The shear modulus at rest is half of the sum of mu_i alpha_i.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class Ogden(Rubber):
         return sum(mu * alpha for mu, alpha in zip(self.moduli_Pa, self.exponents, strict=True)) / 2.0
 
     def isochoric(self, I1: Any, I2: Any) -> Any:
-        """Return (M4) [J/m^3]."""
+        """Return (FM4) [J/m^3]."""
         terms = zip(self.moduli_Pa, self.exponents, strict=True)
         return sum(mu / alpha * (power_trace(I1, I2, alpha / 2.0) - 3.0) for mu, alpha in terms)
 
@@ -201,7 +201,7 @@ RUBBERS: Mapping[str, type[Rubber]] = MappingProxyType({"neo-Hookean": NeoHookea
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Fibres:
-    """A family of fibres in the wall, (M6).
+    """A family of fibres in the wall, (FM6).
 
     Fibres at an angle between 0 and 90 degrees are helical; half of them wind the other way, so that the wall does not
     twist. Fibres do not end within the wall: where the radius is smaller, fibres of an angle below 90 degrees are
@@ -240,7 +240,7 @@ class Fibres:
         return self.per_m * mean / (narrowing if self.angle_deg < 90.0 else 1.0)
 
     def energy(self, C: Any, direction: Any) -> Any:
-        """Return the energy of a metre of one fibre at rest, (M6) [J/m]. direction: unit vector a0, shape (3, 1)."""
+        """Return the energy of a metre of one fibre at rest, (FM6) [J/m]. direction: unit vector a0, shape (3, 1)."""
         strain = ca.sqrt(ca.bilin(C, direction, direction)) - 1.0
         if not self.tension_only:
             return self.stiffness_N / 2.0 * strain**2

@@ -4,7 +4,7 @@ A valve connects the chamber to a supply or to the room. The pressure approaches
 time constant, and the pressure of the room with another. Venting is usually slower, because the pressure drop over the
 valve is smaller. The actuator applies the time constants to the free contraction a:
 
-    a' = (command - a)/fill if command > a, else (command - a)/vent                                       (V1)
+    a' = (command - a)/fill if command > a, else (command - a)/vent                                       (FV1)
 
 For a segment law from finite elements or a test bench, the free contraction determines the pressure. Unlike
 `worm3d.physics.pneumatic.Pneumatic`, the time constants do not depend on the volume of the chamber.
@@ -25,7 +25,7 @@ from worm3d.values.parameters import documented, parameter
 class FillAndVent(Actuator, name="fill_and_vent"):
     """Rest length and force of a chamber follow the commands with one lag to grow and with another lag to fall.
 
-    The command is limited to `least` and `greatest`. The solution of (V1) is exact for a command that changes linearly
+    The command is limited to `least` and `greatest`. The solution of (FV1) is exact for a command that changes linearly
     over the step and stays on one side of the contraction.
     """
 

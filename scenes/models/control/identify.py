@@ -104,10 +104,6 @@ class Steady:
 def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, skipped: int) -> Steady:
     """Simulate `waves` waves with constant parameters on level ground, and evaluate all but the first `skipped`."""
     rows = round(gait.period / DT)
-    try:
-        gait.bind(worm)
-    except ValueError:  # the wave needs more than the worm's stroke
-        return Steady(None, float("nan"), float("nan"))
     run = _simulated(worm, ground, gait, waves * rows)
     if run.status is not worm3d.Status.DONE:
         return Steady(None, float("nan"), float("nan"))
@@ -155,8 +151,14 @@ def identify(
 def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
     """Return the map of one mechanism; if a map of a similar worm is given, this map is corrected.
 
-    The errors are the same as in `identify`.
+    The errors are the same as in `identify`, and also SceneError if the worm's stroke is too small for the waves.
     """
+    most, stroke = design.ranges(MAX_STEERING[mechanism]).amplitude[1], subject.worm.stroke[1]
+    if most > stroke:
+        raise SceneError(
+            f"the waves that measure a worm contract its chambers by {most:g}, must be at most the stroke, "
+            f"{stroke:.4g}; choose controller.map = 'default', or a worm with a larger stroke"
+        )
     for attempt in range(4):
         greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller after each attempt where the worm tips over
         ranges = design.ranges(greatest)

@@ -3,7 +3,7 @@
 The force along a segment is the elastic force P(l) at each input, a cubic spline of the length, plus the friction of
 `worm3d.physics.hysteresis.Jenkins`. In the notation of that module, both chambers together have
 
-    dy/dl = 2 M/h + rho |P(l)|,   r_k = 2 give spread^place_k                                          (B1)
+    dy/dl = 2 M/h + rho |P(l)|,   r_k = 2 give spread^place_k                                          (LB1)
 
 where M is the moment in the hinges, rho the load ratio, h the half-height of a rhombus with the radius and length of
 the segment at rest, and P(l) the elastic force at the least input. The elastic force is the mean of both directions
@@ -12,7 +12,7 @@ where the joints slide.
 A hoop cable around the segment has the length u taken in and the force T. With the links a of the rhombus, and the
 cable kappa that shortens per diameter, the segment's force along its axis has the lever du/dl:
 
-    h = h0 - u/(2 kappa),   l = 2 sqrt(a^2 - h^2),   du/dl = kappa l/(2 h),   F = P(l) - T du/dl       (B2)
+    h = h0 - u/(2 kappa),   l = 2 sqrt(a^2 - h^2),   du/dl = kappa l/(2 h),   F = P(l) - T du/dl       (LB2)
 
 A cable along the axis has F = P(l) + T. A record at a single input therefore gives the law at all cable forces.
 """
@@ -83,7 +83,7 @@ class Record(ReadOnly):
     """Rows between reversals."""
     rest_length: float | None
     cable_per_diameter: float | None
-    """kappa of (B2), or None if the force was measured along the axis."""
+    """kappa of (LB2), or None if the force was measured along the axis."""
 
     def lever(self, length: FloatArray) -> FloatArray:
         """Return the force along the axis over the measured force at the given lengths, shape (T,)."""
@@ -196,7 +196,7 @@ def _link(table: Table) -> float | None:
 
 
 def _under_hoop(table: Table) -> FloatArray:
-    """Return the lengths of a segment with a hoop cable, (B2), shape (T,) [m]."""
+    """Return the lengths of a segment with a hoop cable, (LB2), shape (T,) [m]."""
     h0, l0, kappa = (table.fact(name) for name in ("rest_radius_m", "rest_length_m", "cable_per_diameter"))
     link = np.hypot(h0, l0 / 2.0)
     height = h0 - table.columns["taken_in"] / (2.0 * kappa)
@@ -234,7 +234,7 @@ def _levels(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _slope(record: Record, length: FloatArray, passive: FloatArray, moment: float, ratio: float) -> FloatArray:
-    """Return dy/dl of (B1)."""
+    """Return dy/dl of (LB1)."""
     hinge = 0.0 if record.link is None else 2.0 * moment / record.height(length)
     found: FloatArray = hinge + ratio * np.abs(passive)
     return found

@@ -4,10 +4,10 @@ The free contraction a(u) and the free volume V_free(u) are cubic splines of the
 the coefficients c and v. a(0) is 0, and c is monotone: its steps are exponentials of unknowns. With the energy U of a
 chamber, (SL5) of `worm3d.physics.segment_laws.learned`, the segment has the potential 2 U(l, a(u)), and
 
-    force = 2 dU/dl                                                                                    (F1)
-    volume = V_free(u) - 2 dU/da a'(u)                                                                 (F2)
+    force = 2 dU/dl                                                                                    (LF1)
+    volume = V_free(u) - 2 dU/da a'(u)                                                                 (LF2)
 
-The weights of N_U, the steps of c, and v minimise the squares of the errors of (F1) and (F2) together, so that forces
+The weights of N_U, the steps of c, and v minimise the squares of the errors of (LF1) and (LF2) together, so that forces
 are the gradient of one energy. The Jacobian is exact. The radius is fitted afterwards, since it depends only on l and
 a.
 """
@@ -26,7 +26,8 @@ from scipy.optimize import least_squares
 
 from scenes.studies.law import learned
 from scenes.studies.law.free import Free, States
-from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weights_of
+from scenes.studies.law.learned import Scales
+from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
@@ -67,8 +68,8 @@ class _OverStates:
 def segment_function(scales: Scales, count: int) -> _OverStates:
     """Return the function of a straight segment for `count` states.
 
-    Inputs: weights of N_U, length, contraction a, and a'(u). Outputs: the force (F1) and the second term of (F2), shape
-    (S, 2, 1), and the Jacobian of both with respect to the weights, a and a'(u), shape (S, 2, weights + 2).
+    Inputs: weights of N_U, length, contraction a, and a'(u). Outputs: the force (LF1) and the second term of (LF2),
+    shape (S, 2, 1), and the Jacobian of both with respect to the weights, a and a'(u), shape (S, 2, weights + 2).
     """
     weights = ca.SX.sym("weights", ENERGY_WEIGHTS)
     length, contraction, slope = (ca.SX.sym(name) for name in ("length", "contraction", "slope"))

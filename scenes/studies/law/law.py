@@ -15,8 +15,9 @@ from scipy.spatial import ConvexHull, Delaunay
 from scenes.language.errors import SceneError
 from scenes.studies.law.fitting import Fit, drawn, fit_energy, fit_radius, force_weights, radius_function
 from scenes.studies.law.free import BoolArray, Free, States, start
-from scenes.studies.law.learned import ENERGY_SIZES, RADIUS_SIZES, Scales, weights_of
+from scenes.studies.law.learned import Scales
 from scenes.studies.law.prepared import EVEN_STEPS, Prepared
+from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 

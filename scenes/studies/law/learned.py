@@ -8,9 +8,6 @@ from typing import Any
 import casadi as ca
 
 from worm3d.physics.segment_laws.learned import Learned
-from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
-
-__all__ = ["ENERGY_SIZES", "RADIUS_SIZES", "Scales", "energy", "radius", "weights_of"]
 
 Symbol = Any
 """A casadi.SX expression."""

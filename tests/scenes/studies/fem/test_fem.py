@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from PIL import Image
 from scipy.io import netcdf_file
 
@@ -51,6 +52,20 @@ def test_a_small_table_and_its_pictures(worm3d, tmp_path: Path) -> None:
         with Image.open(tmp_path / "out" / name) as picture:
             assert picture.size[0] >= 1000
     assert worm3d(*given).complaints == ["out/table.nc exists: choose another name, or replace it with --force"]
+
+
+@needs
+def test_bent_states_are_held_by_a_moment_in_their_direction(worm3d, tmp_path: Path) -> None:
+    (tmp_path / "segment.toml").write_text(SEGMENT)
+    ended = worm3d("fem", "segment.toml", "--out", "t.nc", "--states", 13, "--mesh", "6x1", "--bending", 2)
+    assert ended.code == 0
+    assert "2 of 2 bent states found" in ended.out
+    with netcdf_file(tmp_path / "t.nc", mmap=False) as file:
+        bend, moment, stable = (np.array(file.variables[name][:]) for name in ("bend_rad", "moment_Nm", "stable"))
+    assert_array_equal(bend[-2:], [0.1, 0.2])
+    assert (bend[:-2] == 0.0).all()
+    assert (moment[-2:][stable[-2:] > 0] > 0.0).all()
+    assert stable[-2:].any()
 
 
 @needs

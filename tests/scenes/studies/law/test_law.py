@@ -271,6 +271,20 @@ def test_bending_stiffness_from_bent_states(membrane_law: Law) -> None:
     assert not membrane_law.bending.any()
 
 
+@pytest.mark.parametrize("offset", [0.004, 0.009])
+def test_the_offset_is_the_best_one_for_bent_states(membrane_law: Law, offset: float) -> None:
+    """A positive moment holds a positive bend. Moments of two chambers alone give their offset back, and no m."""
+    fit = membrane_law.fit
+    length, p = Membrane().points(40)
+    bend = np.linspace(0.05, 0.3, 40)
+    moment = offset * (fit.force(length + offset * bend, p) - fit.force(length - offset * bend, p)) / 2.0
+    assert np.mean(moment * bend) > 0.0
+    prepared = replace(membrane_law.prepared, bent=np.column_stack([length, p, bend, moment]))
+    found = law._offset(prepared, fit)
+    assert_allclose(found, offset, rtol=1e-3)
+    assert_allclose(law._bending(prepared, fit, offset)[0], 0.0, atol=1e-12)
+
+
 def test_an_input_that_lengthens_counts_from_its_greatest_value(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bellows: F = k (length - l0 - c p), V = V0 + k c (length - l0) - ..., from one potential."""
     k, l0, c, most = 200.0, 0.05, 4e-6, 5000.0
