@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from planar.linkage.segment_law import RADIUS_LAYERS, network
 from worm3d.values import arguments, regular_file
 from worm3d.values.arrays import FloatArray
@@ -51,16 +53,19 @@ class Learned(ReadOnly):
     """Weights of N_U, shape (67,)."""
     radius: FloatArray
     """Weights of N_R, shape (25,)."""
-    lengths: FloatArray
-    """Least and greatest length in the domain, shape (2,) [m]."""
+    shortest: FloatArray
+    """Least length in the domain at equal steps of the contraction, shape (K,) [m]."""
+    longest: FloatArray
+    """Greatest length in the domain, as `shortest`."""
     contractions: FloatArray
     """Least and greatest contraction in the domain, shape (2,); the least is 0."""
 
     def __post_init__(self) -> None:
         for name, unit in (("rest_length", "m"), ("rest_radius", "m"), ("stiffness", "N")):
             object.__setattr__(self, name, arguments.number(name, getattr(self, name), unit, gt=0.0))
-        sizes = {"scales": len(SCALES), "energy": 67, "radius": 25, "lengths": 2, "contractions": 2}
-        for name, size in sizes.items():
+        bounds = arguments.floats("domain.shortest_m", self.shortest).size
+        sizes = {"scales": len(SCALES), "energy": 67, "radius": 25, "contractions": 2}
+        for name, size in {**sizes, "shortest": bounds, "longest": bounds}.items():
             object.__setattr__(self, name, arguments.array(name, getattr(self, name), (size,)))
         super().__post_init__()
         for k in (1, 3):  # divisors
@@ -73,6 +78,9 @@ class Learned(ReadOnly):
             )
         if not (least == 0.0 < most < 1.0):
             raise ValueError(f"domain.contraction: got {least:g} to {most:g}, must be from 0 to a number below 1")
+        free = self.rest_length * (1.0 - np.linspace(least, most, bounds))
+        if not ((self.shortest <= free).all() and (free <= self.longest).all()):
+            raise ValueError("domain.shortest_m, domain.longest_m: must include the free length at each contraction")
         self._require_radius()
 
     def _require_radius(self) -> None:
@@ -84,44 +92,60 @@ class Learned(ReadOnly):
                 "and the order of the weights, or fit the law again"
             )
 
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Least and greatest length in the domain at any contraction [m]."""
+        return float(self.shortest.min()), float(self.longest.max())
+
     def contains(self, length: FloatArray, contraction: FloatArray) -> bool:
         """Return whether all lengths [m] and contractions are in the domain, up to rounding."""
-        rounding = 1e-9
-        inside = (length >= self.lengths[0] * (1.0 - rounding)) & (length <= self.lengths[1] * (1.0 + rounding))
+        rounding, at = 1e-9, np.linspace(0.0, self.contractions[1], len(self.shortest))
+        low, high = (np.interp(contraction, at, bound) for bound in (self.shortest, self.longest))
+        inside = (length >= low * (1.0 - rounding)) & (length <= high * (1.0 + rounding))
         reached = (contraction >= -rounding) & (contraction <= self.contractions[1] + rounding)
         return bool((inside & reached).all())
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Learned:
-        """Return the segment law in a file.
+    def read(cls, path: str | os.PathLike[str], member: int = 0) -> Learned:
+        """Return the segment law in a file; with a `member` above 0, this law of the ensemble in the file.
 
         Raises
         ------
         ValueError
-            If the file cannot be read or is not a valid segment law.
+            If the file cannot be read, is not a valid segment law, or has no such member.
         """
+        arguments.whole("member", member, ge=0)
         what = "segment: must be 'rhombus', 'hydrostat' or a file of a segment law; the file"
         text = regular_file.content(path, LARGEST_FILE, what)
         try:
-            return cls(**_fields(json.loads(text)))
+            return cls(**_fields(json.loads(text), member))
         except (ValueError, RecursionError) as error:
             why = f"must be JSON: {error}" if isinstance(error, json.JSONDecodeError) else error
             raise ValueError(f"segment law {os.path.basename(path)!r}: {why}") from None
 
 
-def _fields(found: Any) -> dict[str, Any]:
+def _fields(found: Any, member: int) -> dict[str, Any]:
     """Return the arguments of `Learned` from the content of a file."""
     for key, expected in (("kind", FILE_KIND), ("version", FILE_VERSION)):
         if _at(found, key) != expected:
             raise ValueError(f"{key}: got {found[key]!r}, must be {expected!r}; write the file with 'worm3d law'")
+    energy, radius = _at(found, "energy", "weights"), _at(found, "radius", "weights")
+    if member:
+        ensemble = found.get("ensemble", [])
+        if member > len(ensemble):
+            raise ValueError(f"member: got {member}, must be at most {len(ensemble)}, the size of the ensemble")
+        energy, radius = _at(ensemble[member - 1], "energy"), _at(ensemble[member - 1], "radius")
+    domain = _at(found, "domain")
+    lengths = arguments.array("domain.length_m", _at(domain, "length_m"), (2,))
     return {
         "rest_length": _at(found, "rest_length_m"),
         "rest_radius": _at(found, "rest_radius_m"),
         "stiffness": _at(found, "stiffness_N"),
         "scales": [arguments.number(f"scales.{key}", _at(found, "scales", key)) for key in SCALES],
-        "energy": _at(found, "energy", "weights"),
-        "radius": _at(found, "radius", "weights"),
-        "lengths": _at(found, "domain", "length_m"),
+        "energy": energy,
+        "radius": radius,
+        "shortest": domain.get("shortest_m", lengths[:1]),
+        "longest": domain.get("longest_m", lengths[1:]),
         "contractions": _at(found, "domain", "contraction"),
     }
 

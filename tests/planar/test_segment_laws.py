@@ -294,6 +294,21 @@ def test_sizes_follow_from_the_law(law_worm: Linkage, law_file: Path) -> None:
             {"domain": {"length_m": [0.1, 0.2], "contraction": [0.1, 0.3]}},
             "domain.contraction: got 0.1 to 0.3, must be",
         ),
+        (
+            {"domain": {"length_m": [0.1, 0.2], "contraction": [0.0, 0.3], "shortest_m": [0.1, 0.13]}},
+            r"longest: got shape \(1,\), must be \(2,\)",
+        ),
+        (
+            {
+                "domain": {
+                    "length_m": [0.1, 0.2],
+                    "contraction": [0.0, 0.3],
+                    "shortest_m": [0.1, 0.13],
+                    "longest_m": [0.2, 0.2],
+                }
+            },
+            "domain.shortest_m, domain.longest_m: must include the free length at each contraction",
+        ),
         ({"scales": {}}, "there is no key 'scales.x_mid'"),
     ],
 )

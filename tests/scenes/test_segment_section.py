@@ -64,6 +64,12 @@ def test_a_law_beside_the_scene_gives_the_sizes_of_the_worm(folder: Path) -> Non
         load_scene(folder / "mine.toml", ("worm.half_height_m=0.06",))
 
 
+def test_a_scene_chooses_a_member_of_the_ensemble() -> None:
+    learned = ("segment.kind=learned", "segment.file=barrel.json")
+    laws = [worm_of(load_scene("flat", (*learned, f"segment.member={k}")).settings).segment for k in (0, 2)]
+    assert_allclose(laws[1].law.energy, laws[0].law.ensemble[1]["energy"], rtol=0, atol=0)
+
+
 def test_a_scene_with_a_law_runs(folder: Path) -> None:
     outcome = simulate(load_scene(folder / "mine.toml", SHORT))
     assert outcome.status == "done"
@@ -94,6 +100,11 @@ def test_a_controller_of_a_law_with_small_strokes_gets_a_sentence() -> None:
             ("segment.kind=learned", "segment.file=barrel.json", "gait.amplitude=0.3"),
             r"gait.amplitude: got 0.3, must be at most 0.27",
         ),
+        (
+            ("segment.kind=learned", "segment.file=barrel.json", "segment.member=9"),
+            r"segment.member: got 9, must be from 0 to 4: the file has 4 further laws",
+        ),
+        (("segment.member=1",), r"segment.member: only for segment.kind = 'learned'"),
         (("segment.kind=learned",), r"segment.kind: must name the file of a law that 'worm3d law' wrote"),
         (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
         (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),

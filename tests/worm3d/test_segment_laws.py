@@ -22,9 +22,11 @@ from worm3d.physics.hysteresis import Hysteresis
 from worm3d.physics.kernels import actuator, segment
 from worm3d.results.pictures import frames_of
 from worm3d.running.plant import kernels
+from worm3d.solver import guard
 from worm3d.viewer import pieces
 
 CONTENT = learned_laws.law()
+WEIGHTS = CONTENT["energy"]["weights"]
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +214,111 @@ def test_a_run_stops_outside_the_domain(law: Learned) -> None:
     assert "chamber of segment" in result.stop.sentence
 
 
+def with_region(content: dict[str, Any]) -> dict[str, Any]:
+    """Return a law whose greatest length falls with the contraction, first slowly and then quickly."""
+    region = {"shortest_m": [0.5 * learned_laws.L0] * 3, "longest_m": [h * learned_laws.L0 for h in (1.2, 1.1, 0.65)]}
+    return {**content, "domain": {**content["domain"], **region}}
+
+
+def pulled(segment_law: worm3d.SegmentLaw, contraction: float) -> worm3d.Result:
+    """Return a run in the air with all chambers contracted and a pull that grows."""
+    pull = np.zeros((7, 3))
+    pull[0, 0], pull[-1, 0] = -4.0, 4.0
+    worm = Worm(segment=segment_law, stroke=(0.0, learned_laws.MOST))
+    command = worm3d.Command(np.full((6, 2), contraction))
+    start = State.straight(worm, None, contraction=contraction)
+    more = {"external_force": lambda t: t * pull, "duration": 2.0, "gravity": (0, 0, 0)}
+    return simulate(worm, None, state=start, actuation=lambda t: command, **more)
+
+
+def test_the_greatest_length_depends_on_the_contraction(law: Learned, tmp_path: Path) -> None:
+    """The bounds are linear in the contraction; the contraction 0.3 is at a third between the last two bounds."""
+    region = Learned(str(learned_laws.written(tmp_path, with_region(CONTENT))))
+    most = learned_laws.L0 * (1.1 + (0.65 - 1.1) * (0.3 / 0.225 - 1.0))
+    found, free = pulled(region, 0.3), pulled(law, 0.3)
+    assert found.status is Status.OUTSIDE
+    assert 0.99 * most < found.chamber_length.max() < most
+    steps = len(found.time)
+    assert free.chamber_length[steps].max() > most
+    assert_array_equal(found.joints, free.joints[:steps])
+    assert "a chamber left the domain of the segment law" in found.stop.sentence
+    sentence = found.stop.sentence
+    assert f"to {most:.4g} m where its free length is {0.7 * learned_laws.L0:.4g} m" in sentence
+    assert pulled(region, 0.1).chamber_length.max() > most
+
+
+def test_both_guards_interpolate_between_the_bounds(tmp_path: Path) -> None:
+    path = learned_laws.written(tmp_path, with_region(CONTENT))
+    own = linkage.Learned.read(path)
+    rng, l0 = np.random.default_rng(0), learned_laws.L0
+    region = np.array([[1.0 - learned_laws.MOST], [1.0]] + [[0.5]] * 3 + [[h] for h in (1.2, 1.1, 0.65)]) * l0
+    for a in (0.0, 0.225, learned_laws.MOST, *rng.uniform(0.0, learned_laws.MOST, 50)):
+        low, high = guard._bounds(region, 0, l0 * (1.0 - a))
+        wanted = l0 * np.interp(a, [0.0, 0.225, 0.45], [1.2, 1.1, 0.65])
+        assert_allclose((low, high), (0.5 * l0, wanted), rtol=1e-14)
+        for length, inside in ((high * (1.0 - 1e-6), True), (high * (1.0 + 1e-6), False), (0.499 * l0, False)):
+            assert own.contains(np.array([length]), np.array([a])) is inside
+
+
+MEMBERS = [
+    {"energy": [1.1 * w for w in WEIGHTS], "radius": CONTENT["radius"]["weights"], "bending_Nm": [0.5] * 6},
+    {"energy": [0.9 * w for w in WEIGHTS], "radius": [1.01 * w for w in CONTENT["radius"]["weights"]]},
+]
+
+
+@pytest.fixture(scope="module")
+def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return learned_laws.written(tmp_path_factory.mktemp("laws"), {**CONTENT, "ensemble": MEMBERS})
+
+
+def test_a_member_is_the_law_with_its_weights(ensemble: Path) -> None:
+    for k, each in enumerate([None, *MEMBERS]):
+        found, planar = Learned(str(ensemble), member=k), linkage.Learned.read(ensemble, k)
+        wanted = CONTENT["energy"]["weights"] if each is None else each["energy"]
+        assert_array_equal(found.values(Worm(segment=found))["energy"][:, 0], wanted)
+        assert_array_equal(planar.energy, wanted)
+        assert_array_equal(planar.radius, found.law.radius)
+        bending = CONTENT["bending_Nm"] if each is None else each.get("bending_Nm", CONTENT["bending_Nm"])
+        assert_array_equal(found.law.bending, bending)
+    for read in (lambda k: Learned(str(ensemble), member=k), lambda k: linkage.Learned.read(ensemble, k)):
+        with pytest.raises(ValueError, match=r"member: got 3, must be .* 2"):
+            read(3)
+    with pytest.raises(ValueError, match=r"member: got 1, must be from 0 to 0: the file has no further laws"):
+        Learned(content=json.dumps(CONTENT), member=1)
+
+
+def test_the_members_move_apart_without_a_new_kernel(ensemble: Path) -> None:
+    assert Learned.inputs() == dict(Learned.further_inputs)
+    far = [crawl(Learned(str(ensemble), member=k), duration=2.0).distance for k in range(3)]
+    assert np.ptp(far) > 1e-3 * far[0]
+    assert_allclose(far[0], crawl(Learned(content=json.dumps(CONTENT)), duration=2.0).distance, rtol=0, atol=0)
+
+
+def test_the_summary_has_the_spread_of_the_ensemble(ensemble: Path) -> None:
+    """The forces are central differences of energies that this test evaluates from the file."""
+    result = crawl(Learned(str(ensemble), member=1), duration=1.0)
+    length, contraction, h = result.chamber_length, result.contraction, 1e-6
+    forces, radii = [], []
+    for each in ({}, *MEMBERS):
+        own = {
+            name: {**CONTENT[name], "weights": each.get(name, CONTENT[name]["weights"])}
+            for name in ("energy", "radius")
+        }
+        of = lambda at, own=own: learned_laws.evaluated({**CONTENT, **own}, at.ravel(), contraction.ravel())  # noqa: E731
+        forces.append((of(length + h)[0] - of(length - h)[0]) / h)
+        radii.append(of(length)[1])
+    force = np.sqrt(np.mean(np.std(forces, axis=0) ** 2))
+    summary = result.summary()
+    assert force > 1e-3
+    assert_allclose(summary["law_spread_N"], force, rtol=1e-5)
+    assert_allclose(summary["law_spread_share"], force / np.sqrt(np.mean(np.mean(forces, axis=0) ** 2)), rtol=1e-5)
+    assert_allclose(summary["law_spread_m"], np.sqrt(np.mean(np.std(radii, axis=0) ** 2)), rtol=1e-9)
+    for bare in (Rhombus(), Learned(content=json.dumps(CONTENT))):
+        run = simulate(Worm(segment=bare), None, duration=0.1, gravity=(0, 0, 0))
+        assert run.summary()["law_spread_N"] is None
+        assert "has no ensemble of laws" in run.reasons()["law_spread_N"]
+
+
 @pytest.mark.parametrize("contraction", [0.0, 0.3])
 def test_a_worm_that_is_wider_than_at_rest_starts(law: Learned, contraction: float) -> None:
     worm = Worm(segment=law)
@@ -314,7 +421,6 @@ def changed(path: str, value: Any) -> Callable[[dict[str, Any]], Any]:
     return change
 
 
-WEIGHTS = CONTENT["energy"]["weights"]
 WRONG = {
     "kind": ("other", r"kind: got 'other', must be 'worm3d segment law'; this is a file of something else"),
     "version": (2, r"version: got 2, must be 1; make the file again"),
@@ -332,6 +438,9 @@ WRONG = {
     "scales.x_half": (0.0, r"scales.x_half: got 0.0, must be between 0 and inf"),
     "domain.length_m": ([0.2, 0.3], r"domain.length_m: got 0.2 to 0.3, must be in metres and include the rest length"),
     "domain.contraction": ([0.0, 1.5], r"domain.contraction: got 0 to 1.5, must be from 0 to a number below 1"),
+    "domain.shortest_m": ([0.1, 0.1], r"domain.longest_m: is missing; the file has 'length_m'"),
+    "domain.longest_m": ([0.2, 0.2], r"domain.shortest_m: is missing"),
+    "ensemble": ([{"energy": WEIGHTS}], r"ensemble\[0\].radius: is missing"),
     "chamber_offset_m": (0.057, r"radius: falls to 0.05\d+ m in the domain, must stay above chamber_offset_m"),
 }
 

@@ -26,3 +26,6 @@ from worm3d.measures import contact as contact
 
 # isort: split
 from worm3d.measures import stability as stability
+
+# isort: split
+from worm3d.measures import segment_law as segment_law

@@ -152,7 +152,8 @@ class Plant:
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world, no contact acts on this plane
         world_rows = 3 + len(self.world_kernel.parameters)
-        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, law, chamber, own, hinge, around, loads)
+        bounds = worm.segment.domain(worm).shortest.shape[1]
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, bounds, law, chamber, own, hinge, around, loads)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
         self.arrays["held"][0] = held
         self._fill_numbers()
@@ -210,10 +211,9 @@ class Plant:
         node.NODE_LAYOUT.of("weight", self.arrays["node_in"])[:] = self.arrays["joint_mass"] * self.gravity[:, None]
         self.arrays["joint_mu"][:] = 0.5 * (np.column_stack([mu[:, :1], mu]) + np.column_stack([mu, mu[:, -1:]]))
         self.arrays["longest"][0], domain = worm.segment.flattened_length(worm), worm.segment.domain(worm)
-        rest = worm.l0 * (1.0 - domain.greatest), worm.l0 * (1.0 - domain.least)
-        self.arrays["domain"][:] = domain.shortest, domain.longest, *rest
-        self.arrays["domain"][0::2] -= DOMAIN_ROUNDING * worm.l0
-        self.arrays["domain"][1::2] += DOMAIN_ROUNDING * worm.l0
+        slack = DOMAIN_ROUNDING * worm.l0
+        rest = worm.l0 * (1.0 - domain.greatest) - slack, worm.l0 * (1.0 - domain.least) + slack
+        self.arrays["domain"][:] = *rest, *(domain.shortest.T - slack), *(domain.longest.T + slack)
         self.arrays["stuck"][:] = 1.0
 
     def _put(self, rows: Layout, array: str, count: int, values: Mapping[str, Any], prefix: str = "") -> None:

@@ -150,6 +150,8 @@ class Sizes(NamedTuple):
     """Number of lanes for all n + 1 joints."""
     world_rows: int
     """Number of inputs of the world's kernel: x (3) and the parameters."""
+    bounds: int
+    """Number of contractions at which the domain of the segment law has bounds of the length."""
     segment: type[SegmentLaw]
     """Segment law."""
     chamber: type[Actuator]
@@ -172,6 +174,7 @@ def _extents(sizes: Sizes) -> dict[str, Any]:
     chamber, hinge = 2 * actuator.ACTUATORS_PER_SEGMENT * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
     return {
         **sizes._asdict(),
+        "domain_rows": 2 + 2 * sizes.bounds,
         "formed_rows": segment.layout(sizes.segment).rows,
         "chamber_rows": actuator.chambers(*parts, sizes.segment).rows,
         "chamber_states_begin": actuator.CHAMBER_COMMANDS[-1] + actuator.ACTUATORS_PER_SEGMENT + law,
@@ -315,8 +318,9 @@ NODE_PRESETS = _array("node_presets", 8, "node_lanes", inside=("node_in", "drag_
 TRANSPOSED_RECORDS = _array("turned", "lanes", 3 * POINTS_PER_SEGMENT)
 POINT_MASS = _array("point_mass", POINTS_PER_SEGMENT, "lanes", inside=("point_in", "mass"))  # [kg]
 FLATTENED_LENGTH = _array("longest", 1, "n")  # length of a chamber that counts as flattened [m]
-# domain of the segment law: least and greatest length, least and greatest commanded rest length of a chamber [m]
-DOMAIN = _array("domain", 4, "n")
+# domain of the segment law: least and greatest commanded rest length of a chamber, then its least and its greatest
+# lengths at equal steps from the greatest to the least commanded rest length [m]
+DOMAIN = _array("domain", "domain_rows", "n")
 # [kg]
 JOINT_MASS = _array("joint_mass", 1, "node_lanes", inside=("node_in", "mass"))
 DRAG = _array("drag", 1, "node_lanes", inside=("node_in", "drag"))  # [N s/m]

@@ -53,11 +53,25 @@ def _outside(core: Core) -> bool:
     domain = matrix(core.block, a.DOMAIN)
     for i in range(core.n):
         for c in range(2):
-            if not domain[0, i] <= rest[LENGTHS + c, i] <= domain[1, i]:
+            if not domain[0, i] <= given[_REST + c, i] <= domain[1, i]:
                 return True
-            if not domain[2, i] <= given[_REST + c, i] <= domain[3, i]:
+            shortest, longest = _bounds(domain, i, given[_REST + c, i])
+            if not shortest <= rest[LENGTHS + c, i] <= longest:
                 return True
     return False
+
+
+@inner
+def _bounds(domain: FloatArray, i: int, commanded: float) -> tuple[float, float]:
+    """Return the least and the greatest length of a chamber of segment i at a commanded rest length in the domain."""
+    count = (domain.shape[0] - 2) // 2
+    shortest, longest = domain[2, i], domain[2 + count, i]
+    if count > 1:
+        at = (domain[1, i] - commanded) / (domain[1, i] - domain[0, i]) * (count - 1)
+        k = min(int(at), count - 2)
+        shortest = domain[2 + k, i] + (at - k) * (domain[3 + k, i] - domain[2 + k, i])
+        longest = domain[2 + count + k, i] + (at - k) * (domain[3 + count + k, i] - domain[2 + count + k, i])
+    return shortest, longest
 
 
 @inner
@@ -168,15 +182,20 @@ def _where_flattened(arrays: Arrays, segments: int) -> tuple[int, str]:
 def _where_outside(arrays: Arrays, segments: int) -> tuple[int, str]:
     """Return the segment with the chamber that is farthest outside the domain, relative to the size of the domain."""
     domain, rest = arrays["domain"][:, :segments], segment.SEGMENT_LAYOUT.of("commanded", arrays["segment_in"])
+    commanded = np.clip(rest[:, :segments], *domain[:2])
+    bounds = [[_bounds(domain, i, commanded[side, i]) for i in range(segments)] for side in range(2)]
     found = np.stack([arrays["rest"][LENGTHS : LENGTHS + 2, :segments], rest[:, :segments]])  # what, chamber, segment
-    low, high = domain[0::2, None], domain[1::2, None]
+    low, high = (
+        np.stack([np.array(bounds)[..., end], np.broadcast_to(domain[end], commanded.shape)]) for end in range(2)
+    )
     far = np.maximum(low - found, found - high) / np.maximum(high - low, np.finfo(float).tiny)
     what, side, i = np.unravel_index(int(np.argmax(far)), far.shape)
     named = ("is", "has the commanded rest length of")[what]
+    free = f" where its free length is {commanded[side, i]:.4g} m" if what == 0 else ""
     return int(i), (
         f"the {CHAMBER_SIDES[side]} chamber of segment {i} {named} {found[what, side, i]:.4g} m, must be from "
-        f"{low[what, 0, i]:.4g} to {high[what, 0, i]:.4g} m; command less, load the worm less, or fit the segment law "
-        "to more states"
+        f"{low[what, side, i]:.4g} to {high[what, side, i]:.4g} m{free}; command less, load the worm less, or fit the "
+        "segment law to more states"
     )
 
 

@@ -64,7 +64,10 @@ METRIC_GROUPS = {
     "motion": (),
     "contact": ("slip", "backslide", "anchoring", "peak_wall_load", "largest_penetration", "settling"),
     "work": ("work_", "cost_of_transport", "effort", "commands_at_limit"),
-    "quality": ("energy_balance", "newton", "distance_error", "heading_error", "work_error", "halved", "real_time"),
+    "quality": (
+        *("energy_balance", "newton", "distance_error", "heading_error", "work_error", "halved", "real_time"),
+        "law_spread",
+    ),
 }
 """Groups of metrics, each with the beginnings of the names of its metrics. Other metrics belong to "motion"."""
 

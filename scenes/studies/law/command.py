@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +18,6 @@ from scenes.running.report import Block, Items, Table, terminal_lines
 from scenes.running.terminal import counted, progress
 from scenes.studies.law import table as tables
 from scenes.studies.law.bench import Cycle, Way
-from scenes.studies.law.free import BoolArray
 from scenes.studies.law.law import BAND, FITS, Law, content, domain, errors, make
 from scenes.studies.law.prepared import prepared
 from worm3d.values.arrays import FloatArray
@@ -114,7 +113,7 @@ def said(law: Law, path: Path) -> list[Block]:
     """Return the report."""
     table, states = law.prepared.table, law.states
     left = "".join(f", {counted(count, 'row')} left out for {reason}" for reason, count in table.left_out.items())
-    rows = [_row(law, "held out", law.held_out), _row(law, "fitted", ~law.held_out)]
+    rows = [_row("held out", law.errors()), _row("fitted", errors(law.fit, states, states))]
     blocks: list[Block] = [
         f"{path}: {counted(len(states), 'state')}{left}",
         Table.of(ERROR_COLUMNS, rows),
@@ -125,8 +124,7 @@ def said(law: Law, path: Path) -> list[Block]:
     return blocks
 
 
-def _row(law: Law, name: str, chosen: BoolArray) -> _Row:
-    found = errors(law.fit, law.states.part(chosen), law.states)
+def _row(name: str, found: Mapping[str, float | None]) -> _Row:
     return _Row(name, **{key: found[key] for key in _Row._fields if key != "states"})  # type: ignore[arg-type]
 
 
@@ -136,10 +134,14 @@ def _sentences(law: Law) -> Iterable[str]:
     (low, high), most = domain(law.fit, law.states)
     spread, free = law.spread(), law.fit.free
     yield f"The working band has forces below {band:.3g} N, {BAND:.0%} of the greatest force."
-    yield f"Domain: lengths from {1e3 * low:.4g} to {1e3 * high:.4g} mm, contractions from 0 to {most:.3f}."
     yield (
-        f"The {len(law.members) + 1} laws of the ensemble agree within {spread['force_N']:.2g} N and "
-        f"{1e3 * spread['radius_m']:.2g} mm at most fitted states."
+        f"Domain: lengths from {1e3 * low:.4g} to {1e3 * high:.4g} mm, contractions from 0 to {most:.3f}, where the "
+        f"standard deviation of the {len(law.members) + 1} laws is at most {spread['force_N']:.2g} N and "
+        f"{1e3 * spread['radius_m']:.2g} mm."
+    )
+    yield (
+        "The law is fitted to all states. The errors at held-out states are those of a law that is fitted in the same "
+        "way to the other states."
     )
     if free.lengthens:
         yield (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -17,6 +18,7 @@ from scenes.studies.law.fitting import Fit, drawn, fit_energy, fit_radius, force
 from scenes.studies.law.free import BoolArray, Free, States, start
 from scenes.studies.law.learned import Scales
 from scenes.studies.law.prepared import EVEN_STEPS, Prepared
+from worm3d.physics.segment_laws.learned import Learned
 from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -40,9 +42,13 @@ RESTARTS = 2
 MEMBERS = 4
 """Number of further laws in the ensemble."""
 
-LEFT_OUT = 0.1
-"""Fraction of the fitted states that each further law does not see. Half as many give half of the spread; a bootstrap
-leaves out a third, and its laws have errors of several percent for 80 states."""
+MEDIAN_LAWS, MEMBER_LAWS = 4, 3
+"""Number of laws of parts of the states whose medians smooth the law, and number of laws, out of these and the law of
+all states, whose medians smooth a member of the ensemble. With less than three laws, creases stay."""
+
+LEFT_OUT = 0.2
+"""Fraction of the states that a law of a part does not see. A bootstrap leaves out a third, and its laws have errors of
+several percent for 80 states."""
 
 MEDIAN_POINTS = 500
 """Number of points at which the medians of the laws are taken, before those outside the hull are dropped."""
@@ -57,8 +63,25 @@ HALF_DISC_CENTRE = 4.0 / (3.0 * np.pi)
 """Distance of the centre of half a disc from the centre of the disc, over the radius."""
 
 SPREAD_RATIO = 3.0
-"""Standard deviation between members that counts as known, over its median at the fitted states. Most of the fitted
-states are below it."""
+"""Standard deviation between members that counts as known, over its median at the states, if this is more than the
+following. Most of the states are below it, also if the table is noisy."""
+
+KNOWN_FORCE, KNOWN_RADIUS = 0.02, 0.02
+"""Standard deviation between members that always counts as known: of the force over its rms in the table, and of the
+radius over its mean."""
+
+DOMAIN_POINTS = 28
+"""Number of contractions at which the file has the bounds of the length. For the shipped law they are 0.01 apart."""
+
+REGION_LENGTHS = 201
+"""Number of lengths, from the free length to the farthest one, at which the laws of the ensemble are compared."""
+
+STEEPEST = 1e-3
+"""Least share of the length in the normal of an edge of the convex hull that bounds the length. Edges at a constant
+input have a share of 0 up to rounding."""
+
+EXTRAPOLATED = 0.05
+"""Greatest distance from the convex hull of the states at which a length can be in the domain, over the rest length."""
 
 TABLE_SIZE = 41
 """Number of entries of p(a) in the file. The cubic between them differs from the spline by less than 1e-4 of p."""
@@ -70,8 +93,11 @@ class Law(ReadOnly):
 
     prepared: Prepared
     fit: Fit
+    """The law, fitted to all states."""
     members: tuple[Fit, ...]
     """Further laws of the ensemble, fitted to parts of the states."""
+    checked: Fit
+    """A law that was fitted like `fit`, but without the states that are held out."""
     held_out: BoolArray
     """Whether each state is held out, shape (S,)."""
     penalty: float
@@ -88,18 +114,19 @@ class Law(ReadOnly):
         return self.prepared.states
 
     def errors(self) -> dict[str, float | None]:
-        """Return the errors on the held-out states."""
-        return errors(self.fit, self.states.part(self.held_out), self.states)
+        """Return the errors of `checked` on the held-out states."""
+        return errors(self.checked, self.states.part(self.held_out), self.states)
 
     def spread(self) -> dict[str, float]:
         """Return the standard deviations between members that count as known."""
-        known = self.states.part(~self.held_out)
-        ensemble = (self.fit, *self.members)
-        force = np.std([each.force(known.length, known.input) for each in ensemble], axis=0)
-        radius = np.std([each.outer_radius(known.length, known.input) for each in ensemble], axis=0)
+        at, ensemble = (self.states.length, self.states.input), (self.fit, *self.members)
+        force, radius = (
+            SPREAD_RATIO * float(np.median(np.std(each, axis=0)))
+            for each in ([own.force(*at) for own in ensemble], [own.outer_radius(*at) for own in ensemble])
+        )
         return {
-            "force_N": SPREAD_RATIO * float(np.median(force)),
-            "radius_m": SPREAD_RATIO * float(np.median(radius)),
+            "force_N": max(force, KNOWN_FORCE * _rms(self.states.force)),
+            "radius_m": max(radius, KNOWN_RADIUS * float(np.mean(self.states.radius))),
         }
 
 
@@ -147,19 +174,15 @@ def make(prepared: Prepared, seed: int, tell: Callable[[int], None] = lambda don
     held_out = _held_out(states, rng)
     known, fitter = states.part(~held_out), _Fitter(_scales(states, free), rng, tell)
     penalty = fitter.penalty(known, free)
-    parts = [known.part(~_drawn_rows(len(known), LEFT_OUT, rng)) for _ in range(MEMBERS)]
-    first = [fitter.energy(part, free, penalty) for part in (known, *parts)]
-    fit = fitter.energy(_with_medians(known, first), first[0].free, penalty, first[0].energy)
-    radius_penalty = fitter.radius_penalty(known, fit)
-    fit = fitter.radius(known, fit, radius_penalty)
-    members = []
-    for part, each in zip(parts, first[1:], strict=True):
-        begun = (each.energy, fit.energy)  # the first start alone sometimes ends in a bad minimum
-        tried = [fitter.energy(part, fit.free, penalty, start, holds_free=True) for start in begun]
-        members.append(fitter.radius(part, min(tried, key=lambda own: _cost(own, part)), radius_penalty))
+    checked, _ = fitter.smooth(known, free, penalty)
+    radius_penalty = fitter.radius_penalty(known, checked)
+    checked = fitter.radius(known, checked, radius_penalty)
+    fit, first = fitter.smooth(states, free, penalty)
+    fit = fitter.radius(states, fit, radius_penalty)
+    members = [fitter.member(states, fit, first, penalty, radius_penalty) for _ in range(MEMBERS)]
     offset = _offset(prepared, fit)
     bending = _bending(prepared, fit, offset)
-    return Law(prepared, fit, tuple(members), held_out, penalty, offset, *bending)
+    return Law(prepared, fit, tuple(members), checked, held_out, penalty, offset, *bending)
 
 
 class _Fitter:
@@ -177,6 +200,27 @@ class _Fitter:
         self._done += 1
         self._tell(self._done)
         return Fit(self._scales, found, np.zeros(weights_of(RADIUS_SIZES)), own)
+
+    def smooth(self, of: States, free: Free, penalty: float) -> tuple[Fit, list[Fit]]:
+        """Return a law without a radius and without creases, and the laws from random starts of which it has medians.
+
+        The first of these laws sees all states, the others see parts.
+        """
+        first = [self.energy(part, free, penalty) for part in (of, *(self.part(of) for _ in range(MEDIAN_LAWS)))]
+        return self.energy(_with_medians(of, first), first[0].free, penalty, first[0].energy), first
+
+    def part(self, of: States) -> States:
+        """Return most of the states, drawn at random."""
+        return of.part(~_drawn_rows(len(of), LEFT_OUT, self._rng))
+
+    def member(self, of: States, fit: Fit, first: Sequence[Fit], penalty: float, radius_penalty: float) -> Fit:
+        """Return a law that differs from `fit` as a law from other random numbers would differ.
+
+        The law sees a part of the states, and the medians of only some of the laws from random starts.
+        """
+        part, some = self.part(of), self._rng.permutation(len(first))[:MEMBER_LAWS]
+        begun = _with_medians(part, [first[k] for k in some])
+        return self.radius(part, self.energy(begun, fit.free, penalty, fit.energy), radius_penalty)
 
     def radius(self, of: States, fit: Fit, penalty: float) -> Fit:
         """Return a law with the best radius of some random starts."""
@@ -231,7 +275,7 @@ def _with_medians(known: States, fits: Sequence[Fit]) -> States:
     return States(both(known.length, length), both(known.input, level), both(known.force, force), unused, volume)
 
 
-FITS = PROBES * len(PENALTIES) + 2 + 3 * MEMBERS
+FITS = PROBES * len(PENALTIES) + 2 * (2 + MEDIAN_LAWS) + MEMBERS
 """Number of fits for a law."""
 
 
@@ -292,6 +336,30 @@ def domain(fit: Fit, states: States) -> tuple[tuple[float, float], float]:
     return (float(lengths.min()), float(lengths.max())), float(fit.free.contraction(states.input).max())
 
 
+def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the greatest length at equal steps of the contraction, each of shape (DOMAIN_POINTS,) [m].
+
+    From the free length, the region extends in both directions as far as the laws of the ensemble agree, but at most
+    `EXTRAPOLATED` beyond the convex hull of the states and the free lengths. `of` is the law from its file.
+    """
+    (low, high), most = domain(law.fit, law.states)
+    rest, contraction = law.fit.free.rest_length, np.linspace(0.0, most, DOMAIN_POINTS)
+    free = rest * (1.0 - contraction)
+    states = np.column_stack([law.fit.free.contraction(law.states.input), law.states.length / rest])
+    planes = ConvexHull(np.vstack([states, np.column_stack([contraction, free / rest])]), qhull_options="QJ").equations
+    ends = []
+    for side, end in ((-1.0, low), (1.0, high)):
+        across = planes[side * planes[:, 1] > STEEPEST]
+        hull = np.min(-(across[:, 2] + np.outer(contraction, across[:, 0])) / (side * across[:, 1]), axis=1)
+        farthest = side * np.minimum(rest * (hull + EXTRAPOLATED), side * end)
+        length = free + np.linspace(0.0, 1.0, REGION_LENGTHS)[:, None] * (farthest - free)
+        apart = [np.std(each, axis=0) for each in of.ensemble(length, np.broadcast_to(contraction, length.shape))]
+        known = np.all([own <= limit for own, limit in zip(apart, law.spread().values(), strict=True)], axis=0)
+        last = np.logical_and.accumulate(known, axis=0).sum(axis=0) - 1
+        ends.append(np.take_along_axis(length, np.maximum(last, 0)[None], axis=0)[0])
+    return ends[0], ends[1]
+
+
 def _offset(prepared: Prepared, fit: Fit) -> float:
     """Return the offset of the chambers.
 
@@ -349,7 +417,24 @@ def _bending(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, f
 
 
 def content(law: Law) -> dict[str, Any]:
-    """Return the content of the law's file."""
+    """Return the content of the law's file.
+
+    Raises
+    ------
+    SceneError
+        The law is not allowed in a file.
+    """
+    data = _content(law)
+    try:
+        shortest, longest = region(law, Learned("law", content=json.dumps(data)))
+    except ValueError as error:
+        raise SceneError(str(error)) from None
+    data["domain"] |= {"shortest_m": shortest.tolist(), "longest_m": longest.tolist()}
+    return data
+
+
+def _content(law: Law) -> dict[str, Any]:
+    """Return the content of the law's file, with a rectangle as the domain."""
     fit, table, s = law.fit, law.prepared.table, law.fit.scales
     lengths, most = domain(fit, law.states)
     value = np.linspace(0.0, fit.free.spline.high, TABLE_SIZE)
@@ -381,7 +466,14 @@ def content(law: Law) -> dict[str, Any]:
         "radius": {"sizes": list(RADIUS_SIZES), "weights": fit.radius.tolist()},
         "bending_Nm": law.bending.tolist(),
         "domain": {"length_m": list(lengths), "contraction": [0.0, most]},
-        "ensemble": [{"energy": each.energy.tolist(), "radius": each.radius.tolist()} for each in law.members],
+        "ensemble": [
+            {
+                "energy": each.energy.tolist(),
+                "radius": each.radius.tolist(),
+                "bending_Nm": _bending(law.prepared, each, law.chamber_offset)[0].tolist(),
+            }
+            for each in law.members
+        ],
         "spread": law.spread(),
         "errors": law.errors(),
         "source": table.source,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -66,8 +66,11 @@ class LawFile(ReadOnly):
     """Weights of the network N_R, shape (25,)."""
     bending: FloatArray
     """Coefficients of the bending stiffness m, shape (6,) [N m/rad]."""
-    length: tuple[float, float]
-    """Least and greatest length of a chamber in the domain [m]."""
+    shortest: FloatArray
+    """Least length of a chamber in the domain, at equal steps of the contraction, shape (K,) [m]. The file of a domain
+    that is a rectangle gives one value."""
+    longest: FloatArray
+    """Greatest length of a chamber, as `shortest`."""
     most_contraction: float
     """Greatest contraction in the domain. The least contraction is 0."""
     input_name: str
@@ -76,6 +79,22 @@ class LawFile(ReadOnly):
     """Free contractions of the table p(a), shape (P,)."""
     value: FloatArray
     """Inputs of the table p(a), shape (P,) [Pa or N]."""
+    ensemble: tuple[Mapping[str, FloatArray], ...]
+    """`energy`, `radius` and `bending` of each further law of the ensemble, by name."""
+
+    def member(self, number: int) -> LawFile:
+        """Return the law of this number: 0 for this law, 1 for the first further law of the ensemble.
+
+        Raises
+        ------
+        ValueError
+            The ensemble has no such law.
+        """
+        if number > len(self.ensemble):
+            has = f"the file has {len(self.ensemble)} further laws" if self.ensemble else "the file has no further laws"
+            raise ValueError(f"member: got {number}, must be from 0 to {len(self.ensemble)}: {has}")
+        changes: dict[str, Any] = {} if number == 0 else dict(self.ensemble[number - 1])
+        return replace(self, **changes)
 
     def radius_at(self, length: FloatArray, contraction: FloatArray) -> FloatArray:
         """Return the outer radius at lengths [m] and contractions, in their common shape [m]."""
@@ -147,6 +166,9 @@ class _Reader:
             raise _WrongError(f"{self._at}{key}: is missing{hint}")
         return self._data[key]
 
+    def __contains__(self, key: str) -> bool:
+        return key in self._data
+
     def inner(self, key: str) -> _Reader:
         return _Reader(self.get(key), f"{self._at}{key}.")
 
@@ -174,7 +196,7 @@ def _law(r: _Reader) -> LawFile:
     _require(r, "version", FILE_VERSION, "; make the file again with this version of worm3d")
     rest = r.number("rest_length_m", 0.0, LONGEST_SEGMENT, " m: lengths are in metres")
     name, contraction, value = _table(r.inner("input"))
-    length, most = _domain(r.inner("domain"), rest)
+    (shortest, longest), most = _domain(r.inner("domain"), rest)
     scales = r.inner("scales")
     law = LawFile(
         rest_length=rest,
@@ -185,12 +207,15 @@ def _law(r: _Reader) -> LawFile:
         energy=_weights(r.inner("energy"), ENERGY_SIZES),
         radius=_weights(r.inner("radius"), RADIUS_SIZES),
         bending=r.numbers("bending_Nm", BENDING_TERMS, ": 1, x, y, x^2, x y, y^2"),
-        length=length,
+        shortest=shortest,
+        longest=longest,
         most_contraction=most,
         input_name=name,
         contraction=contraction,
         value=value,
+        ensemble=(),
     )
+    law = replace(law, ensemble=tuple(_members(r, law)))
     _require_round(law, r.number("rest_radius_m", 0.0, LONGEST_SEGMENT, " m: lengths are in metres"))
     return law
 
@@ -226,7 +251,8 @@ def _table(r: _Reader) -> tuple[str, FloatArray, FloatArray]:
     return name, contraction, value
 
 
-def _domain(r: _Reader, rest: float) -> tuple[tuple[float, float], float]:
+def _domain(r: _Reader, rest: float) -> tuple[tuple[FloatArray, FloatArray], float]:
+    """Return the bounds of the length at equal steps of the contraction, and the greatest contraction."""
     low, high = r.numbers("length_m", 2)
     least, most = r.numbers("contraction", 2)
     if not 0.0 < low <= rest <= high < LONGEST_SEGMENT:
@@ -235,7 +261,33 @@ def _domain(r: _Reader, rest: float) -> tuple[tuple[float, float], float]:
         )
     if least != 0.0 or not 0.0 < most < 1.0:
         raise _WrongError(f"domain.contraction: got {least:g} to {most:g}, must be from 0 to a number below 1")
-    return (float(low), float(high)), float(most)
+    if "shortest_m" not in r and "longest_m" not in r:  # a rectangle, as in files of earlier versions
+        return (np.array([low]), np.array([high])), float(most)
+    shortest = r.numbers("shortest_m")
+    longest = r.numbers("longest_m", len(shortest), ", as many as in shortest_m")
+    free = rest * (1.0 - np.linspace(0.0, most, len(shortest)))
+    right = {"shortest_m": (shortest > 0.0) & (shortest <= free), "longest_m": free <= longest}
+    for key, inside in right.items():
+        if len(shortest) < 2 or not inside.all():
+            raise _WrongError(
+                f"domain.{key}: must have at least 2 numbers, at equal steps of the contraction, and include the free "
+                "lengths; make the file again with 'worm3d law'"
+            )
+    return (shortest, longest), float(most)
+
+
+def _members(r: _Reader, law: LawFile) -> Iterator[Mapping[str, FloatArray]]:
+    """Yield the further laws of the ensemble. Those without a bending stiffness of their own have that of the law."""
+    given = r.get("ensemble") if "ensemble" in r else []
+    if not isinstance(given, list):
+        raise _WrongError(f"ensemble: got {type(given).__name__}, must be a list of laws")
+    for k, each in enumerate(given):
+        own = _Reader(each, f"ensemble[{k}].")
+        yield {
+            "energy": own.numbers("energy", len(law.energy)),
+            "radius": own.numbers("radius", len(law.radius)),
+            "bending": own.numbers("bending_Nm", BENDING_TERMS) if "bending_Nm" in own else law.bending,
+        }
 
 
 def _weights(r: _Reader, sizes: Sequence[int]) -> FloatArray:
@@ -250,7 +302,8 @@ def _require_round(law: LawFile, rest_radius: float) -> None:
         raise _WrongError(
             f"rest_radius_m: got {rest_radius:.4g}, must be the radius of the network at rest, {law.rest_radius:.4g}"
         )
-    grid = np.linspace(*law.length, DOMAIN_GRID)[:, None], np.linspace(0.0, law.most_contraction, DOMAIN_GRID)
+    ends = float(law.shortest.min()), float(law.longest.max())
+    grid = np.linspace(*ends, DOMAIN_GRID)[:, None], np.linspace(0.0, law.most_contraction, DOMAIN_GRID)
     least = float(law.radius_at(*grid).min())
     if not least > law.chamber_offset:
         raise _WrongError(

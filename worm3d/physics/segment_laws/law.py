@@ -53,16 +53,31 @@ class Spring(NamedTuple):
 
 
 class Domain(NamedTuple):
-    """Range of shapes and commands in which a segment law is valid, for each segment, shape (N,)."""
+    """Shapes and commands for which a segment law is valid.
+
+    The bounds of the length are given at K contractions, at equal steps from the least to the greatest one, and are
+    linear between them. With K = 1 they do not depend on the contraction.
+    """
 
     shortest: FloatArray
-    """Least length of a chamber [m]."""
+    """Least length of a chamber, shape (N, K) [m]."""
     longest: FloatArray
-    """Greatest length of a chamber [m]."""
+    """Greatest length of a chamber, shape (N, K) [m]."""
     least: FloatArray
-    """Least contraction of a chamber."""
+    """Least contraction of a chamber, shape (N,)."""
     greatest: FloatArray
-    """Greatest contraction of a chamber."""
+    """Greatest contraction of a chamber, shape (N,)."""
+
+
+class Spread(NamedTuple):
+    """Standard deviations between the laws of an ensemble, as root mean squares over states of chambers."""
+
+    force: float
+    """Standard deviation of the axial force of a segment of two such chambers [N]."""
+    force_share: float
+    """`force` divided by the rms force of the mean law."""
+    radius: float
+    """Standard deviation of the outer radius [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -170,7 +185,14 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
     def domain(self, worm: Body) -> Domain:
         """Return the domain of the law. The base class has no limits other than those of a shape."""
         none = np.full(worm.segments, np.inf)
-        return Domain(np.zeros(worm.segments), 2.0 * self.reach(worm), -none, none)
+        return Domain(np.zeros((worm.segments, 1)), 2.0 * self.reach(worm)[:, None], -none, none)
+
+    def spread(self, length: FloatArray, contraction: FloatArray) -> Spread | None:
+        """Return how much the laws of an ensemble differ, or None for a law without an ensemble.
+
+        `length` [m] and `contraction` are states of chambers, of the same shape.
+        """
+        return None
 
     def flattening_weight(self, worm: Body, contraction: float) -> FloatArray:
         """Return the weight that flattens each segment, shape (N,) [N]. Without links there is no such weight."""

@@ -26,7 +26,7 @@ import numpy as np
 from worm3d.physics.body import Body
 from worm3d.physics.part import Symbol, Symbols
 from worm3d.physics.segment_laws.file import BENDING_TERMS, SCALES, LawFile, parsed, text_of
-from worm3d.physics.segment_laws.law import Domain, SegmentLaw, Spring
+from worm3d.physics.segment_laws.law import Domain, SegmentLaw, Spread, Spring
 from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, network, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -37,12 +37,14 @@ from worm3d.values.parameters import documented, parameter
 class Learned(SegmentLaw, name="learned"):
     """Energy, radius and bending stiffness of a segment from a file that 'worm3d law' writes, (SL5) to (SL7).
 
-    The sizes and the stiffness of the worm follow from the file. A run that leaves the domain of the file stops.
+    The sizes and the stiffness of the worm follow from the file. A run that leaves the domain of the file stops. The
+    file also contains an ensemble of further laws, fitted to parts of the same table. Runs with all members show how
+    sure a result is.
 
     Raises
     ------
     ValueError
-        The file cannot be read, or a value in the file is missing or not allowed.
+        The file cannot be read, a value in the file is missing or not allowed, or the ensemble has no such member.
     """
 
     further_inputs: ClassVar[Mapping[str, int]] = {
@@ -53,6 +55,9 @@ class Learned(SegmentLaw, name="learned"):
     }
 
     file: str = parameter("", "file of the law, beside the scene, or the name of a law that comes with worm3d")
+    member: int = parameter(
+        0, "number of the law in the file: 0 for the law itself, 1 and more for the further laws of its ensemble", ge=0
+    )
     content: str = field(default="", repr=False)
     """Text of the file. It is read from `file` if it is empty. Files of results contain this text."""
 
@@ -61,13 +66,19 @@ class Learned(SegmentLaw, name="learned"):
         super().__post_init__()
         if not self.content:
             object.__setattr__(self, "content", text_of(self.file))
-        vars(self)["_law"] = parsed(self.content, os.path.basename(self.file))
+        vars(self)["_of_file"] = parsed(self.content, os.path.basename(self.file))
+        vars(self)["_law"] = vars(self)["_of_file"].member(self.member)
 
     @property
     def law(self) -> LawFile:
-        """Content of the file."""
+        """Content of the file, with the networks of the chosen `member`."""
         found: LawFile = vars(self)["_law"]
         return found
+
+    @classmethod
+    def inputs(cls) -> dict[str, int]:
+        """Return `further_inputs`: the parameters only say where their values come from."""
+        return dict(cls.further_inputs)
 
     @classmethod
     def springs(cls, s: Symbols) -> tuple[Spring, ...]:
@@ -120,14 +131,41 @@ class Learned(SegmentLaw, name="learned"):
         return np.full(worm.segments, self.law.plate_radius)
 
     def possible(self, worm: Body) -> tuple[FloatArray, FloatArray, str]:
-        """Return the lengths of the domain."""
+        """Return the lengths of the domain at any contraction."""
         domain = self.domain(worm)
-        return domain.shortest, domain.longest, "the domain of the segment law"
+        return domain.shortest.min(axis=1), domain.longest.max(axis=1), "the domain of the segment law"
 
     def domain(self, worm: Body) -> Domain:
         """Return the domain of the file."""
-        bounds = (*self.law.length, 0.0, self.law.most_contraction)
-        return Domain(*(np.full(worm.segments, bound) for bound in bounds))
+        law, n = self.law, worm.segments
+        shortest, longest = (np.tile(bound, (n, 1)) for bound in (law.shortest, law.longest))
+        return Domain(shortest, longest, np.zeros(n), np.full(n, law.most_contraction))
+
+    def ensemble(self, length: FloatArray, contraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return axial forces of a straight segment [N], and its radii [m], according to all laws of the file.
+
+        `length` [m] and `contraction` have a common shape (...,). The results have the shape (M, ...), the law first.
+        The force 2 dU/dl is the imaginary part of 2 U(l + ih)/h with a tiny h, which is exact to rounding.
+        """
+        law, step = vars(self)["_of_file"], 1e-30
+        s: dict[str, Any] = {"k": law.stiffness, "l0": law.rest_length, "offset": 0.0, "tau": 0.0}
+        s["scales"] = [law.scales[name] for name in SCALES]
+        commanded, found = law.rest_length * (1.0 - np.asarray(contraction)), []
+        for each in (law.member(k) for k in range(1 + len(law.ensemble))):
+            (spring,) = self.springs({**s, "energy": each.energy})
+            force = 2.0 * np.imag(spring.energy(length + 1j * step, commanded)) / step
+            found.append((force, self.outline({**s, "radius": each.radius}, length, commanded)[1]))
+        forces, radii = zip(*found, strict=True)
+        return np.array(forces), np.array(radii)
+
+    def spread(self, length: FloatArray, contraction: FloatArray) -> Spread | None:
+        """Return how much the laws of the file differ at states of chambers."""
+        if not self.law.ensemble:
+            return None
+        forces, radii = self.ensemble(length, contraction)
+        force, radius = (float(np.sqrt(np.mean(np.var(each, axis=0)))) for each in (forces, radii))
+        size = float(np.sqrt(np.mean(np.mean(forces, axis=0) ** 2)))
+        return Spread(force, force / size if size > 0.0 else 0.0, radius)
 
 
 def _scaled(s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:

@@ -23,6 +23,7 @@ from scenes.studies.law.prepared import Prepared, prepared
 from scenes.studies.law.surface import Spline
 from scenes.studies.law.table import Table
 from worm3d.physics.hysteresis import Jenkins
+from worm3d.physics.segment_laws.learned import Learned
 from worm3d.physics.worm import Worm
 from worm3d.running.segment_law import stretch_segment
 
@@ -98,6 +99,8 @@ def quick(given: Prepared | Table, monkeypatch: pytest.MonkeyPatch, members: int
         "PROBES": 1,
         "RESTARTS": 1,
         "MEMBERS": members,
+        "MEDIAN_LAWS": members,
+        "MEMBER_LAWS": members,
         "MEDIAN_POINTS": 200,
     }.items():
         monkeypatch.setattr(law, name, value)
@@ -233,6 +236,52 @@ def test_the_file_has_the_law(membrane_law: Law) -> None:
     assert 0.0 < data["chamber_offset_m"] < radius.min()
     assert data["domain"]["length_m"][0] < l0 < data["domain"]["length_m"][1]
     assert len(data["ensemble"]) == 2
+
+
+def test_the_domain_has_the_states_and_ends_where_the_laws_differ(membrane_law: Law) -> None:
+    """Forces are differences of energies from the numbers in the file."""
+    data = content(membrane_law)
+    most, l0, s = data["domain"]["contraction"][1], data["rest_length_m"], data["scales"]
+    at = np.linspace(0.0, most, len(data["domain"]["shortest_m"]))
+    low, high = np.array(data["domain"]["shortest_m"]), np.array(data["domain"]["longest_m"])
+    states = membrane_law.states
+    contraction = membrane_law.fit.free.contraction(states.input)
+    inside = (states.length >= np.interp(contraction, at, low)) & (states.length <= np.interp(contraction, at, high))
+    assert inside.mean() > 0.9
+
+    def apart(length: np.ndarray) -> np.ndarray:
+        inputs = [np.array([(x / l0 - s["x_mid"]) / s["x_half"], (at - s["y_mid"]) / s["y_half"]]) for x in
+                  (length + 1e-7, length - 1e-7)]  # fmt: skip
+        strain = [1.0 - x / (l0 * (1.0 - at)) for x in (length + 1e-7, length - 1e-7)]
+        forces = []
+        for weights in (data["energy"]["weights"], *(each["energy"] for each in data["ensemble"])):
+            above, below = (
+                own**2 * (data["stiffness_N"] * l0 / 4.0 + s["energy_J"] * network([2, 6, 6, 1], weights, x))
+                for own, x in zip(strain, inputs, strict=True)
+            )
+            forces.append((above - below) / 1e-7)
+        return np.asarray(np.std(forces, axis=0))
+
+    for end in (low, high):
+        assert (apart(end) <= 1.01 * data["spread"]["force_N"]).all()
+
+
+def test_a_smaller_limit_of_the_spread_makes_the_domain_smaller(
+    membrane_law: Law, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = Learned(content=json.dumps(content(membrane_law)))
+    monkeypatch.setattr(law, "SPREAD_RATIO", 0.0)
+    spans = []
+    for share in (1.0, 1e-3, 0.0):
+        monkeypatch.setattr(law, "KNOWN_FORCE", share)
+        low, high = law.region(membrane_law, of)
+        spans.append(high - low)
+    assert (spans[1] <= spans[0]).all()
+    assert spans[1].sum() < 0.9 * spans[0].sum()
+    assert_allclose(spans[2], 0.0, atol=1e-12)
+    shortest, longest = membrane_law.states.length.min(), membrane_law.states.length.max()
+    assert spans[0].max() <= longest - shortest
+    assert spans[0][0] < 0.8 * spans[0][-1]
 
 
 def test_members_disagree_outside_the_states(membrane_law: Law) -> None:
