@@ -2,7 +2,7 @@
 
 The hinges of a chamber's rhombus have friction, which can hold a force along the chamber. The maximum of this force
 depends on the length l of the chamber. It is the slope of an increasing function y of the length, the *coordinate* of
-the friction:
+the friction. The segment law gives the angle and the energy of the chamber, from which y is made:
 
     |force of the friction| <= dy/dl                                                                    (H1)
 
@@ -61,7 +61,10 @@ class Hysteresis(Part, registry=HYSTERESES):
     of each chamber as "hysteresis_1", "hysteresis_2", ..., arrays of shape (T, N, 2).
     """
 
-    known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
+    known: ClassVar[tuple[str, ...]] = (
+        *("length", "l0", "link", "k", "k_apex"),
+        *("angle", "energy", "passive_length"),
+    )
     told: ClassVar[tuple[str, ...]] = ("elements", "needs_links")
     elements: ClassVar[int] = 0
     """Number of parallel elements in each chamber."""
@@ -78,8 +81,9 @@ class Hysteresis(Part, registry=HYSTERESES):
         ----------
         s : mapping of str to SX
             Scalars by name: the parameters, the "length" of the chamber [m], the rest length "l0" of its segment [m],
-            the length "link" of the links [m], and the stiffness of the segment's springs "k" [N] and of its apex
-            hinges "k_apex" [N m/rad]. A chamber has half of each stiffness.
+            the length "link" of the links [m] (only if the segment law has links), and the stiffness of the segment's
+            springs "k" [N] and of its apex hinges "k_apex" [N m/rad]. A chamber has half of each stiffness. "angle",
+            "energy" and "passive_length" follow from "length" by `worm3d.SegmentLaw.joints`.
         """
         raise NotImplementedError
 
@@ -100,15 +104,15 @@ def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Jenkins(Hysteresis, name="jenkins"):
-    """Friction in the hinges of the rhombi: a constant moment, and a part proportional to the pull of the springs.
+    """Friction in the joints of chambers: a constant moment, and a part proportional to the pull of the springs.
 
     Let h be the half-height of a chamber, and P the force with which the springs and apex hinges pull the chamber back
-    to its nominal rest length. The friction along the chamber is at most moment/h + load_ratio |P|. Four elements have
-    equal shares. Their gives r_k are a geometric progression from give/spread to give spread.
+    to its rest length without an input. The friction along the chamber is at most moment/h + load_ratio |P|. Four
+    elements have equal shares. Their gives r_k are a geometric progression from give/spread to give spread. A chamber
+    without links has the h of the rhombus in (SL8) of `worm3d.physics.segment_laws.law`.
     """
 
     elements: ClassVar[int] = 4
-    needs_links: ClassVar[bool] = True
 
     moment: Numbers = parameter(
         0.005,
@@ -139,15 +143,11 @@ class Jenkins(Hysteresis, name="jenkins"):
 
     @classmethod
     def coordinate(cls, s: Symbols) -> Symbol:
-        """Return moment angle(l) + load_ratio E(l) sign(l - l0), where E is the elastic energy of the chamber."""
+        """Return moment angle(l) + load_ratio E(l) sign(l - l_0), with energy E and rest length l_0 without input."""
         import casadi as ca  # parameters do not need casadi
 
-        from worm3d.physics.elements import chamber_energy, hinge_angle, hinge_energy
-
-        length, l0 = s["length"], s["l0"]
-        angle, rest = (hinge_angle(s["link"], each) for each in (length, l0))
-        energy = chamber_energy(s["k"], l0, length, l0) + hinge_energy(s["k_apex"], angle, rest)
-        return s["moment"] * angle + s["load_ratio"] * energy * ca.sign(length - l0)
+        direction = ca.sign(s["length"] - s["passive_length"])
+        return s["moment"] * s["angle"] + s["load_ratio"] * s["energy"] * direction
 
     @classmethod
     def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:

@@ -19,7 +19,7 @@ each step, with the potential C g^2/(2 dt) and the loss C g^2/dt.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import add
 from typing import Any, NamedTuple
@@ -276,6 +276,14 @@ def springs_of(law: Law) -> tuple[Spring, ...]:
     if not (isinstance(found, tuple) and 1 <= len(found) <= 2 and all(isinstance(each, Spring) for each in found)):
         raise ValueError(f"{law.__name__}.springs: got {found!r}, must be a tuple of one or two worm3d.Spring")
     return found
+
+
+def joints(law: Law, length: ca.SX) -> Mapping[str, ca.SX]:
+    """Return the results of `SegmentLaw.joints` for a chamber of the given length."""
+    return {
+        name: scalar(f"{law.__name__}.joints, {name}", value)
+        for name, value in answer(law, "joints", _known(law), length).items()
+    }
 
 
 def _coordinates(law: Law, length: ca.SX, bend: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -76,6 +76,8 @@ class LawFile(ReadOnly):
     """Free contractions of the table p(a), shape (P,)."""
     value: FloatArray
     """Inputs of the table p(a), shape (P,) [Pa or N]."""
+    passive: float
+    """Contraction without an input: 0, or the last one of the table if the input lengthens the segment."""
 
     def radius_at(self, length: FloatArray, contraction: FloatArray) -> FloatArray:
         """Return the outer radius at lengths [m] and contractions, in their common shape [m]."""
@@ -147,6 +149,9 @@ class _Reader:
             raise _WrongError(f"{self._at}{key}: is missing{hint}")
         return self._data[key]
 
+    def has(self, key: str) -> bool:
+        return self._data.get(key) is not None
+
     def inner(self, key: str) -> _Reader:
         return _Reader(self.get(key), f"{self._at}{key}.")
 
@@ -190,6 +195,7 @@ def _law(r: _Reader) -> LawFile:
         input_name=name,
         contraction=contraction,
         value=value,
+        passive=min(float(contraction[-1]), most) if r.inner("input").has("counted_down_from") else 0.0,
     )
     _require_round(law, r.number("rest_radius_m", 0.0, LONGEST_SEGMENT, " m: lengths are in metres"))
     return law

@@ -10,7 +10,12 @@ law gives, in CasADi symbols,
     outline   of each chamber: height h(l_c, l_cmd) and outward distance w(l_c, l_cmd)                      (SL4)
 
 The apexes of chamber c below and above are at m +- b d -+ h u, and the outward apex is at m +- w d, in the notation of
-(E3). If the outline depends on l_cmd, the command moves contact points at a constant shape of the segment. In a step,
+(E3). Friction in the joints (`worm3d.physics.hysteresis`) acts on an angle of the joints. Chambers without links have
+the angle of a rhombus with the chamber's length l_0 and outward distance w_0 without input and load,
+
+    2 asin(l/(2 a)),   a^2 = w_0^2 + l_0^2/4                                                                (SL8)
+
+If the outline depends on l_cmd, the command moves contact points at a constant shape of the segment. In a step,
 the work of the command on these points is f . (dX/dl_cmd) dl_cmd, where f is the gradient of the potential of the
 points at the end of the step. The energy ledger counts this work as work of the actuators.
 
@@ -41,6 +46,10 @@ SEGMENT_INPUTS = ("link", "offset", "k", "k_apex", "l0", "tau")
 GREATEST_LENGTH = 20.0
 """Greatest length of a chamber without links, in rest lengths of the segment. It bounds only the iterates of Newton's
 method. No worm comes close to this length, so that half and double this value change nothing."""
+
+JOINT_REACH = 0.95
+"""Length of a chamber without links, over twice the links of the rhombus in (SL8), above which the lever of its joints
+is constant. A rhombus is flat at 1. Friction is fitted only to shorter segments."""
 
 
 class Spring(NamedTuple):
@@ -132,6 +141,34 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         The arguments are the inputs as in `angle`, and the length and commanded rest length of the chamber [m].
         """
         raise NotImplementedError
+
+    @classmethod
+    def passive_length(cls, s: Symbols) -> Symbol:
+        """Return the commanded rest length of a chamber without an input [m]. `s` is as in `angle`."""
+        return s["l0"]
+
+    @classmethod
+    def joints(cls, s: Symbols, length: Symbol) -> dict[str, Symbol]:
+        """Return on what friction in the joints of a chamber acts, by name, as functions of the chamber's length [m].
+
+        "passive_length" is `passive_length`. "energy" is the energy of the springs at this rest length in a straight
+        segment [J]. "angle" is the angle of the joints [rad]: the angle of the apex hinges, or (SL8) without links.
+        """
+        import casadi as ca  # parameters do not need casadi
+
+        angle, rest = cls.angle(s, length, 0.0), cls.passive_length(s)
+        energies = (spring.energy(at, rest) for spring, at in zip(cls.springs(s), (length, angle), strict=False))
+        if not cls.has_links:
+            link = ca.sqrt(cls.outline(s, rest, rest)[1] ** 2 + rest**2 / 4.0)
+            share = length / (2.0 * link)
+            bounded = ca.fmin(share, JOINT_REACH)
+            angle = 2.0 * ca.asin(bounded) + 2.0 * (share - bounded) / (1.0 - JOINT_REACH**2) ** 0.5
+        return {"passive_length": rest, "energy": sum(energies), "angle": angle}
+
+    @property
+    def passive_contraction(self) -> float:
+        """Contraction of a chamber without an input. It is not 0 if the input lengthens the chamber."""
+        return 0.0
 
     def values(self, worm: Body) -> Mapping[str, Any]:
         """Return the inputs of the law by name: a number, N numbers, or a column with a number for each value."""
