@@ -47,8 +47,8 @@ class Stretch(ReadOnly):
 def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     """Move the ends of a worm's first segment along a line, and return the force and energies.
 
-    Both chambers have the same length, and the contraction without an input. Before the motion, the segment has been at rest at the
-    first length, without stress from friction in its joints.
+    Both chambers have the same length, and the contraction without an input. Before the motion, the segment has been
+    at rest at the first length, without stress from friction in its joints.
 
     Parameters
     ----------
