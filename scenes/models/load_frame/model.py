@@ -21,14 +21,14 @@ from scenes.language.checks import Check, Found
 from scenes.language.errors import SceneError
 from scenes.language.loader import file_named
 from scenes.language.parts import keys_by_parameter, part_named, part_of
+from scenes.language.schema import Section
 from scenes.models.base import Model, Observer, Outcome, pictures
-from scenes.models.checks import RUN_CHECKS, in_keys
+from scenes.models.checks import RUN_CHECKS, building, in_keys
 from scenes.models.load_frame import overview
 from scenes.models.load_frame.schema import NO_FILE, Frame, LoadFrameScene, Worm
 from scenes.models.sections import Run
 from scenes.models.worm.build import part_in
 from scenes.models.worm.checks import law_is_named
-from scenes.models.worm.schema import Hysteresis, Segment
 from scenes.records import measured
 from worm3d.physics.worm import Worm as PlantWorm
 from worm3d.running import segment_law
@@ -232,16 +232,24 @@ def _summary(
     }
 
 
-def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, segment: Segment, frame: Frame, run: Run) -> Found:
+OF_THE_SEGMENT = ("worm", "hysteresis", "segment")
+"""Sections that describe the segment."""
+
+
+def _segment_of(*sections: Section) -> PlantWorm:
+    return worm_of(LoadFrameScene(model="load_frame", **dict(zip(OF_THE_SEGMENT, sections, strict=True))))
+
+
+def _can_be_pulled(file: str, frame: Frame, run: Run, *sections: Section) -> Found:
     """Return an error if the file of the frame cannot be used, or if the segment cannot follow the cable."""
-    scene = LoadFrameScene(model="load_frame", worm=worm, hysteresis=hysteresis, segment=segment, frame=frame, run=run)
     try:
-        cable = cable_of(frame, instants(scene))
-        pulled = worm_of(scene)
+        cable = cable_of(frame, instants(LoadFrameScene(model="load_frame", run=run)))
     except SceneError as error:
         return {"frame.file": str(error)}
-    except ValueError as error:
-        return {"worm": in_keys(str(error), SEGMENT_KEYS)}
+    try:
+        pulled = _segment_of(*sections)
+    except ValueError:
+        return None  # another check reports it
     try:
         shape(pulled, cable, frame.cable_per_diameter)
     except ValueError as error:
@@ -260,7 +268,8 @@ LOAD_FRAME_CHECKS = (
     *RUN_CHECKS,
     Check(("run.dt_s", "run.duration_s"), _not_too_many),
     Check(("segment.file", "segment.kind"), law_is_named),
-    Check(("frame.file", "worm", "hysteresis", "segment", "frame", "run"), _can_be_pulled),
+    building(_segment_of, *OF_THE_SEGMENT),
+    Check(("frame.file", "frame", "run", *OF_THE_SEGMENT), _can_be_pulled),
 )
 
 LOAD_FRAME_MODEL = Model(
