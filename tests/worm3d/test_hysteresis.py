@@ -137,7 +137,7 @@ def test_states_and_loss_are_those_of_sliders_moved_by_hand(law: type[SegmentLaw
     """The way that the chambers went, taken again by springs and sliders written out: the same states and losses."""
     worm = Worm(segments=1, length=0.2, hysteresis=Jenkins(**FREE), actuator_lag=0.0, segment=law())
     run = loop(0.1 * np.sin(np.linspace(0.0, 15.0, 301)) * np.linspace(0.3, 1.0, 301), worm)
-    link = np.hypot(0.05 + (0.03 if law is Hydrostat else 0.0), 0.1)  # (SL8)
+    link = np.hypot(0.05 + (0.03 if law is Hydrostat else 0.0), 0.1)  # (H5)
     y = coordinate(run.chamber_length[:, 0, 0], worm.l0, link, 13.0, FREE)
     by_hand = Sliders(FREE["give"], FREE["spread"])
     by_hand.y = y[0]

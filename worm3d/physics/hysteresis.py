@@ -2,12 +2,13 @@
 
 The hinges of a chamber's rhombus have friction, which can hold a force along the chamber. The maximum of this force
 depends on the length l of the chamber. It is the slope of an increasing function y of the length, the *coordinate* of
-the friction. The segment law gives the angle and the energy of the chamber, from which y is made:
+the friction:
 
     |force of the friction| <= dy/dl                                                                    (H1)
 
 A constant moment M in the hinges gives y = M angle(l). For friction proportional to the pull of the chamber's springs,
-y is the energy of the springs with the sign of l - l0. The unit of y is J: sliding by dy dissipates the energy dy.
+y is the energy of the springs with the sign of l - l_0, where l_0 is the rest length without an input. The segment law
+gives angle and energy. The unit of y is J: sliding by dy dissipates the energy dy.
 
 Joints yield elastically before they slide, and some joints slide earlier than others. The model is a set of elements in
 parallel that share the load. Each element is a spring and a slider in series (Jenkins or Maxwell-slip elements).
@@ -31,6 +32,11 @@ which is Psi minus the change of the springs' energy. Closed loops follow Masing
 force follows the curve of the first loading at twice the scale. (W. D. Iwan, A distributed-element model for hysteresis
 and its steady-state dynamic response, J. Appl. Mech. 33, 893, 1966. The step is the standard step of incremental
 plasticity.)
+
+The joints of a chamber without links are those of a rhombus with the length l_0 and the outward distance w_0 that the
+chamber has without an input and without a load. A constant moment in these joints acts on
+
+    angle(l) = 2 asin(l/(2 a)),   a^2 = w_0^2 + l_0^2/4                                                  (H5)
 
 While a worm settles before a run, the joints have no friction. A run starts with unstressed elements, e_k = 0.
 """
@@ -109,7 +115,7 @@ class Jenkins(Hysteresis, name="jenkins"):
     Let h be the half-height of a chamber, and P the force with which the springs and apex hinges pull the chamber back
     to its rest length without an input. The friction along the chamber is at most moment/h + load_ratio |P|. Four
     elements have equal shares. Their gives r_k are a geometric progression from give/spread to give spread. A chamber
-    without links has the h of the rhombus in (SL8) of `worm3d.physics.segment_laws.law`.
+    without links has the h of the rhombus in (H5).
     """
 
     elements: ClassVar[int] = 4

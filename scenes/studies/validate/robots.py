@@ -161,8 +161,8 @@ ROBOT_COMPARISONS = (
         16.0,
         (15.2, 16.8),
         LOAD_FRAME,
-        "As above. The record is jagged by 3 % of its peak, and the smooth loop passes below the peak. A rhombus with "
-        "springs that was fitted to the record (scene load_frame) has 14.3 N.",
+        "As above. The band is 5 % of the peak, since the smooth loop differs from the jagged record by 3 % rms. A "
+        "rhombus with springs that was fitted to the record (scene load_frame) has 14.3 N.",
         standing="fitted",
         unit="N",
     ),

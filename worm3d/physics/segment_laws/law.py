@@ -10,12 +10,7 @@ law gives, in CasADi symbols,
     outline   of each chamber: height h(l_c, l_cmd) and outward distance w(l_c, l_cmd)                      (SL4)
 
 The apexes of chamber c below and above are at m +- b d -+ h u, and the outward apex is at m +- w d, in the notation of
-(E3). Friction in the joints (`worm3d.physics.hysteresis`) acts on an angle of the joints. Chambers without links have
-the angle of a rhombus with the chamber's length l_0 and outward distance w_0 without input and load,
-
-    2 asin(l/(2 a)),   a^2 = w_0^2 + l_0^2/4                                                                (SL8)
-
-If the outline depends on l_cmd, the command moves contact points at a constant shape of the segment. In a step,
+(E3). If the outline depends on l_cmd, the command moves contact points at a constant shape of the segment. In a step,
 the work of the command on these points is f . (dX/dl_cmd) dl_cmd, where f is the gradient of the potential of the
 points at the end of the step. The energy ledger counts this work as work of the actuators.
 
@@ -48,7 +43,7 @@ GREATEST_LENGTH = 20.0
 method. No worm comes close to this length, so that half and double this value change nothing."""
 
 JOINT_REACH = 0.95
-"""Length of a chamber without links, over twice the links of the rhombus in (SL8), above which the lever of its joints
+"""Length of a chamber without links, over twice the links of the rhombus in (H5), above which the lever of its joints
 is constant. A rhombus is flat at 1. Friction is fitted only to shorter segments."""
 
 
@@ -152,7 +147,8 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         """Return on what friction in the joints of a chamber acts, by name, as functions of the chamber's length [m].
 
         "passive_length" is `passive_length`. "energy" is the energy of the springs at this rest length in a straight
-        segment [J]. "angle" is the angle of the joints [rad]: the angle of the apex hinges, or (SL8) without links.
+        segment [J]. "angle" is the angle of the joints [rad]: the angle of the apex hinges, or without links (H5) of
+        `worm3d.physics.hysteresis`.
         """
         import casadi as ca  # parameters do not need casadi
 
