@@ -82,6 +82,9 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
     told: ClassVar[tuple[str, ...]] = ("further_inputs", "has_links")
     has_links: ClassVar[bool] = False
     """Whether a chamber is a rhombus of links. Parts that use the length of the links need such a segment law."""
+    is_long: ClassVar[bool] = False
+    """Whether energy and outline are long expressions. The kernels then contain their derivatives with respect to the
+    length of a chamber instead of length and bend of the segment, and common parts are computed once."""
     further_inputs: ClassVar[Mapping[str, int]] = {}
     """Number of values of each further input by name, such as the weights of a network."""
 

@@ -45,6 +45,7 @@ class Learned(SegmentLaw, name="learned"):
         The file cannot be read, or a value in the file is missing or not allowed.
     """
 
+    is_long: ClassVar[bool] = True
     further_inputs: ClassVar[Mapping[str, int]] = {
         "energy": weights_of(ENERGY_SIZES),
         "radius": weights_of(RADIUS_SIZES),
