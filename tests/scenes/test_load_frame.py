@@ -19,6 +19,7 @@ from scenes.models.loading import load_scene, parse_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from scenes.running.runner import simulate
+from scenes.studies.validate import robots
 
 DATA = SHIPPED_FOLDER / "data" / "mesh_segment_load_frame.csv"
 
@@ -163,6 +164,56 @@ def test_the_first_curve_and_the_turn_are_masings() -> None:
     assert_allclose(share[turn:], 1.0 - 2.0 * first((y[turn] - y[turn:]) / 2.0), rtol=0, atol=1e-9)
     assert share[turn] > 1.0 - 1e-12
     assert share[-1] < -1.0 + 1e-12
+
+
+def without_sizes(*overrides: str) -> Record:
+    """Return a run of a load frame without values of its own."""
+    return simulate(parse_scene('model = "load_frame"', "load_frame", overrides))
+
+
+def test_a_hydrostat_in_the_frame_is_a_cylinder_of_constant_volume() -> None:
+    """l = l0 (h0/h)^2 and F = dE/du, with the spring of both chambers."""
+    kept = ("worm.length_m=0.2", "worm.half_height_m=0.15", "worm.spring_N=20", "worm.kelvin_voigt_time_s=0")
+    way = ("frame.cable_m=0.3", "frame.speed_m_s=0.05", "run.duration_s=9", "run.dt_s=0.1")
+    record = without_sizes("segment.kind=hydrostat", *kept, *way)
+
+    def length(u: np.ndarray) -> np.ndarray:
+        return np.asarray(0.2 * (0.15 / (0.15 - u / 6.0)) ** 2)
+
+    def stored(u: np.ndarray) -> np.ndarray:
+        return np.asarray(20.0 * 0.2 / 2.0 * (1.0 - length(u) / 0.2) ** 2)
+
+    u = record["cable"]
+    assert_allclose(record["length"], length(u), rtol=1e-8)
+    assert_allclose(record["diameter"], 0.3 - u / 3.0, rtol=1e-12)
+    force = (stored(u + 1e-6) - stored(u - 1e-6)) / 2e-6
+    assert_allclose(record["force"], force, rtol=0, atol=1e-6 * force.max())
+
+
+MESH = Path(robots.__file__).with_name("mesh_segment.toml")
+
+
+def test_a_law_fitted_to_the_record_follows_it_within_four_percent_both_ways() -> None:
+    record, data = simulate(load_scene(MESH)), measured.load(DATA)
+    force = measured.simulated_like(record, data)["force"]
+    errors = [np.sqrt(np.nanmean((force - data["force"])[way] ** 2)) for way in both_ways(data)]
+    assert np.array(errors) / data["force"].max() == pytest.approx([0.0301, 0.0217], abs=0.002)
+    assert abs(record.summary["peak_force_N"] - data["force"].max()) < 0.02 * data["force"].max()  # type: ignore[operator]
+    assert record.summary["energy_balance_error"] < 1e-5  # type: ignore[operator]
+    assert record["hysteresis_loss"].min() >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        (["frame.file=none", "frame.cable_m=0.35"], "the cable is taken in by 0 to 0.35 m, must be from 0 to 0.3299 m"),
+        (["worm.length_m=0.2"], "worm.length_m: got 0.2, must be 0.262072975 as in the segment law, or be left out"),
+    ],
+)
+def test_what_a_law_does_not_allow_is_said(overrides: Sequence[str], sentence: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene(MESH, overrides)
+    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,28 @@ def test_outlines_reach_from_joint_to_joint_and_from_apex_to_apex(kind: str, cor
         assert_allclose(away, 0.0, atol=1e-3 * (kind == "hydrostat"))
 
 
+LEARNED = ("segment.kind=learned", "segment.file=barrel.json")
+
+
+def test_the_planar_worm_has_the_section(folder: Path) -> None:
+    scene = load_scene("planar_case", (*SHORT, "segment.kind=hydrostat"))
+    assert worm_of(scene.settings).segment == Hydrostat()
+    text = f'model = "worm_planar"\n[segment]\nkind = "learned"\nfile = "barrel.json"\n{FLAT}'
+    (folder / "flat.toml").write_text(text)
+    scene = load_scene(folder / "flat.toml", (*SHORT, "worm.segments=4"))
+    worm = worm_of(scene.settings)
+    assert (worm.flat, worm.l0, worm.stroke) == (True, LAWS.L0, (0.0, LAWS.MOST))
+    assert worm.half_height[0] == pytest.approx(worm.segment.law.rest_radius)
+    outcome = simulate(scene)
+    assert outcome.status == "done"
+    assert outcome.summary["energy_balance_error"] < 1e-12
+    with pytest.raises(SceneError, match=r"gait.amplitude: got 0.5, must be at most 0.45"):
+        load_scene(folder / "flat.toml", ("gait.amplitude=0.5",))
+
+
+FLAT = "[worm]\nmass_kg = 0.07\ntorsion_J = 10.0\n[gait]\namplitude = 0.2\n"
+
+
 def test_a_controller_of_a_law_with_small_strokes_gets_a_sentence() -> None:
     learned = ("segment.kind=learned", "segment.file=barrel.json")
     with pytest.raises(SceneError, match=r"contract its chambers by 0.4, must be at most the stroke, 0.2701; choose"):
@@ -109,13 +131,28 @@ def test_a_controller_of_a_law_with_small_strokes_gets_a_sentence() -> None:
         (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
         (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),
         (("segment.kind=rhombic",), r"segment.kind: .*did you mean 'rhombus'"),
-        (("segment.kind=hydrostat", "hysteresis.kind=jenkins"), r"got Jenkins, which acts on the links"),
         (("segment.kind=hydrostat", "actuator.kind=pneumatic"), r"got Pneumatic, which acts on the links"),
     ],
 )
 def test_mistakes(overrides: tuple[str, ...], sentence: str) -> None:
     with pytest.raises(SceneError, match=sentence):
         load_scene("flat", overrides)
+
+
+@pytest.mark.parametrize("name", ["planar_case", "load_frame"])
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        (("segment.kind=learned",), r"segment.kind: must name the file of a law that 'worm3d law' wrote"),
+        (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
+        (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),
+        (("segment.kind=rhombic",), r"segment.kind: .*did you mean 'rhombus'"),
+        ((*LEARNED, "worm.length_m=0.3"), r"worm.length_m: got 0.3, must be .* as in the segment law, or be left out"),
+    ],
+)
+def test_the_same_mistakes_in_other_models(name: str, overrides: tuple[str, ...], sentence: str) -> None:
+    with pytest.raises(SceneError, match=sentence):
+        load_scene(name, overrides)
 
 
 def test_a_broken_law_is_a_mistake_of_the_scene(folder: Path) -> None:

@@ -262,7 +262,7 @@ def test_an_actuator_is_found_by_name_and_has_its_parameters_as_keys() -> None:
 
 
 def test_every_key_of_the_planar_worm_reaches_the_plant() -> None:
-    # `planar` has no payload, and its scenes have rhombi.
+    # Scenes of `planar` have no payload, and the section [segment] describes the segment law.
     of_the_planar_model = set(signature(worm3d.Worm.planar).parameters) - {"payload", "segment"}
     assert set(keys_by_parameter(Linkage, PlanarWorm)) == of_the_planar_model
     scene = load_scene("planar_case", ["worm.segments=2", "worm.half_height_m=[0.1, 0.2]", "worm.density_kg_m3=3"])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 import pytest
 from kernel_states import COUNT, assert_close, differences, evaluated, some_segment
@@ -13,12 +14,24 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d import Command, FirstOrder, Hysteresis, Jenkins, Plane, Pneumatic, Status, Worm
+from worm3d import (
+    Command,
+    FirstOrder,
+    Hydrostat,
+    Hysteresis,
+    Jenkins,
+    Plane,
+    Pneumatic,
+    Rhombus,
+    SegmentLaw,
+    Status,
+    Worm,
+)
 from worm3d.physics.kernels import actuator
 from worm3d.running.plant import kernels
 from worm3d.values.parameters import parameter
 
-LAYOUT = actuator.chambers(FirstOrder, Jenkins)
+LAWS = pytest.mark.parametrize("law", [Rhombus, Hydrostat])
 FREE = {"moment": 0.02, "load_ratio": 0.5, "give": 2e-4, "spread": 3.0}
 
 
@@ -50,10 +63,15 @@ class Sliders:
         return float((self.given**2 / (2.0 * self.gives)).mean())
 
 
-def some_friction(seed: int) -> dict[str, np.ndarray]:
+def some_friction(seed: int, law: type[SegmentLaw]) -> dict[str, np.ndarray]:
     """Return segments in general position, with friction that sticks, slides and is about to."""
     rng, values = np.random.default_rng(seed), some_segment(seed)
-    values |= {name: np.zeros((size, COUNT)) for name, size in LAYOUT.sizes.items() if name not in values}
+    sizes = actuator.chambers(FirstOrder, Jenkins, law).sizes
+    values |= {name: np.zeros((size, COUNT)) for name, size in sizes.items() if name not in values}
+    if law is Hydrostat:
+        values["segment_law_rest_height"] = rng.uniform(0.04, 0.06, (1, COUNT))
+        link = np.hypot(values["segment_law_rest_height"] + values["offset"], values["l0"] / 2.0)
+        values |= {"link": link, "k_apex": 0.0 * link}  # for `_without_kinks`; the kernel does not use them
     known = {"moment": (0.0, 0.1), "load_ratio": (0.0, 0.9), "give": (1e-3, 0.1), "spread": (1.0, 5.0)}
     for name, (low, high) in known.items():
         values[f"actuator_hysteresis_{name}"] = rng.uniform(low, high, (1, COUNT))
@@ -63,17 +81,19 @@ def some_friction(seed: int) -> dict[str, np.ndarray]:
     return values | nothing | {"actuator_haste": np.ones((1, COUNT)), "actuator_lag": np.ones((1, COUNT))}
 
 
+@LAWS
 @pytest.mark.parametrize("seed", range(3))
-def test_gradient_and_hessian_of_a_segment_that_rubs(seed: int) -> None:
-    made, values = kernels(own=Jenkins), some_friction(seed)
+def test_gradient_and_hessian_of_a_segment_that_rubs(seed: int, law: type[SegmentLaw]) -> None:
+    made, values = kernels(own=Jenkins, segment_law=law), some_friction(seed, law)
+    layout = actuator.chambers(FirstOrder, Jenkins, law)
 
     def potential(q: np.ndarray) -> np.ndarray:
-        return evaluated(made["segment_gradient"], LAYOUT, values | {"q": q})[:1]
+        return evaluated(made["segment_gradient"], layout, values | {"q": q})[:1]
 
     def gradient(q: np.ndarray) -> np.ndarray:
-        return evaluated(made["segment_gradient"], LAYOUT, values | {"q": q})[1:]
+        return evaluated(made["segment_gradient"], layout, values | {"q": q})[1:]
 
-    found = evaluated(made["segment_hessian"], LAYOUT, values)
+    found = evaluated(made["segment_hessian"], layout, values)
     smooth = _without_kinks(values, 4e-5)
     assert smooth.sum() > COUNT / 2
     for of, at, h, relative in ((found[None, 1:9], potential, 1e-5, 1e-6), (found[9:], gradient, 1e-6, 1e-6)):
@@ -112,11 +132,13 @@ def loop(cycles: np.ndarray, worm: Worm, dt: float = 0.01) -> worm3d.Result:
     )
 
 
-def test_states_and_loss_are_those_of_sliders_moved_by_hand() -> None:
+@LAWS
+def test_states_and_loss_are_those_of_sliders_moved_by_hand(law: type[SegmentLaw]) -> None:
     """The way that the chambers went, taken again by springs and sliders written out: the same states and losses."""
-    worm = Worm(segments=1, length=0.2, hysteresis=Jenkins(**FREE), actuator_lag=0.0)
+    worm = Worm(segments=1, length=0.2, hysteresis=Jenkins(**FREE), actuator_lag=0.0, segment=law())
     run = loop(0.1 * np.sin(np.linspace(0.0, 15.0, 301)) * np.linspace(0.3, 1.0, 301), worm)
-    y = coordinate(run.chamber_length[:, 0, 0], worm.l0, worm.link_length[0], 13.0, FREE)
+    link = np.hypot(0.05 + (0.03 if law is Hydrostat else 0.0), 0.1)  # (H5)
+    y = coordinate(run.chamber_length[:, 0, 0], worm.l0, link, 13.0, FREE)
     by_hand = Sliders(FREE["give"], FREE["spread"])
     by_hand.y = y[0]
     for row in range(1, len(y)):
@@ -271,6 +293,26 @@ def test_crawling_converges_with_the_time_step() -> None:
     assert fine > 0.05
 
 
+def test_joints_without_links_have_the_lever_of_a_rhombus_until_it_is_nearly_flat() -> None:
+    """1/h up to 0.95 of twice the links, constant above."""
+    length = ca.SX.sym("length")
+    s = {
+        name: ca.SX(value)
+        for name, value in {"l0": 0.2, "offset": 0.03, "rest_height": 0.05, "k": 13.0, "tau": 0.0}.items()
+    }
+    angle = Hydrostat.joints(s, length)["angle"]
+    found = ca.Function("angle", [length], [angle, ca.gradient(angle, length)])
+    link = np.hypot(0.08, 0.1)
+    at = np.linspace(0.02, 0.99, 50) * 1.9 * link
+    assert_allclose(found(at)[0].full().ravel(), 2.0 * np.arcsin(at / (2.0 * link)), rtol=1e-14)
+    assert_allclose(found(at)[1].full().ravel(), 1.0 / np.sqrt(link**2 - at**2 / 4.0), rtol=1e-13)
+    end = 1.9 * link
+    beyond = np.array([1.0 + 1e-12, 1.2, 5.0]) * end
+    lever = np.sqrt(link**2 - end**2 / 4.0)
+    assert_allclose(found(beyond)[1].full().ravel(), 1.0 / lever, rtol=1e-13)
+    assert_allclose(found(beyond)[0].full().ravel(), 2.0 * np.arcsin(0.95) + (beyond - end) / lever, rtol=1e-13)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Own(Hysteresis):
     """Friction of a constant force."""
@@ -287,8 +329,9 @@ class Own(Hysteresis):
         return [(1.0, 1e-5)]
 
 
-def test_friction_of_ones_own_holds_what_it_says() -> None:
-    worm = Worm(segments=1, length=0.2, hysteresis=Own(newton=0.4), kelvin_voigt_time=0.15)
+@LAWS
+def test_friction_of_ones_own_holds_what_it_says(law: type[SegmentLaw]) -> None:
+    worm = Worm(segments=1, length=0.2, hysteresis=Own(newton=0.4), kelvin_voigt_time=0.15, segment=law())
     pull = np.array([[-2.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     run = worm3d.simulate(worm, None, external_force=lambda t: pull * min(t, 1.0), duration=6.0, gravity=(0, 0, 0))
     assert_allclose(run.chamber_length[-1] / worm.l0 - 1.0, (2.0 - 0.8) / 13.0, rtol=1e-7)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from kernel_states import COUNT, Values, assert_close, differences, evaluated, some_segment
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.integrate import cumulative_trapezoid
 
 import worm3d
 from control.gaits import TravellingWave
@@ -387,11 +388,57 @@ def test_sizes_of_the_worm_follow_from_the_law(law: Learned) -> None:
             Worm(segment=law, **{name: value})
 
 
-@pytest.mark.parametrize("part", [{"actuator": Pneumatic()}, {"hysteresis": Jenkins()}], ids=["actuator", "hysteresis"])
-def test_parts_that_act_on_links_are_refused(law: Learned, part: dict[str, Any]) -> None:
+def test_parts_that_act_on_links_are_refused(law: Learned) -> None:
     for segment_law in (law, Hydrostat()):
-        with pytest.raises(ValueError, match=r"got (Pneumatic|Jenkins), which acts on the links of a rhombus, must be"):
-            Worm(segment=segment_law, **part)
+        with pytest.raises(ValueError, match=r"got Pneumatic, which acts on the links of a rhombus, must be"):
+            Worm(segment=segment_law, actuator=Pneumatic())
+
+
+def lengthening(content: dict[str, Any]) -> dict[str, Any]:
+    """Return a law whose input lengthens the segment: without an input, the contraction is the greatest one."""
+    return {**content, "input": {**content["input"], "counted_down_from": 5.0}}
+
+
+@pytest.mark.parametrize("free", [0.0, learned_laws.MOST])
+def test_joints_rub_on_the_length_with_a_share_of_the_force_without_input(free: float, tmp_path: Path) -> None:
+    """Two ways of a segment: P from the file, y by quadrature, and the sliders one by one."""
+    content = lengthening(CONTENT) if free else CONTENT
+    own = Jenkins(moment=0.01, load_ratio=0.4, give=1e-4, spread=2.0)
+    segment_law = Learned(str(learned_laws.written(tmp_path, content)))
+    worm = Worm(segment=segment_law, segments=1, kelvin_voigt_time=0.0, hysteresis=own)
+    at = np.linspace(0.65, 1.1, 20_001) * worm.l0
+
+    def energy(length: np.ndarray) -> np.ndarray:
+        return learned_laws.evaluated(content, length, np.full_like(length, free))[0]
+
+    pull = (energy(at + 1e-6) - energy(at - 1e-6)) / 2e-6
+    rest = worm.l0 * (1.0 - free)
+    w0 = learned_laws.evaluated(content, np.array([rest]), np.array([free]))[1][0]
+    slope = own.moment / np.sqrt(w0**2 + rest**2 / 4.0 - at**2 / 4.0) + own.load_ratio * np.abs(pull)
+    y = cumulative_trapezoid(slope, at, initial=0.0)
+    length = worm.l0 * np.concatenate([np.linspace(0.9, 1.08, 60), np.linspace(1.08, 0.67, 90)])
+    e, gives, shares = np.zeros(4), own.give * own.spread ** np.array([-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0]), []
+    for moved in np.diff(np.interp(length, at, y), prepend=np.interp(length[0], at, y)):
+        e = np.clip(e + moved / gives, -1.0, 1.0)
+        shares.append(e.mean())
+    expected = 2.0 * (np.interp(length, at, pull) + np.array(shares) * np.interp(length, at, slope))
+    found = worm3d.stretch_segment(worm, length, np.arange(150.0))
+    assert_allclose(found.force, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+    assert (min(shares), max(shares)) == (-1.0, 1.0)
+    assert found.hysteresis_loss.min() >= 0.0
+    work = np.sum(np.diff(length) * (found.force[1:] + found.force[:-1]) / 2.0)
+    assert_allclose(found.elastic.sum() + found.hysteresis_loss.sum(), work, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_worm_with_joints_that_rub_closes_the_ledger(law: Learned) -> None:
+    worm = Worm(segment=law, hysteresis=Jenkins(moment=0.002, load_ratio=0.3))
+    wave = TravellingWave(amplitude=0.3, bias=0.3)
+    result = simulate(worm, Plane(), GROUND, actuation=wave, duration=2.0)
+    assert result.status is Status.DONE
+    assert result.energy.balance_error < 1e-12
+    assert result.energy.hysteresis_loss.min() >= 0.0
+    assert result.energy.hysteresis_loss.sum() > 0.05 * result.energy.work_contract.sum() > 0.0
 
 
 def test_the_force_of_a_stretched_segment_is_the_slope_of_the_energy(law: Learned) -> None:

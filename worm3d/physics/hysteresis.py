@@ -7,7 +7,8 @@ the friction:
     |force of the friction| <= dy/dl                                                                    (H1)
 
 A constant moment M in the hinges gives y = M angle(l). For friction proportional to the pull of the chamber's springs,
-y is the energy of the springs with the sign of l - l0. The unit of y is J: sliding by dy dissipates the energy dy.
+y is the energy of the springs with the sign of l - l_0, where l_0 is the rest length without an input. The segment law
+gives angle and energy. The unit of y is J: sliding by dy dissipates the energy dy.
 
 Joints yield elastically before they slide, and some joints slide earlier than others. The model is a set of elements in
 parallel that share the load. Each element is a spring and a slider in series (Jenkins or Maxwell-slip elements).
@@ -31,6 +32,11 @@ which is Psi minus the change of the springs' energy. Closed loops follow Masing
 force follows the curve of the first loading at twice the scale. (W. D. Iwan, A distributed-element model for hysteresis
 and its steady-state dynamic response, J. Appl. Mech. 33, 893, 1966. The step is the standard step of incremental
 plasticity.)
+
+The joints of a chamber without links are those of a rhombus with the length l_0 and the outward distance w_0 that the
+chamber has without an input and without a load. A constant moment in these joints acts on
+
+    angle(l) = 2 asin(l/(2 a)),   a^2 = w_0^2 + l_0^2/4                                                  (H5)
 
 While a worm settles before a run, the joints have no friction. A run starts with unstressed elements, e_k = 0.
 """
@@ -61,7 +67,10 @@ class Hysteresis(Part, registry=HYSTERESES):
     of each chamber as "hysteresis_1", "hysteresis_2", ..., arrays of shape (T, N, 2).
     """
 
-    known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
+    known: ClassVar[tuple[str, ...]] = (
+        *("length", "l0", "link", "k", "k_apex"),
+        *("angle", "energy", "passive_length"),
+    )
     told: ClassVar[tuple[str, ...]] = ("elements", "needs_links")
     elements: ClassVar[int] = 0
     """Number of parallel elements in each chamber."""
@@ -78,8 +87,9 @@ class Hysteresis(Part, registry=HYSTERESES):
         ----------
         s : mapping of str to SX
             Scalars by name: the parameters, the "length" of the chamber [m], the rest length "l0" of its segment [m],
-            the length "link" of the links [m], and the stiffness of the segment's springs "k" [N] and of its apex
-            hinges "k_apex" [N m/rad]. A chamber has half of each stiffness.
+            the length "link" of the links [m] (only if the segment law has links), and the stiffness of the segment's
+            springs "k" [N] and of its apex hinges "k_apex" [N m/rad]. A chamber has half of each stiffness. "angle",
+            "energy" and "passive_length" follow from "length" by `worm3d.SegmentLaw.joints`.
         """
         raise NotImplementedError
 
@@ -100,15 +110,15 @@ def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Jenkins(Hysteresis, name="jenkins"):
-    """Friction in the hinges of the rhombi: a constant moment, and a part proportional to the pull of the springs.
+    """Friction in the joints of chambers: a constant moment, and a part proportional to the pull of the springs.
 
     Let h be the half-height of a chamber, and P the force with which the springs and apex hinges pull the chamber back
-    to its nominal rest length. The friction along the chamber is at most moment/h + load_ratio |P|. Four elements have
-    equal shares. Their gives r_k are a geometric progression from give/spread to give spread.
+    to its rest length without an input. The friction along the chamber is at most moment/h + load_ratio |P|. Four
+    elements have equal shares. Their gives r_k are a geometric progression from give/spread to give spread. A chamber
+    without links has the h of the rhombus in (H5).
     """
 
     elements: ClassVar[int] = 4
-    needs_links: ClassVar[bool] = True
 
     moment: Numbers = parameter(
         0.005,
@@ -139,15 +149,11 @@ class Jenkins(Hysteresis, name="jenkins"):
 
     @classmethod
     def coordinate(cls, s: Symbols) -> Symbol:
-        """Return moment angle(l) + load_ratio E(l) sign(l - l0), where E is the elastic energy of the chamber."""
+        """Return moment angle(l) + load_ratio E(l) sign(l - l_0), with energy E and rest length l_0 without input."""
         import casadi as ca  # parameters do not need casadi
 
-        from worm3d.physics.elements import chamber_energy, hinge_angle, hinge_energy
-
-        length, l0 = s["length"], s["l0"]
-        angle, rest = (hinge_angle(s["link"], each) for each in (length, l0))
-        energy = chamber_energy(s["k"], l0, length, l0) + hinge_energy(s["k_apex"], angle, rest)
-        return s["moment"] * angle + s["load_ratio"] * energy * ca.sign(length - l0)
+        direction = ca.sign(s["length"] - s["passive_length"])
+        return s["moment"] * s["angle"] + s["load_ratio"] * s["energy"] * direction
 
     @classmethod
     def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:

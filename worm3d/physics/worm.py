@@ -120,7 +120,7 @@ class Worm(Body):
             kelvin_voigt_time=kelvin_voigt_time,
             drag=drag,
             actuator_lag=0.0,
-            stroke=(-100.0, 0.999),
+            stroke=law.suited().get("stroke", (-100.0, 0.999)),
             outward_apexes=False,
             end_faces=False,
             segment=law,

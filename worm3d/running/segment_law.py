@@ -18,7 +18,7 @@ from worm3d.physics.hysteresis import HYSTERESIS_PREFIX
 from worm3d.physics.kernels import actuator, segment
 from worm3d.physics.segment_laws.law import columns_of
 from worm3d.physics.worm import Worm
-from worm3d.running.plant import kernels
+from worm3d.running.plant import DOMAIN_ROUNDING, kernels
 from worm3d.solver.segment_way import KERNELS, follow
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -47,8 +47,8 @@ class Stretch(ReadOnly):
 def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     """Move the ends of a worm's first segment along a line, and return the force and energies.
 
-    Both chambers have the same length, and there is no command. Before the motion, the segment has been at rest at the
-    first length, without stress from friction in its joints.
+    Both chambers have the same length, and the contraction without an input. Before the motion, the segment has been
+    at rest at the first length, without stress from friction in its joints.
 
     Parameters
     ----------
@@ -70,7 +70,8 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     if lengths.ndim != 1 or len(lengths) < 2 or lengths.shape != times.shape:
         raise ValueError(f"length: got shape {lengths.shape}, must be (T,) as time, {times.shape}, with T at least 2")
     (low, *_), (high, *_), why = worm.segment.possible(worm)
-    if not ((lengths > low) & (lengths < high)).all():
+    room = 0.0 if worm.segment.has_links else DOMAIN_ROUNDING * worm.l0
+    if not ((lengths > max(low - room, 0.0)) & (lengths < high + room)).all():
         raise ValueError(
             f"length: got {lengths.min():.6g} to {lengths.max():.6g} m, must be above {low:.6g} and below "
             f"{high:.6g} m, {why}"
@@ -92,7 +93,8 @@ def _along(worm: Worm, lengths: FloatArray, times: FloatArray) -> Stretch:
     known |= {
         segment.ACTUATOR_PREFIX + HYSTERESIS_PREFIX + name: value for name, value in friction.parameters().items()
     }
-    for name, value in {**known, "commanded": worm.l0, "commanded_n": worm.l0}.items():
+    passive = worm.l0 * (1.0 - worm.segment.passive_contraction)
+    for name, value in {**known, "commanded": passive, "commanded_n": passive}.items():
         layout.of(name, rows)[:, 0] = np.ravel(value)[0]
     for name, column in columns_of(worm.segment, worm).items():
         layout.of(segment.kernel_name(law, name), rows)[:, 0] = column[:, 0]

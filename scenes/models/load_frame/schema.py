@@ -7,7 +7,7 @@ from typing import Literal
 from scenes.language.parts import PartSection, keys_of
 from scenes.language.schema import Section, setting
 from scenes.models.sections import BODY_BOUNDS, Settings
-from scenes.models.worm.schema import Hysteresis
+from scenes.models.worm.schema import Hysteresis, Segment
 from worm3d.physics.worm import Worm as PlantWorm
 
 NO_FILE = "none"
@@ -45,4 +45,5 @@ class LoadFrameScene(Settings):
     model: Literal["load_frame"] = setting(meaning="which simulation the scene is for")
     worm: Worm = Worm()
     hysteresis: Hysteresis = Hysteresis()
+    segment: Segment = Segment()
     frame: Frame = Frame()

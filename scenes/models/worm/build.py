@@ -136,14 +136,16 @@ def problem_of(
 
 
 def worm_of(scene: AnyWormScene) -> worm3d.Worm:
-    """Return the worm described by the section [worm]."""
+    """Return the worm described by the section [worm] and the sections of the worm's parts."""
     if isinstance(scene, PlanarWormScene):
-        return worm3d.Worm.planar(**values_of(Linkage, scene.worm))
-    chosen: dict[str, Any] = {name: _part(name, kind, getattr(scene, name)) for name, kind in PARTS.items()}
+        return worm3d.Worm.planar(
+            **values_of(Linkage, scene.worm), segment=part_in("segment", SEGMENT_KIND, scene.segment)
+        )
+    chosen: dict[str, Any] = {name: part_in(name, kind, getattr(scene, name)) for name, kind in PARTS.items()}
     return replace(part_of(worm3d.Worm, scene.worm), **chosen)
 
 
-def _part(name: str, kind: Kind, section: Any) -> Any:
+def part_in(name: str, kind: Kind, section: Any) -> Any:
     """Return the part of a section; error messages about a parameter begin with the name of the section."""
     try:
         return part_named(kind, section.kind, section)

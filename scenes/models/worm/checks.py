@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,11 @@ IMPOSSIBLE = (ValueError, ArithmeticError)
 """Errors that an impossible worm raises. Arithmetic errors occur if huge numbers overflow."""
 BODY = ("worm", *PARTS)
 """Sections that describe the body of a 3D worm."""
-STARTS_WITH = ("worm", "world", "start", "run")
-"""Sections that decide whether a planar worm can start."""
-SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
+PLANAR_BODY = ("worm", "segment")
+"""Sections that describe the body of a planar worm."""
+STARTS_WITH = ("world", "start", "run")
+"""Sections that decide, beside those of the body, whether a worm can start."""
+SPATIAL_STARTS_WITH = (*BODY, *STARTS_WITH)
 """Sections that decide whether a 3D worm can start."""
 
 
@@ -114,16 +117,22 @@ def _accuracy_by_bdf2(accuracy: float | None, integrator: str) -> str | None:
     return f"got {accuracy} with run.integrator = '{integrator}': only bdf2 has steps of variable length; leave one out"
 
 
-def _law_is_named(file: str, kind: str) -> str | None:
+def law_is_named(file: str, kind: str) -> str | None:
+    """Return an error for a learned law without a file."""
     return "must name the file of a law that 'worm3d law' wrote" if kind == "learned" and file == NO_LAW else None
 
 
-def _stays_within_the_law(gait: WormGait, *sections: Section) -> None:
+def _stays_within_the_law(*sections: Section, schema: type[Surroundings], names: tuple[str, ...]) -> None:
     """Raise ValueError if a gait contracts chambers further than the segment law allows, for laws that set a stroke."""
-    scene = scene_with(WormScene, ("gait", *BODY), (gait, *sections))
+    scene = scene_with(schema, names, sections)
     worm = worm_of(scene)
     if worm.segment.suited():
         gait_of(scene).bind(worm)
+
+
+def _stay_check(schema: type[Surroundings], body: tuple[str, ...]) -> Check:
+    names = ("gait", *body)
+    return building(partial(_stays_within_the_law, schema=schema, names=names), *names)
 
 
 def _push_on_a_joint(joint: int, segments: int) -> str | None:
@@ -164,6 +173,7 @@ WORLD_CHECKS = (
     Check(("friction.law", "world.kind"), _clamped_by_coulomb),
     Check(("run.accuracy", "run.integrator"), _accuracy_by_bdf2),
     *SECTION_CHECKS,
+    Check(("segment.file", "segment.kind"), law_is_named),
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
@@ -172,7 +182,6 @@ WORLD_CHECKS = (
 
 SPATIAL_CHECKS = (
     *WORLD_CHECKS,
-    Check(("segment.file", "segment.kind"), _law_is_named),
     building(lambda *sections: worm_of(scene_with(SpatialScene, BODY, sections)), *BODY, refusals=IMPOSSIBLE),
     building(_sized, "friction", "worm.segments"),
     *WORM_IN_PIPE_CHECKS,
@@ -182,16 +191,19 @@ SPATIAL_CHECKS = (
 WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
-    building(_stays_within_the_law, "gait", *BODY),
+    _stay_check(WormScene, BODY),
     *REFLEX_CHECKS,
     start_check(WormScene),
 )
 
 PLANAR_CHECKS = (
     *WORLD_CHECKS,
-    building(lambda worm: worm_of(scene_with(PlanarWormScene, ("worm",), (worm,))), "worm", refusals=IMPOSSIBLE),
+    building(
+        lambda *sections: worm_of(scene_with(PlanarWormScene, PLANAR_BODY, sections)), *PLANAR_BODY, refusals=IMPOSSIBLE
+    ),
     building(_sized, "friction", "worm.segments"),
     *gait_checks(PlanarGait, PlanarWorm),
+    _stay_check(PlanarWormScene, PLANAR_BODY),
     *REFLEX_CHECKS,
-    start_check(PlanarWormScene, STARTS_WITH),
+    start_check(PlanarWormScene, (*PLANAR_BODY, *STARTS_WITH)),
 )

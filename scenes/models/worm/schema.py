@@ -195,6 +195,7 @@ class Surroundings(Settings):
     world: World = World()
     push: Push = Push()
     measures: Measures = Measures()
+    segment: Segment = Segment()
 
 
 class SpatialScene(Surroundings):
@@ -205,7 +206,6 @@ class SpatialScene(Surroundings):
     hinge_actuator: HingeActuator = HingeActuator()
     hysteresis: Hysteresis = Hysteresis()
     medium: Medium = Medium()
-    segment: Segment = Segment()
     load: Load = Load()
     friction: Friction = Friction()
     start: AimedStart = AimedStart()

@@ -13,6 +13,7 @@ terms of the energy ledger, if the actuator has any.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -102,7 +103,7 @@ def _slid(own: Own, law: Law, layout: Layout, side: int) -> Callable[[ca.SX], hy
         name = f"{HYSTERESIS_PREFIX}{state}_n"
         known[name] = s[ACTUATOR_PREFIX + name][side]
     acts = s[ACTUATOR_PREFIX + HASTE] == 1.0
-    return lambda length: hysteresis.slide(own, {**known, "length": length}, acts)
+    return lambda length: hysteresis.slide(own, {**known, "length": length}, partial(segment.joints, law), acts)
 
 
 def _of_hinge(kind: Kind) -> Response:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import casadi as ca
@@ -25,7 +25,11 @@ class Slid(NamedTuple):
     """Loss of the sliders, (H4) [J]."""
 
 
-def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Slid:
+Joints = Callable[[ca.SX], Mapping[str, ca.SX]]
+"""Function from the length of a chamber [m] to the results of `SegmentLaw.joints`."""
+
+
+def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], joints: Joints, acts: ca.SX) -> Slid:
     """Return the response of a chamber's joint friction in a step. `acts` is 1, or 0 if there is no friction now.
 
     Raises
@@ -36,8 +40,9 @@ def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Sl
     if not kind.elements:
         return Slid(ca.SX(0.0), {}, ca.SX(0.0), ca.SX(0.0))
     own = {name: known[HYSTERESIS_PREFIX + name] for name in parameters_of(kind)}
-    own |= {name: known[name] for name in kind.known}
-    moved = _coordinate(kind, own) - _coordinate(kind, {**own, "length": known["length_n"]})
+    own |= {name: known[name] for name in kind.known if name in known}
+    now, past = ({**own, "length": each, **joints(each)} for each in (known["length"], known["length_n"]))
+    moved = _coordinate(kind, now) - _coordinate(kind, past)
     potential, stored, lost, states = ca.SX(0.0), ca.SX(0.0), ca.SX(0.0), {}
     for name, (share, give) in zip(kind.states, _sliders(kind, own), strict=True):
         before = known[f"{HYSTERESIS_PREFIX}{name}_n"]

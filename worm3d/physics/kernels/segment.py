@@ -19,7 +19,7 @@ each step, with the potential C g^2/(2 dt) and the loss C g^2/dt.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import add
 from typing import Any, NamedTuple
@@ -278,6 +278,14 @@ def springs_of(law: Law) -> tuple[Spring, ...]:
     return found
 
 
+def joints(law: Law, length: ca.SX) -> Mapping[str, ca.SX]:
+    """Return the results of `SegmentLaw.joints` for a chamber of the given length."""
+    return {
+        name: scalar(f"{law.__name__}.joints, {name}", value)
+        for name, value in answer(law, "joints", _known(law), length).items()
+    }
+
+
 def _coordinates(law: Law, length: ca.SX, bend: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return the coordinates of the springs of a chamber: its length [m] and its angle [rad]."""
     return length, _answered(law, "angle", length, bend)
@@ -323,16 +331,20 @@ def _curve(law: Law, actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref:
     second variations of a point are dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r,
     where the prime marks a second, independent variation.
     """
-    s, roll, shape = SEGMENT_LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
+    s, roll, shape, way = SEGMENT_LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend), ca.SX.eye(2)
     own = elements.Frame(length, *ca.horzsplit(ca.SX.eye(3)))
-    lengths = elements.chamber_lengths(length, bend, s["offset"])
+    lengths = along = elements.chamber_lengths(length, bend, s["offset"])
+    if law.is_long:
+        lengths = [ca.SX.sym("length_c") for _ in along]
+        shape, way = ca.vertcat(shape, *lengths), ca.vertcat(way, ca.jacobian(ca.vertcat(*along), shape))
     points = ca.reshape(_points(law, ca.SX.zeros(3), length * own.t, own, lengths), POINTS_PER_SEGMENT, 3).T
     phi, twist = _energy(law, length, ca.vertcat(*lengths), roll, bend, actuated), points @ f.T
     curve = ca.SX.zeros(8, 8)  # rows and columns: dm (3), w (3), length, bend
-    curve[6:, 6:], slope = ca.hessian(phi + ca.dot(f, points), shape)
+    bent, slope = ca.hessian(phi + ca.dot(f, points), shape)
+    curve[6:, 6:], slope = way.T @ bent @ way, way.T @ slope
     curve[3:6, 3:6] = twist - ca.trace(twist) * ca.SX.eye(3)
     for k in range(POINTS_PER_SEGMENT):
-        moved = ca.jacobian(points[:, k], shape)
+        moved = ca.jacobian(points[:, k], shape) @ way
         first = ca.horzcat(ca.SX.eye(3), -ca.skew(points[:, k]), moved)
         curve += s["K"][k] * (first.T @ first)
         turned = -ca.skew(f[:, k]) @ moved
@@ -340,14 +352,15 @@ def _curve(law: Law, actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref:
         curve[6:, 3:6] += turned.T
     m = ca.vertcat(twist[1, 2] - twist[2, 1], twist[2, 0] - twist[0, 2], twist[0, 1] - twist[1, 0])
     a = elements.holonomy(own, t_ref)
-    way = ca.diagcat(ca.SX.eye(3), ca.skew(own.t) / length + own.t @ a.T, ca.SX.zeros(2, 2))
-    way[3, 6] = way[6, 3] = way[7, 7] = 1.0
-    curve = way.T @ curve @ way
+    turn = ca.diagcat(ca.SX.eye(3), ca.skew(own.t) / length + own.t @ a.T, ca.SX.zeros(2, 2))
+    turn[3, 6] = turn[6, 3] = turn[7, 7] = 1.0
+    curve = turn.T @ curve @ turn
     of_edge, of_roll = elements.spin_change(own, t_ref, m)
     curve[3:6, 3:6] += of_edge + slope[0] / length * (ca.SX.eye(3) - own.t @ own.t.T)
     curve[6, 3:6] += of_roll.T
     curve[6, 6] += ca.hessian(phi, roll)[0]
-    return ca.triu2symm(ca.triu(curve))
+    curve = ca.triu2symm(ca.triu(curve))
+    return ca.substitute([curve], lengths, along)[0] if law.is_long else curve
 
 
 def gradient(inputs: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None, law: Law = Rhombus) -> ca.Function:
@@ -374,8 +387,9 @@ def hessian(inputs: Layout = SEGMENT_LAYOUT, actuated: Energy | None = None, law
     Points without contact only have inertia, for which K is a multiple of the unit matrix. The Hessian treats all
     points in this way: it uses the entry xx of K for all axes.
     """
-    phi, slope = _potential(law, actuated)
-    return inputs.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": _hessian(law, actuated)})
+    outputs = [*_potential(law, actuated), _hessian(law, actuated)]
+    found = ca.cse(outputs) if law.is_long else outputs
+    return inputs.function("segment_hessian", dict(zip(("phi", "gradient", "hessian"), found, strict=True)))
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")

@@ -79,6 +79,8 @@ class LawFile(ReadOnly):
     """Free contractions of the table p(a), shape (P,)."""
     value: FloatArray
     """Inputs of the table p(a), shape (P,) [Pa or N]."""
+    passive: float
+    """Contraction without an input: 0, or the last one of the table if the input lengthens the segment."""
     ensemble: tuple[Mapping[str, FloatArray], ...]
     """`energy`, `radius` and `bending` of each further law of the ensemble, by name."""
 
@@ -166,8 +168,8 @@ class _Reader:
             raise _WrongError(f"{self._at}{key}: is missing{hint}")
         return self._data[key]
 
-    def __contains__(self, key: str) -> bool:
-        return key in self._data
+    def holds(self, key: str) -> bool:
+        return self._data.get(key) is not None
 
     def inner(self, key: str) -> _Reader:
         return _Reader(self.get(key), f"{self._at}{key}.")
@@ -214,6 +216,7 @@ def _law(r: _Reader) -> LawFile:
         contraction=contraction,
         value=value,
         ensemble=(),
+        passive=min(float(contraction[-1]), most) if r.inner("input").holds("counted_down_from") else 0.0,
     )
     law = replace(law, ensemble=tuple(_members(r, law)))
     _require_round(law, r.number("rest_radius_m", 0.0, LONGEST_SEGMENT, " m: lengths are in metres"))
@@ -261,7 +264,7 @@ def _domain(r: _Reader, rest: float) -> tuple[tuple[FloatArray, FloatArray], flo
         )
     if least != 0.0 or not 0.0 < most < 1.0:
         raise _WrongError(f"domain.contraction: got {least:g} to {most:g}, must be from 0 to a number below 1")
-    if "shortest_m" not in r and "longest_m" not in r:  # a rectangle, as in files of earlier versions
+    if not r.holds("shortest_m") and not r.holds("longest_m"):  # a rectangle, as in files of earlier versions
         return (np.array([low]), np.array([high])), float(most)
     shortest = r.numbers("shortest_m")
     longest = r.numbers("longest_m", len(shortest), ", as many as in shortest_m")
@@ -278,7 +281,7 @@ def _domain(r: _Reader, rest: float) -> tuple[tuple[FloatArray, FloatArray], flo
 
 def _members(r: _Reader, law: LawFile) -> Iterator[Mapping[str, FloatArray]]:
     """Yield the further laws of the ensemble. Those without a bending stiffness of their own have that of the law."""
-    given = r.get("ensemble") if "ensemble" in r else []
+    given = r.get("ensemble") if r.holds("ensemble") else []
     if not isinstance(given, list):
         raise _WrongError(f"ensemble: got {type(given).__name__}, must be a list of laws")
     for k, each in enumerate(given):

@@ -42,6 +42,10 @@ GREATEST_LENGTH = 20.0
 """Greatest length of a chamber without links, in rest lengths of the segment. It bounds only the iterates of Newton's
 method. No worm comes close to this length, so that half and double this value change nothing."""
 
+JOINT_REACH = 0.95
+"""Length of a chamber without links, over twice the links of the rhombus in (H5), above which the lever of its joints
+is constant. A rhombus is flat at 1. Friction is fitted only to shorter segments."""
+
 
 class Spring(NamedTuple):
     """A spring of a chamber with a damper, (SL1) and (SL2)."""
@@ -93,6 +97,9 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
     told: ClassVar[tuple[str, ...]] = ("further_inputs", "has_links")
     has_links: ClassVar[bool] = False
     """Whether a chamber is a rhombus of links. Parts that use the length of the links need such a segment law."""
+    is_long: ClassVar[bool] = False
+    """Whether energy and outline are long expressions. The kernels then contain their derivatives with respect to the
+    length of a chamber instead of length and bend of the segment, and common parts are computed once."""
     further_inputs: ClassVar[Mapping[str, int]] = {}
     """Number of values of each further input by name, such as the weights of a network."""
 
@@ -147,6 +154,35 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         The arguments are the inputs as in `angle`, and the length and commanded rest length of the chamber [m].
         """
         raise NotImplementedError
+
+    @classmethod
+    def passive_length(cls, s: Symbols) -> Symbol:
+        """Return the commanded rest length of a chamber without an input [m]. `s` is as in `angle`."""
+        return s["l0"]
+
+    @classmethod
+    def joints(cls, s: Symbols, length: Symbol) -> dict[str, Symbol]:
+        """Return on what friction in the joints of a chamber acts, by name, as functions of the chamber's length [m].
+
+        "passive_length" is `passive_length`. "energy" is the energy of the springs at this rest length in a straight
+        segment [J]. "angle" is the angle of the joints [rad]: the angle of the apex hinges, or without links (H5) of
+        `worm3d.physics.hysteresis`.
+        """
+        import casadi as ca  # parameters do not need casadi
+
+        angle, rest = cls.angle(s, length, 0.0), cls.passive_length(s)
+        energies = (spring.energy(at, rest) for spring, at in zip(cls.springs(s), (length, angle), strict=False))
+        if not cls.has_links:
+            link = ca.sqrt(cls.outline(s, rest, rest)[1] ** 2 + rest**2 / 4.0)
+            share = length / (2.0 * link)
+            bounded = ca.fmin(share, JOINT_REACH)
+            angle = 2.0 * ca.asin(bounded) + 2.0 * (share - bounded) / (1.0 - JOINT_REACH**2) ** 0.5
+        return {"passive_length": rest, "energy": sum(energies), "angle": angle}
+
+    @property
+    def passive_contraction(self) -> float:
+        """Contraction of a chamber without an input. It is not 0 if the input lengthens the chamber."""
+        return 0.0
 
     def values(self, worm: Body) -> Mapping[str, Any]:
         """Return the inputs of the law by name: a number, N numbers, or a column with a number for each value."""

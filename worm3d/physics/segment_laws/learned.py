@@ -47,11 +47,13 @@ class Learned(SegmentLaw, name="learned"):
         The file cannot be read, a value in the file is missing or not allowed, or the ensemble has no such member.
     """
 
+    is_long: ClassVar[bool] = True
     further_inputs: ClassVar[Mapping[str, int]] = {
         "energy": weights_of(ENERGY_SIZES),
         "radius": weights_of(RADIUS_SIZES),
         "bending": BENDING_TERMS,
         "scales": len(SCALES),
+        "passive": 1,
     }
 
     file: str = parameter("", "file of the law, beside the scene, or the name of a law that comes with worm3d")
@@ -105,11 +107,22 @@ class Learned(SegmentLaw, name="learned"):
         radius = middle + scale * network(s["radius"], RADIUS_SIZES, _scaled(s, length, commanded))
         return (radius**2 - s["offset"] ** 2) ** 0.5, radius
 
+    @classmethod
+    def passive_length(cls, s: Symbols) -> Symbol:
+        """Return l0 (1 - a) with the contraction a without an input."""
+        return s["l0"] * (1.0 - s["passive"])
+
+    @property
+    def passive_contraction(self) -> float:
+        """Contraction of a chamber without an input, according to the file."""
+        return self.law.passive
+
     def values(self, worm: Body) -> Mapping[str, Any]:
-        """Return weights, coefficients and scales, each of shape (size, 1)."""
+        """Return weights, coefficients, scales and the passive contraction, each of shape (size, 1)."""
         law = self.law
         scales = np.array([law.scales[name] for name in SCALES])
         own = {"energy": law.energy, "radius": law.radius, "bending": law.bending, "scales": scales}
+        own["passive"] = np.array([law.passive])
         return {name: each[:, None] for name, each in own.items()}
 
     def implied(self, segments: int, *, flat: bool) -> Mapping[str, Any]:

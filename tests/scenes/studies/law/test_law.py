@@ -22,7 +22,7 @@ from scenes.studies.law.law import Law, content, make
 from scenes.studies.law.prepared import Prepared, prepared
 from scenes.studies.law.surface import Spline
 from scenes.studies.law.table import Table
-from worm3d.physics.hysteresis import Jenkins
+from worm3d.physics.hysteresis import Hysteresis, Jenkins
 from worm3d.physics.segment_laws.learned import Learned
 from worm3d.physics.worm import Worm
 from worm3d.running.segment_law import stretch_segment
@@ -395,6 +395,24 @@ def test_the_load_frame_within_four_percent_both_ways(cycle: bench.Cycle) -> Non
     assert cycle.scene_keys()[:2] == ["[hysteresis]", 'kind = "jenkins"']
 
 
+def test_the_shipped_law_and_its_friction_follow_the_record_in_the_plant(cycle: bench.Cycle) -> None:
+    """The loop of one segment is the loop that the fit predicts, up to the spline through the law's force."""
+    own = Jenkins(moment=cycle.moment, load_ratio=cycle.load_ratio, give=cycle.give, spread=cycle.spread)
+    segment, record = Learned("mesh_segment.json"), cycle.record
+    elastic, rubbing = (
+        Worm(segments=1, segment=segment, kelvin_voigt_time=0.0, hysteresis=each) for each in (Hysteresis(), own)
+    )
+    grid = np.linspace(cycle.spline.low, cycle.spline.high, 200)
+    curve = stretch_segment(elastic, grid, np.arange(200.0)).force / record.lever(grid)
+    coefficients = np.linalg.lstsq(cycle.spline.matrix(grid), curve, rcond=None)[0]
+    found = stretch_segment(rubbing, record.length, np.arange(float(len(record.length))))
+    force, peak = found.force / record.lever(record.length), np.abs(record.force).max()
+    assert_allclose(force, cycle.predicted(coefficients[None]), rtol=0, atol=0.006 * peak)
+    for way, most in zip(record.ways, (0.031, 0.027), strict=True):
+        assert rms((force - record.force)[way]) < most * peak
+    assert found.hysteresis_loss.min() >= 0.0
+
+
 def test_one_cycle_predicts_the_next_ones() -> None:
     """A record of three cycles of a known segment: the first is fitted, the others are met, friction comes back."""
     rng = np.random.default_rng(0)
@@ -425,6 +443,13 @@ def test_the_command_fits_the_load_frame(worm3d, tmp_path: Path) -> None:
     errors = [float(line.split()[-1]) for line in ended.out.splitlines() if line.split()[:1] in (["1"], ["2"])]
     assert len(errors) == 4
     assert max(errors) < 4.0
+    keys = ended.out[ended.out.index("[hysteresis]") : ended.out.index("Written:")]
+    frame = f'[frame]\nfile = "{DATA}"\n[run]\nduration_s = 66.25\ndt_s = 0.05\n[worm]\nkelvin_voigt_time_s = 0.0\n'
+    scene = f'model = "load_frame"\n[segment]\nkind = "learned"\nfile = "law.json"\n{keys}{frame}'
+    (tmp_path / "frame.toml").write_text(scene)
+    assert worm3d("run", "frame.toml", "--out", "frame").code == 0
+    summary = json.loads((tmp_path / "frame" / "summary.json").read_text())
+    assert_allclose(summary["work_lost_share"], 0.91, atol=0.02)
     assert (tmp_path / "law.png").stat().st_size > 20_000
     assert worm3d("law", DATA, "--out", "law.json", *given).complaints == [
         "law.json exists: choose another name, or replace it with --force"

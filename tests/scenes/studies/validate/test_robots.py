@@ -132,6 +132,8 @@ def test_measures():
     with pytest.raises(StoppedError, match=r"worm\.mass_kg"):
         figures("cmmworm", ("worm.mass_kg=-1",))
     assert figures("load_frame", ())["work_lost_share"] == pytest.approx(0.91, abs=0.05)
+    assert figures("mesh_segment", ())["work_lost_share"] == pytest.approx(0.91, abs=0.01)
+    assert figures("mesh_segment", ())["peak_force_N"] == pytest.approx(16.0, rel=0.02)
     with pytest.raises(StoppedError, match="no cost_of_transport"):
         Figure("cost_of_transport", "cmmworm", ("gait.direction=direct",))()
 
