@@ -179,6 +179,9 @@ def fem(
     bending: Annotated[
         int, typer.Option("--bending", min=0, max=100_000, help="Number of states with bent plates, by a 3D model.")
     ] = 0,
+    patch: Annotated[
+        int, typer.Option("--patch", min=0, max=1000, help="Number of states that ground presses, for the contact.")
+    ] = 0,
     quick: Annotated[bool, typer.Option("--quick", help="Few states on a coarse mesh, for a first look.")] = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -188,11 +191,12 @@ def fem(
     The segment is described by profile, wall, rubber, fibres and load. Each row of the table is an equilibrium at a
     length and a pressure (or tension of a cable): force, radius, enclosed volume, and whether the state is stable. The
     error of the mesh is found on a second mesh. 100 states take about half a minute, and bent states a second each.
+    A pressed state takes 15 seconds, and gives the stiffness of the contact with flat ground.
     Needs scikit-fem: pip install 'worm3d[fem]'.
     """
     from scenes.studies.fem.command import Options, mesh_of, run
 
-    raise typer.Exit(run(segment, out, Options(states, mesh_of(mesh), bending, quick, force, quiet)))
+    raise typer.Exit(run(segment, out, Options(states, mesh_of(mesh), bending, patch, quick, force, quiet)))
 
 
 @batch.command()

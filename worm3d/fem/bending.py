@@ -17,8 +17,13 @@ leaves no integral over the plate and over the planes of symmetry, where y or n_
 
     force = dPi/dl,   moment = dPi/dth,   stiffness = d2Pi/dth2,                                                (FB3)
 
-are sums of the residual over the nodes of the plate, and for the stiffness one linear solution. Source: Bonet, Wood,
-Nonlinear Continuum Mechanics for Finite Element Analysis (2008), sections 8.5 and 9.4.
+are sums of the residual over the nodes of the plate, and for the stiffness one linear solution. Flat rigid ground
+without friction at x = d presses against the outer surface. It is stiff, with the energy and the load
+
+    Pi_g = integral of kappa/2 max(0, x - d)^2 dA over the outer surface at rest,   load = -dPi/dd.              (FB4)
+
+Sources: Bonet, Wood, Nonlinear Continuum Mechanics for Finite Element Analysis (2008), sections 8.5 and 9.4; Wriggers,
+Computational Contact Mechanics (2006), section 6.3, for (FB4).
 """
 
 from __future__ import annotations
@@ -74,16 +79,29 @@ BENDS = (0.1, 0.2, 0.3, 0.4)
 """Angles between the plates of `with_bends` [rad]. Up to 0.4 rad, moments of the shipped barrel are linear within 2.1 %
 at 3 kPa and above. Where the wall is nearly slack they grow faster: up to 18 % at 1.5 kPa, up to 90 % at 0.5 kPa."""
 
+NO_GROUND = 1e3
+"""Distance of the ground from the axis that stands for no ground [m]."""
+
+GROUND_STIFFNESS = 1000.0
+"""Stiffness kappa of (FB4), relative to the shear modulus over the thickness of the wall. A thirtieth changes the load
+on the shipped barrel by 0.7 %, and the load on a thick wall by 25 %. Ten times this value needs a quarter more
+iterations, and changes the load on a thick wall by a few percent."""
+
+PRESSED = (0.005, 0.01, 0.02, 0.04)
+"""Indentations of `pressed_states`, as fractions of the outer radius. The shipped barrel then bears 0.02 to 2 N, which
+is 0.1 to 12 times the weight of a segment of the default worm."""
+
 QUARTERS = 4.0
 """Number of quarters of a segment."""
 
 
 class Condition(NamedTuple):
-    """Held distance of the plates, held angle between the plates, and gauge pressure."""
+    """Held distance of the plates, held angle between the plates, gauge pressure, distance of ground from the axis."""
 
     length_m: float
     bend_rad: float
     pressure_Pa: float
+    ground_m: float = NO_GROUND
 
 
 @dataclass(frozen=True)
@@ -93,15 +111,17 @@ class BentState:
     Attributes
     ----------
     condition : Condition
-        Length, bend and pressure.
+        Length, bend, pressure and ground.
     force_N, moment_Nm, bending_stiffness_Nm : float
         First derivatives of the potential by length and bend, and second derivative by the bend [N m/rad], (FB3).
+    load_N : float
+        Force between wall and ground, (FB4).
     volume_m3, radius_m : float
         Enclosed volume, and greatest distance of the outer surface from the plane of bending.
     stable : bool
         Whether the tangent at held plates is positive definite.
-    unknowns : ndarray, shape (3 nodes + multipliers,)
-        Positions of the nodes [m], then multipliers over the shear modulus.
+    unknowns : ndarray, shape (3 nodes + multipliers + 1,)
+        Positions of the nodes [m], then multipliers over the shear modulus, then the distance of the ground [m].
     iterations : int
         Newton iterations since the start.
     """
@@ -110,6 +130,7 @@ class BentState:
     force_N: float
     moment_Nm: float
     bending_stiffness_Nm: float
+    load_N: float
     volume_m3: float
     radius_m: float
     stable: bool
@@ -130,48 +151,55 @@ class QuarterModel:
         The segment.
     along, around, across : int
         Number of elements along half of the length, around half of the circumference, and through the wall.
+    pressed : bool
+        Whether elements are smaller where the ground touches first.
     """
 
-    def __init__(self, segment: Segment, along: int = 12, around: int = 4, across: int = 1) -> None:
+    def __init__(
+        self, segment: Segment, along: int = 12, around: int = 4, across: int = 1, *, pressed: bool = False
+    ) -> None:
         self.segment = segment
-        self.mesh, self.grid = _mesh(segment, along, around, across)
+        length, depth, turn = (np.linspace(0.0, 1.0, n + 1) for n in (along, across, around))
+        lines = (np.sin(np.pi / 2.0 * length) ** 2, depth, turn**2) if pressed else (graded(along), depth, turn)
+        self.mesh, self.grid = _mesh(segment, lines)
         basis = skfem.Basis(self.mesh, skfem.ElementHex2(), intorder=QUADRATURE_ORDER)
         multiplier = basis.with_element(skfem.ElementHex1())
-        self.nodes = basis.N
-        size = 3 * basis.N + multiplier.N
+        self.nodes, self.multipliers = basis.N, multiplier.N
+        size = 3 * basis.N + multiplier.N + 1
         self.wall = _wall(segment, self.grid, basis, multiplier)
         self.volume = _volume(self.mesh, self.grid)
-        self.assembly = Assembly([self.wall.unknowns, self.volume.unknowns], size)
+        self.ground = _ground(segment, self.mesh, self.grid, size - 1)
+        self.assembly = Assembly([each.unknowns for each in (self.wall, self.volume, self.ground)], size)
         self.rim = np.flatnonzero(self.grid[0] == 1.0)
-        self.held = _held(self.grid, self.rim, size)
+        self.driven = np.append(_of(self.rim), size - 1)
+        self.held = _held(self.grid, self.driven, size)
         self.free = np.flatnonzero(~self.held)
         inside = segment.wall(np.ones(1), -np.ones(1))[:, 0]
         self.recess = float(np.pi * inside[0] ** 2 * (segment.rest_length - 2.0 * inside[1]))
-        self.rest = np.concatenate([self.mesh.doflocs.T.ravel(), np.zeros(multiplier.N)])
+        self.rest = np.concatenate([self.mesh.doflocs.T.ravel(), np.zeros(multiplier.N), [NO_GROUND]])
 
     def placed(self, condition: Condition) -> FloatArray:
-        """Return the positions of the rim, (FB1), shape (rim nodes, 3)."""
+        """Return the unknowns `driven`: positions of the rim, (FB1), and distance of the ground, shape (driven,)."""
         offset = np.array([0.0, 0.0, condition.length_m / 2.0])
-        moved: FloatArray = self._arms @ _rotation(condition.bend_rad / 2.0, 0).T + offset
-        return moved
+        return np.append(self._arms @ _rotation(condition.bend_rad / 2.0, 0).T + offset, condition.ground_m)
 
-    def rates(self, condition: Condition) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the derivatives of (FB1): by length, by bend, twice by bend; each of shape (rim nodes, 3)."""
-        by_length = np.zeros((len(self.rim), 3))
-        by_length[:, 2] = 0.5
+    def rates(self, condition: Condition) -> list[FloatArray]:
+        """Return the derivatives of `placed` by length, by bend, and twice by bend; each of shape (driven,)."""
+        by_length = np.tile([0.0, 0.0, 0.5], (len(self.rim), 1))
         turned = [self._arms @ _rotation(condition.bend_rad / 2.0, order).T / 2.0**order for order in (1, 2)]
-        return by_length, turned[0], turned[1]
+        return [np.append(rate, 0.0) for rate in (by_length, *turned)]
 
     def derivatives(self, v: FloatArray, pressure: float) -> tuple[FloatArray, sp.csc_matrix]:
         """Return the gradient and the Hessian of Pi/4, shapes (unknowns,) and (unknowns, unknowns)."""
-        wall, enclosed = self.wall.derivatives(v), self.volume.derivatives(v)
-        gradient, hessian = ([a, -pressure * b] for a, b in zip(wall, enclosed, strict=True))
+        parts = ((self.wall, 1.0), (self.volume, -pressure), (self.ground, 1.0))
+        found = [[factor * each for each in part.derivatives(v)] for part, factor in parts]
+        gradient, hessian = (list(each) for each in zip(*found, strict=True))
         return self.assembly.vector(gradient), self.assembly.matrix(hessian)
 
     def potential(self, state: BentState) -> float:
-        """Return Pi [J], (FB2)."""
+        """Return Pi with the ground [J], (FB2) and (FB4)."""
         v = state.unknowns
-        return QUARTERS * self.wall.value(v) - state.condition.pressure_Pa * self.enclosed(v)
+        return QUARTERS * (self.wall.value(v) + self.ground.value(v)) - state.condition.pressure_Pa * self.enclosed(v)
 
     def enclosed(self, v: FloatArray) -> float:
         """Return the volume between wall and plates [m^3], with the recess between each plate and the inner edge."""
@@ -231,8 +259,44 @@ def with_bends(straight: Sequence[tuple[float, float]], count: int) -> list[tupl
     count : int
         Number of states. They are spread evenly over `straight`, and repeat it if `count` is larger.
     """
-    chosen = [straight[i * len(straight) // count % len(straight)] for i in range(count)]
+    chosen = spread(straight, count)
     return [(length, BENDS[i % len(BENDS)], value) for i, (length, value) in enumerate(chosen)]
+
+
+def spread(straight: Sequence[tuple[float, float]], count: int) -> list[tuple[float, float]]:
+    """Return `count` states, spread evenly over at least one state; states are repeated if `count` is larger."""
+    return [straight[i * len(straight) // count] for i in range(count)]
+
+
+def pressed_states(
+    model: QuarterModel, straight: Iterable[tuple[float, float]], report: Callable[[str], None] = lambda _: None
+) -> list[tuple[float, BentState]]:
+    """Return straight states that flat ground presses by each of `PRESSED`: indentation [m] and state.
+
+    The indentation is the loss of the distance between ground and axis since the first touch.
+
+    Parameters
+    ----------
+    model : QuarterModel
+        The segment, with `pressed=True`.
+    straight : iterable of (float, float)
+        Length [m] and pressure [Pa] of each straight state.
+    report : callable, optional
+        Called with a sentence after each straight state, and where no equilibrium is found.
+    """
+    conditions = [Condition(length, 0.0, pressure) for length, pressure in straight]
+    found = []
+    for _, free in sorted(_solved(model, conditions, report), key=lambda each: each[0]):
+        radius = float(free.unknowns[: 3 * model.nodes : 3].max())
+        touching = free.condition._replace(ground_m=radius)
+        state = replace(free, condition=touching, unknowns=np.append(free.unknowns[:-1], radius))
+        try:
+            for share in PRESSED:
+                state = equilibrium(model, free.condition._replace(ground_m=(1.0 - share) * radius), state)
+                found.append((share * radius, state))
+        except NoEquilibriumError as error:
+            report(str(error))
+    return found
 
 
 def bent_states(
@@ -341,18 +405,17 @@ def _between(begin: Condition, end: Condition, part: float) -> Condition:
 def _newton(model: QuarterModel, v: FloatArray, condition: Condition) -> tuple[FloatArray | None, int]:
     """Return the equilibrium near v, or None, and the number of iterations. The first iteration moves the plate."""
     v = v.copy()
-    plate = _of(model.rim)
     scale = model.segment.rest_length
     for iteration in range(1, NEWTON_ITERATIONS + 1):
         gradient, K = model.derivatives(v, condition.pressure_Pa)
         moved = np.zeros(len(v))
-        moved[plate] = model.placed(condition).ravel() - v[plate]
+        moved[model.driven] = model.placed(condition) - v[model.driven]
         residual = (gradient + K @ moved)[model.free]
         try:
             moved[model.free] = -_factored(K, model.free).solve(residual)
         except RuntimeError:  # the matrix is singular
             return None, iteration
-        largest = np.abs(moved[: 3 * model.nodes]).max() / scale
+        largest = np.abs(np.append(moved[: 3 * model.nodes], moved[-1])).max() / scale
         if not largest < STEP_LIMIT:
             return None, iteration
         v += moved
@@ -365,19 +428,20 @@ def _measured(model: QuarterModel, v: FloatArray, condition: Condition, iteratio
     """Return the measures of an equilibrium, (FB3)."""
     gradient, K = model.derivatives(v, condition.pressure_Pa)
     factored = _factored(K, model.free)
-    reaction = gradient[_of(model.rim)]
-    by_length, by_bend, twice = (rate.ravel() for rate in model.rates(condition))
+    reaction = gradient[model.driven]
+    by_length, by_bend, twice = model.rates(condition)
     moved = np.zeros(len(v))
-    moved[_of(model.rim)] = by_bend
+    moved[model.driven] = by_bend
     moved[model.free] = -factored.solve((K @ moved)[model.free])
     return BentState(
         condition=condition,
         force_N=QUARTERS * float(reaction @ by_length),
         moment_Nm=QUARTERS * float(reaction @ by_bend),
         bending_stiffness_Nm=QUARTERS * float(moved @ (K @ moved) + reaction @ twice),
+        load_N=-QUARTERS * float(reaction[-1]),
         volume_m3=model.enclosed(v),
         radius_m=float(v[1 : 3 * model.nodes : 3].max()),
-        stable=_negative(factored, K, model.free) == len(v) - 3 * model.nodes,
+        stable=_negative(factored, K, model.free) == model.multipliers,
         unknowns=v,
         iterations=iterations,
     )
@@ -413,22 +477,21 @@ def _said(condition: Condition) -> str:
     )
 
 
-def _mesh(segment: Segment, along: int, around: int, across: int) -> tuple[skfem.MeshHex2, FloatArray]:
+def _mesh(segment: Segment, lines: tuple[FloatArray, ...]) -> tuple[skfem.MeshHex2, FloatArray]:
     """Return the mesh, and the places of its nodes along (0 to 1), across the wall and around, shape (3, nodes)."""
-    depth, turn = (np.linspace(0.0, 1.0, n + 1) for n in (across, around))
-    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(graded(along), depth, turn))
+    mesh = skfem.MeshHex2.from_mesh(skfem.MeshHex.init_tensor(*lines))
     grid = mesh.doflocs
     r, z = segment.wall(grid[0], 2.0 * grid[1] - 1.0)
     angle = np.pi * grid[2]
     return replace(mesh, doflocs=np.array([r * np.cos(angle), r * np.sin(angle), z])), grid
 
 
-def _held(grid: FloatArray, rim: IntArray, size: int) -> BoolArray:
-    """Return which unknowns the planes of symmetry and the plate hold, shape (size,)."""
+def _held(grid: FloatArray, driven: IntArray, size: int) -> BoolArray:
+    """Return which unknowns the planes of symmetry, plate and ground hold, shape (size,)."""
     held = np.zeros(size, bool)
     held[3 * np.flatnonzero(grid[0] == 0.0) + 2] = True
     held[3 * np.flatnonzero((grid[2] == 0.0) | (grid[2] == 1.0)) + 1] = True
-    held[_of(rim)] = True
+    held[driven] = True
     return held
 
 
@@ -458,26 +521,40 @@ def _directions(segment: Segment, grid: FloatArray, basis: skfem.Basis) -> Float
 
 def _volume(mesh: skfem.MeshHex2, grid: FloatArray) -> Potential:
     """Return V/4, (FB2). Local variables: F row by row, and y. Constant: normal N, with n da = cof(F) N dA."""
-    inner = np.flatnonzero((grid[1][mesh.t] == 0.0).any(axis=0))
-    axis, side = _inner_face(grid[1][mesh.t[:, inner]])
-    flat, weight = get_quadrature(RefQuad, QUADRATURE_ORDER)
-    points = np.insert(flat, axis, side, axis=0)
-    basis = skfem.Basis(mesh, skfem.ElementHex2(), elements=inner, quadrature=(points, weight))
-    normal = np.abs(basis.mapping.detDF(points, inner)) * basis.mapping.invDF(points, inner)[axis] * (2.0 * side - 1.0)
+    basis, weight, normal = _surface(mesh, grid, 0.0)
     n = basis.Nbfun
     B = np.zeros((*basis.dx.shape, 10, 3 * n))
     B[:, :, :9] = _gradients(basis)
     B[:, :, 9, n : 2 * n] = _values(basis)
     e, N = ca.SX.sym("e", 10), ca.SX.sym("N", 3)
     density = -e[9] * ca.dot(ca.cross(e[6:9], e[0:3]), N)  # N points out of the wall, into the gas
-    return Potential(density, e, N, B, _coordinates(basis), np.broadcast_to(weight, basis.dx.shape), normal)
+    return Potential(density, e, N, B, _coordinates(basis), weight, normal)
 
 
-def _inner_face(depth: FloatArray) -> tuple[int, float]:
-    """Return the axis of the reference element through the wall, and the inner end. depth: shape (8, elements)."""
-    corners = skfem.ElementHex1.doflocs[:8]
-    axis, side = next((k, end) for k in range(3) for end in (0.0, 1.0) if (depth[corners[:, k] == end] == 0.0).all())
-    return axis, side
+def _ground(segment: Segment, mesh: skfem.MeshHex2, grid: FloatArray, distance: int) -> Potential:
+    """Return Pi_g/4, (FB4). Local variables: x and d. `distance` is the index of the unknown d."""
+    basis, weight, normal = _surface(mesh, grid, 1.0)
+    n = basis.Nbfun
+    B = np.zeros((*basis.dx.shape, 2, n + 1))
+    B[:, :, 0, :n], B[:, :, 1, n] = _values(basis), 1.0
+    unknowns = np.column_stack([_coordinates(basis)[:, :n], np.full(len(B), distance)])
+    e = ca.SX.sym("e", 2)
+    kappa = GROUND_STIFFNESS * segment.rubber.shear_modulus / segment.thickness_m
+    density = kappa / 2.0 * ca.fmax(e[0] - e[1], 0.0) ** 2
+    area = weight * np.linalg.norm(normal, axis=0)
+    return Potential(density, e, ca.SX.sym("c", 0), B, unknowns, area, np.zeros((0, *area.shape)))
+
+
+def _surface(mesh: skfem.MeshHex2, grid: FloatArray, depth: float) -> tuple[skfem.Basis, FloatArray, FloatArray]:
+    """Return basis, weights and normals N dA/weight of the surface at a depth, shapes (E, Q) and (3, E, Q)."""
+    elements = np.flatnonzero((grid[1][mesh.t] == depth).any(axis=0))
+    corners, on = skfem.ElementHex1.doflocs[:8], grid[1][mesh.t[:, elements]] == depth
+    axis, side = next((k, end) for k in range(3) for end in (0.0, 1.0) if on[corners[:, k] == end].all())
+    flat, weight = get_quadrature(RefQuad, QUADRATURE_ORDER)
+    points = np.insert(flat, axis, side, axis=0)
+    basis = skfem.Basis(mesh, skfem.ElementHex2(), elements=elements, quadrature=(points, weight))
+    normal = np.abs(basis.mapping.detDF(points, elements)) * basis.mapping.invDF(points, elements)[axis]
+    return basis, np.broadcast_to(weight, basis.dx.shape), normal * (2.0 * side - 1.0)
 
 
 def _gradients(basis: skfem.Basis) -> FloatArray:

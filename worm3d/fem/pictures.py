@@ -1,4 +1,4 @@
-"""Pictures of a sweep: the deformed mesh in some states, and the states in the plane of length and input."""
+"""Pictures of a sweep: the deformed mesh in some states, the states over length and input, and a wall on the ground."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from worm3d.fem.axisymmetric import State
+from worm3d.fem.bending import BentState, QuarterModel
 from worm3d.fem.sweep import Row
 from worm3d.values.arrays import FloatArray
 
@@ -79,4 +80,38 @@ def states(rows: Sequence[Row]) -> Figure:
             axis.legend(loc="lower left")
         axis.set_xlabel("length [mm]")
         axis.set_ylabel("tension of the cable [N]" if stable[0].is_cable else "pressure [Pa]")
+    return figure
+
+
+def patch(model: QuarterModel, indentation: float, state: BentState) -> Figure:
+    """Return a figure of a pressed wall: the cross-section in the middle, and the section along the axis.
+
+    Parameters
+    ----------
+    model : QuarterModel
+    indentation : float
+        Indentation [m].
+    state : BentState
+        State that flat ground presses, which is drawn below.
+    """
+    figure = Figure(figsize=(WIDTH, HEIGHT / 1.4), layout="constrained")
+    points = state.unknowns[: 3 * model.nodes].reshape(-1, 3) * 1e3
+    s, depth, turn = model.grid
+    sections = ((turn, s == 0.0, 1, "across [mm]"), (s, turn == 0.0, 2, "axis [mm]"), (s, turn == 1.0, 2, "axis [mm]"))
+    for axis, chosen in zip(figure.subplots(1, 2), (sections[:1], sections[1:]), strict=True):
+        for along, plane, across, label in chosen:
+            for surface in (0.0, 1.0):
+                nodes = np.flatnonzero(plane & (depth == surface))
+                line = points[nodes[np.argsort(along[nodes])]]
+                for side in (-1.0, 1.0):
+                    axis.plot(side * line[:, across], -line[:, 0], ".-", color="#013a63", markersize=3.0, linewidth=1.0)
+            axis.set_xlabel(label)
+        axis.axhline(-state.condition.ground_m * 1e3, color="#444444", linewidth=2.0)
+        axis.set_aspect("equal")
+    figure.axes[0].set_ylabel("height above the axis [mm]")
+    figure.suptitle(
+        f"{state.condition.pressure_Pa / 1e3:.2f} kPa, {state.condition.length_m * 1e3:.1f} mm: the ground presses by "
+        f"{indentation * 1e3:.2f} mm with {state.load_N:.2f} N",
+        fontsize=10,
+    )
     return figure

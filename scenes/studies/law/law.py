@@ -465,6 +465,7 @@ def _content(law: Law) -> dict[str, Any]:
         "energy": {"sizes": list(ENERGY_SIZES), "weights": fit.energy.tolist()},
         "radius": {"sizes": list(RADIUS_SIZES), "weights": fit.radius.tolist()},
         "bending_Nm": law.bending.tolist(),
+        "contact_stiffness_N_m": table.facts.get("contact_stiffness_N_m"),
         "domain": {"length_m": list(lengths), "contraction": [0.0, most]},
         "ensemble": [
             {

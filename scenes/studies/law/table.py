@@ -41,8 +41,15 @@ COLUMNS = {
 INPUTS = {"pressure": "Pa", "cable": "N"}
 """Quantities that may be the input of a segment, with their units."""
 
-FACTS = ("rest_length_m", "plate_radius_m", "rest_radius_m", "chamber_offset_m", "cable_per_diameter")
-"""Facts about a segment that are numbers."""
+FACTS = (
+    "rest_length_m",
+    "plate_radius_m",
+    "rest_radius_m",
+    "chamber_offset_m",
+    "cable_per_diameter",
+    "contact_stiffness_N_m",
+)
+"""Facts about a segment that are numbers. The last one is the stiffness of a contact point, see `friction`."""
 
 UNITS = {
     **COLUMN_UNITS,

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("skfem")
 
-from worm3d.fem import axisymmetric, bending, description
+from worm3d.fem import axisymmetric, bending, description, table
 from worm3d.fem.bending import BentState, Condition, QuarterModel, equilibrium
 
 BARREL = """
@@ -73,7 +73,9 @@ def test_force_moment_and_volume_are_slopes_of_the_potential(
     barrel: QuarterModel, bent: BentState, place: int, step: float, measure: str
 ) -> None:
     change = np.eye(3)[place] * step
-    after, before = (equilibrium(barrel, Condition(*(np.array(CONTRACTED) + s * change)), bent) for s in (1.0, -1.0))
+    after, before = (
+        equilibrium(barrel, Condition(*(np.array(CONTRACTED[:3]) + s * change)), bent) for s in (1.0, -1.0)
+    )
     slope = (barrel.potential(after) - barrel.potential(before)) / (2.0 * step)
     np.testing.assert_allclose(getattr(bent, measure) * (-1.0 if place == 2 else 1.0), slope, rtol=1e-5)
     if measure == "moment_Nm":
@@ -179,6 +181,52 @@ def test_a_cable_adds_its_tension_to_the_force() -> None:
     np.testing.assert_allclose(tight["force_N"] - slack["force_N"], 4.0, rtol=1e-6)
     np.testing.assert_allclose(tight["moment_Nm"], slack["moment_Nm"], rtol=1e-6)
     assert tight["cable_N"] == 4.0
+
+
+@pytest.fixture(scope="module")
+def pressed() -> tuple[QuarterModel, list[tuple[float, BentState]]]:
+    """Return the barrel, pressed by a flat ground."""
+    model = QuarterModel(description.parse(BARREL), along=5, around=5, pressed=True)
+    return model, bending.pressed_states(model, [(0.11, 3000.0)])
+
+
+def test_load_of_the_ground_is_the_slope_of_the_potential_and_the_reaction_of_the_plates(
+    pressed: tuple[QuarterModel, list[tuple[float, BentState]]],
+) -> None:
+    model, ((_, light), *_, (_, state)) = pressed
+    ends = [
+        equilibrium(model, state.condition._replace(ground_m=state.condition.ground_m + way), state)
+        for way in (-1e-5, 1e-5)
+    ]
+    slope = (model.potential(ends[1]) - model.potential(ends[0])) / 2e-5
+    np.testing.assert_allclose(state.load_N, -slope, rtol=1e-4)
+    gradient = model.derivatives(state.unknowns, state.condition.pressure_Pa)[0]
+    np.testing.assert_allclose(4.0 * gradient[3 * model.rim].sum(), state.load_N, rtol=1e-6)
+    assert state.load_N > 5.0 * light.load_N > 0.0
+    assert state.stable
+
+
+def test_a_thick_sphere_is_pressed_as_by_hertz() -> None:
+    """F = 4/3 E* sqrt(R) d^1.5, E* = 4 mu, has d ~ F^(2/3). The finite thickness adds a term that is linear in F."""
+    middle, thickness, length, mu = 0.033, 0.024, 0.04, 1e5
+    segment = description.parse(
+        f'[profile]\nkind = "barrel"\nlength_m = {length}\nplate_radius_m = {np.sqrt(middle**2 - length**2 / 4.0)}\n'
+        f'middle_radius_m = {middle}\n[wall]\nthickness_m = {thickness}\n[rubber]\nkind = "neo-Hookean"\n'
+        f"shear_modulus_Pa = {mu}\n[load]\npressure_Pa = [0.0, 1000.0]\n"
+    )
+    model = QuarterModel(segment, along=6, around=8, across=2, pressed=True)
+    rows = table.pressed(bending.pressed_states(model, [(length, 0.0)]))
+    way, load = rows["pressed_indentation_m"], rows["pressed_load_N"]
+    hertz = (3.0 * load / (16.0 * mu * np.sqrt(middle + thickness / 2.0))) ** (2.0 / 3.0)
+    found = np.linalg.lstsq(np.column_stack([hertz, load]) / way[:, None], np.ones(len(way)), rcond=None)[0]
+    np.testing.assert_allclose(found[0], 1.0, atol=0.05)
+    assert abs(found[1]) * load.max() < 0.2 * way.max()
+
+
+def test_the_stiffness_of_a_contact_point_is_half_of_the_segment() -> None:
+    rows = {"pressed_load_N": np.array([1.0, 2.0, 9.0]), "pressed_indentation_m": np.array([0.01, 0.01, 0.03])}
+    assert table.contact_stiffness(rows) == 100.0
+    assert table.contact_stiffness({}) is None
 
 
 def test_a_neighbour_takes_few_iterations(barrel: QuarterModel, bent: BentState) -> None:

@@ -10,6 +10,8 @@ from numpy.testing import assert_array_equal
 from PIL import Image
 from scipy.io import netcdf_file
 
+from scenes.studies.law.table import load as load_table
+
 HERE = importlib.util.find_spec("skfem") is not None
 needs = pytest.mark.skipif(not HERE, reason="scikit-fem is not installed (extra 'fem')")
 
@@ -66,6 +68,26 @@ def test_bent_states_are_held_by_a_moment_in_their_direction(worm3d, tmp_path: P
     assert (bend[:-2] == 0.0).all()
     assert (moment[-2:][stable[-2:] > 0] > 0.0).all()
     assert stable[-2:].any()
+
+
+@needs
+def test_ground_presses_states_and_the_law_reads_the_stiffness(worm3d, tmp_path: Path) -> None:
+    (tmp_path / "segment.toml").write_text(SEGMENT)
+    ended = worm3d("fem", "segment.toml", "--out", "t.nc", "--states", 13, "--mesh", "6x1", "--patch", 2)
+    assert ended.code == 0
+    assert ended.out.count("compliance at ") == 2
+    assert (tmp_path / "t_patch.png").exists()
+    with netcdf_file(tmp_path / "t.nc", mmap=False) as file:
+        rows = {name: np.array(each[:]) for name, each in file.variables.items() if each.dimensions == ("pressed",)}
+        stiffness = float(file.contact_stiffness_N_m)
+    load, way = rows["pressed_load_N"].reshape(2, -1), rows["pressed_indentation_m"].reshape(2, -1)
+    assert (np.diff(load) > 0.0).all()
+    assert (np.diff(way) > 0.0).all()
+    assert load.min() / way.max() < 2.0 * stiffness < load.max() / way.min()
+    assert f"friction.contact_stiffness_N_m = {stiffness:.3g}" in ended.out
+    table = load_table(tmp_path / "t.nc")
+    assert table.facts["contact_stiffness_N_m"] == stiffness
+    assert len(table) == 13  # pressed states are no straight states
 
 
 @needs
