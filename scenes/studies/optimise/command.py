@@ -10,24 +10,19 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from scenes.language.errors import SceneError
 from scenes.language.toml import value as toml_value
 from scenes.models.loading import load_scene
-from scenes.records.folder import TEMPORARY_PREFIX, write_bytes
+from scenes.records.folder import write_bytes
 from scenes.running.report import Heading, Report, StudyStoppedError, markdown, report_study
 from scenes.running.runner import run_scene
 from scenes.running.terminal import Interruption, progress
 from scenes.studies.optimise.card import CONDITIONS, Card, fragment
-from scenes.studies.optimise.goals import goal_of
-from scenes.studies.optimise.search import Found, Log, search
+from scenes.studies.optimise.optimising import searched, trials_of
+from scenes.studies.optimise.search import Found
 from scenes.studies.optimise.trials import SURE_WAVES, Score, Trials
-from scenes.studies.optimise.unknowns import free_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-FREE = ("segments", "waves")
-"""Values of the option --free: separate shapes of the segments, or simple gaits only."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +33,7 @@ class Options:
     limits: Sequence[str]
     over: Sequence[str]
     free: str
+    """As in `optimise`."""
     budget: int
     """Largest number of candidates of each search."""
     seed: int
@@ -55,43 +51,30 @@ def run(scene: str, overrides: Sequence[str], out: Path | None, options: Options
     SceneError
         The scene has no 3D worm with a periodic gait, an option is wrong, or the folder cannot be used.
     """
-    if options.free not in FREE:
-        raise SceneError(f"--free: got '{options.free}', must be one of {', '.join(FREE)}")
-    goal = goal_of(options.goal, options.limits)
-    trials = Trials(scene, overrides, goal, [free_of(text) for text in options.over])
-    trials.require_value()
+    trials = trials_of(scene, options.goal, overrides, options.limits, options.over, options.free)
 
     def study(folder: Path) -> Report:
         began = perf_counter()
-        found = [_found(trials, options, seed, folder) for seed in range(options.seed, options.seed + options.searches)]
-        return _report(scene, overrides, Card(trials, found), folder, perf_counter() - began, quiet=options.quiet)
+        card = Card(trials, _found(trials, options, folder))
+        return _report(scene, overrides, card, folder, perf_counter() - began, quiet=options.quiet)
 
     return report_study(f"optimise-{trials.scene.name}", study, out, force=options.force, quiet=options.quiet)
 
 
-def _found(trials: Trials, options: Options, seed: int, folder: Path) -> Found:
-    settings = {
-        "scene": trials.scene.to_toml(),
-        "goal": options.goal,
-        "limits": list(options.limits),
-        "over": list(options.over),
-        "free": options.free,
-        "seed": seed,
-    }
-    log = Log(folder / f"{TEMPORARY_PREFIX}search-{seed}.jsonl", settings)
-    title = f"{options.goal}, seed {seed}"
-    with Interruption() as interruption, progress(title, options.budget, quiet=options.quiet, what="run") as show:
+def _found(trials: Trials, options: Options, folder: Path) -> list[Found]:
+    total, seeds = options.budget * options.searches, range(options.seed, options.seed + options.searches)
+    with Interruption() as interruption, progress(options.goal, total, quiet=options.quiet, what="run") as show:
 
-        def tell(runs: int, best: Score) -> bool:
-            show(runs, f"{title}: {best.value:.4g}")
+        def go_on(seed: int, runs: int, best: Score) -> bool:
+            show((seed - options.seed) * options.budget + runs, f"{options.goal}, seed {seed}: {best.value:.4g}")
             return not interruption.requested
 
-        simple = options.free == "waves"
-        found = search(trials.space, trials.scores, seed, options.budget, log, tell, simple=simple)
-    if interruption.requested:
-        raise StudyStoppedError(
-            interruption.cause, f"the finished runs are kept, the same command with --out {folder} goes on"
-        )
+        found = list[Found]()
+        for each in searched(trials, options.free, options.budget, seeds, go_on, folder):
+            found.append(each)
+            if interruption.requested:
+                kept = f"the finished runs are kept, the same command with --out {folder} goes on"
+                raise StudyStoppedError(interruption.cause, kept)
     return found
 
 

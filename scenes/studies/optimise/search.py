@@ -23,11 +23,6 @@ from scenes.studies.optimise.trials import Score
 from scenes.studies.optimise.unknowns import Choice, Space
 from worm3d.values.arrays import FloatArray
 
-try:
-    import cma
-except ImportError as error:
-    raise MissingPartError(f"{error}; pip install 'worm3d[optimise]'") from error
-
 SIMPLE_RUNS = 202
 """Number of simple gaits."""
 POPULATION, SIGMA = 14, 0.1
@@ -62,7 +57,7 @@ class Found:
 
 
 class Log:
-    """File with the scores of a search, which a later search with the same settings reads first.
+    """File with the scores of a search, which a later search with the same settings reads first; no file for None.
 
     Raises
     ------
@@ -72,8 +67,10 @@ class Log:
         The file cannot be read or written.
     """
 
-    def __init__(self, path: Path, settings: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path | None, settings: Mapping[str, Any]) -> None:
         self._path, self._kept = path, list[Score]()
+        if path is None:
+            return
         header = json.dumps(dict(settings), sort_keys=True)
         with disc_errors(path):
             lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
@@ -89,6 +86,8 @@ class Log:
             return known
         self._kept = []
         found = of(choices)
+        if self._path is None:
+            return found
         with disc_errors(self._path), self._path.open("a", encoding="utf-8") as file:
             file.write("".join(f"{json.dumps([repr(each.cost), repr(each.value)])}\n" for each in found))
         return found
@@ -147,6 +146,10 @@ def _generations(space: Space, seed: int, runs: int) -> Iterator[list[FloatArray
 
 
 def _strategy(space: Space, at: FloatArray, seed: int) -> Any:
+    try:
+        import cma
+    except ImportError as error:
+        raise MissingPartError(f"{error}; pip install 'worm3d[optimise]'") from error
     rng = np.random.default_rng((seed, 1))
     options = {
         "popsize": POPULATION,

@@ -91,6 +91,12 @@ class Trials:
             raise SceneError(f"--over: got '{wrong[0]}', must be {' or '.join(GAIT_KEYS)}, or a key of another section")
         self.space = Space(self.base.worm.segments, own.amplitude, float(period), goal.turns, tuple(free))
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Scene, goal, limits and free keys, which determine the scores."""
+        limits, free = list(map(str, self.goal.limits)), list(map(str, self.space.free))
+        return {"scene": self.scene.to_toml(), "goal": self.goal.name, "limits": limits, "over": free}
+
     @cached_property
     def own(self) -> tuple[float, ...]:
         """Values of the goal with the gait of the scene on the grounds of the goal."""

@@ -244,11 +244,24 @@ def test_the_command_writes_a_gait_that_runs_and_a_card(worm3d, tmp_path: Path) 
     assert summary["speed_bl_s"] == pytest.approx(best, rel=0.03)
 
 
+@pytest.mark.usefixtures("_cma")
+def test_two_searches_in_python_give_the_better_gait_and_its_card() -> None:
+    card = w.optimise("flat", "speed", budget=28, free="waves")
+    values = [each.best.score.value for each in card.found]
+    assert len(values) == 2
+    assert card.best.best.score.value == max(values)
+    rows = card.measure()
+    assert rows[0].kept == 1.0
+    assert rows[0].value == pytest.approx(2.0 * max(values), rel=0.03)  # two seconds a wave
+    assert card.confirmed is not None
+    assert card.confirmed.error_estimate is not None
+
+
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [
         (("path_line",), "must be a scene of the model 'worm', with a gait; is of 'worm_control'"),
-        (("flat", "--goal", "climb", "--free", "legs"), "--free: got 'legs', must be one of segments, waves"),
+        (("flat", "--goal", "climb", "--free", "legs"), "free: got 'legs', must be one of segments, waves"),
         (("flat", "--goal", "no_module:measure"), "--goal: "),
         (("flat", "--over", "worm.colour=1:2"), "worm.colour"),
     ],
