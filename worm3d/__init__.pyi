@@ -1,4 +1,5 @@
 from scenes.studies.fit.fitting import fit as fit
+from scenes.studies.optimise.optimising import optimise as optimise
 from scenes.sweep.dataset import sweep as sweep
 from worm3d.measures.spread import Spread as Spread
 from worm3d.measures.spread import scattered as scattered

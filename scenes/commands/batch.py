@@ -83,6 +83,45 @@ def sweep(
 
 
 @batch.command()
+def optimise(
+    scene: SceneArgument,
+    goal: Annotated[
+        str,
+        typer.Option("--goal", metavar="NAME", help="robust, speed, cost, turn, climb, or module:NAME."),
+    ] = "robust",
+    limit: Annotated[
+        list[str] | None,
+        typer.Option("--limit", metavar="MEASURE<=VALUE", help="Bound of a measure, also >=; repeatable."),
+    ] = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option("--over", metavar="KEY=LO:HI", help="Key of the scene that is searched too; repeatable."),
+    ] = None,
+    free: Annotated[
+        str, typer.Option("--free", metavar="WHAT", help="segments: each has its own shape; waves: all are alike.")
+    ] = "segments",
+    budget: Annotated[int, typer.Option("--budget", min=14, help="Largest number of runs of each search.")] = 1500,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first search.")] = 0,
+    searches: Annotated[int, typer.Option("--searches", min=1, help="Number of searches; the best one counts.")] = 2,
+    o: Overrides = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    no_code: NoCode = False,
+) -> None:
+    """Search for the best gait of the worm in a scene.
+
+    Writes gait.toml, a card (card.md, card.html) that says how much is gained and how much is left under other
+    conditions, and the folder best with a run and its film. Amplitude and period are those of the scene. If the command
+    is stopped, the same command with the same --out goes on.
+    """
+    from scenes.studies.optimise import command
+
+    options = command.Options(goal, limit or (), over or (), free, budget, seed, searches, force, quiet)
+    raise typer.Exit(command.run(scene, o or (), out, options))
+
+
+@batch.command()
 def compare(
     results: Annotated[
         list[Path],

@@ -22,6 +22,9 @@ from scenes.language.sweep_section import STUDY, SWEEP, Outside
 from scenes.models.base import Model
 from worm3d.values.spelling import did_you_mean
 
+FRAGMENT = ".toml"
+"""End of the name of a file that contains a section of a scene, for example `gait = "gait.toml"`."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -85,7 +88,7 @@ class Draft:
     """
 
     def __init__(self, text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> None:
-        self._text, self._name = text, name
+        self._text, self._name, self._folder = text, name, folder or Path()
         written = toml.parse(text)
         if folder is not None and folder != SHIPPED_FOLDER:
             _look_beside(written, _model_of(written)[0].schema, folder)
@@ -102,6 +105,7 @@ class Draft:
         """
         data, overridden, mistakes = apply_overrides(self._data, overrides)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
+        mistakes += _read_sections(data, self._folder)
         outside = {name: data.pop(name) for name in keys_in(Outside) if name in data}
         mistakes += schema_mistakes(Outside, outside)
         model, model_mistakes = _model_of(data)
@@ -145,6 +149,27 @@ def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:
     """Return whether a mistake is independent of other keys: only one key can be wrong, or the key names a file."""
     key = key_at(schema, mistake.path)
     return not mistake.suspects or key is None or key.is_file
+
+
+def _read_sections(data: dict[str, Any], folder: Path) -> list[Mistake]:
+    """Replace each section that is the name of a TOML file by the section of this name in the file; return mistakes.
+
+    The file is sought in `folder`, then in the current folder.
+    """
+    mistakes = []
+    for name, given in data.items():
+        if isinstance(given, str) and given.endswith(FRAGMENT):
+            path = folder / given if (folder / given).is_file() else Path(given)
+            try:
+                found = toml.parse(read_text(path)).get(name)
+            except SceneError as error:
+                mistakes.append(Mistake((name,), "; ".join(error.lines)))
+                continue
+            if isinstance(found, dict):
+                data[name] = found
+            else:
+                mistakes.append(Mistake((name,), f"the file '{given}' has no section [{name}]"))
+    return mistakes
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:

@@ -161,7 +161,12 @@ class Report:
 
 
 class StudyStoppedError(Exception):
-    """A signal has stopped a study that stores nothing before it is finished; the message is the cause."""
+    """A signal has stopped a study; the message is the cause."""
+
+    def __init__(self, cause: str, kept: str = "nothing of it was kept") -> None:
+        super().__init__(cause)
+        self.kept = kept
+        """Sentence about the results that the study has stored."""
 
 
 def report_study(
@@ -191,7 +196,7 @@ def report_study(
         try:
             report = study(folder)
         except StudyStoppedError as stop:
-            typer.echo(f"{name}: stopped by {stop}; nothing of it was kept", err=True)
+            typer.echo(f"{name}: stopped by {stop}; {stop.kept}", err=True)
             return EXIT_CODES["interrupted"]
         with busy("drawing", quiet=quiet):
             report.write(folder)

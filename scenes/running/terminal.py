@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import typer
 
@@ -44,16 +44,23 @@ DOUBTS = {
 """Warnings for numbers of steps in the summary that should be 0, by the name of the entry."""
 
 
+class Show(Protocol):
+    """Function that is to be called with the number of finished items, and possibly a new title of the display."""
+
+    def __call__(self, done: int, title: str = ...) -> None:
+        """Update the display."""
+
+
 @contextmanager
-def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
-    """Yield a function that is to be called with the number of finished items, and display the progress.
+def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Show]:
+    """Yield a function of the number of finished items, and display the progress.
 
     The display is written to standard error. `total` is the number of items, and `what` the word for an item.
     """
     if quiet or not sys.stderr.isatty():
         if not quiet:
             typer.echo(f"{title}: {counted(total, what)}", err=True)
-        yield lambda done: None
+        yield lambda done, title=title: None
         return
     from rich.console import Console  # this import takes as much time as a short run
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -61,7 +68,7 @@ def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iter
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda done, title=title: bar.update(task, completed=done, description=title)
 
 
 def each(title: str, keys: Iterable[K], go: Callable[[K], R], what: str, *, quiet: bool) -> dict[K, R]:

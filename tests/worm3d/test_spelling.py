@@ -60,6 +60,7 @@ FUNCTIONS = [
     worm3d.show,
     worm3d.recovery,
     worm3d.fit,
+    worm3d.optimise,
     worm3d.sweep,
     worm3d.slope_into_pipe,
     worm3d.State.straight,

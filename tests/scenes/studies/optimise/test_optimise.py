@@ -1,0 +1,285 @@
+"""The search for gaits: unknowns, goals, the search and its log, and the command."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import worm3d as w
+from control.gaits import Periodic
+from scenes.language.errors import SceneError
+from scenes.models.loading import load_scene
+from scenes.models.worm.build import gait_of
+from scenes.studies.optimise import search as searches
+from scenes.studies.optimise.card import CONDITIONS, HALF, PERIOD, WEAK, Card, Left, fragment
+from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, goal_of, limit_of
+from scenes.studies.optimise.search import Best, Found, Log, search
+from scenes.studies.optimise.trials import GROUNDS, SURE_WAVES, WAVES, Score, Trials
+from scenes.studies.optimise.unknowns import PHASE_UNIT, Choice, Space, free_of
+
+SPACE = Space(6, 0.2, 2.0)
+
+
+def test_a_simple_gait_is_a_wave_with_the_same_shape_everywhere() -> None:
+    simple = np.array([0.6, 0.5, 0.5])
+    gait = SPACE.choice(SPACE.spread(simple)).gait
+    wave = Periodic(amplitude=0.2, period=2.0, waves=-2.0 + 0.6 * 5.0, duty=0.5, sharpness=12.0 * 0.25)
+    times = np.linspace(0.0, 4.0, 57)
+    assert_allclose(gait.activations(times, 6), wave.activations(times, 6), atol=1e-12)
+
+
+def test_the_right_side_of_a_simple_turn_is_weak_or_half_a_period_late() -> None:
+    space, times = replace(SPACE, turns=True), np.linspace(0.0, 2.0, 50)
+    late = space.choice(space.spread(np.array([0.6, 0.5, 0.5, 0.25]))).gait.activations(times, 6)
+    full = space.choice(space.spread(np.array([0.6, 0.5, 0.5, 1.0]))).gait
+    assert_allclose(late[..., 0], full.activations(times, 6)[..., 0], atol=1e-12)
+    assert_allclose(late[..., 1], 0.5 * full.activations(times + 1.0, 6)[..., 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_any_coordinates_within_the_bounds_are_a_gait(turns: bool) -> None:
+    space = replace(SPACE, turns=turns, free=(free_of("worm.spring_N=5:50"),))
+    low, high = space.bounds
+    rng = np.random.default_rng(3)
+    ends = [(-4.0 if a is None else a, 4.0 if b is None else b) for a, b in zip(low, high, strict=True)]
+    for _ in range(20):
+        at = np.array([rng.uniform(*each) for each in ends])
+        found = space.choice(at)
+        assert found.gait.activations(np.array([0.3]), 6).shape == ((1, 6, 2) if turns else (1, 6))
+    moved = np.array(at)
+    moved[0] += 1.0 / PHASE_UNIT  # a whole period
+    assert_allclose(np.ravel(space.choice(moved).gait.phase), np.ravel(found.gait.phase), atol=1e-12)
+
+
+def test_free_keys_are_linear_or_logarithmic() -> None:
+    assert free_of("a.b=1:3").value(0.5) == 2.0
+    assert free_of("a.b=1:100").value(0.5) == pytest.approx(10.0)
+    for text in ("a.b", "a.b=1", "a.b=3:1", "a.b=1:x", "=1:2", "a.b=1:inf"):
+        with pytest.raises(SceneError, match=r"--over: got .*, must be a key and its range, such as"):
+            free_of(text)
+
+
+def test_limits_and_goals_are_explained() -> None:
+    limit = limit_of("roll_max_deg <= 5")
+    assert (limit.measure, limit.greatest, limit.bound) == ("roll_max_deg", True, 5.0)
+    for text, words in (
+        ("roll_max_deg<5", "must be a measure and a bound"),
+        ("roll_max_deg<=x", "must be a measure and a bound"),
+        ("roll_deg<=5", "no measure 'roll_deg'; did you mean"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            limit_of(text)
+    with pytest.raises(SceneError, match=r"got 'sped', must be one of robust, speed.*; did you mean 'speed'"):
+        goal_of("sped")
+    assert [each.bound for each in goal_of("speed", ["roll_max_deg<=5"]).limits] == [5.0]
+    assert len(goal_of("speed", ["speed_bl_s>=0.05"]).limits) == 2
+
+
+def test_values_are_those_of_single_runs_and_limits_rank_the_others() -> None:
+    trials = Trials("flat", (), goal_of("speed", ["speed_bl_s>=0.04"]))
+    gaits = [Periodic(amplitude=0.2, period=2.0, waves=waves) for waves in (1.0, 0.5, 2.0)]
+    gaits.append(Periodic(amplitude=0.2, period=2.0, direction="direct"))
+    scores = trials.scores([Choice(gait) for gait in gaits])
+    for gait, score in zip(gaits, scores, strict=True):
+        runs = [
+            w.simulate(trials.base.worm, w.Plane(), w.Friction(), actuation=gait, duration=2.0 * waves)
+            for waves in (WAVES, SURE_WAVES)
+        ]
+        values = [run.summary()["speed_bl_s"] for run in runs]
+        assert min(abs(score.value - value) for value in values) < 1e-12
+        assert score.cost == -score.value if score.value >= 0.04 else score.cost > BROKEN
+    slow = [score for score in scores if score.value < 0.04]
+    assert len(slow) >= 2
+    by_cost = sorted(slow, key=lambda each: each.cost)
+    assert by_cost == sorted(slow, key=lambda each: -each.value)
+
+
+def test_the_robust_value_is_the_worst_ratio_to_the_own_gait() -> None:
+    trials = Trials("flat", (), goal_of("robust"))
+    own = trials.base.actuation
+    (score,) = trials.scores([Choice(Periodic(amplitude=0.2, period=2.0, waves=1.0))])
+    assert score.value == pytest.approx(1.0, abs=0.1)  # this wave is the gait of the scene, of fewer waves
+    ratios = []
+    gait = Periodic(amplitude=0.2, period=2.0, waves=0.5)
+    for ground in GROUNDS:
+        run, plain = (
+            w.simulate(trials.base.worm, w.Plane(), ground.of(w.Friction()), actuation=each, duration=12.0)
+            for each in (gait, own)
+        )
+        ratios.append(run.summary()["speed_bl_s"] / plain.summary()["speed_bl_s"])
+    (score,) = trials.scores([Choice(gait)])
+    assert score.value == pytest.approx(min(ratios), rel=0.05)
+
+
+def test_a_run_that_cannot_begin_or_end_is_a_failed_candidate_only() -> None:
+    free = [free_of("worm.mass_kg=0.1:1000")]
+    trials = Trials("flat", (), goal_of("speed"), free)
+    fine, heavy = (Choice(Periodic(amplitude=0.2), (f"worm.mass_kg={mass}",)) for mass in (0.1, 900.0))
+    scores = trials.scores([heavy, fine])
+    assert scores[0].cost == FAILED
+    assert math.isnan(scores[0].value)
+    assert scores[1].value > 0.03
+
+
+def test_amplitude_and_period_can_be_free_and_other_keys_of_the_gait_cannot() -> None:
+    trials = Trials("flat", (), goal_of("speed"), [free_of("gait.amplitude=0.1:0.4")])
+    small, large = (trials.scores([Choice(Periodic(), (f"gait.amplitude={a}",))])[0].value for a in (0.1, 0.3))
+    assert large > 2.0 * small > 0.0
+    with pytest.raises(SceneError, match=r"--over: got 'gait.wavelength', must be gait.amplitude or gait.period_s"):
+        Trials("flat", (), goal_of("speed"), [free_of("gait.wavelength=0.5:2")])
+
+
+def quadratic(choices: list[Choice]) -> list[Score]:
+    """Costs with a single minimum: duties of 0.3, and weights of 0.6."""
+    costs = [
+        float(np.sum((np.asarray(c.gait.duty) - 0.3) ** 2) + np.sum((np.asarray(c.gait.weight) - 0.6) ** 2))
+        for c in choices
+    ]
+    return [Score(cost, -cost) for cost in costs]
+
+
+def found(path: Path, of=quadratic, budget: int = 900, seed: int = 1, tell=lambda runs, best: True) -> Found:
+    return search(SPACE, of, seed, budget, Log(path, {"seed": seed}), tell, simple=False)
+
+
+@pytest.fixture(scope="module")
+def _cma() -> None:
+    pytest.importorskip("cma")
+
+
+@pytest.mark.usefixtures("_cma")
+def test_the_search_finds_a_minimum_that_no_simple_gait_has(tmp_path: Path) -> None:
+    first = found(tmp_path / "log")
+    assert first.simple.score.cost >= 6 * 0.4**2  # a simple gait has the weight 1
+    assert first.best.score.cost < 0.05 * first.simple.score.cost
+    assert len(first.costs) <= 900
+    assert first.costs.min() == first.best.score.cost
+
+
+@pytest.mark.usefixtures("_cma")
+def test_a_stopped_search_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    whole, counted = found(tmp_path / "whole", budget=500), [0]
+
+    def stops(runs: int, best: Score) -> bool:
+        return runs < 300
+
+    assert found(tmp_path / "log", budget=500, tell=stops).why == "it was stopped"
+    text = (tmp_path / "log").read_text()
+    (tmp_path / "log").write_text(text + '["0.1", "0.')  # killed while it wrote
+
+    def counting(choices: list[Choice]) -> list[Score]:
+        counted[0] += len(choices)
+        return quadratic(choices)
+
+    again = found(tmp_path / "log", counting, budget=500)
+    assert_array_equal(again.costs, whole.costs)
+    assert_array_equal(again.best.at, whole.best.at)
+    assert counted[0] == len(whole.costs) - (text.count("\n") - 1) < 200
+    with pytest.raises(SceneError, match="belongs to a search with other settings"):
+        Log(tmp_path / "log", {"seed": 2})
+
+
+@pytest.mark.usefixtures("_cma")
+def test_a_search_without_progress_stops(tmp_path: Path) -> None:
+    flat = found(tmp_path / "log", lambda choices: [Score(1.0, -1.0) for _ in choices], budget=2000)
+    assert searches.PATIENCE <= len(flat.costs) - searches.SIMPLE_RUNS <= searches.PATIENCE + 2 * searches.POPULATION
+
+
+def test_the_verdicts_follow_their_rules() -> None:
+    trials = Trials("flat", (), goal_of("speed"))
+    best = Best(trials.space.spread(np.array([0.6, 0.5, 0.5])), Score(-0.06, 0.06))
+    card = Card(trials, [Found(0, best, best, np.array([-0.06]), "it was stopped")])
+
+    def sentences(**changed: Left) -> str:
+        rows = [changed.get(each.name, Left(each.name, 0.1, 1.0, 0.1, 0.0, 1.0)) for each in CONDITIONS]
+        return " ".join(card.verdict_sentences(rows))
+
+    assert sentences().startswith("none of the rules")
+    assert "**glides**" in sentences(**{PERIOD: Left(PERIOD, 0.08, 0.8, 0.1, 0.0, 1.0)})
+    assert "**needs anisotropy**" in sentences(**{WEAK: Left(WEAK, 0.05, 0.5, 0.1, 0.0, 1.0)})
+    assert "**slides back" in sentences(**{HALF: Left(HALF, -0.01, -0.1, 0.1, 0.0, 1.0)})
+    assert "**tips**" in sentences(**{HALF: Left(HALF, 0.1, 1.0, 0.1, 30.0, 1.0)})
+    assert "**tips**" in sentences(**{HALF: Left(HALF, math.nan, math.nan, 0.1, math.nan, math.nan)})
+
+
+def test_a_gait_file_gives_the_same_gait_and_mistakes_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    gait = SPACE.choice(np.random.default_rng(5).random(SPACE.spread(np.ones(3)).size)).gait
+    (tmp_path / "gait.toml").write_text(fragment(gait, "a gait", ["worm.mass_kg=1"]))
+    read = gait_of(load_scene("flat", ["gait=gait.toml"]).settings)
+    for name in ("amplitude", "period", "phase", "duty", "sharpness", "weight"):
+        assert_array_equal(getattr(read, name), getattr(gait, name))
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "scene.toml").write_text('model = "worm"\ngait = "near.toml"\n')
+    (tmp_path / "own" / "near.toml").write_text(fragment(gait, "a gait", []))
+    assert_array_equal(gait_of(load_scene("own/scene.toml").settings).duty, gait.duty)
+    with pytest.raises(SceneError, match=r"gait: .*lost.toml.*no such file"):
+        load_scene("flat", ["gait=lost.toml"])
+    (tmp_path / "wrong.toml").write_text("[worm]\nsegments = 4\n")
+    with pytest.raises(SceneError, match=r"gait: the file 'wrong.toml' has no section \[gait\]"):
+        load_scene("flat", ["gait=wrong.toml"])
+
+
+@pytest.mark.usefixtures("_cma")
+def test_the_command_writes_a_gait_that_runs_and_a_card(worm3d, tmp_path: Path) -> None:
+    given = ("optimise", "flat", "--goal", "speed", "--budget", 28, "--searches", 1, "--free", "waves", "--out", "best")
+    ended = worm3d(*given)
+    assert ended.code == 0, ended.err
+    assert {path.name for path in (tmp_path / "best").iterdir()} >= {"card.md", "card.html", "gait.toml", "gait.png"}
+    card = (tmp_path / "best" / "card.md").read_text()
+    for words in ("best simple gait", PERIOD, "confirmed", "Where the work goes"):
+        assert words in card
+    assert "data:image/png;base64," in (tmp_path / "best" / "card.html").read_text()
+    scores = [json.loads(line) for line in (tmp_path / "best" / ".worm3d-search-0.jsonl").read_text().split("\n")[1:-1]]
+    best = max(float(value) for _, value in scores)
+    ran = worm3d("run", "flat", "-o", "gait=best/gait.toml", "-o", "run.duration_s=12", "--out", "again")
+    assert ran.code == 0
+    summary = json.loads((tmp_path / "again" / "summary.json").read_text())
+    assert summary["speed_bl_s"] == pytest.approx(best, rel=0.03)
+
+
+@pytest.mark.usefixtures("_cma")
+def test_two_searches_in_python_give_the_better_gait_and_its_card() -> None:
+    card = w.optimise("flat", "speed", budget=28, free="waves")
+    values = [each.best.score.value for each in card.found]
+    assert len(values) == 2
+    assert card.best.best.score.value == max(values)
+    rows = card.measure()
+    assert rows[0].kept == 1.0
+    assert rows[0].value == pytest.approx(2.0 * max(values), rel=0.03)  # two seconds a wave
+    assert card.confirmed is not None
+    assert card.confirmed.error_estimate is not None
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (("path_line",), "must be a scene of the model 'worm', with a gait; is of 'worm_control'"),
+        (("flat", "--goal", "climb", "--free", "legs"), "free: got 'legs', must be one of segments, waves"),
+        (("flat", "--goal", "no_module:measure"), "--goal: "),
+        (("flat", "--over", "worm.colour=1:2"), "worm.colour"),
+    ],
+)
+@pytest.mark.usefixtures("_cma")
+def test_wrong_options_are_sentences(worm3d, given: tuple[str, ...], complaint: str) -> None:
+    ended = worm3d("optimise", *given, "--budget", 14)
+    assert ended.code == 2
+    assert complaint in ended.err
+    assert "Traceback" not in ended.err
+
+
+def test_goals_have_measures_with_values_in_a_plain_run() -> None:
+    trials = Trials("slope_5", (), GOALS["climb"])
+    run = w.simulate(
+        **{name: getattr(trials.base, name) for name in ("worm", "world", "ground", "actuation")}, duration=8
+    )
+    for goal in GOALS.values():
+        assert math.isfinite(goal.value(run))
+    rise = (run.com[-1, 2] - run.com[400, 2]) / 4.0 / run.worm.length
+    assert GOALS["climb"].value(run) == pytest.approx(rise, rel=1e-9)
