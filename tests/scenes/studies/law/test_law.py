@@ -235,6 +235,16 @@ def test_the_file_has_the_law(membrane_law: Law) -> None:
     assert len(data["ensemble"]) == 2
 
 
+def test_the_file_and_the_report_have_the_stiffness_of_contacts(membrane_law: Law) -> None:
+    prepared = membrane_law.prepared
+    assert content(membrane_law)["contact_stiffness_N_m"] is None
+    known = replace(prepared.table, facts={**prepared.table.facts, "contact_stiffness_N_m": 123.4})
+    found = replace(membrane_law, prepared=replace(prepared, table=known))
+    assert content(found)["contact_stiffness_N_m"] == 123.4
+    told = [each for each in command._sentences(found) if "friction.contact_stiffness_N_m = 123" in each]
+    assert len(told) == 1
+
+
 def test_members_disagree_outside_the_states(membrane_law: Law) -> None:
     known = membrane_law.spread()["force_N"]
     ensemble = (membrane_law.fit, *membrane_law.members)
