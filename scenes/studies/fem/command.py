@@ -37,7 +37,7 @@ works. States that are compressed more crumple when they bend, and their continu
 
 PRESSED_MESH = 8, 6
 """Elements along half of the segment and around half of the circumference for pressed states. The compliance of the
-shipped barrel differs by at most 3 % from the result of 18 x 12 elements, which take six times as long."""
+shipped barrel differs by at most 3 % from the result of 18 x 12 elements, which takes ten times as long."""
 
 MOST_ALONG, MOST_ACROSS = 80, 4
 """Largest mesh. The mesh error takes four times as many elements, and the test of stability the cube of the time."""

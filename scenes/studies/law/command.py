@@ -155,7 +155,7 @@ def _sentences(law: Law) -> Iterable[str]:
         yield f"The moments of {count} have an rms error of {law.moment_error:.1%} of their rms."
     yield f"The chambers are {1e3 * law.chamber_offset:.3g} mm from the axis."
     if stiffness := law.prepared.table.facts.get("contact_stiffness_N_m"):
-        yield f"On soft contacts the wall yields. As a key of a scene: friction.contact_stiffness_N_m = {stiffness:.3g}"
+        yield f"The wall yields to the ground. As a key of a scene: friction.contact_stiffness_N_m = {stiffness:.3g}"
 
 
 def _elastic(law: Law, cycle: Cycle) -> FloatArray:

@@ -283,6 +283,15 @@ def test_a_smaller_limit_of_the_spread_makes_the_domain_smaller(
     assert spans[0].max() <= longest - shortest
     assert spans[0][0] < 0.8 * spans[0][-1]
 
+def test_the_file_and_the_report_have_the_stiffness_of_contacts(membrane_law: Law) -> None:
+    prepared = membrane_law.prepared
+    assert content(membrane_law)["contact_stiffness_N_m"] is None
+    known = replace(prepared.table, facts={**prepared.table.facts, "contact_stiffness_N_m": 123.4})
+    found = replace(membrane_law, prepared=replace(prepared, table=known))
+    assert content(found)["contact_stiffness_N_m"] == 123.4
+    told = [each for each in command._sentences(found) if "friction.contact_stiffness_N_m = 123" in each]
+    assert len(told) == 1
+
 
 def test_members_disagree_outside_the_states(membrane_law: Law) -> None:
     known = membrane_law.spread()["force_N"]
