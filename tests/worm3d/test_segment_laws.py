@@ -215,16 +215,20 @@ def test_a_run_stops_outside_the_domain(law: Learned) -> None:
     assert "chamber of segment" in result.stop.sentence
 
 
+HEIGHTS = (1.2, 1.15, 1.0)
+"""Greatest lengths at the contractions 0, 0.225 and 0.45, over the rest length."""
+
+
 def with_region(content: dict[str, Any]) -> dict[str, Any]:
     """Return a law whose greatest length falls with the contraction, first slowly and then quickly."""
-    region = {"shortest_m": [0.5 * learned_laws.L0] * 3, "longest_m": [h * learned_laws.L0 for h in (1.2, 1.1, 0.65)]}
+    region = {"shortest_m": [0.5 * learned_laws.L0] * 3, "longest_m": [h * learned_laws.L0 for h in HEIGHTS]}
     return {**content, "domain": {**content["domain"], **region}}
 
 
 def pulled(segment_law: worm3d.SegmentLaw, contraction: float) -> worm3d.Result:
     """Return a run in the air with all chambers contracted and a pull that grows."""
     pull = np.zeros((7, 3))
-    pull[0, 0], pull[-1, 0] = -4.0, 4.0
+    pull[0, 0], pull[-1, 0] = -30.0, 30.0
     worm = Worm(segment=segment_law, stroke=(0.0, learned_laws.MOST))
     command = worm3d.Command(np.full((6, 2), contraction))
     start = State.straight(worm, None, contraction=contraction)
@@ -235,7 +239,7 @@ def pulled(segment_law: worm3d.SegmentLaw, contraction: float) -> worm3d.Result:
 def test_the_greatest_length_depends_on_the_contraction(law: Learned, tmp_path: Path) -> None:
     """The bounds are linear in the contraction; the contraction 0.3 is at a third between the last two bounds."""
     region = Learned(str(learned_laws.written(tmp_path, with_region(CONTENT))))
-    most = learned_laws.L0 * (1.1 + (0.65 - 1.1) * (0.3 / 0.225 - 1.0))
+    most = learned_laws.L0 * (1.15 - 0.15 / 3.0)
     found, free = pulled(region, 0.3), pulled(law, 0.3)
     assert found.status is Status.OUTSIDE
     assert 0.99 * most < found.chamber_length.max() < most
@@ -252,10 +256,10 @@ def test_both_guards_interpolate_between_the_bounds(tmp_path: Path) -> None:
     path = learned_laws.written(tmp_path, with_region(CONTENT))
     own = linkage.Learned.read(path)
     rng, l0 = np.random.default_rng(0), learned_laws.L0
-    region = np.array([[1.0 - learned_laws.MOST], [1.0]] + [[0.5]] * 3 + [[h] for h in (1.2, 1.1, 0.65)]) * l0
+    region = np.array([[1.0 - learned_laws.MOST], [1.0]] + [[0.5]] * 3 + [[h] for h in HEIGHTS]) * l0
     for a in (0.0, 0.225, learned_laws.MOST, *rng.uniform(0.0, learned_laws.MOST, 50)):
         low, high = guard._bounds(region, 0, l0 * (1.0 - a))
-        wanted = l0 * np.interp(a, [0.0, 0.225, 0.45], [1.2, 1.1, 0.65])
+        wanted = l0 * np.interp(a, [0.0, 0.225, 0.45], HEIGHTS)
         assert_allclose((low, high), (0.5 * l0, wanted), rtol=1e-14)
         for length, inside in ((high * (1.0 - 1e-6), True), (high * (1.0 + 1e-6), False), (0.499 * l0, False)):
             assert own.contains(np.array([length]), np.array([a])) is inside

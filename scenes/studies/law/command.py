@@ -136,8 +136,8 @@ def _sentences(law: Law) -> Iterable[str]:
     yield f"The working band has forces below {band:.3g} N, {BAND:.0%} of the greatest force."
     yield (
         f"Domain: lengths from {1e3 * low:.4g} to {1e3 * high:.4g} mm, contractions from 0 to {most:.3f}, where the "
-        f"standard deviation of the {len(law.members) + 1} laws is at most {spread['force_N']:.2g} N and "
-        f"{1e3 * spread['radius_m']:.2g} mm."
+        f"standard deviation of the {len(law.members) + 1} laws is at most {spread['force_N']:.2g} N, or "
+        f"{spread['force_share']:.0%} of a large force, and {1e3 * spread['radius_m']:.2g} mm."
     )
     yield (
         "The law is fitted to all states. The errors at held-out states are those of a law that is fitted in the same "

@@ -174,9 +174,10 @@ class _EnergyProblem:
         return np.hstack([of[:, :ENERGY_WEIGHTS], steps, of_volumes[:, : len(free.volumes)]])
 
 
-def force_weights(force: FloatArray) -> FloatArray:
-    """Return the weights of errors of the force, shape (S,) [1/N]."""
-    found: FloatArray = 1.0 / np.hypot(FORCE_FLOOR * np.sqrt(np.mean(force**2)), force)
+def force_weights(force: FloatArray, rms: float | None = None) -> FloatArray:
+    """Return the weights of errors of the force, of its shape [1/N]. The rms of the forces can be given [N]."""
+    size = np.sqrt(np.mean(force**2)) if rms is None else rms
+    found: FloatArray = 1.0 / np.hypot(FORCE_FLOOR * size, force)
     return found
 
 

@@ -66,9 +66,10 @@ SPREAD_RATIO = 3.0
 """Standard deviation between members that counts as known, over its median at the states, if this is more than the
 following. Most of the states are below it, also if the table is noisy."""
 
-KNOWN_FORCE, KNOWN_RADIUS = 0.02, 0.02
-"""Standard deviation between members that always counts as known: of the force over its rms in the table, and of the
-radius over its mean."""
+KNOWN_FORCE, KNOWN_RADIUS = 0.15, 0.02
+"""Standard deviation between members that always counts as known: of the force over its size (`Law.size`), and of the
+radius over its mean. At 0.1, some laws of the shipped table have a domain that ends near the rest length, where the
+force grows steeply; at 0.2, the domain of the shipped law is up to 1 mm longer."""
 
 DOMAIN_POINTS = 28
 """Number of contractions at which the file has the bounds of the length. For the shipped law they are 0.01 apart."""
@@ -118,16 +119,23 @@ class Law(ReadOnly):
         return errors(self.checked, self.states.part(self.held_out), self.states)
 
     def spread(self) -> dict[str, float]:
-        """Return the standard deviations between members that count as known."""
+        """Return the standard deviations between members that count as known, for the file.
+
+        They are `force_share` of the size of a force, `force_N` of small forces, and `radius_m`.
+        """
         at, ensemble = (self.states.length, self.states.input), (self.fit, *self.members)
-        force, radius = (
-            SPREAD_RATIO * float(np.median(np.std(each, axis=0)))
-            for each in ([own.force(*at) for own in ensemble], [own.outer_radius(*at) for own in ensemble])
-        )
+        force = np.std([each.force(*at) for each in ensemble], axis=0)
+        radius = np.std([each.outer_radius(*at) for each in ensemble], axis=0)
+        share = max(SPREAD_RATIO * float(np.median(force / self.size(self.states.force))), KNOWN_FORCE)
         return {
-            "force_N": max(force, KNOWN_FORCE * _rms(self.states.force)),
-            "radius_m": max(radius, KNOWN_RADIUS * float(np.mean(self.states.radius))),
+            "force_share": share,
+            "force_N": share * float(self.size(np.zeros(1))[0]),
+            "radius_m": max(SPREAD_RATIO * float(np.median(radius)), KNOWN_RADIUS * float(np.mean(self.states.radius))),
         }
+
+    def size(self, force: FloatArray) -> FloatArray:
+        """Return the size of forces, over which errors count as in the fit [N]."""
+        return 1.0 / force_weights(force, _rms(self.states.force))
 
 
 def errors(fit: Fit, states: States, of: States) -> dict[str, float | None]:
@@ -344,7 +352,7 @@ def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
     """
     (low, high), most = domain(law.fit, law.states)
     rest, contraction = law.fit.free.rest_length, np.linspace(0.0, most, DOMAIN_POINTS)
-    free = rest * (1.0 - contraction)
+    free, limits = rest * (1.0 - contraction), law.spread()
     states = np.column_stack([law.fit.free.contraction(law.states.input), law.states.length / rest])
     planes = ConvexHull(np.vstack([states, np.column_stack([contraction, free / rest])]), qhull_options="QJ").equations
     ends = []
@@ -353,8 +361,9 @@ def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
         hull = np.min(-(across[:, 2] + np.outer(contraction, across[:, 0])) / (side * across[:, 1]), axis=1)
         farthest = side * np.minimum(rest * (hull + EXTRAPOLATED), side * end)
         length = free + np.linspace(0.0, 1.0, REGION_LENGTHS)[:, None] * (farthest - free)
-        apart = [np.std(each, axis=0) for each in of.ensemble(length, np.broadcast_to(contraction, length.shape))]
-        known = np.all([own <= limit for own, limit in zip(apart, law.spread().values(), strict=True)], axis=0)
+        force, radius = of.ensemble(length, np.broadcast_to(contraction, length.shape))
+        known = np.std(force, axis=0) <= limits["force_share"] * law.size(np.mean(force, axis=0))
+        known &= np.std(radius, axis=0) <= limits["radius_m"]
         last = np.logical_and.accumulate(known, axis=0).sum(axis=0) - 1
         ends.append(np.take_along_axis(length, np.maximum(last, 0)[None], axis=0)[0])
     return ends[0], ends[1]
