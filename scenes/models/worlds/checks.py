@@ -52,9 +52,13 @@ def _worm_fits(
     half_height_m: Any,
     chamber_offset_m: float,
     tail_m: Any,
+    law: str,
 ) -> Found:
-    """Return an error for a worm that starts in a pipe and is wider at rest than this pipe."""
-    if kind != PIPE:
+    """Return an error for a worm that starts in a pipe and is wider at rest than this pipe.
+
+    The sizes of a worm with the file of a segment law follow from the file, and the start of the run checks them.
+    """
+    if kind != PIPE or law != NO_FILE:
         return None
     pipe = 2.0 * (float(radii[0]["radius_m"]) if radii and tail_m[0] <= radii[0]["at_m"] else radius_m)
     worm = 2.0 * (float(np.max(half_height_m)) + chamber_offset_m)
@@ -160,7 +164,7 @@ WORM_IN_PIPE_CHECKS = (
     Check(
         (
             *("world.radius_m", "world.radii", "world.kind"),
-            *("worm.half_height_m", "worm.chamber_offset_m", "start.position_m"),
+            *("worm.half_height_m", "worm.chamber_offset_m", "start.position_m", "segment.file"),
         ),
         _worm_fits,
     ),

@@ -289,7 +289,7 @@ def _members(r: _Reader, law: LawFile) -> Iterator[Mapping[str, FloatArray]]:
         yield {
             "energy": own.numbers("energy", len(law.energy)),
             "radius": own.numbers("radius", len(law.radius)),
-            "bending": own.numbers("bending_Nm", BENDING_TERMS) if "bending_Nm" in own else law.bending,
+            "bending": own.numbers("bending_Nm", BENDING_TERMS) if own.holds("bending_Nm") else law.bending,
         }
 
 
