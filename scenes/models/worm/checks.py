@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from control.gaits import FeedbackGait
+from control.gaits import FeedbackGait, RecordedCommands
 from control.gaits.reflexes import REFLEXES
 from control.parts import GAIT
 from scenes.language.checks import Check, Found
@@ -119,11 +119,15 @@ def _law_is_named(file: str, kind: str) -> str | None:
 
 
 def _stays_within_the_law(gait: WormGait, *sections: Section) -> None:
-    """Raise ValueError if a gait contracts chambers further than the segment law allows, for laws that set a stroke."""
-    scene = scene_with(WormScene, ("gait", *BODY), (gait, *sections))
-    worm = worm_of(scene)
-    if worm.segment.suited():
-        gait_of(scene).bind(worm)
+    """Raise ValueError if a worm cannot follow its gait.
+
+    A gait must not contract chambers further than a segment law with a stroke allows, and the law must know the inputs
+    that the gait gives.
+    """
+    scene = scene_with(WormScene, ("gait", "reflexes", *BODY), (gait, *sections))
+    worm, given = worm_of(scene), gait_of(scene)
+    if worm.segment.suited() or isinstance(given, RecordedCommands):
+        given.bind(worm)
 
 
 def _push_on_a_joint(joint: int, segments: int) -> str | None:
@@ -182,7 +186,7 @@ SPATIAL_CHECKS = (
 WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
-    building(_stays_within_the_law, "gait", *BODY),
+    building(_stays_within_the_law, "gait", "reflexes", *BODY),
     *REFLEX_CHECKS,
     start_check(WormScene),
 )
