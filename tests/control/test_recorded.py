@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import RecordedCommands
-from worm3d import Learned, Worm, simulate
+from worm3d import Learned, Plane, Worm, simulate
 
 TIME = np.array([0.5, 1.0, 3.0])
 
@@ -28,15 +28,20 @@ def test_a_pressure_is_interpolated_before_it_is_converted() -> None:
     commands = RecordedCommands(TIME, [0.0, 3000.0, 0.0], "pressure").bind(worm)
     assert_allclose(commands(0.75).contraction, worm.segment.contraction_of(1500.0), rtol=1e-14)
     assert commands(0.75).contraction[0, 0] < 0.45 * commands(1.0).contraction[0, 0]
-    run = simulate(worm, actuation=RecordedCommands([0.0, 0.1], [0.0, 2000.0], "pressure"), duration=0.1)
+    run = simulate(worm, Plane(), actuation=RecordedCommands([0.0, 0.1], [0.0, 2000.0], "pressure"), duration=0.1)
     assert_allclose(worm.segment.input_of(run.command[-1]), 2000.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("time", "value", "quantity", "sentence"),
     [
-        (TIME, [0.0, 0.1, 0.5], "contraction", r"contractions from 0 to 0.5, must be from -0.1 to 0.45, the worm's str"),
-        (TIME, [0.0, 0.1, 0.2], "pressure", r"the law 'rhombus' has no pressure; command the contraction instead"),
+        (
+            TIME,
+            [0.0, 0.1, 0.5],
+            "contraction",
+            r"contractions from 0 to 0.5, must be from -0.1 to 0.45, the worm",
+        ),
+        (TIME, [0.0, 0.1, 0.2], "pressure", r"the law 'rhombus' has no pressure; command the contraction"),
         (TIME, [0.0, 0.1, 0.2], "volume", r"quantity: got 'volume', must be one of 'contraction', 'pressure', 'cable'"),
         (TIME, np.zeros((3, 5, 2)), "contraction", r"value: got 5 segments and 2 chambers, must be the 6 segments"),
         (TIME[::-1], [0.0, 0.1, 0.2], "contraction", r"time: got 1 s after 3 s, must ascend"),

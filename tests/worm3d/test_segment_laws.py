@@ -403,18 +403,18 @@ def test_a_contraction_is_a_pressure_by_the_table_of_the_law() -> None:
         (lambda: segment.input_of([0.1, 0.46]), r"contraction: got 0.46, must be from 0 to 0.45 as in the table"),
         (lambda: segment.contraction_of(-5.0), r"pressure: got -5 Pa, must be from 0 to 1700 Pa as in the table"),
         (lambda: segment.contraction_of(np.nan), r"pressure: got nan Pa"),
-        (lambda: segment.contraction_of(5.0, "cable"), r"'learned' has no cable; command its pressure instead"),
+        (lambda: segment.contraction_of(5.0, "cable"), r"'learned' has no cable; command its pressure"),
         (lambda: Rhombus().input_of(0.1), r"segment: the law 'rhombus' has no pressure; command the contraction"),
     ):
         with pytest.raises(ValueError, match=sentence):
             refused()
 
 
-@pytest.mark.parametrize(("name", "unit", "other"), [("pressure", "Pa", "cable"), ("cable", "N", "pressure")])
-def test_a_run_tells_the_inputs_of_its_chambers(name: str, unit: str, other: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "unit"), [("pressure", "Pa"), ("cable", "N")])
+def test_a_run_tells_the_inputs_of_its_chambers(name: str, unit: str, tmp_path: Path) -> None:
     table = {**CONTENT["input"], "name": name, "unit": unit}
     worm = Worm(segments=3, segment=Learned("barrel.json", content=json.dumps({**CONTENT, "input": table})))
-    run = simulate(worm, actuation=TravellingWave(amplitude=0.2, bias=0.3), duration=0.3)
+    run = simulate(worm, Plane(), actuation=TravellingWave(amplitude=0.2, bias=0.3), duration=0.3)
     (found,) = (each for each in run.variables() if each.name == name)
     assert (found.units, found.dims) == (unit, ("time", "segment", "chamber"))
     assert_allclose(found.values, 4e3 * run.contraction, rtol=1e-12)
@@ -427,8 +427,8 @@ def test_a_run_tells_the_inputs_of_its_chambers(name: str, unit: str, other: str
 
 
 def test_a_run_of_rhombi_has_no_inputs() -> None:
-    run = simulate(Worm(segments=2), duration=0.05)
+    run = simulate(Worm(), Plane(), duration=0.05)
     assert not {"pressure", "cable"} & {each.name for each in run.variables()}
     assert reasons(run)["peak_pressure_Pa"] == "the segment law has no pressure"
     with pytest.raises(ValueError, match="the law 'rhombus' has no pressure"):
-        run.chamber_input
+        np.max(run.chamber_input)
