@@ -81,7 +81,7 @@ def contraction(record: Record) -> tuple[Figure, Axes]:
     if not np.array_equal(given[..., 0], given[..., 1]):
         panels = {f"contraction, {side}": (time, given[..., k]) for k, side in enumerate(("left", "right"))}
     for each in (record.variable(name) for name in INPUT_UNITS if name in record):
-        panels[f"{each.name} without load [{each.units}]"] = (time, each.values.mean(axis=2))
+        panels[f"{each.name} [{each.units}]"] = (time, each.values.mean(axis=2))
     if np.any(record["hinge"]):
         hinge = np.rad2deg(record["hinge"])  # the hinge at the rear of segment j; segment 0, the tail, has none
         panels["hinge [deg]"] = (time, np.column_stack([np.zeros(len(time)), hinge]))
