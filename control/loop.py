@@ -296,7 +296,8 @@ class WaveController(Driver):
             steering = self.held_steering[segment] if segment < len(self.held_steering) else None
             if steering is not None:
                 self.generator.schedule = held_schedule(self.task.map.schedule, segment, self.held_steering)
-                whole = float(steered.turn(WAVE.amplitude, WAVE.frequency, WAVE.steering(steered.mechanism)))
+                amplitude = min(WAVE.amplitude, steered.ranges.amplitude[1])
+                whole = float(steered.turn(amplitude, WAVE.frequency, WAVE.steering(steered.mechanism)))
                 turns = getattr(self.estimator, "turns", None)  # an estimator of the user's own may lack it
                 if turns is not None:
                     turns(steering.turn / whole)

@@ -28,7 +28,8 @@ STATES = """
 An actuator, a friction of the joints or a load may have states. `result.actuator_states` has a series for each state.
 In `result.nc` the name has the prefix `actuator_`. A state of an actuator of the chambers has a number for each
 chamber, shape (T, N, 2). A state of an actuator of the hinges has the prefix `hinge_` and the shape (T, N-1). A state
-of a load has the prefix `load_` and the shape (T,).
+of a load has the prefix `load_` and the shape (T,). A worm with a learned segment law also has `pressure` [Pa] or
+`cable` [N], shape (T, N, 2); in Python it is `result.chamber_input`.
 """.strip()
 
 OTHERS = {

@@ -25,6 +25,7 @@ from control.gaits.patterns import WaveDirection as WaveDirection
 from control.gaits.periodic import Periodic as Periodic
 from control.gaits.periodic import Spline as Spline
 from control.gaits.planned_turn import PlannedTurn as PlannedTurn
+from control.gaits.recorded import RecordedCommands as RecordedCommands
 from control.gaits.reflexes import REFLEXES as REFLEXES
 from control.gaits.reflexes import Reach as Reach
 from control.gaits.reflexes import Reflex as Reflex

@@ -37,7 +37,7 @@ from worm3d import Commands
 from worm3d.values.arrays import FloatArray
 
 WAVE = GaitParameters(0.25, 1.0, hinge=0.07)
-"""The turn of a pattern is measured with this wave, near the middle of the map."""
+"""The turn of a pattern is measured with this wave, near the middle of the map. The amplitude is at most the stroke."""
 
 
 @dataclass(frozen=True)

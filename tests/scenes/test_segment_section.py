@@ -10,12 +10,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from control.gaits import TravellingWave
+from control.gaits.steering import GaitParameters, Schedule
+from control.identification.identified import MAX_STEERING, Design
 from scenes.language.errors import SceneError
+from scenes.models.control import identify as runs
+from scenes.models.control.identify import Subject
 from scenes.models.loading import load_scene
-from scenes.models.worm.build import worm_of
+from scenes.models.worm.build import gait_of, worm_of
+from scenes.models.worm.model import _period
 from scenes.models.worm.overview import outlines
 from scenes.running.runner import simulate
-from worm3d import Hydrostat, Learned, Rhombus
+from worm3d import Friction, Hydrostat, Learned, Rhombus, Worm
+from worm3d.values.arrays import FloatArray
 
 SHORT = ("run.duration_s=0.3",)
 
@@ -109,10 +116,83 @@ def test_the_planar_worm_has_the_section(folder: Path) -> None:
 FLAT = "[worm]\nmass_kg = 0.07\ntorsion_J = 10.0\n[gait]\namplitude = 0.2\n"
 
 
-def test_a_controller_of_a_law_with_small_strokes_gets_a_sentence() -> None:
-    learned = ("segment.kind=learned", "segment.file=barrel.json")
-    with pytest.raises(SceneError, match=r"contract its chambers by 0.4, must be at most the stroke, 0.2701; choose"):
+def test_the_waves_that_measure_a_worm_end_at_its_stroke(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Amplitudes scale in proportion; the parameters of a worm with a large stroke are the same numbers."""
+    waves: list[GaitParameters] = []
+    monkeypatch.setattr(runs, "samples", lambda subject, design, given: waves.extend(given) or given)
+    monkeypatch.setattr(runs, "fit_map", lambda mechanism, ranges, *rest: ranges)
+    design, barrel = Design(runs=48), Worm(segment=Learned("barrel.json"))
+    for worm, least, most in ((Worm(), 0.15, 0.4), (barrel, 0.15 * barrel.stroke[1] / 0.4, barrel.stroke[1])):
+        waves.clear()
+        ranges = runs.map_of(Subject(worm, Friction(), Schedule()), design, "hinge")
+        assert ranges.amplitude == pytest.approx((least, most), rel=1e-15)
+        amplitudes = np.array([each.amplitude for each in waves])
+        assert amplitudes[:48].min() == ranges.amplitude[0]
+        assert amplitudes.max() == ranges.amplitude[1] <= worm.stroke[1] * (1.0 + 1e-15)
+        usual = design.parameters("hinge", MAX_STEERING["hinge"])
+        assert (waves[:48] == usual) == (worm is not barrel)
+
+
+def test_the_lags_of_a_worm_are_measured_within_its_stroke(monkeypatch: pytest.MonkeyPatch) -> None:
+    barrel, waves = Worm(segment=Learned("barrel.json")), list[float]()
+
+    def stepped(subject: Subject, begin: GaitParameters, end: GaitParameters, shift: float) -> tuple[FloatArray, None]:
+        waves.extend((begin.amplitude, end.amplitude))
+        return np.arange(16.0), None
+
+    monkeypatch.setattr(runs, "_winding", lambda *given: (0.5, 0.0))
+    monkeypatch.setattr(runs, "step_response", stepped)
+    for worm, share in ((Worm(), 1.0), (barrel, barrel.stroke[1] / 0.4)):
+        waves.clear()
+        runs.measure_lags(Subject(worm, Friction(), Schedule()), "both", 0.5)
+        assert {*waves} == {0.2 * share, 0.3 * share}
+
+
+def test_a_controller_of_a_worm_with_too_small_a_stroke_gets_a_sentence() -> None:
+    learned = ("segment.kind=learned", "segment.file=barrel.json", "worm.stroke=[0.0, 0.12]")
+    with pytest.raises(SceneError, match=r"stroke of its chambers is 0.12, must be at least 0.15, the contraction of"):
         simulate(load_scene("path_line", (*SHORT, *learned)))
+
+
+BARREL = ("segment.kind=learned", "segment.file=barrel.json")
+CABLE = "segment: the law 'learned' has no cable; command its pressure"
+
+
+def test_the_amplitude_of_a_gait_may_be_a_pressure() -> None:
+    settings = load_scene("flat", (*BARREL, "gait.pressure_Pa=3000")).settings
+    gait = gait_of(settings)
+    assert isinstance(gait, TravellingWave)
+    assert gait.amplitude == worm_of(settings).segment.contraction_of(3000.0)
+    assert gait.amplitude == pytest.approx(0.2158, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "at_half"),
+    [
+        ("pressure_kPa", "3\n0", [1500.0] * 12),
+        ("pressure_0_kPa,pressure_1_kPa", "3,1\n0,0", [1500.0] * 2 + [500.0] * 2),
+        ("pressure_0_0_Pa,pressure_0_1_Pa,pressure_1_0_Pa,pressure_1_1_Pa", "3,1,2,0\n0,0,0,4", [1.5, 0.5, 1.0, 2.0]),
+    ],
+)
+def test_a_file_gives_the_pressures_of_the_chambers(
+    columns: str, rows: str, at_half: list[float], tmp_path: Path
+) -> None:
+    first, last = rows.split("\n")
+    (tmp_path / "valves.csv").write_text(f"time_ms,{columns}\n0,{first}\n500,{last}\n")
+    (tmp_path / "mine.toml").write_text('model = "worm"\n[gait]\nfile = "valves.csv"\n')
+    settings = load_scene(tmp_path / "mine.toml", (*BARREL, f"worm.segments={len(at_half) // 2}")).settings
+    worm = worm_of(settings)
+    found = worm.segment.input_of(gait_of(settings).bind(worm)(0.25).contraction)
+    assert_allclose(found.ravel(), at_half, rtol=1e-10)
+
+
+def test_a_run_by_a_file_has_no_period(tmp_path: Path) -> None:
+    (tmp_path / "valves.csv").write_text("time_s,contraction\n0,0.0\n1,0.2\n")
+    scene = load_scene("flat", ("run.duration_s=0.5", f"gait.file={tmp_path / 'valves.csv'}"))
+    run = simulate(scene)
+    assert_allclose(run["command"][-1], 0.1, rtol=1e-12)
+    assert run.summary["speed_BL_per_period"] is None
+    assert _period(scene.settings, run) is None
 
 
 @pytest.mark.parametrize(
@@ -127,6 +207,12 @@ def test_a_controller_of_a_law_with_small_strokes_gets_a_sentence() -> None:
             r"segment.member: got 9, must be from 0 to 4: the file has 4 further laws",
         ),
         (("segment.member=1",), r"segment.member: only for segment.kind = 'learned'"),
+        ((*BARREL, "gait.pressure_Pa=5000"), r"gait.pressure_Pa: .*got 5000 Pa, must be from 0 to 4500 Pa"),
+        ((*BARREL, "gait.cable_N=5"), f"gait.cable_N: .*{CABLE}"),
+        ((*BARREL, "gait.pressure_Pa=3e3", "gait.amplitude=0.1"), r"gait.amplitude: got 0.1 and a pressure: give only"),
+        (("gait.pressure_Pa=3000",), r"gait.pressure_Pa: .*law 'rhombus' has no pressure; command the contraction"),
+        (("gait.file=lost.csv",), r"lost.csv: no such file"),
+        (("gait.file=data/mesh_segment_load_frame.csv",), r"no column of a command, must have pressure_kPa"),
         (("segment.kind=learned",), r"segment.kind: must name the file of a law that 'worm3d law' wrote"),
         (("segment.kind=learned", "segment.file=lost.json"), r"segment law 'lost.json': there is no such file"),
         (("segment.kind=hydrostat", "segment.file=barrel.json"), r"segment.file: .*learned"),

@@ -17,7 +17,8 @@ from scipy.integrate import cumulative_trapezoid
 import worm3d
 from control.gaits import TravellingWave
 from planar import linkage
-from worm3d import Friction, Hydrostat, Jenkins, Learned, Plane, Pneumatic, Rhombus, State, Status, Worm, simulate
+from worm3d import Friction, Hydrostat, Jenkins, Learned, Plane, Pneumatic, Rhombus, State, Status, Worm, load, simulate
+from worm3d.measures import reasons
 from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.hysteresis import Hysteresis
 from worm3d.physics.kernels import actuator, segment
@@ -549,3 +550,48 @@ def test_the_planar_linkage_moves_as_the_flat_worm(kind: str, tmp_path: Path) ->
     assert_allclose(found.joints[..., [0, 2]], wanted.joints, rtol=0, atol=1e-12)
     assert_allclose(found.energy.work_contract.sum(), wanted.ledger.work_contract.sum(), rtol=1e-9)
     assert wanted.distance > 0.02
+
+
+def test_a_contraction_is_a_pressure_by_the_table_of_the_law() -> None:
+    """The table of the file is the straight line 4 kPa a; a kink in the table is met exactly."""
+    kinked = {**CONTENT["input"], "contraction": [0.0, 0.1, 0.45], "value": [0.0, 1000.0, 1700.0]}
+    for table, contraction, pressure in (
+        (CONTENT["input"], [[0.0, 0.1], [0.33, 0.45]], [[0.0, 400.0], [1320.0, 1800.0]]),
+        (kinked, [0.05, 0.1, 0.275], [500.0, 1000.0, 1350.0]),
+    ):
+        segment = Learned("barrel.json", content=json.dumps({**CONTENT, "input": table}))
+        assert_allclose(segment.input_of(contraction), pressure, rtol=1e-14)
+        assert_allclose(segment.contraction_of(pressure), contraction, rtol=1e-14, atol=1e-16)
+    for refused, sentence in (
+        (lambda: segment.input_of([0.1, 0.46]), r"contraction: got 0.46, must be from 0 to 0.45 as in the table"),
+        (lambda: segment.contraction_of(-5.0), r"pressure: got -5 Pa, must be from 0 to 1700 Pa as in the table"),
+        (lambda: segment.contraction_of(np.nan), r"pressure: got nan Pa"),
+        (lambda: segment.contraction_of(5.0, "cable"), r"'learned' has no cable; command its pressure"),
+        (lambda: Rhombus().input_of(0.1), r"segment: the law 'rhombus' has no pressure; command the contraction"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            refused()
+
+
+@pytest.mark.parametrize(("name", "unit"), [("pressure", "Pa"), ("cable", "N")])
+def test_a_run_tells_the_inputs_of_its_chambers(name: str, unit: str, tmp_path: Path) -> None:
+    table = {**CONTENT["input"], "name": name, "unit": unit}
+    worm = Worm(segments=3, segment=Learned("barrel.json", content=json.dumps({**CONTENT, "input": table})))
+    run = simulate(worm, Plane(), actuation=TravellingWave(amplitude=0.2, bias=0.3), duration=0.3)
+    (found,) = (each for each in run.variables() if each.name == name)
+    assert (found.units, found.dims) == (unit, ("time", "segment", "chamber"))
+    assert_allclose(found.values, 4e3 * run.contraction, rtol=1e-12)
+    assert found.values.max() > 100.0
+    summary = run.summary()
+    assert summary[f"peak_{name}_{unit}"] == found.values.max()
+    assert [summary[each] for each in ("peak_pressure_Pa", "peak_cable_N") if name not in each] == [None]
+    run.save(tmp_path / "run.nc")
+    assert_array_equal(load(tmp_path / "run.nc").chamber_input, found.values)
+
+
+def test_a_run_of_rhombi_has_no_inputs() -> None:
+    run = simulate(Worm(), Plane(), duration=0.05)
+    assert not {"pressure", "cable"} & {each.name for each in run.variables()}
+    assert reasons(run)["peak_pressure_Pa"] == "the segment law has no pressure"
+    with pytest.raises(ValueError, match="the law 'rhombus' has no pressure"):
+        np.max(run.chamber_input)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from worm3d.measures.general import carried
@@ -33,6 +35,20 @@ def _at_limit(result: FinishedRun) -> float:
     )
     low, high = (result.command <= least) & (least < 0.0), (result.command >= greatest) & (greatest > 0.0)
     return float((low | high).any(axis=(1, 2)).sum())
+
+
+def _peak(result: FinishedRun, name: str) -> float:
+    """Return the greatest input of the segment law in the run [Pa or N]."""
+    table = result.worm.segment.input_table
+    if table is None or table.name != name:
+        raise NoValueError(f"the segment law has no {name}")
+    return float(np.max(result.chamber_input))
+
+
+measure("peak_pressure_Pa", "greatest pressure of a chamber, from the table of the segment law")(
+    partial(_peak, name="pressure")
+)
+measure("peak_cable_N", "greatest force of a cable, from the table of the segment law")(partial(_peak, name="cable"))
 
 
 @measure("work_input_J", "energy that the actuators drew from their sources of energy")

@@ -6,7 +6,9 @@ valve is smaller. The actuator applies the time constants to the free contractio
 
     a' = (command - a)/fill if command > a, else (command - a)/vent                                       (FV1)
 
-For a segment law from finite elements or a test bench, the free contraction determines the pressure. Unlike
+For a segment law from finite elements or a test bench, the free contraction determines the pressure. The contraction
+follows an exponential, and the pressure does not: with the same time constants, a lag of the pressure would change the
+contraction of the shipped barrel by up to 0.021 of 0.216 in steps of 3 kPa. Unlike
 `worm3d.physics.pneumatic.Pneumatic`, the time constants do not depend on the volume of the chamber.
 """
 

@@ -188,6 +188,10 @@ def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
         for name, series in states_of(holder.worm).items():
             values = holder.actuator_states[name]
             yield Variable(f"actuator_{name}", series.dims, values, series.unit, series.meaning)
+        if (table := holder.worm.segment.input_table) is not None:
+            meaning = f"{table.name} that gives the contraction of each chamber [left, right] without load"
+            dims = ("time", "segment", "chamber")
+            yield Variable(table.name, dims, holder.chamber_input, table.unit, meaning)
 
 
 @by
@@ -332,6 +336,16 @@ class Recorded(ReadOnly):
         """Load of the end faces [tail, head], shape (T, 2) [N]."""
         load: FloatArray = read_only(self.joint_load[:, [0, -1]])
         return load
+
+    @cached_property
+    def chamber_input(self) -> FloatArray:
+        """Pressure [Pa] or cable force [N] of each chamber for `contraction` without load, shape (T, N, 2).
+
+        ValueError if the segment law has no table of inputs.
+        """
+        table = self.worm.segment.require_table()
+        found: FloatArray = read_only(np.interp(self.contraction, table.contraction, table.value))
+        return found
 
     @cached_property
     def chamber_strain(self) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from math import ceil, floor, inf, log10
 
 METRIC_UNITS = {
-    **{f"_{unit}": unit for unit in ("m", "s", "ms", "deg", "J", "N", "kg")},
+    **{f"_{unit}": unit for unit in ("m", "s", "ms", "deg", "J", "N", "Pa", "kg")},
     "_m_s": "m/s",
     "_J_per_m": "J/m",
     "_BL_per_period": "BL/period",
@@ -63,7 +63,7 @@ def named(metric: str) -> tuple[str, str]:
 METRIC_GROUPS = {
     "motion": (),
     "contact": ("slip", "backslide", "anchoring", "peak_wall_load", "largest_penetration", "settling"),
-    "work": ("work_", "cost_of_transport", "effort", "commands_at_limit"),
+    "work": ("work_", "cost_of_transport", "effort", "commands_at_limit", "peak_pressure", "peak_cable"),
     "quality": (
         *("energy_balance", "newton", "distance_error", "heading_error", "work_error", "halved", "real_time"),
         "law_spread",

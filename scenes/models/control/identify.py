@@ -151,14 +151,17 @@ def identify(
 def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: SteeringMap | None = None) -> SteeringMap:
     """Return the map of one mechanism; if a map of a similar worm is given, this map is corrected.
 
+    If the stroke is less than the greatest amplitude of the design, all amplitudes are scaled to end at the stroke.
+
     The errors are the same as in `identify`, and also SceneError if the worm's stroke is too small for the waves.
     """
-    most, stroke = design.ranges(MAX_STEERING[mechanism]).amplitude[1], subject.worm.stroke[1]
-    if most > stroke:
+    least, stroke = min(design.amplitudes), subject.worm.stroke[1]
+    if stroke < least:
         raise SceneError(
-            f"the waves that measure a worm contract its chambers by {most:g}, must be at most the stroke, "
-            f"{stroke:.4g}; choose controller.map = 'default', or a worm with a larger stroke"
+            f"the stroke of its chambers is {stroke:.4g}, must be at least {least:g}, the contraction of the smallest "
+            "wave of a map; choose controller.map = 'default', or a worm with a larger stroke"
         )
+    design = replace(design, amplitudes=tuple(stroke_share(subject.worm) * each for each in design.amplitudes))
     for attempt in range(4):
         greatest = MAX_STEERING[mechanism] * 0.7**attempt  # smaller after each attempt where the worm tips over
         ranges = design.ranges(greatest)
@@ -170,6 +173,11 @@ def map_of(subject: Subject, design: Design, mechanism: Mechanism, similar: Stee
         f"the worm tips over, folds or flattens even when it steers by {greatest:.3g} ({mechanism}) "
         "only; give it a wider stance (worm.chamber_offset_m), a lower body (worm.half_height_m) or stiffer springs"
     )
+
+
+def stroke_share(worm: worm3d.Worm) -> float:
+    """Return the factor of all amplitudes: 1, or less if the greatest amplitude of a map exceeds the stroke."""
+    return min(1.0, worm.stroke[1] / max(Design.amplitudes))
 
 
 def samples(subject: Subject, design: Design, parameters: Sequence[GaitParameters]) -> list[Sample] | None:
@@ -200,7 +208,8 @@ def held_steering(subject: Subject, design: Design, segment: int) -> HeldSteerin
     worm, ground, schedule = subject
 
     def moved(wave: Schedule, hinge: float = WAVE.hinge) -> Motion | None:
-        found = steady(worm, ground, SteeredWave(replace(WAVE, hinge=hinge), wave), design.waves, design.skipped)
+        given = replace(WAVE, amplitude=min(WAVE.amplitude, worm.stroke[1]), hinge=hinge)
+        found = steady(worm, ground, SteeredWave(given, wave), design.waves, design.skipped)
         return None if found.tipped else found.motion
 
     def held(hinges: FloatArray) -> Schedule:
@@ -249,8 +258,9 @@ def measure_lags(subject: Subject, mechanism: Mechanism, steering: float, straig
     rise, swing = np.polyfit(WINDING_WAVES, swings, 1).tolist()
     if straight is not None:
         return replace(straight, steering=turning, swing=swing, swing_rise=rise)
-    slow, long = GaitParameters(0.2, FREQUENCY), GaitParameters(0.3, FREQUENCY)
-    quick = GaitParameters(0.3, 1.2 * FREQUENCY)
+    small, large = 0.2 * stroke_share(subject.worm), 0.3 * stroke_share(subject.worm)
+    slow, long = GaitParameters(small, FREQUENCY), GaitParameters(large, FREQUENCY)
+    quick = GaitParameters(large, 1.2 * FREQUENCY)
 
     def mean_lag(begin: GaitParameters, end: GaitParameters) -> float:
         rates = [step_response(subject, begin, end, shift)[0] for shift in SHIFTS]
@@ -267,8 +277,8 @@ def _winding(subject: Subject, mechanism: Mechanism, steering: float, frequency:
     the turn rate. A first-order response with the time constant T lags behind a sine of w rad/s by arctan(w T). The
     applied steering lags behind the commanded steering with the known time constant BLEND / f, which is subtracted.
     """
-    w = 2.0 * np.pi * WINDING
-    wave, generator = GaitParameters(0.28, frequency), WaveGenerator(subject.schedule, subject.worm)
+    w, amplitude = 2.0 * np.pi * WINDING, 0.28 * stroke_share(subject.worm)
+    wave, generator = GaitParameters(amplitude, frequency), WaveGenerator(subject.schedule, subject.worm)
     plan = PlannedWave(lambda t: wave.steered(mechanism, steering * float(np.sin(w * t))), generator)
     run = _simulated(subject.worm, subject.ground, plan, round(3.0 / WINDING / DT))
     late = run.time >= 1.0 / WINDING  # two windings

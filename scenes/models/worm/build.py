@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import worm3d
-from control.gaits import Gait
+from control.gaits import Gait, RecordedCommands
 from control.gaits.reflexive import Reflexive
-from control.parts import ACTUATOR, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX, SEGMENT_KIND
+from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW_KIND, LOAD_KIND, MEASURE, MEDIUM_KIND, REFLEX, SEGMENT_KIND
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.errors import SceneError
+from scenes.language.loader import file_named
 from scenes.language.parts import class_named, keys_by_parameter, part_named, part_of, values_of
 from scenes.models.base import Observer
 from scenes.models.checks import in_keys
@@ -25,6 +27,7 @@ from scenes.models.sensors import channels_of
 from scenes.models.switched import switched_parts
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.schema import (
+    NO_RECORD,
     AimedStart,
     AnyWormScene,
     GaitScene,
@@ -33,7 +36,9 @@ from scenes.models.worm.schema import (
     Start,
     Worm,
 )
+from scenes.records import measured
 from worm3d.measures import MEASURES, Measure
+from worm3d.physics.segment_laws.file import INPUT_UNITS
 from worm3d.running import run as runs
 from worm3d.running.accuracy import begin
 from worm3d.running.actuation import Actuation, Sensor
@@ -160,12 +165,55 @@ def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     return part_of(worm3d.Friction, scene.friction, law=part_named(LAW_KIND, scene.friction.law, scene.friction))
 
 
-def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
-    """Return the gait of a scene, combined with the reflexes of the scene."""
+def gait_of(scene: AnyWormScene) -> Gait | Reflexive | RecordedCommands:
+    """Return the gait of a scene, combined with the reflexes of the scene, or the recorded commands.
+
+    Raises
+    ------
+    ValueError
+        The segment law does not have the input that the scene gives, or the file of commands cannot be used.
+    """
     assert isinstance(scene, GaitScene)
-    gait, asked = gait_from(scene.gait, scene.run.dt_s), scene.reflexes
-    reflexes = switched_parts(REFLEX, asked)
+    reflexes = switched_parts(REFLEX, scene.reflexes)
+    if getattr(scene.gait, "file", NO_RECORD) != NO_RECORD:
+        if reflexes:
+            raise ValueError(f"file: got {scene.gait.file!r}: reflexes change a gait, not recorded commands")
+        return recorded_commands(file_named(scene.gait.file))
+    gait = gait_from(scene.gait, scene.run.dt_s, **_amplitude(scene))
     return Reflexive(gait, tuple(reflexes)) if reflexes else gait
+
+
+def _amplitude(scene: GaitScene) -> dict[str, float]:
+    """Return the amplitude of a gait that is given as an input of the segment law; empty if it is not."""
+    section = scene.gait
+    given = {name: getattr(section, f"{name}_{unit}", None) for name, unit in INPUT_UNITS.items()}
+    found = [(name, value) for name, value in given.items() if value is not None]
+    if not found:
+        return {}
+    usual, (name, value) = getattr(class_named(GAIT, section.kind), "amplitude", None), found[0]
+    if len(found) > 1 or section.amplitude not in (None, usual):
+        raise ValueError(f"amplitude: got {section.amplitude:g} and a {name}: give only one amplitude")
+    return {"amplitude": float(worm_of(scene).segment.contraction_of(value, name))}
+
+
+def recorded_commands(path: Path) -> RecordedCommands:
+    """Return the commands in a CSV file, whose columns are named as in `scenes.records.columns`.
+
+    Raises
+    ------
+    SceneError
+        The file has no column of a pressure, a cable or a contraction, or a number is missing.
+    """
+    record = measured.load(path)
+    name = next((each for each in ("pressure", "cable", "contraction") if each in record), None)
+    units = {**INPUT_UNITS, "contraction": "1"}
+    if name is None or record.variable(name).units != units[name]:
+        raise SceneError(f"{path}: no column of a command, must have pressure_kPa, cable_N, contraction or similar")
+    value = record[name]
+    try:
+        return RecordedCommands(record["time"], value[..., None] if value.ndim == 2 else value, name)
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}") from None
 
 
 def sensor_of(scene: AnyWormScene) -> Sensor | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from control.gaits import FeedbackGait
+from control.gaits import FeedbackGait, RecordedCommands
 from control.gaits.reflexes import REFLEXES
 from control.parts import GAIT
 from scenes.language.checks import Check, Found
@@ -123,11 +123,15 @@ def law_is_named(file: str, kind: str) -> str | None:
 
 
 def _stays_within_the_law(*sections: Section, schema: type[Surroundings], names: tuple[str, ...]) -> None:
-    """Raise ValueError if a gait contracts chambers further than the segment law allows, for laws that set a stroke."""
+    """Raise ValueError if a worm cannot follow its gait.
+
+    A gait must not contract chambers further than a segment law with a stroke allows, and the law must know the inputs
+    that the gait gives.
+    """
     scene = scene_with(schema, names, sections)
-    worm = worm_of(scene)
-    if worm.segment.suited():
-        gait_of(scene).bind(worm)
+    worm, given = worm_of(scene), gait_of(scene)
+    if worm.segment.suited() or isinstance(given, RecordedCommands):
+        given.bind(worm)
 
 
 def _stay_check(schema: type[Surroundings], body: tuple[str, ...]) -> Check:
@@ -191,7 +195,7 @@ SPATIAL_CHECKS = (
 WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
-    _stay_check(WormScene, BODY),
+    _stay_check(WormScene, ("reflexes", *BODY)),
     *REFLEX_CHECKS,
     start_check(WormScene),
 )

@@ -17,6 +17,7 @@ from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of, side_and_top
 from scenes.records.record import Record
+from worm3d.physics.segment_laws.file import INPUT_UNITS
 from worm3d.recorded.energy import LOST_ENERGY, STORED_ENERGY, SUPPLIED_ENERGY
 from worm3d.values.arrays import FloatArray
 
@@ -74,11 +75,13 @@ def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
 
 
 def contraction(record: Record) -> tuple[Figure, Axes]:
-    """Draw the contraction of the chambers over time and along the worm, and the hinge angles if they are not all 0."""
+    """Draw the contraction of the chambers over time and along the worm, and any inputs and hinge angles."""
     time, given = record["time"], record["contraction"]
     panels = {"contraction": (time, given.mean(axis=2))}
     if not np.array_equal(given[..., 0], given[..., 1]):
         panels = {f"contraction, {side}": (time, given[..., k]) for k, side in enumerate(("left", "right"))}
+    for each in (record.variable(name) for name in INPUT_UNITS if name in record):
+        panels[f"{each.name} [{each.units}]"] = (time, each.values.mean(axis=2))
     if np.any(record["hinge"]):
         hinge = np.rad2deg(record["hinge"])  # the hinge at the rear of segment j; segment 0, the tail, has none
         panels["hinge [deg]"] = (time, np.column_stack([np.zeros(len(time)), hinge]))

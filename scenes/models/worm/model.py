@@ -12,7 +12,7 @@ from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import measures_of, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
-from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
+from scenes.models.worm.schema import NO_RECORD, AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record, fault_row
 from worm3d.values.named import is_own
 
@@ -115,9 +115,10 @@ def _errors(result: worm3d.Result) -> dict[str, float]:
 def _period(scene: GaitScene, record: Record) -> float | None:
     """Return the period of the gait of a stored run [s].
 
-    The period of a user's own gait is read from the record, since the scene need not have a key for the period.
+    The period of a user's own gait is read from the record, since the scene need not have a key for the period. There
+    is none for recorded commands.
     """
-    own = is_own(scene.gait.kind)
+    own = is_own(scene.gait.kind) or getattr(scene.gait, "file", NO_RECORD) != NO_RECORD
     found: float | None = json.loads(record.run or "{}").get("period") if own else scene.gait.period_s
     return found
 

@@ -19,8 +19,8 @@ from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.worm import Worm as PlantWorm
 from worm3d.values.named import is_own
 
-NO_LAW = "none"
-"""Value of the key `file` of the section [segment] if there is no file."""
+NO_LAW = NO_RECORD = "none"
+"""Value of the key `file` of the sections [segment] and [gait] if there is no file."""
 
 
 def _of_hinges(registry: Mapping[str, Any]) -> Keys:
@@ -102,6 +102,23 @@ class PlanarFriction(
 
 class WormGait(PartSection, holds={"kind": GAIT}, keys=gait_keys):
     """Commands of the chambers, to shorten by amplitude times activation, and of the hinges."""
+
+    pressure_Pa: float | None = setting(
+        unit="Pa", gt=0, left_out="gait.amplitude", meaning="amplitude as the pressure of a learned segment law"
+    )
+    cable_N: float | None = setting(
+        unit="N",
+        gt=0,
+        left_out="gait.amplitude",
+        meaning="amplitude as the force of the cable of a learned segment law",
+    )
+    file: str = setting(
+        NO_RECORD,
+        meaning="a CSV file with recorded commands in place of the gait: time_s and pressure_kPa, pressure_0_1_kPa "
+        "(segment, side), cable_N or contraction: beside the scene, shipped, or a path",
+        is_file=True,
+        aka=("record", "path"),
+    )
 
 
 class PlanarGait(PartSection, holds={"kind": GAIT}, keys=planar_gait_keys):

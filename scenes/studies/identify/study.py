@@ -21,7 +21,7 @@ from control.identification.identified import Motion
 from scenes.models.control.identify import Gait, Steady, Subject, steady
 
 WAVE_AMPLITUDE, WAVE_PERIOD_S = 0.3, 1.25
-"""Amplitude and period [s] of all waves."""
+"""Amplitude, at most the stroke, and period [s] of all waves."""
 WAVES = (9, 5)
 """Number of waves of a run, and number of its first waves, which are left out because they are not steady."""
 CURVE_STEERINGS: dict[Mechanism, tuple[float, ...]] = {
@@ -130,9 +130,9 @@ def curves(subject: Subject, watch: Callable[[int], None] = lambda done: None) -
 def _plans(worm: worm3d.Worm, schedule: Schedule) -> Iterator[tuple[Mechanism, str, worm3d.Worm, list[Gait]]]:
     for mechanism in CURVE_STEERINGS:
         steerings = CURVE_STEERINGS[mechanism]
-        wave = TravellingWave(amplitude=WAVE_AMPLITUDE, period=WAVE_PERIOD_S)
+        wave = TravellingWave(amplitude=min(WAVE_AMPLITUDE, worm.stroke[1]), period=WAVE_PERIOD_S)
         yield mechanism, IN_STEP, worm, [replace(wave, **{mechanism: s}) for s in steerings]  # type: ignore[arg-type]
-        straight = GaitParameters(WAVE_AMPLITUDE, 1.0 / WAVE_PERIOD_S)
+        straight = GaitParameters(wave.amplitude, 1.0 / WAVE_PERIOD_S)
         steered: list[Gait] = [SteeredWave(straight.steered(mechanism, s), schedule) for s in steerings]
         for name, factor in YAW_FACTORS.items():
             yield mechanism, name, replace(worm, k_yaw=np.asarray(worm.k_yaw) * factor), steered
@@ -167,7 +167,8 @@ def phases(subject: Subject, watch: Callable[[int], None] = lambda done: None) -
 
 
 def _phases(worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism) -> Phases:
-    parameters = GaitParameters(WAVE_AMPLITUDE, 1.0 / WAVE_PERIOD_S).steered(mechanism, STEERING[mechanism])
+    straight = GaitParameters(min(WAVE_AMPLITUDE, worm.stroke[1]), 1.0 / WAVE_PERIOD_S)
+    parameters = straight.steered(mechanism, STEERING[mechanism])
     name, ahead = f"{mechanism}_phase", 2.0 * np.pi * schedule.lead / WAVE_PERIOD_S
     turned: list[dict[str, Any]] = [{name: float(np.deg2rad(phase)) - ahead} for phase in PHASES_DEG]
     waves = [SteeredWave(parameters, replace(schedule, **phase)) for phase in turned]

@@ -26,6 +26,7 @@ from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from worm3d.physics.body import Body
 from worm3d.physics.part import Part, Symbol, Symbols
@@ -45,6 +46,9 @@ method. No worm comes close to this length, so that half and double this value c
 JOINT_REACH = 0.95
 """Length of a chamber without links, over twice the links of the rhombus in (H5), above which the lever of its joints
 is constant. A rhombus is flat at 1. Friction is fitted only to shorter segments."""
+
+TABLE_ROUNDING = 1e-9
+"""Margin of the table of inputs, as a fraction of its range. It is above the rounding error of a command."""
 
 
 class Spring(NamedTuple):
@@ -82,6 +86,19 @@ class Spread(NamedTuple):
     """`force` divided by the rms force of the mean law."""
     radius: float
     """Standard deviation of the outer radius [m]."""
+
+
+class InputTable(NamedTuple):
+    """Input of a segment over the contraction that a segment without load has; both ascend."""
+
+    name: str
+    """Input, "pressure" or "cable"."""
+    unit: str
+    """Unit of the input, "Pa" or "N"."""
+    contraction: FloatArray
+    """Contractions, shape (P,)."""
+    value: FloatArray
+    """Inputs, shape (P,) [unit]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -261,6 +278,58 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         found = _outlines(kind)(length.reshape(1, -1), commanded.reshape(1, -1), *columns).full()
         height, outward = found.reshape(2, *length.shape)
         return height, outward
+
+    @property
+    def input_table(self) -> InputTable | None:
+        """Input over the contraction. None if the law has neither a pressure nor a cable."""
+        return None
+
+    def input_of(self, contraction: ArrayLike) -> FloatArray:
+        """Return the inputs for contractions without load, in their shape [Pa or N].
+
+        The table of the law is interpolated linearly.
+
+        Raises
+        ------
+        ValueError
+            The law has no table, or a contraction is beyond the table.
+        """
+        table = self.require_table()
+        return _interpolated("contraction", contraction, table.contraction, table.value)
+
+    def contraction_of(self, value: ArrayLike, name: str = "") -> FloatArray:
+        """Return the contractions without load for inputs [Pa or N], in their shape; the inverse of `input_of`.
+
+        `name` is "pressure" or "cable" if it must be the input of the law.
+
+        Raises
+        ------
+        ValueError
+            The law has no table or another input, or an input is beyond the table.
+        """
+        table = self.require_table(name)
+        return _interpolated(table.name, value, table.value, table.contraction, f" {table.unit}")
+
+    def require_table(self, name: str = "") -> InputTable:
+        """Return the input over the contraction, or raise ValueError if the law has none or not the named input."""
+        table = self.input_table
+        if table is None or name not in ("", table.name):
+            own, instead = self.name or type(self).__name__, "the contraction" if table is None else f"its {table.name}"
+            raise ValueError(f"segment: the law {own!r} has no {name or 'pressure'}; command {instead}")
+        return table
+
+
+def _interpolated(name: str, at: ArrayLike, known: FloatArray, values: FloatArray, unit: str = "") -> FloatArray:
+    """Return values of a table by linear interpolation, and raise ValueError for numbers beyond the table."""
+    given, margin = np.asarray(at, dtype=float), TABLE_ROUNDING * (known[-1] - known[0])
+    beyond = ~((given >= known[0] - margin) & (given <= known[-1] + margin))
+    if beyond.any():
+        raise ValueError(
+            f"{name}: got {given[beyond].flat[0]:g}{unit}, must be from {known[0]:g} to {known[-1]:g}{unit} as in the "
+            "table of the segment law"
+        )
+    found: FloatArray = np.interp(given, known, values)
+    return found
 
 
 def lengthwise(s: Symbols) -> Spring:

@@ -25,8 +25,8 @@ import numpy as np
 
 from worm3d.physics.body import Body
 from worm3d.physics.part import Symbol, Symbols
-from worm3d.physics.segment_laws.file import BENDING_TERMS, SCALES, LawFile, parsed, text_of
-from worm3d.physics.segment_laws.law import Domain, SegmentLaw, Spread, Spring
+from worm3d.physics.segment_laws.file import BENDING_TERMS, INPUT_UNITS, SCALES, LawFile, parsed, text_of
+from worm3d.physics.segment_laws.law import Domain, InputTable, SegmentLaw, Spread, Spring
 from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, network, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
@@ -179,6 +179,12 @@ class Learned(SegmentLaw, name="learned"):
         force, radius = (float(np.sqrt(np.mean(np.var(each, axis=0)))) for each in (forces, radii))
         size = float(np.sqrt(np.mean(np.mean(forces, axis=0) ** 2)))
         return Spread(force, force / size if size > 0.0 else 0.0, radius)
+
+    @property
+    def input_table(self) -> InputTable:
+        """Table p(a) of the file."""
+        law = self.law
+        return InputTable(law.input_name, INPUT_UNITS[law.input_name], law.contraction, law.value)
 
 
 def _scaled(s: Symbols, length: Symbol, commanded: Symbol) -> tuple[Symbol, Symbol]:

@@ -283,6 +283,7 @@ def test_a_smaller_limit_of_the_spread_makes_the_domain_smaller(
     assert spans[0].max() <= longest - shortest
     assert spans[0][0] < 0.8 * spans[0][-1]
 
+
 def test_the_file_and_the_report_have_the_stiffness_of_contacts(membrane_law: Law) -> None:
     prepared = membrane_law.prepared
     assert content(membrane_law)["contact_stiffness_N_m"] is None
