@@ -3,13 +3,16 @@
 With the strain s = 1 - l/(l0 (1 - a)) as in (SL5) of `worm3d.physics.segment_laws.learned`, and bicubic splines S on
 uniform knots of x(s) and y(a),
 
-    U(l, a) = s^2 (k l0/4 + E S_U(x, y)),    R(l, a) = S_R(x, y),    B = S_m(x, y) th^2/2 + S_n(x, y) th^4/4,
-    x = s/sqrt(c^2 + s^2),    y = sqrt(1 + a/d).
+    U(l, a) = s^2 (k l0/4 + E S_U(x, y)),    R(l, a) = S_R(x, y),
+    B = S_K(x, y) th^2/2 + S_N(x, y) th^4/4 - w (U(l + b th, a) + U(l - b th, a) - 2 U(l, a)),
+    x = s/sqrt(c^2 + s^2),    y = sqrt(1 + a/d),
 
-Knots are closest at s = 0 and at a = 0, where a worm crawls and where threads become taut. The splines are twice
-continuously differentiable, and linear in their coefficients. Forces and volumes of all states therefore give the
-coefficients by linear least squares, with (LF1) and (LF2) of `scenes.studies.law.fitting`. The free contraction a(p)
-and the free volume in (LF2) come from finite elements, too.
+where a is the mean of both chambers in B. With w = 1, a segment under equal commands has the energy 2 U(l, a) and the
+terms with S_K and S_N: errors of the chambers' energies do not enter the moment. With w = 0 and S_N = 0, S_K is the
+stiffness m of (SL7). Knots are closest at s = 0 and at a = 0, where a worm crawls and where threads become taut. The
+splines are twice continuously differentiable, and linear in their coefficients. Therefore forces and volumes of all
+states give S_U by linear least squares, with (LF1) and (LF2) of `scenes.studies.law.fitting`, and forces and moments of
+bent states give S_K and S_N. The free contraction a(p) and the free volume in (LF2) come from finite elements, too.
 """
 
 from __future__ import annotations
@@ -71,26 +74,27 @@ def _from_zero(scale: float) -> Warp:
     return lambda a: ((1.0 + a / scale) ** 0.5, 0.5 / scale / (1.0 + a / scale) ** 0.5)
 
 
-def _grid(strain: tuple[float, float], along: int, across: int) -> tuple[Axis, Axis]:
-    return Axis(*strain, _near_zero(0.3), along), Axis(0.0, 0.275, _from_zero(0.02), across)
+STRAINS = (-0.12, 0.12)
+"""Strains of the splines. The worms of `soft_segments.py` stay between -0.07 and 0.09. At strains down to -0.4,
+forces are above 10 N."""
 
 
-ALL, BENT = (-0.41, 0.1), (-0.1, 0.1)
-"""Strains of the shipped barrel's straight states, and strains about those of its bent states."""
+def _grid(along: int, across: int) -> tuple[Axis, Axis]:
+    return Axis(*STRAINS, _near_zero(0.1), along), Axis(0.0, 0.275, _from_zero(0.02), across)
 
-GRIDS = {
-    "energy": _grid(ALL, 32, 24),
-    "radius": _grid(ALL, 20, 16),
-    "bending": _grid(BENT, 8, 8),
-    "cubic": _grid(BENT, 6, 6),
-}
-"""Axes along strain and contraction of S_U, S_R, S_m and S_n."""
 
-ROUGHNESS = {"energy": 1e-9, "radius": 1e-8, "bending": 1e-4, "cubic": 1e-4}
+GRIDS = {"energy": _grid(18, 18), "radius": _grid(10, 12), "bending": _grid(10, 9), "cubic": _grid(6, 6)}
+"""Axes along strain and contraction of S_U, S_R, S_K and S_N."""
+
+ROUGHNESS = {"energy": 1e-9, "radius": 1e-8, "bending": 1e-4, "cubic": 1e-3}
 """Weight of the third differences of coefficients beside the mean square error, for places without states."""
 
 FORCE_FLOOR = 0.02
 """Force, as a fraction of the rms force, above which errors of the force count relative to the force."""
+
+
+MOMENT_FLOOR, BENT_FORCE_FLOOR = 0.02, 1.0
+"""Bending stiffness [N m/rad], and force [N], above which errors at bent states count relative to the value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,25 +104,28 @@ class Interpolated(Learned, name="interpolated"):
     further_inputs: ClassVar[Mapping[str, int]] = {
         **{name: along.count * across.count for name, (along, across) in GRIDS.items()},
         "scales": len(SCALES),
+        "whole": 1,
     }
 
     splines: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
     """Coefficients by name, each of shape (along, across)."""
+    whole: float = 1.0
+    """w."""
     offset: float = 0.0
     """Offset b of the chambers [m]; 0: the offset of the file."""
 
     @classmethod
     def springs(cls, s: Mapping[str, Any]) -> tuple[Spring, ...]:
-        def energy(length: Any, commanded: Any) -> Any:
-            own = s["scales"][SCALES.index("energy_J")] * _surface(s, "energy", length, commanded)
-            return (1.0 - length / commanded) ** 2 * (s["k"] * s["l0"] / 4.0 + own)
-
-        return (Spring(energy, s["tau"] * s["k"] / (2.0 * s["l0"])),)
+        damping = s["tau"] * s["k"] / (2.0 * s["l0"])
+        return (Spring(lambda length, commanded: _energy(s, length, commanded), damping),)
 
     @classmethod
     def bending(cls, s: Mapping[str, Any], length: Any, bend: Any, commanded: Any) -> Any:
-        m, n = (_surface(s, name, length, (commanded[0] + commanded[1]) / 2.0) for name in ("bending", "cubic"))
-        return m * bend**2 / 2.0 + n * bend**4 / 4.0
+        mean = (commanded[0] + commanded[1]) / 2.0
+        k, n = (_surface(s, name, length, mean) for name in ("bending", "cubic"))
+        longer, shorter, straight = (_energy(s, length + sign * s["offset"] * bend, mean) for sign in (1.0, -1.0, 0.0))
+        chambers = longer + shorter - 2.0 * straight
+        return k * bend**2 / 2.0 + n * bend**4 / 4.0 - s["whole"] * chambers
 
     @classmethod
     def outline(cls, s: Mapping[str, Any], length: Any, commanded: Any) -> tuple[Any, Any]:
@@ -127,13 +134,19 @@ class Interpolated(Learned, name="interpolated"):
 
     def values(self, worm: Body) -> Mapping[str, Any]:
         columns = {name: each.reshape(-1, 1, order="F") for name, each in self.splines.items()}
-        return {"scales": super().values(worm)["scales"], **columns}
+        return {"scales": super().values(worm)["scales"], "whole": self.whole, **columns}
 
     def implied(self, segments: int, *, flat: bool) -> Mapping[str, Any]:
         found = dict(super().implied(segments, flat=flat))
         if self.offset and not flat:
             found |= {"chamber_offset": self.offset, "half_height": (self.law.rest_radius**2 - self.offset**2) ** 0.5}
         return found
+
+
+def _energy(s: Mapping[str, Any], length: Any, commanded: Any) -> Any:
+    """Return the energy U of a chamber in CasADi symbols."""
+    own = s["scales"][SCALES.index("energy_J")] * _surface(s, "energy", length, commanded)
+    return (1.0 - length / commanded) ** 2 * (s["k"] * s["l0"] / 4.0 + own)
 
 
 def _surface(s: Mapping[str, Any], name: str, length: Any, commanded: Any) -> Any:
@@ -199,11 +212,16 @@ def _fitted(names: list[str], factors: FloatArray, wanted: FloatArray) -> list[F
     right = np.concatenate([wanted, np.zeros(sum(map(len, rough)))])
     found = np.linalg.lstsq(np.vstack([factors, *rough]), right, rcond=None)[0]
     parts = np.split(found, sizes[1:-1])
-    return [part.reshape(tuple(axis.count for axis in GRIDS[name])) for name, part in zip(names, parts, strict=True)]
+    return [part.reshape(_shape(name)) for name, part in zip(names, parts, strict=True)]
+
+
+def _shape(name: str) -> tuple[int, int]:
+    along, across = GRIDS[name]
+    return along.count, across.count
 
 
 def _rough(name: str, count: int) -> FloatArray:
-    rows, columns = (axis.count for axis in GRIDS[name])
+    rows, columns = _shape(name)
     third = [np.diff(np.eye(size), n=3, axis=0) for size in (rows, columns)]
     rough = np.vstack([np.kron(third[0], np.eye(columns)), np.kron(np.eye(rows), third[1])])
     found: FloatArray = np.sqrt(ROUGHNESS[name] * count) * rough
@@ -218,7 +236,9 @@ class FreeCurve(NamedTuple):
 
 
 def energy_and_radius(law: LawFile, states: States, free: FreeCurve) -> dict[str, FloatArray]:
-    """Return the coefficients of S_U and S_R."""
+    """Return the coefficients of S_U and S_R. States beyond the strains of the splines are left out."""
+    strain = Points(law, states.length, free.contraction(states.input)).strain[0]
+    states = states.part((strain > STRAINS[0]) & (strain < STRAINS[1]))
     points, slope = Points(law, states.length, free.contraction(states.input)), free.contraction(states.input, 1)
     (c_l, of_l), (c_a, of_a) = points.slopes()
     w = 1.0 / np.hypot(FORCE_FLOOR * np.sqrt(np.mean(states.force**2)), states.force)
@@ -243,41 +263,42 @@ class Bent(NamedTuple):
         """Return some of the states."""
         return Bent(*(each[rows] for each in self))
 
-    def sides(self, law: LawFile, energy: FloatArray, offset: float) -> tuple[FloatArray, FloatArray]:
-        """Return the forces of the chambers at the lengths l + b th and l - b th, each of shape (B,) [N]."""
-        ends = (self.length + sign * offset * self.bend for sign in (1.0, -1.0))
-        longer, shorter = (Points(law, end, self.contraction).force(energy) / 2.0 for end in ends)
-        return longer, shorter
-
-    def chambers(self, law: LawFile, energy: FloatArray, offset: float) -> FloatArray:
-        """Return the moment of the chambers, b (U'(l + b th) - U'(l - b th)) [N m]."""
-        longer, shorter = self.sides(law, energy, offset)
-        return offset * (longer - shorter)
+    def terms(self, law: LawFile) -> tuple[FloatArray, FloatArray]:
+        """Return force and moment of S_K th^2/2 + S_N th^4/4 as linear functions of both splines, shape (B, K)."""
+        points, th = Points(law, self.length, self.contraction), self.bend[:, None]
+        names, by_l = ("bending", "cubic"), points.strain[1][:, None]
+        force = [points.basis(name, 1) * by_l * th**n / n for name, n in zip(names, (2, 4), strict=True)]
+        moment = [points.basis(name) * th**n for name, n in zip(names, (1, 3), strict=True)]
+        return np.hstack(force), np.hstack(moment)
 
     def answer(self, law: LawFile, splines: Mapping[str, FloatArray], offset: float) -> tuple[FloatArray, FloatArray]:
-        """Return force [N] and moment [N m] of a segment with splines; both are derivatives of one energy."""
-        points, th = Points(law, self.length, self.contraction), self.bend
-        by_l = points.strain[1]
-        m, n = (points.value(name, splines[name]) for name in ("bending", "cubic"))
-        dm, dn = (points.basis(name, 1) @ splines[name].ravel() * by_l for name in ("bending", "cubic"))
-        force = sum(self.sides(law, splines["energy"], offset)) + dm * th**2 / 2.0 + dn * th**4 / 4.0
-        return force, self.chambers(law, splines["energy"], offset) + m * th + n * th**3
+        """Return force [N] and moment [N m] of a segment with splines. With the offset 0, w is 1, otherwise 0."""
+        ends = (self.length + sign * offset * self.bend for sign in (1.0, -1.0))
+        longer, shorter = (Points(law, end, self.contraction).force(splines["energy"]) / 2.0 for end in ends)
+        both = np.concatenate([splines[name].ravel() for name in ("bending", "cubic")])
+        force, moment = (terms @ both for terms in self.terms(law))
+        return longer + shorter + force, offset * (longer - shorter) + moment
 
     def best_offset(self, law: LawFile, energy: FloatArray) -> float:
-        """Return the offset of the chambers with the least error of moments without S_m and S_n [m]."""
+        """Return the offset of the chambers with the least error of moments without S_K and S_N, for w = 0 [m]."""
+
+        none = {"energy": energy, **{name: np.zeros(_shape(name)) for name in ("bending", "cubic")}}
 
         def miss(offset: float) -> float:
-            return float(np.sum((self.moment - self.chambers(law, energy, offset)) ** 2))
+            return float(np.sum((self.moment - self.answer(law, none, offset)[1]) ** 2))
 
         return float(minimize_scalar(miss, bounds=(0.1 * law.chamber_offset, 3.0 * law.chamber_offset)).x)
 
 
-def bending(law: LawFile, energy: FloatArray, bent: Bent, offset: float) -> dict[str, FloatArray]:
-    """Return the coefficients of S_m and S_n."""
-    points = Points(law, bent.length, bent.contraction)
-    factors = [points.basis(name) * (bent.bend**power)[:, None] for name, power in (("bending", 1), ("cubic", 3))]
-    rest = bent.moment - bent.chambers(law, energy, offset)
-    return dict(zip(("bending", "cubic"), _fitted(["bending", "cubic"], np.hstack(factors), rest), strict=True))
+def bending(law: LawFile, energy: FloatArray, bent: Bent) -> dict[str, FloatArray]:
+    """Return the coefficients of S_K and S_N for w = 1, from forces and moments of bent states."""
+    straight = Points(law, bent.length, bent.contraction).force(energy)
+    force, moment = bent.terms(law)
+    w = 1.0 / (bent.bend * (MOMENT_FLOOR + bent.moment / bent.bend))
+    f = 1.0 / np.hypot(BENT_FORCE_FLOOR, bent.force)
+    wanted = np.concatenate([w * bent.moment, f * (bent.force - straight)])
+    factors = np.vstack([w[:, None] * moment, f[:, None] * force])
+    return dict(zip(("bending", "cubic"), _fitted(["bending", "cubic"], factors, wanted), strict=True))
 
 
 def of_learned(learned: Learned) -> dict[str, FloatArray]:

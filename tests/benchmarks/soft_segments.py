@@ -25,7 +25,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import soft_tables
 import typer
-from interpolated_law import Bent, FreeCurve, Interpolated, Points, bending, energy_and_radius, of_learned
+from interpolated_law import STRAINS, Bent, FreeCurve, Interpolated, Points, bending, energy_and_radius, of_learned
 from scipy.interpolate import CubicSpline
 from scipy.spatial import ConvexHull
 from soft_chain import Drive, FiniteElements, Ground, OfLaw, Walk, walk
@@ -44,6 +44,9 @@ from worm3d.values.arrays import FloatArray
 SHIPPED = "barrel.json"
 SEEDS = (1, 2)
 """Seeds of further fits of the shipped table. The shipped law has the seed 0."""
+
+SOFT = 0.15
+"""Bending stiffness [N m/rad] below which a bent state counts as soft: low pressure, or pressed together."""
 
 WAVES, DT = 5, 0.01
 """Number of waves of a run, of which the last is measured, and time step [s]."""
@@ -106,13 +109,6 @@ CASES = (
 )
 
 
-class Reference(NamedTuple):
-    """Interpolated finite elements."""
-
-    segment: Interpolated
-    bent: Bent
-
-
 def main(
     folder: Annotated[Path, typer.Option(help="Folder of the tables of finite elements.")] = Path("runs/soft_segments"),
     states: Annotated[int, typer.Option(help="Straight states of the dense table.", min=500)] = 2000,
@@ -126,19 +122,19 @@ def main(
         curved = soft_tables.bent(folder, curve, bent)
     with _timed("interpolation"):
         splines = energy_and_radius(shipped.law, straight, curve)
-        splines |= bending(shipped.law, splines["energy"], curved, shipped.law.chamber_offset)
-        reference = Reference(Interpolated(SHIPPED, splines=splines), curved)
+        splines |= bending(shipped.law, splines["energy"], curved)
+        reference = Interpolated(SHIPPED, splines=splines)
         _say(straight_errors(shipped, straight, curve))
         _say(("", *bent_errors(shipped, splines["energy"], curved)))
     with _timed("fits of the shipped table"):
         fits = {f"seed {seed}": _fit(folder, seed) for seed in SEEDS}
     with _timed("motion per wave"):
-        _say(against(reference.segment, {"law": shipped, **fits}))
+        _say(against(reference, {"law": shipped, **fits}))
         typer.echo(f"\nBars: {DISTANCE_BAR:.0%} of the distance, {TURN_BAR_DEG:g} degrees of the turn.")
     with _timed("exchange of ingredients"):
-        _say(against(reference.segment, exchanged(reference, shipped)))
+        _say(against(reference, exchanged(reference, shipped)))
     with _timed("time steps"):
-        _say(time_steps({"reference": reference.segment, "law": shipped}))
+        _say(time_steps({"reference": reference, "law": shipped}))
     with _timed("chain"):
         _say(chains(shipped))
 
@@ -163,9 +159,11 @@ def _rms(values: FloatArray) -> float:
 def straight_errors(learned: worm3d.Learned, states: States, free: FreeCurve) -> Iterator[str]:
     """Yield the errors of the interpolation and of the law, at straight states that the interpolation has not seen."""
     law, held = learned.law, _held_out(states)
-    rest = states.part(held)
-    band = np.abs(rest.force) < laws.BAND * np.abs(states.force).max()
-    of_table = CubicSpline(law.value, law.contraction)
+    of_table, size = CubicSpline(law.value, law.contraction), _rms(states.force)
+    strain = Points(law, states.length, free.contraction(states.input)).strain[0]
+    near = held & (strain > STRAINS[0]) & (strain < STRAINS[1])
+    rest, peak = states.part(near), np.abs(states.force).max()
+    band = np.abs(rest.force) < laws.BAND * peak
     rows = []
     for name, splines, a in (
         ("splines", energy_and_radius(law, states.part(~held), free), free.contraction(rest.input)),
@@ -174,11 +172,12 @@ def straight_errors(learned: worm3d.Learned, states: States, free: FreeCurve) ->
         points = Points(law, rest.length, a)
         miss = points.force(splines["energy"]) - rest.force
         width = 1e3 * (points.value("radius", splines["radius"]) - rest.radius)
-        relative = [f"{100 * _rms(miss[at]) / _rms(rest.force[at]):.3f}" for at in (miss < np.inf, band)]
+        relative = (f"{100 * _rms(miss) / size:.3f}", f"{100 * _rms(miss[band]) / _rms(rest.force[band]):.3f}")
         rows.append((name, *relative, f"{_rms(width):.4f}", f"{np.abs(width).max():.3f}"))
-    yield f"{len(states)} straight states, {held.sum()} held out, {band.sum()} of these in the band."
+    yield f"{len(states)} straight states; {near.sum()} held out with strains of the splines, {band.sum()} in the band."
     yield ""
-    yield from markdown_table(("", "force [%]", "in the band [%]", "radius rms [mm]", "peak [mm]"), rows)
+    titles = ("", "force, of the rms of all [%]", "in the band, of its rms [%]", "radius rms [mm]", "peak [mm]")
+    yield from markdown_table(titles, rows)
     grid = np.linspace(0.0, law.value[-1], 500)
     apart = np.abs(of_table(grid) - free.contraction(grid)).max()
     yield ""
@@ -188,24 +187,17 @@ def straight_errors(learned: worm3d.Learned, states: States, free: FreeCurve) ->
 def bent_errors(learned: worm3d.Learned, energy: FloatArray, bent: Bent) -> Iterator[str]:
     """Yield the errors of moments and axial forces at bent states; a fifth is held out for the splines of m."""
     law, held = learned.law, np.arange(len(bent.bend)) % 5 == 0
-    best = bent.best_offset(law, energy)
-    own = {"energy": energy, **bending(law, energy, bent.part(~held), law.chamber_offset)}
-    moved = {"energy": energy, **bending(law, energy, bent.part(~held), best)}
+    own = {"energy": energy, **bending(law, energy, bent.part(~held))}
     rest, rows = bent.part(held), []
-    for name, splines, offset in (
-        ("splines", own, law.chamber_offset),
-        ("splines, other offset", moved, best),
-        ("law", of_learned(learned), law.chamber_offset),
-    ):
+    soft = rest.moment < SOFT * rest.bend
+    for name, splines, offset in (("splines", own, 0.0), ("law", of_learned(learned), law.chamber_offset)):
         force, moment = rest.answer(law, splines, offset)
-        small = rest.bend < 0.25
-        miss = moment - rest.moment
-        relative = [f"{100 * _rms(miss[at]) / _rms(rest.moment[at]):.2f}" for at in (miss < np.inf, small, ~small)]
-        rows.append((name, f"{1e3 * offset:.2f}", *relative, f"{_rms(force - rest.force):.3f}"))
-    yield f"{len(bent.bend)} bent states, {held.sum()} held out, force rms {_rms(rest.force):.2f} N."
+        miss = (moment - rest.moment) / rest.bend
+        relative = [f"{100 * _rms(miss[at]) / _rms((rest.moment / rest.bend)[at]):.2f}" for at in (soft, ~soft)]
+        rows.append((name, *relative, f"{_rms(force - rest.force):.3f}"))
+    yield f"{len(bent.bend)} bent states; {held.sum()} held out, {soft.sum()} soft; force rms {_rms(rest.force):.2f} N."
     yield ""
-    titles = ("", "offset [mm]", "moment [%]", "to 0.2 rad [%]", "above [%]", "force rms [N]")
-    yield from markdown_table(titles, rows)
+    yield from markdown_table(("", "moment/bend, soft [%]", "others [%]", "force rms [N]"), rows)
 
 
 def _held_out(states: States) -> FloatArray:
@@ -237,20 +229,17 @@ def against(exact: Interpolated, others: Mapping[str, worm3d.Learned]) -> Iterat
     yield from markdown_table(titles, rows)
 
 
-def exchanged(reference: Reference, learned: worm3d.Learned) -> dict[str, worm3d.Learned]:
-    """Return the reference with one ingredient of the law each, and with the best offset for all bent states."""
-    own, law = dict(reference.segment.splines), learned.law
-    given = of_learned(learned)
-    parts = {
-        "energy": own | {"energy": given["energy"]},
-        "radius": own | {"radius": given["radius"]},
-        "m": own | {name: given[name] for name in ("bending", "cubic")},
-        "all three": given,
+def exchanged(reference: Interpolated, learned: worm3d.Learned) -> dict[str, worm3d.Learned]:
+    """Return the reference with one ingredient of the law each. The moment is m and both chambers with the offset b."""
+    own, given = dict(reference.splines), of_learned(learned)
+    moment = {name: given[name] for name in ("bending", "cubic")}
+    return {
+        "energy": replace(reference, splines=own | {"energy": given["energy"]}),
+        "radius": replace(reference, splines=own | {"radius": given["radius"]}),
+        "moment": replace(reference, splines=own | moment, whole=0.0),
+        "all three": replace(reference, splines=given, whole=0.0),
+        "b + 10 %": replace(reference, offset=1.1 * learned.law.chamber_offset),
     }
-    found = {name: replace(reference.segment, splines=splines) for name, splines in parts.items()}
-    offset = reference.bent.best_offset(law, own["energy"])
-    moved = own | bending(law, own["energy"], reference.bent, offset)
-    return {**found, "offset": replace(reference.segment, splines=moved, offset=offset)}
 
 
 def time_steps(segments: Mapping[str, worm3d.Learned]) -> Iterator[str]:

@@ -31,6 +31,9 @@ FREE_PRESSURES = 91
 STRAINS, BENDS = (-0.06, 0.06), (0.1, 0.2, 0.3, 0.45)
 """Strains, as l/l_free = 1 - strain, and bends [rad] of bent states: the worms of `soft_segments.py` stay within."""
 
+MOST_FORCE = 8.0
+"""Greatest force of bent states [N]. Worms have smaller ones, and taut walls bend in another way."""
+
 SPREAD = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps, modulo 1, of points that fill a square evenly."""
 
@@ -81,7 +84,8 @@ def bent(folder: Path, curve: FreeCurve, count: int) -> Bent:
         kept = [[row[name] for name in names] for row in rows if row["stable"]]
         np.savetxt(path, kept, delimiter=",", header=",".join(names), comments="")
     length, pressure, bend, force, moment = _read(path)
-    return Bent(length, curve.contraction(pressure), bend, force, moment)
+    every = Bent(length, curve.contraction(pressure), bend, force, moment)
+    return every.part(force < MOST_FORCE)
 
 
 def _read(path: Path) -> FloatArray:
