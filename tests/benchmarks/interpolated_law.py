@@ -24,7 +24,6 @@ from typing import Any, ClassVar, NamedTuple
 import casadi as ca
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
-from scipy.optimize import minimize_scalar
 
 from scenes.studies.law.free import BoolArray, States
 from worm3d import Learned
@@ -278,16 +277,6 @@ class Bent(NamedTuple):
         both = np.concatenate([splines[name].ravel() for name in ("bending", "cubic")])
         force, moment = (terms @ both for terms in self.terms(law))
         return longer + shorter + force, offset * (longer - shorter) + moment
-
-    def best_offset(self, law: LawFile, energy: FloatArray) -> float:
-        """Return the offset of the chambers with the least error of moments without S_K and S_N, for w = 0 [m]."""
-
-        none = {"energy": energy, **{name: np.zeros(_shape(name)) for name in ("bending", "cubic")}}
-
-        def miss(offset: float) -> float:
-            return float(np.sum((self.moment - self.answer(law, none, offset)[1]) ** 2))
-
-        return float(minimize_scalar(miss, bounds=(0.1 * law.chamber_offset, 3.0 * law.chamber_offset)).x)
 
 
 def bending(law: LawFile, energy: FloatArray, bent: Bent) -> dict[str, FloatArray]:

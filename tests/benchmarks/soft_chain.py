@@ -5,7 +5,7 @@ with given loads are at the middles of the segments and at both end joints, at A
 head, friction of mu_f times the load pulls it back. While it moves towards the tail, the force is mu_b times the load.
 With D x the lengths, the joints at the end of a step from x_n satisfy
 
-    D' (F + n dh/dl) + A' phi(A (x - x_n) + c) = 0,       -mu_b load <= phi <= mu_f load,                      (CH1)
+    D' (F + n dh/dl) + A' phi(A (x - x_n) + c) = 0,       -mu_b load <= phi <= mu_f load,                      (QC1)
 
 where c is the given motion of the contacts beside the axis, by tilting, n is the load of a segment, and h the height of
 its axis: a load lengthens a segment, which becomes narrower. As in the 3D worm, h = sqrt(R^2 - b^2) with the outer
