@@ -56,16 +56,15 @@ OF_A_WORM = (
 LENGTH_KEY = SEGMENT_KEYS["length"]
 
 LAW_LENGTHS = 500
-"""Number of lengths of a segment without links through which the spline l(u) goes. With half as many, the forces of a
-hydrostat differ by 1e-8 of the greatest force."""
+"""Number of lengths of a segment without links through which the spline l(u) goes. The forces of a hydrostat have
+errors of 1e-7 of the greatest force, and of 1e-6 with half as many."""
 
 SHORTEST = 0.05
 """Least length of a segment without links, in rest lengths, where the law has no shorter limit."""
 
 HOOP_ROUNDING = 1e-3
 """Length of cable beyond the domain of a law that counts as the end of the domain, as a fraction of the cable within
-the domain. The fitted radius at an end of a record misses by up to 3e-4 of it, and at 1e-4 the record that the shipped
-law comes from would be refused."""
+the domain. The radius of the shipped law of a mesh segment misses by 1.2e-4 of it at the end of the record."""
 
 
 def worm_of(scene: LoadFrameScene) -> PlantWorm:
