@@ -62,6 +62,12 @@ BAND = 0.2
 HALF_DISC_CENTRE = 4.0 / (3.0 * np.pi)
 """Distance of the centre of half a disc from the centre of the disc, over the radius."""
 
+OFFSETS = 40
+"""Number of offsets that are tried before the best one is refined. The misfit has several minima."""
+
+SOFT_SHARE = 0.1
+"""Stiffness below which the weights of bent states are equal, as a share of the median stiffness of all bent states."""
+
 SPREAD_RATIO = 3.0
 """Standard deviation between members that counts as known, over its median at the states, if this is more than the
 following. Most of the states are below it, also if the table is noisy."""
@@ -372,10 +378,9 @@ def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
 def _offset(prepared: Prepared, fit: Fit) -> float:
     """Return the offset of the chambers.
 
-    Without a given offset, the offset is the best one for the moments of bent states without a bending stiffness m. A
-    larger offset would need a negative m, and the worm would buckle sideways. Without bent states, the offset is the
-    distance of the centre of half a disc from the axis. There the pressure acts in a chamber that fills half of the
-    cross-section. The disc has the least radius in the domain.
+    Without a given offset, the offset is the best one for the moments of bent states together with the bending stiffness
+    m. Without bent states, the offset is the distance of the centre of half a disc from the axis. There the pressure
+    acts in a chamber that fills half of the cross-section. The disc has the least radius in the domain.
     """
     (low, high), most = domain(fit, prepared.states)
     corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
@@ -390,10 +395,16 @@ def _offset(prepared: Prepared, fit: Fit) -> float:
         return given
     if not len(prepared.bent):
         return HALF_DISC_CENTRE * least
-    moment = prepared.bent[:, 3]
-    bounds = least * np.array([0.01, 0.99])
-    best = minimize_scalar(lambda b: float(np.sum((moment - _moment(prepared, fit, b)) ** 2)), bounds=bounds)
-    return float(best.x)
+    tried = least * np.linspace(0.01, 0.99, OFFSETS)
+    k = int(np.argmin([_misfit(prepared, fit, offset) for offset in tried]))
+    bounds = tried[max(k - 1, 0)], tried[min(k + 1, OFFSETS - 1)]
+    return float(minimize_scalar(lambda offset: _misfit(prepared, fit, offset), bounds=bounds).x)
+
+
+def _misfit(prepared: Prepared, fit: Fit, offset: float) -> float:
+    """Return the sum of the squares of the weighted errors of the moments, for the best stiffness m."""
+    terms, rest, weight = _bent(prepared, fit, offset)
+    return float(np.sum((weight * (terms @ _coefficients(terms, rest, weight) - rest)) ** 2))
 
 
 def _moment(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
@@ -415,14 +426,30 @@ def _bending(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, f
     """
     if not len(prepared.bent):
         return np.zeros(6), None
+    terms, rest, weight = _bent(prepared, fit, offset)
+    found = _coefficients(terms, rest, weight)
+    return found, _rms(terms @ found - rest) / _rms(prepared.bent[:, 3])
+
+
+def _bent(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return terms of m th, moments without those of the chambers [N m], and weights, for B bent states.
+
+    The shapes are (B, 6), (B,) and (B,). Errors are weighted relative to the moment, or to a share of the median
+    stiffness for soft states, since worms bend where they are soft.
+    """
     length, level, bend, moment = prepared.bent.T
-    rest = moment - _moment(prepared, fit, offset)
     s = fit.scales
     x = (length / s.rest_length - s.x_mid) / s.x_half
     y = (fit.free.contraction(level) - s.y_mid) / s.y_half
-    terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
-    found: FloatArray = np.linalg.lstsq(terms * bend[:, None], rest, rcond=None)[0]
-    return found, _rms(terms @ found * bend - rest) / _rms(moment)
+    terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y]) * bend[:, None]
+    stiffness = np.abs(moment / bend)
+    weight = 1.0 / (np.abs(bend) * (SOFT_SHARE * np.median(stiffness) + stiffness))
+    return terms, moment - _moment(prepared, fit, offset), weight
+
+
+def _coefficients(terms: FloatArray, rest: FloatArray, weight: FloatArray) -> FloatArray:
+    found: FloatArray = np.linalg.lstsq(terms * weight[:, None], weight * rest, rcond=None)[0]
+    return found
 
 
 def content(law: Law) -> dict[str, Any]:
