@@ -62,6 +62,18 @@ class Domain:
         scaled: FloatArray = (np.stack(np.broadcast_arrays(length, value), axis=-1) - low) / size
         return scaled
 
+    def spread(self, length: FloatArray | float, value: FloatArray | float) -> FloatArray:
+        """Return coordinates from 0 to 1 in which the states of a table are evenly spread, shape (..., 2).
+
+        They are the roots of the input and of the length above the least length, as fractions of their ranges. Worms
+        crawl near the free length, and a segment changes most at small inputs. Therefore more states are there.
+        """
+        shortest = self.shortest(value)
+        above = (length - shortest) / (self.length[1] - shortest)
+        fraction = self.scaled(length, value)[..., 1]
+        found: FloatArray = np.sqrt(np.clip(np.stack(np.broadcast_arrays(above, fraction), axis=-1), 0.0, 1.0))
+        return found
+
     def grid(self) -> FloatArray:
         """Return lengths and inputs from which states are chosen, shape (K, 2)."""
         ranges = [np.linspace(low, high, CANDIDATES) for low, high in (self.length, self.input)]
@@ -292,7 +304,7 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
     free = free_states(wall)
     domain = domain_of(wall, free)
     progress = Progress(tuple(Row(state, state.unstable_directions == 0) for state in free[:count]), ())
-    tried = [domain.scaled(state.length, state.input) for state in free]
+    tried = [domain.spread(state.length, state.input) for state in free]
     grid, corners = domain.grid(), list(domain.corners())
     yield progress
     while progress.stable < count:
@@ -303,15 +315,15 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
                 "least pressure"
             )
         length, value = corners.pop() if corners else farthest(domain, grid, tried)
-        tried.append(domain.scaled(length, value))
+        tried.append(domain.spread(length, value))
         progress = _with_state(progress, (float(length), float(value)), domain, rest(wall))
         yield progress
 
 
 def farthest(domain: Domain, grid: FloatArray, tried: list[FloatArray]) -> FloatArray:
-    """Return the point of a grid, shape (K, 2), that is farthest from all tried points, which are scaled."""
-    scaled = domain.scaled(grid[:, 0], grid[:, 1])
-    distances = np.min([((scaled - each) ** 2).sum(axis=1) for each in tried], axis=0)
+    """Return the point of a grid, shape (K, 2), that is farthest from all points that were tried, in `Domain.spread`."""
+    spread = domain.spread(grid[:, 0], grid[:, 1])
+    distances = np.min([((spread - each) ** 2).sum(axis=1) for each in tried], axis=0)
     found: FloatArray = grid[np.argmax(distances)]
     return found
 

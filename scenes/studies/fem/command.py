@@ -31,7 +31,7 @@ DATA = Path(__file__).parents[2] / "data"
 QUICK_STATES, QUICK_MESH = 25, (10, 1)
 """States and elements of --quick, for a first look. The force of the shipped barrel has an error of about 0.2 %."""
 
-BENT_FORCES = -0.02, 0.2
+BENT_FORCES = -0.03, 0.08
 """Range of the force of the straight states that are bent, as shares of the greatest force: states in which a segment
 works. States that are compressed more crumple when they bend, and their continuation takes ten times as long."""
 

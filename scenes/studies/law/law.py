@@ -378,9 +378,9 @@ def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
 def _offset(prepared: Prepared, fit: Fit) -> float:
     """Return the offset of the chambers.
 
-    Without a given offset, the offset is the best one for the moments of bent states together with the bending stiffness
-    m. Without bent states, the offset is the distance of the centre of half a disc from the axis. There the pressure
-    acts in a chamber that fills half of the cross-section. The disc has the least radius in the domain.
+    Without a given offset, the offset is the best one for the moments of bent states together with the bending
+    stiffness m. Without bent states, the offset is the distance of the centre of half a disc from the axis. There the
+    pressure acts in a chamber that fills half of the cross-section. The disc has the least radius in the domain.
     """
     (low, high), most = domain(fit, prepared.states)
     corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
