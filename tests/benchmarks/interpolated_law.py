@@ -299,7 +299,7 @@ def of_learned(learned: Learned) -> dict[str, FloatArray]:
             for each in np.meshgrid(np.linspace(along.low, along.high, 120), np.linspace(0, across.high, 60))
         )
         length = law.rest_length * (1.0 - a) * (1.0 - s)
-        inside = (length > 0.98 * law.length[0]) & (length < 1.02 * law.length[1])
+        inside = (length > 0.98 * law.shortest.min()) & (length < 1.02 * law.longest.max())
         points = Points(law, length[inside], a[inside])
         found[name] = fitted(name, points.basis(name), _value(law, name, points))
     return found

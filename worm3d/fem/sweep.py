@@ -34,10 +34,14 @@ VOLUME_STEPS = 120
 """Largest number of steps of the volume."""
 FREE_STATES = 11
 """Number of states without axial force, at equal steps of the input, with which each sweep begins."""
-SHORTENING, LENGTHENING = 0.06, 0.02
+SHORTENING, LENGTHENING = 0.08, 0.02
 """Margins of the domain below the free length at each input, and above the rest length, relative to the rest length. A
 wall that is shortened further folds sharply at the plate: with 0.1, the mesh error of the shipped barrel is 0.3 % in
 place of 0.1 %. Threads that hardly stretch make larger lengths very stiff."""
+SPREAD_POWER = 0.7
+"""Power below 1 by which states are denser at small inputs and near the free length, where worms crawl and segments
+change most. For the shipped barrel, distances of crawls with a law from 100 states are within 0.6 % of finite elements,
+and within 5 % with equal spacing; with 0.5, 100 states are too few for large lengths."""
 CANDIDATES = 61
 """Number of lengths and of inputs from which states are chosen."""
 TRIES_PER_STATE = 2
@@ -65,14 +69,14 @@ class Domain:
     def spread(self, length: FloatArray | float, value: FloatArray | float) -> FloatArray:
         """Return coordinates from 0 to 1 in which the states of a table are evenly spread, shape (..., 2).
 
-        They are the roots of the input and of the length above the least length, as fractions of their ranges. Worms
-        crawl near the free length, and a segment changes most at small inputs. Therefore more states are there.
+        They are powers, `SPREAD_POWER`, of the input and of the length above the least length, as fractions of their
+        ranges.
         """
         shortest = self.shortest(value)
         above = (length - shortest) / (self.length[1] - shortest)
         fraction = self.scaled(length, value)[..., 1]
-        found: FloatArray = np.sqrt(np.clip(np.stack(np.broadcast_arrays(above, fraction), axis=-1), 0.0, 1.0))
-        return found
+        fractions: FloatArray = np.clip(np.stack(np.broadcast_arrays(above, fraction), axis=-1), 0.0, 1.0)
+        return fractions**SPREAD_POWER
 
     def grid(self) -> FloatArray:
         """Return lengths and inputs from which states are chosen, shape (K, 2)."""
@@ -321,7 +325,7 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
 
 
 def farthest(domain: Domain, grid: FloatArray, tried: list[FloatArray]) -> FloatArray:
-    """Return the point of a grid, shape (K, 2), that is farthest from all points that were tried, in `Domain.spread`."""
+    """Return the point of a grid, shape (K, 2), that is farthest from all tried points, which are from `spread`."""
     spread = domain.spread(grid[:, 0], grid[:, 1])
     distances = np.min([((spread - each) ** 2).sum(axis=1) for each in tried], axis=0)
     found: FloatArray = grid[np.argmax(distances)]

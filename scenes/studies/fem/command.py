@@ -22,7 +22,7 @@ try:
     from worm3d.fem import pictures, table
     from worm3d.fem.axisymmetric import Wall
     from worm3d.fem.bending import BentState, QuarterModel, bent_states, pressed_states, spread, with_bends
-    from worm3d.fem.sweep import CHECKED_STATES, Progress, mesh_error, sweep
+    from worm3d.fem.sweep import CHECKED_STATES, FREE_STATES, Progress, mesh_error, sweep
 except ImportError as error:
     raise MissingPartError(str(error)) from error
 
@@ -81,7 +81,8 @@ def run(segment: str, out: Path, options: Options) -> int:
     found_error = _checked(described, result, options)
     straight = _working(result)
     bent = _bent(described, straight, options)
-    model, pressed = _pressed(described, straight, options)
+    free = [(row.state.length, row.state.input) for row in result.rows[1:FREE_STATES] if row.stable]
+    model, pressed = _pressed(described, free, options)
     rows = {name: np.append(column, [row[name] for row in bent]) for name, column in table.columns(result.rows).items()}
     rows |= table.pressed(pressed)
     written = {"shapes": pictures.shapes(result.rows), "states": pictures.states(result.rows)}
