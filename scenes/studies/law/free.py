@@ -88,7 +88,7 @@ class Free(ReadOnly):
         """Return the basis functions, or their derivatives with respect to u, shape (S, count)."""
         if not self.lengthens:
             return self.spline.matrix(at, derivative)
-        return (-1.0) ** derivative * self.spline.matrix(self.spline.high - at, derivative)
+        return (-1.0) ** derivative * self.spline.matrix(self.spline.low + self.spline.high - at, derivative)
 
     def sums(self, at: FloatArray, derivative: int = 0) -> FloatArray:
         """Return the factors of the steps in a(u), or in its derivative, shape (S, count - 1)."""
@@ -105,7 +105,7 @@ class Free(ReadOnly):
         return found
 
 
-def start(states: States, rest_length: float | None, what: str = "input") -> Free:
+def start(states: States, rest_length: float | None, what: str = "input", *, from_least: bool = False) -> Free:
     """Return a first estimate of the functions of the input, from smooth surfaces through forces and volumes.
 
     Parameters
@@ -115,6 +115,8 @@ def start(states: States, rest_length: float | None, what: str = "input") -> Fre
         Free length without input [m]. None: the estimate from the states.
     what : str
         Name of the input in messages.
+    from_least : bool
+        Whether the contraction is counted from the free length at the least input of the states.
 
     Raises
     ------
@@ -125,13 +127,14 @@ def start(states: States, rest_length: float | None, what: str = "input") -> Fre
     surfaces = _surfaces(states)
     _require_consistent(states, surfaces)
     at, length = _free_lengths(states, surfaces[0], what)
-    at_rest = _at_rest(at, length, rest_length)
+    low, high = float(states.input.min()) if from_least else 0.0, float(states.input.max())
+    at_rest = _at_rest(at - low, length, None if from_least else rest_length)
     _require_one_way(at, length, at_rest, what)
     lengthens = bool(length[-1] > at_rest)
     base = float(length[-1]) if lengthens else at_rest
     count = int(min(CONTRACTION_KNOTS, len(np.unique(states.input)) + 1, max(len(states) // 5, 4)))
-    free = Free(base, Spline(0.0, float(states.input.max()), count), lengthens, np.zeros(count - 1), np.zeros(0))
-    known_at, known = np.append(at, 0.0), 1.0 - np.append(length, at_rest) / base
+    free = Free(base, Spline(low, high, count), lengthens, np.zeros(count - 1), np.zeros(0))
+    known_at, known = np.append(at, low), 1.0 - np.append(length, at_rest) / base
     least = SMALLEST_STEP * np.abs(known).max() / (count - 1)
     steps = lsq_linear(free.sums(known_at), known, bounds=(least, np.inf)).x
     free = replace(free, log_steps=np.log(np.maximum(steps, least)))
@@ -211,8 +214,8 @@ def _at_rest(at: FloatArray, length: FloatArray, given: float | None) -> float:
         return given
     if at[0] > SMALLEST_STEP * at[-1]:
         raise SceneError(
-            f"rest_length_m: got none, and the least input with a free length is {at[0]:.4g}, must be given or follow "
-            "from states without input; give it with -o rest_length_m=VALUE"
+            f"rest_length_m: got none, and the first free length is {at[0]:.4g} above the least input, must be given "
+            "or follow from states with the least input; give it with -o rest_length_m=VALUE"
         )
     return float(length[0])
 

@@ -88,7 +88,8 @@ STEEPEST = 1e-3
 input have a share of 0 up to rounding."""
 
 EXTRAPOLATED = 0.05
-"""Greatest distance from the convex hull of the states at which a length can be in the domain, over the rest length."""
+"""Greatest distance from the convex hull of the states at which a length can be in the domain, over the rest length. At
+0.04, the force of the shipped law has an rms error of 0.6 N, in place of 0.01 N in the hull."""
 
 TABLE_SIZE = 41
 """Number of entries of p(a) in the file. The cubic between them differs from the spline by less than 1e-4 of p."""
@@ -184,7 +185,8 @@ def make(prepared: Prepared, seed: int, tell: Callable[[int], None] = lambda don
     """
     states, rng = prepared.states, np.random.default_rng(seed)
     table = prepared.table
-    free = start(states, table.facts.get("rest_length_m"), table.input_name)
+    rest_length, from_least = table.facts.get("rest_length_m"), "least_input" in table.facts
+    free = start(states, rest_length, table.input_name, from_least=from_least)
     held_out = _held_out(states, rng)
     known, fitter = states.part(~held_out), _Fitter(_scales(states, free), rng, tell)
     penalty = fitter.penalty(known, free)
@@ -473,8 +475,9 @@ def _content(law: Law) -> dict[str, Any]:
     """Return the content of the law's file, with a rectangle as the domain."""
     fit, table, s = law.fit, law.prepared.table, law.fit.scales
     lengths, most = domain(fit, law.states)
-    value = np.linspace(0.0, fit.free.spline.high, TABLE_SIZE)
-    at = fit.free.spline.high - value if fit.free.lengthens else value
+    low, high = fit.free.spline.low, fit.free.spline.high
+    at = np.linspace(low, high, TABLE_SIZE)
+    at, value = (at[::-1], high - at[::-1]) if fit.free.lengthens else (at, at)
     rest_radius = float(_radius(fit, np.array([s.rest_length]), np.zeros(1))[0])
     return {
         "kind": "worm3d segment law",

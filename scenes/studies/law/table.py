@@ -48,8 +48,10 @@ FACTS = (
     "chamber_offset_m",
     "cable_per_diameter",
     "contact_stiffness_N_m",
+    "least_input",
 )
-"""Facts about a segment that are numbers. The last one is the stiffness of a contact point, see `friction`."""
+"""Facts about a segment that are numbers. "contact_stiffness_N_m" is the stiffness of a contact point, see `friction`,
+and "least_input" the input below which rows are left out [Pa or N]."""
 
 UNITS = {
     **COLUMN_UNITS,
@@ -138,7 +140,7 @@ def load(path: Path, renamed: Sequence[str] = (), given: Sequence[str] = ()) -> 
         columns = _in_si(_renamed(titled, renamed))
         columns = {name: values for name, values in columns.items() if name == "force" or np.isfinite(values).any()}
         facts = _facts({**said, **_pairs("-o", given)})
-        rows, left_out = _usable(columns)
+        rows, left_out = _usable(columns, facts.get("least_input", -np.inf))
         kept = {name: values[rows] for name, values in columns.items() if name != "stable"}
         _require_possible(kept, facts)
     except SceneError as error:
@@ -242,7 +244,7 @@ def _facts(said: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def _usable(columns: Mapping[str, FloatArray]) -> tuple[NDArray[np.bool_], dict[str, int]]:
+def _usable(columns: Mapping[str, FloatArray], least_input: float) -> tuple[NDArray[np.bool_], dict[str, int]]:
     """Return which rows can be used, and the number of the other rows by reason."""
     stable = columns.get("stable", np.ones(len(columns["force"])))
     crumpled = ~(stable > 0.0)
@@ -253,8 +255,14 @@ def _usable(columns: Mapping[str, FloatArray]) -> tuple[NDArray[np.bool_], dict[
             f"{missing.sum()} of {len(stable)} rows lack a number, must be at most {MOST_MISSING:.0%}; fill or remove "
             "the columns with gaps"
         )
-    left_out = {"a missing number": int(missing.sum()), "a crumpled shape": int(crumpled.sum())}
-    return ~missing & ~crumpled, {reason: count for reason, count in left_out.items() if count}
+    inputs = [columns[name] for name in INPUTS if name in columns]
+    small = (inputs[0] < least_input) if inputs else np.zeros(len(stable), dtype=bool)
+    left_out = {
+        "a missing number": int(missing.sum()),
+        "a crumpled shape": int(crumpled.sum()),
+        f"an input below {least_input:g}": int((small & ~missing & ~crumpled).sum()),
+    }
+    return ~missing & ~crumpled & ~small, {reason: count for reason, count in left_out.items() if count}
 
 
 def _require_possible(columns: Mapping[str, FloatArray], facts: Mapping[str, float]) -> None:

@@ -342,6 +342,29 @@ def test_the_offset_is_the_best_one_for_bent_states(membrane_law: Law, offset: f
     assert_allclose(law._bending(prepared, fit, offset)[0], 0.0, atol=1e-12)
 
 
+def test_a_base_input_is_the_zero_of_the_contraction() -> None:
+    """Without the states below a pressure, contractions are counted from the free length at this pressure."""
+    membrane = Membrane()
+    whole = prepared(membrane.table(90)).states
+    kept = whole.part(whole.input >= 0.2 * membrane.most)
+    at, some = kept.input.min(), np.array([0.5, 0.9]) * membrane.most
+    above = start(kept, membrane.rest, from_least=True)
+    assert above.rest_length == pytest.approx(membrane.free(at), rel=5e-3)
+    assert above.contraction(np.array([at]))[0] == pytest.approx(0.0, abs=1e-12)
+    exact = [membrane.free(each) for each in some]
+    assert_allclose(above.rest_length * (1.0 - above.contraction(some)), exact, rtol=5e-3)
+
+
+def test_rows_below_the_least_input_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = [f"{0.05 + 1e-4 * k},{k - 20.0},{100.0 * k}" for k in range(60)]
+    path.write_text("\n".join(["length_m,force_N,pressure_Pa", *rows]))
+    found = table.load(path, (), ("least_input=1500",))
+    assert found.input.min() == 1500.0
+    assert found.left_out == {"an input below 1500": 15}
+    assert table.load(path, (), ()).left_out == {}
+
+
 def test_an_input_that_lengthens_counts_from_its_greatest_value(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bellows: F = k (length - l0 - c p), V = V0 + k c (length - l0) - ..., from one potential."""
     k, l0, c, most = 200.0, 0.05, 4e-6, 5000.0
