@@ -2,15 +2,22 @@
 
 The command of a weak chamber is enlarged, and the command of a slow chamber is advanced. Let g and d be the estimated
 gain and phase of a chamber, (CG1) of `control.estimation.chamber_gains`, and `doubt` the standard deviation of each.
-Ideally, the command of the chamber would be the wave times 1/g, ahead by -d. Only significant differences of g from 1
-and of d from 0 are corrected:
+Ideally, the command of the chamber would be the wave times 1/g, ahead by -d. Only significant differences of log g and
+of d from the deviation that all chambers of the worm share are corrected:
 
-    told = exp(-c r(log g)) wave(psi - c r(d)),   r(e) = e e^4/(e^4 + e_0^4),                                 (IL1)
-    e_0^2 = dead_band^2 + (surely doubt)^2,       c = fits^8/(fits^8 + misfit^8)
+    told = exp(-c r(D(log g))) wave(psi - c r(D(d))),   r(e) = e e^4/(e^4 + e_0^4),                           (IL1)
+    e_0^2 = dead_band^2 + (surely doubt)^2,             c = fits^8/(fits^8 + misfit^8),
+    D(e) = e - min(max(0, min e), max e),               min and max over all chambers
 
-Here psi is the phase of the wave, and `told` is the resulting command. The correction is small if gain and phase do not
-explain the strains. An example is a worm with stiff actuators, where the two chambers of a segment work against each
-other.
+Here psi is the phase of the wave, and `told` is the resulting command. D(e) = e if a chamber is healthy, or if some
+chambers have positive and others have negative e. Otherwise the chamber nearest to a healthy one keeps its command, and
+the others are made like this chamber. A deviation that all chambers share is a difference between the worm and its map,
+which the estimator and the planner take into account as another speed per wave. An example is a worm with `magnetic`
+actuators and the default map (gain 0.69 and phase 0.35 rad in all chambers). When the shared part was corrected too,
+the rms offset from a straight path was 0.080 body lengths instead of 0.002.
+
+The correction is small if gain and phase do not explain the strains, for example if the chambers of a segment work
+against each other.
 
 The gains are estimated by comparing the strains with the commands actually sent, not from a remaining control error.
 Therefore neither delay nor noise of the strains can make the loop unstable. Commands are limited to the stroke of the
@@ -46,10 +53,15 @@ class InnerLoop(Checked):
     def correction(self, gains: ChamberGains) -> Correction:
         """Return the correction of the chambers."""
         band = np.hypot(self.dead_band, self.surely * gains.doubt)
-        error = np.log(np.clip(gains.gain, self.least, self.most))
-        late = np.clip(gains.phase, -self.latest, self.latest)
+        error = _unshared(np.log(np.clip(gains.gain, self.least, self.most)))
+        late = _unshared(np.clip(gains.phase, -self.latest, self.latest))
         fit = self.fits**8 / (self.fits**8 + float(np.median(gains.misfit)) ** 8)
         return Correction(np.exp(-fit * _real(error, band)), -fit * _real(late, band))
+
+
+def _unshared(error: FloatArray) -> FloatArray:
+    """Return D(e) of (IL1): errors without the part that all chambers share."""
+    return np.asarray(error - np.clip(0.0, error.min(), error.max()))
 
 
 def _real(error: FloatArray, band: FloatArray) -> FloatArray:

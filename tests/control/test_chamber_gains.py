@@ -99,6 +99,28 @@ def test_with_the_loop_closed_weak_and_late_chambers_do_what_healthy_ones_do(noi
     assert miss < 0.2 * before
 
 
+def test_a_deviation_that_all_chambers_share_is_left_to_the_planner() -> None:
+    gains, *_ = crawled(0.7, -0.35)
+    np.testing.assert_allclose(gains.gain, 0.7, atol=0.03)
+    np.testing.assert_allclose(gains.phase, 0.35, atol=0.05)
+    given = InnerLoop().correction(gains)
+    np.testing.assert_allclose(given.gain, 1.0, atol=0.02)
+    np.testing.assert_allclose(given.ahead, 0.0, atol=0.02)
+
+
+@pytest.mark.parametrize(("least", "early"), [(0.5, -0.5), (1.1, 0.1)])
+def test_unequal_chambers_are_made_like_the_one_that_is_nearest_to_a_healthy_one(least, early) -> None:
+    random = np.random.default_rng(7)
+    gain, late = random.uniform(least, least + 0.3, (6, 2)), random.uniform(-early - 0.3, -early, (6, 2))
+    shared = min((gain.min(), gain.max()), key=lambda g: abs(g - 1.0))
+    nearest = min((late.min(), late.max()), key=abs)
+    _, seen, _ = crawled(gain, late, loop=InnerLoop(), seconds=10.0)
+    _, without, _ = crawled(gain, late, seconds=10.0)
+    _, alike, _ = crawled(shared, nearest, seconds=10.0)
+    miss, before = (np.sqrt(((each - alike)[-250:] ** 2).mean()) for each in (seen, without))
+    assert miss < 0.2 * before
+
+
 def test_two_chambers_of_a_segment_are_told_apart_though_each_moves_the_other() -> None:
     gain = np.ones((6, 2))
     gain[2] = 0.6, 1.0
