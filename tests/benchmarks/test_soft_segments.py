@@ -35,7 +35,7 @@ def test_splines_follow_the_shipped_law() -> None:
     exact = OfLaw(learned).at(length[inside], law.value[entry[inside]])
     miss = points.force(splines["energy"])[inside] - exact.force
     assert np.sqrt(np.mean(miss**2)) < 0.03  # most of the difference is near the rest length without pressure
-    assert_allclose(points.value("radius", splines["radius"])[inside], exact.radius, atol=2e-5)
+    assert_allclose(points.value("radius", splines["radius"])[inside], exact.radius, atol=5e-5)
 
 
 def test_bent_segments_of_kernels_and_of_least_squares_agree() -> None:
