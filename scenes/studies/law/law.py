@@ -73,9 +73,10 @@ SPREAD_RATIO = 3.0
 following. Most of the states are below it, also if the table is noisy."""
 
 KNOWN_FORCE, KNOWN_RADIUS = 0.15, 0.02
-"""Standard deviation between members that always counts as known: of the force over its size (`Law.size`), and of the
-radius over its mean. At 0.1, some laws of the shipped table have a domain that ends near the rest length, where the
-force grows steeply; at 0.2, the domain of the shipped law is up to 1 mm longer."""
+"""Standard deviations between members that always count as known: the ratio of the deviation of the force to the size
+of the force (`Law.size`), and the ratio of the deviation of the radius to the mean radius. At 0.1, some laws
+of the shipped table have a domain that ends near the rest length, where the force grows steeply; at 0.2, the domain of
+the shipped law is up to 1 mm longer."""
 
 DOMAIN_POINTS = 28
 """Number of contractions at which the file has the bounds of the length. For the shipped law they are 0.01 apart."""
@@ -445,13 +446,12 @@ def _bent(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, Floa
     y = (fit.free.contraction(level) - s.y_mid) / s.y_half
     terms = np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y]) * bend[:, None]
     stiffness = np.abs(moment / bend)
-    weight = 1.0 / (np.abs(bend) * (SOFT_SHARE * np.median(stiffness) + stiffness))
+    weight = np.asarray(1.0 / (np.abs(bend) * (SOFT_SHARE * float(np.median(stiffness)) + stiffness)), dtype=float)
     return terms, moment - _moment(prepared, fit, offset), weight
 
 
 def _coefficients(terms: FloatArray, rest: FloatArray, weight: FloatArray) -> FloatArray:
-    found: FloatArray = np.linalg.lstsq(terms * weight[:, None], weight * rest, rcond=None)[0]
-    return found
+    return np.asarray(np.linalg.lstsq(terms * weight[:, None], weight * rest, rcond=None)[0], dtype=float)
 
 
 def content(law: Law) -> dict[str, Any]:
