@@ -28,7 +28,8 @@ SIMPLE_RUNS = 202
 POPULATION, SIGMA = 14, 0.1
 """Candidates of a generation of CMA-ES, and its first step size."""
 PATIENCE, LEAST_GAIN = 150, 0.01
-"""A search stops if so many runs have improved the value by less than this share."""
+"""CMA-ES starts again from the best gait if so many runs have improved the value by less than this share. A search
+stops if a further start gains less."""
 
 Scores = Callable[[Sequence[Choice]], list[Score]]
 
@@ -122,7 +123,8 @@ def search(
             return Found(seed, best, best, np.array(costs), "it was stopped")
     assert best is not None, "each search has a generation"
     first = best
-    strategy = None if simple else _strategy(space, best.at, seed)
+    starts = [len(costs)]  # run at which each strategy begins
+    strategy = None if simple else _strategy(space, best.at, seed, 1)
     while strategy is not None and len(costs) + POPULATION <= budget:
         asked = [np.asarray(each) for each in strategy.ask()]
         before = len(costs)
@@ -131,9 +133,12 @@ def search(
         if not tell(len(costs), best.score):
             why = "it was stopped"
             break
-        if _is_stuck(costs):
-            why = f"{PATIENCE} runs gained less than {LEAST_GAIN:.0%}"
-            break
+        if _is_stuck(costs, starts[-1], PATIENCE):
+            if len(starts) > 1 and _is_stuck(costs, starts[-1], len(costs) - starts[-1]):
+                why = f"a start from the best gait gained less than {LEAST_GAIN:.0%} in {PATIENCE} runs"
+                break
+            starts.append(len(costs))
+            strategy = _strategy(space, best.at, seed, len(starts))
     return Found(seed, first, best, np.array(costs), why)
 
 
@@ -145,12 +150,12 @@ def _generations(space: Space, seed: int, runs: int) -> Iterator[list[FloatArray
         yield [space.spread(rng.random(space.simple_size)) for _ in range(count)]
 
 
-def _strategy(space: Space, at: FloatArray, seed: int) -> Any:
+def _strategy(space: Space, at: FloatArray, seed: int, number: int) -> Any:
     try:
         import cma
     except ImportError as error:
         raise MissingPartError(f"{error}; pip install 'worm3d[optimise]'") from error
-    rng = np.random.default_rng((seed, 1))
+    rng = np.random.default_rng((seed, number))
     options = {
         "popsize": POPULATION,
         "bounds": list(space.bounds),
@@ -172,11 +177,11 @@ def _scored(
     return Best(asked[k], scores[k]) if best is None or scores[k].cost < best.score.cost else best
 
 
-def _is_stuck(costs: Sequence[float]) -> bool:
-    """Return whether the last `PATIENCE` runs have hardly improved the cost."""
-    if len(costs) < SIMPLE_RUNS + PATIENCE:
+def _is_stuck(costs: Sequence[float], start: int, runs: int) -> bool:
+    """Return whether the last `runs` runs, at least `PATIENCE` after run `start`, have hardly improved the cost."""
+    if len(costs) - start < PATIENCE:
         return False
-    earlier, now = min(costs[:-PATIENCE]), min(costs)
+    earlier, now = min(costs[:-runs]), min(costs)
     if now >= BROKEN:
         return earlier == now
     return earlier < BROKEN and earlier - now < LEAST_GAIN * abs(now)

@@ -188,7 +188,7 @@ def test_a_stopped_search_goes_on_bit_for_bit(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("_cma")
 def test_a_search_without_progress_stops(tmp_path: Path) -> None:
     flat = found(tmp_path / "log", lambda choices: [Score(1.0, -1.0) for _ in choices], budget=2000)
-    assert searches.PATIENCE <= len(flat.costs) - searches.SIMPLE_RUNS <= searches.PATIENCE + 2 * searches.POPULATION
+    assert 0 <= len(flat.costs) - searches.SIMPLE_RUNS - 2 * searches.PATIENCE < 2 * searches.POPULATION
 
 
 def test_the_verdicts_follow_their_rules() -> None:
