@@ -172,20 +172,20 @@ class Card:
         yield Items([self._confirmation(rows[0]), *self.verdict_sentences(rows)])
 
     def verdict_sentences(self, rows: Sequence[Left]) -> Iterator[str]:
-        """Yield a sentence for each reason to doubt the gait, or one that there is none."""
+        """Yield a sentence for each reason to doubt the gait, or one that there is none. A run that ends early tips."""
         by_name = {row.name: row for row in rows}
         found = list[str]()
-        if not by_name[PERIOD].kept >= GLIDES:
+        if by_name[PERIOD].kept < GLIDES:
             found.append(
                 f"**glides**: at {PERIOD} {by_name[PERIOD].kept:.0%} of the value in a wave is left, less than "
                 f"{GLIDES:.0%}"
             )
         weak, simple = by_name[WEAK].value, by_name[WEAK].simple
-        if not (self.trials.goal.gain(weak, simple) >= 1.0 and weak > 0.0):
+        if self.trials.goal.gain(weak, simple) < 1.0 or weak <= 0.0:
             found.append(
                 f"**needs anisotropy**: with {WEAK} the value is {weak:.3g}, the best simple gait has {simple:.3g}"
             )
-        if not by_name[HALF].value > 0.0:
+        if by_name[HALF].value <= 0.0:
             found.append(f"**slides back on less friction**: with {HALF} the value is {by_name[HALF].value:.3g}")
         tips = [row.name for row in rows if not row.roll <= MOST_ROLL]
         if tips:
