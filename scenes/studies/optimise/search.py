@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from scenes.language.errors import MissingPartError, SceneError
-from scenes.records.folder import disc_errors
+from scenes.records.folder import disc_errors, write_bytes
 from scenes.studies.optimise.goals import BROKEN
 from scenes.studies.optimise.trials import Score
 from scenes.studies.optimise.unknowns import Choice, Space
@@ -69,28 +69,22 @@ class Log:
     """
 
     def __init__(self, path: Path | None, settings: Mapping[str, Any]) -> None:
-        self._path, self._kept = path, list[Score]()
+        self._path, self._kept, self._lines = path, list[Score](), [json.dumps(dict(settings), sort_keys=True)]
         if path is None:
             return
-        header = json.dumps(dict(settings), sort_keys=True)
         with disc_errors(path):
-            lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
-            if lines and lines[0] != header:
-                raise SceneError(f"{path}: belongs to a search with other settings; choose another --out")
-            self._kept = [Score(*map(float, json.loads(line))) for line in lines[1:]]
-            path.write_text("".join(f"{line}\n" for line in (lines or [header])), encoding="utf-8")
+            lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else self._lines
+        if lines[:1] != self._lines:
+            raise SceneError(f"{path}: belongs to a search with other settings; choose another --out")
+        self._kept = [Score(*map(float, json.loads(line))) for line in lines[1:]]
 
     def scores(self, choices: Sequence[Choice], of: Scores) -> list[Score]:
         """Return the scores of candidates, from the file if it has them; otherwise compute and keep them."""
-        if len(self._kept) >= len(choices):
-            known, self._kept = self._kept[: len(choices)], self._kept[len(choices) :]
-            return known
-        self._kept = []
-        found = of(choices)
-        if self._path is None:
-            return found
-        with disc_errors(self._path), self._path.open("a", encoding="utf-8") as file:
-            file.write("".join(f"{json.dumps([repr(each.cost), repr(each.value)])}\n" for each in found))
+        known, self._kept = self._kept[: len(choices)], self._kept[len(choices) :]
+        found = known if len(known) == len(choices) else of(choices)
+        self._lines += [json.dumps([repr(each.cost), repr(each.value)]) for each in found]
+        if self._path is not None and not self._kept:
+            write_bytes(self._path, "".join(f"{line}\n" for line in self._lines).encode())
         return found
 
 
