@@ -12,7 +12,7 @@ from scenes.language.schema import Section, setting
 
 WAVE = "travelling_wave"
 
-BODY_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
+BODY_BOUNDS: Mapping[str, Mapping[str, float]] = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
 """Ranges of parameters of the body, which are narrower in a scene than in Python."""
 
 
