@@ -18,7 +18,7 @@ from importlinter.domain.contract import Contract
 ROOT = Path(__file__).parents[1]
 LINTER = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
 KINDS: dict[str, type[Contract]] = {"layers": LayersContract, "acyclic_siblings": AcyclicSiblingsContract}
-ELSEWHERE = {"fit", "sweep"}
+ELSEWHERE = {"fit", "optimise", "sweep"}
 """Public names of worm3d that stand in packages above it."""
 BY_NAME = {"worm3d.results.files"}
 """Modules of worm3d that look a class up by its public name."""

@@ -147,7 +147,8 @@ def test_the_summary(flat: Record) -> None:
     errors = {"distance_error_m", "heading_error_deg", "work_error_J"}
     loads = {"distance_with_load_m", "cost_of_transport_with_load"}
     spread = {"law_spread_N", "law_spread_share", "law_spread_m"}
-    assert without == {"turning_radius_bl", "work_input_J", "cost_of_transport_input", *errors, *loads, *spread}
+    inputs = {"work_input_J", "cost_of_transport_input", "peak_pressure_Pa", "peak_cable_N"}
+    assert without == {"turning_radius_bl", *inputs, *errors, *loads, *spread}
     assert "straight" in summary.reasons["turning_radius_bl"]
     assert_allclose(summary["distance_m"], flat["com"][-1, 0] - flat["com"][0, 0])
     assert_allclose(summary["work_friction_J"], flat["friction_loss"].sum())
