@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from control.parts import MEASURE
@@ -156,7 +156,7 @@ def goal_of(name: str, limits: Sequence[str] = ()) -> Goal:
         raise SceneError(f"--goal: got '{name}', must be one of {', '.join(GOALS)}, or module:NAME of a measure{hint}")
     given = [limit_of(text) for text in limits]
     kept = [each for each in goal.limits if each.measure not in {own.measure for own in given}]
-    return Goal(**{**vars(goal), "limits": (*kept, *given)})
+    return replace(goal, limits=(*kept, *given))
 
 
 def limit_of(text: str) -> Limit:

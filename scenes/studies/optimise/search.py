@@ -26,7 +26,8 @@ from worm3d.values.arrays import FloatArray
 SIMPLE_RUNS = 202
 """Number of simple gaits."""
 POPULATION, SIGMA = 14, 0.1
-"""Candidates of a generation of CMA-ES, and its first step size."""
+"""Candidates of a generation of CMA-ES, and its first step size. With a step of 0.2, one of two seeds found no
+gait that is better than the best simple one in 400 runs."""
 PATIENCE, LEAST_GAIN = 150, 0.01
 """CMA-ES starts again from the best gait if so many runs have improved the value by less than this share. A search
 stops if a further start gains less."""

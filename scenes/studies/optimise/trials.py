@@ -190,11 +190,11 @@ class Trials:
         if not problems:
             return []
         one, each = problems[0], ("worm", "world", "ground", "actuation", "external_force", "state")
-        alike = {"dt", "duration", "integrator", "settle_first", "tolerance", "accuracy"}
-        if any(getattr(p, name) != getattr(one, name) for p in problems for name in alike):
+        alike = ("dt", "duration", "integrator", "settle_first", "tolerance", "accuracy", "gravity")
+        if not all(np.array_equal(getattr(p, name), getattr(one, name)) for p in problems for name in alike):
             return [result for problem in problems for result in self._results([problem])]
         given: Any = {name: [getattr(problem, name) for problem in problems] for name in each}
-        given |= {name: getattr(one, name) for name in (*alike, "gravity")}
+        given |= {name: getattr(one, name) for name in alike}
         try:
             return list(worm3d.simulate_batch(**given, threads=os.cpu_count() or 1))
         except ValueError:

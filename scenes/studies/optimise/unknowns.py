@@ -26,8 +26,8 @@ aliases of smaller ones in a worm with six segments; sharper waves are nearly sq
 
 
 PHASE_UNIT = 0.3
-"""Phase of a coordinate of 1 [periods]. With 1, CMA-ES finds no better gait than the best simple one in 400 runs; with
-0.5 the search needs some 100 runs more."""
+"""Phase of a coordinate of 1 [periods]. In 888 runs, the default worm reaches 0.141 and 0.147 BL/s (two seeds), 0.135
+with a unit of 1, and 0.143 and 0.140 with 0.5."""
 
 
 @dataclass(frozen=True)
