@@ -98,24 +98,27 @@ class Stage:
     """Side view and top view of a worm, which can be drawn at any instant.
 
     If the run fits into three body lengths along the heading (and one and a half across), the views show all of the
-    run. Otherwise they show a part of this size that follows the worm. Both views have the same scale. `axes` contains
-    the Matplotlib axes of the side view and of the top view.
+    run. Otherwise they show a part of this size that follows the worm. With `follows`, they always do. Both views have
+    the same scale. `axes` contains the Matplotlib axes of the side view and of the top view.
     """
 
-    def __init__(self, frames: Frames) -> None:
-        self.frames = frames
+    def __init__(self, frames: Frames, *, follows: bool = False) -> None:
         self.scales = Scales.of(frames)
-        self._skin = Skin.of(frames, self.scales.strain)
-        self._speed = frames.speed
-        self._window = np.subtract(*frames.speed_window[::-1])
+        self.show(frames)
         ahead, left, up = frames.axes
         low, high = frames.extent
         size = frames.body_length
         most = size * np.array([3.0, 1.5, 1.5])
-        self._span = np.minimum(high - low, most) + 0.2 * size
-        self._middle, self._follows = 0.5 * (low + high), high - low > most
+        self._follows = (high - low > most) | follows
+        self._span = np.where(self._follows, most, high - low) + 0.2 * size
+        self._middle = 0.5 * (low + high)
         self._views = [Projection(ahead, up, -left), Projection(ahead, left, up)]
         self.figure, self.axes = self._frame()
+
+    def show(self, frames: Frames) -> None:
+        """Take other frames of the same worm. The views and the scales stay as they are."""
+        self.frames, self._skin, self._speed = frames, Skin.of(frames, self.scales.strain), frames.speed
+        self._window = np.subtract(*frames.speed_window[::-1])
 
     def _frame(self) -> tuple[Figure, tuple[Axes, Axes]]:
         """Return a figure with two views of the same scale, and the axes of both.

@@ -35,7 +35,9 @@ from scenes.models.control.reference import reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm.build import problem_of, worm_of
 from scenes.studies.learn.sampled import Sampled
+from scenes.studies.learn.seen import Camera, Picture
 from worm3d.recorded.status import Status
+from worm3d.results.pictures import FPS
 from worm3d.running.run import Run
 from worm3d.values.arrays import FloatArray
 
@@ -72,6 +74,8 @@ class Episode:
     how : Terms
     seed : int
         Seed of the measurement errors.
+    pictured : bool
+        Whether pictures can be made of the episode, which needs memory for its motion.
 
     Raises
     ------
@@ -82,7 +86,7 @@ class Episode:
         The control period is shorter than a time step.
     """
 
-    def __init__(self, scene: ControlScene, how: Terms, seed: int) -> None:
+    def __init__(self, scene: ControlScene, how: Terms, seed: int, *, pictured: bool = False) -> None:
         dt = scene.run.dt_s
         if not how.control_period >= dt:
             raise ValueError(f"control_period: got {how.control_period!r} s, must be at least {dt} s, a step")
@@ -98,7 +102,8 @@ class Episode:
         self.generator = WaveGenerator(found.schedule, worm)
         self._true = Course()
         self._near: float | None = None
-        self._run = _begun(scene, self._every)
+        self._camera = Camera()
+        self.run = _begun(scene, self._every, pictured)
         self._sense(GaitParameters(0.0, 1.0))
 
     def crawl(self, action: ArrayLike) -> tuple[float, bool, bool, dict[str, Any]]:
@@ -119,14 +124,22 @@ class Episode:
         wave = self._act(asked, self._seen)
         for _ in range(self._every // self._look):
             elapsed = [self._dt] * self._look
-            if self._run.done == 0:
+            if self.run.done == 0:
                 elapsed[0] = 0.0  # the wave begins with the run
-            status = self._run.follow(self.generator.steps(elapsed, wave))
+            status = self.run.follow(self.generator.steps(elapsed, wave))
             if status is not Status.DONE:
                 return -5.0, True, False, self._facts(status)  # lower than the reward at any offset that worms reach
             self._sense(wave)
         facts = self._facts(status)
-        return self._reward(facts), False, self._run.done >= self._run.steps, facts
+        return self._reward(facts), False, self.run.done >= self.run.steps, facts
+
+    def picture(self) -> Picture:
+        """Return a picture of the worm and its path now, shape (height, width, 3)."""
+        path, com, way = self._reference.path, self.run.observation().com, None
+        if path is not None:
+            s = float(path.project(com[:2], self._near)) + self._length * np.linspace(-3.0, 3.0, 121)
+            way = np.column_stack([path.point(s), np.full(len(s), com[2])])
+        return self._camera.picture(self.run, way)
 
     def observed(self) -> FloatArray:
         """Return the observation of the agent. Call this once per control period."""
@@ -135,14 +148,14 @@ class Episode:
 
     @property
     def _time(self) -> float:
-        return self._run.time(self._run.done)
+        return self.run.time(self.run.done)
 
     @property
     def _waves(self) -> float:
         return float(self.generator.phase) / tau
 
     def _sense(self, wave: GaitParameters) -> None:
-        seen = self._run.observation()
+        seen = self.run.observation()
         self._true.add(self._waves, seen.time, seen.com[:2])
         passed = self._gate(seen.time, self._sensors(seen))
         self.senses.take(seen.time, passed, wave, float(self.generator.phase))
@@ -193,11 +206,15 @@ def _sampled(scene: ControlScene, body: float) -> Reference:
     return replace(reference, path=Sampled(reference.path, 2.0 * way + body, body))
 
 
-def _begun(scene: ControlScene, every: int) -> Run:
-    """Return a run before its first step. It lasts a whole number of control periods, and records only its end."""
+def _begun(scene: ControlScene, every: int, pictured: bool) -> Run:
+    """Return a run before its first step. It lasts a whole number of control periods.
+
+    If it is not `pictured`, it records only its start and its end.
+    """
     problem = problem_of(scene, drive=(_Outside(), None))
     steps = max(1, problem.steps // every) * every
-    return Run(replace(problem, duration=steps * problem.dt, record_every=steps))
+    often = gcd(every, max(1, int(1.0 / (FPS * problem.dt))))
+    return Run(replace(problem, duration=steps * problem.dt, record_every=often if pictured else steps))
 
 
 def _only(sensors: Sensors, names: tuple[str, ...]) -> Sensors:

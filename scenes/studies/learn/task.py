@@ -6,12 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenes.language.errors import SceneError
+from scenes.studies.learn.named import named
 from worm3d.values import arguments
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
     """Settings of the training of a policy.
+
+    If the scene is the name of an environment, such as "worm3d/Slope-v0", the task has its scene, and its overrides and
+    varied keys in addition to the given ones.
 
     Raises
     ------
@@ -43,3 +47,8 @@ class Task:
             arguments.whole("seed", self.seed, ge=0)
         except ValueError as error:
             raise SceneError(str(error)) from error
+        found = named(self.scene)
+        if found is not None:
+            object.__setattr__(self, "scene", found.scene)
+            object.__setattr__(self, "overrides", (*found.overrides, *self.overrides))
+            object.__setattr__(self, "vary", {**found.vary, **self.vary})

@@ -6,11 +6,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed (extra 'gym')")
 
+import gymnasium
 from gymnasium.utils.env_checker import check_env
 
 from control.sensing.sensors import Measurement, Sensors
 from scenes.gym_env import WormEnv, WormVectorEnv
 from scenes.language.errors import SceneError
+from scenes.studies.learn.named import NAMED
 from worm3d import Observation
 
 STRAIGHT = np.zeros(2, dtype=np.float32)
@@ -21,6 +23,61 @@ KNOWN, MISS, ASIDE, CURVATURE, STEERED, BEFORE = 0, 2, 3, 6, 12, slice(13, 15)
 
 def test_it_passes_the_checker() -> None:
     check_env(WormEnv("path_circle", ("run.duration_s=2",)), skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_each_environment_has_a_name_and_passes_the_checker(name: str) -> None:
+    env = gymnasium.make(f"worm3d/{name}", render_mode="rgb_array")
+    check_env(env.unwrapped, skip_render_check=True)
+    env.reset(seed=1)
+    env.step(STRAIGHT)
+    first = env.render()
+    for _ in range(10):
+        env.step(STRAIGHT)
+    later = env.render()
+    assert first.dtype == np.uint8
+    assert later.shape == first.shape
+    assert np.abs(later.astype(int) - first).max() > 100, "the worm has moved"
+    env.close()
+
+
+def test_episodes_of_a_named_environment_are_drawn() -> None:
+    env = gymnasium.make("worm3d/Slope-v0")
+    offsets = []
+    for seed in (1, 2, 1):
+        env.reset(seed=seed)
+        for _ in range(20):
+            *_, info = env.step(STRAIGHT)
+        offsets.append(info["offset_m"])
+    assert offsets[0] == offsets[2]
+    assert abs(offsets[0] - offsets[1]) > 1e-4
+
+
+def test_a_vector_of_named_environments_is_that_of_this_package() -> None:
+    envs = gymnasium.make_vec("worm3d/Pipe-v0", num_envs=2, threads=2, render_mode="rgb_array")
+    assert isinstance(envs.unwrapped, WormVectorEnv)
+    envs.reset(seed=0)
+    envs.step(np.zeros((2, 2), dtype=np.float32))
+    pictures = envs.render()
+    assert [each.shape for each in pictures] == [pictures[0].shape] * 2
+    envs.close()
+
+
+def test_unknown_render_modes_are_refused() -> None:
+    with pytest.raises(ValueError, match="render_mode: got 'ansi', must be one of 'human', 'rgb_array'"):
+        WormEnv("path_line", render_mode="ansi")
+
+
+def test_a_browser_can_watch_an_episode(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    env = WormEnv("path_line", ("run.duration_s=1",), render_mode="human")
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(STRAIGHT)
+    assert env.render() is None
+    env.close()
+    assert "http://127.0.0.1:" in capsys.readouterr().out
 
 
 def test_an_episode_lasts_as_long_as_the_scene_and_pays_for_keeping_to_the_reference() -> None:
@@ -157,5 +214,5 @@ def _stepped(seed: int, action: np.ndarray) -> np.ndarray:
 def test_keys_that_cannot_be_varied_are_told_at_once() -> None:
     with pytest.raises(SceneError, match=r"reference\.radius_n"):
         WormVectorEnv(2, "path_circle", vary={"reference.radius_n": "1:2"})
-    with pytest.raises(ValueError, match="count: got 0"):
+    with pytest.raises(ValueError, match="num_envs: got 0"):
         WormVectorEnv(0)
