@@ -464,6 +464,28 @@ def test_the_force_of_a_stretched_segment_is_the_slope_of_the_energy(law: Learne
         worm3d.stretch_segment(worm, [0.15, 0.3], [0.0, 1.0])
 
 
+def test_factors_scale_the_forces_of_chambers_and_the_moment_of_a_bend() -> None:
+    content = json.dumps({**CONTENT, "ensemble": MEMBERS})
+    for member in (0, 1):
+        plain, firm = (
+            Learned(content=content, member=member),
+            Learned(content=content, member=member, stiffness_factor=1.4),
+        )
+        length = np.linspace(0.75, 1.1, 9)
+        of = [
+            worm3d.stretch_segment(Worm(segment=each, segments=1), length * learned_laws.L0, 1.0 + np.arange(9.0))
+            for each in (plain, firm)
+        ]
+        assert_allclose(of[1].elastic, 1.4 * of[0].elastic, rtol=1e-12, atol=1e-15)
+        bent = Learned(content=content, member=member, bending_factor=0.7)
+        assert_allclose(bent.law.bending, 0.7 * plain.law.bending, rtol=1e-14)
+        assert_array_equal(bent.law.energy, plain.law.energy)
+        forces = [each.ensemble(length * learned_laws.L0, np.zeros(9))[0] for each in (plain, firm)]
+        assert_allclose(forces[1], 1.4 * forces[0], rtol=1e-12)
+    with pytest.raises(ValueError, match="stiffness_factor: got 0"):
+        Learned(content=content, stiffness_factor=0.0)
+
+
 def changed(path: str, value: Any) -> Callable[[dict[str, Any]], Any]:
     """Return a function that sets the value at a path of keys in the content of a file."""
 

@@ -98,6 +98,13 @@ class LawFile(ReadOnly):
         changes: dict[str, Any] = {} if number == 0 else dict(self.ensemble[number - 1])
         return replace(self, **changes)
 
+    def stiffened(self, chambers: float, bending: float) -> LawFile:
+        """Return the laws with these factors of the energy of chambers and of the bending stiffness."""
+        scales = {**self.scales, "energy_J": chambers * self.scales["energy_J"]}
+        ensemble = tuple({**each, "bending": bending * each["bending"]} for each in self.ensemble)
+        stiffness, own = chambers * self.stiffness, bending * self.bending
+        return replace(self, stiffness=stiffness, scales=scales, bending=own, ensemble=ensemble)
+
     def radius_at(self, length: FloatArray, contraction: FloatArray) -> FloatArray:
         """Return the outer radius at lengths [m] and contractions, in their common shape [m]."""
         s = self.scales

@@ -60,6 +60,8 @@ class Learned(SegmentLaw, name="learned"):
     member: int = parameter(
         0, "number of the law in the file: 0 for the law itself, 1 and more for the further laws of its ensemble", ge=0
     )
+    stiffness_factor: float = parameter(1.0, "factor of the energy of chambers, to fit a law to another robot", gt=0)
+    bending_factor: float = parameter(1.0, "factor of the bending stiffness, to fit a law to another robot", gt=0)
     content: str = field(default="", repr=False)
     """Text of the file. It is read from `file` if it is empty. Files of results contain this text."""
 
@@ -68,7 +70,8 @@ class Learned(SegmentLaw, name="learned"):
         super().__post_init__()
         if not self.content:
             object.__setattr__(self, "content", text_of(self.file))
-        vars(self)["_of_file"] = parsed(self.content, os.path.basename(self.file))
+        found = parsed(self.content, os.path.basename(self.file))
+        vars(self)["_of_file"] = found.stiffened(self.stiffness_factor, self.bending_factor)
         vars(self)["_law"] = vars(self)["_of_file"].member(self.member)
 
     @property
