@@ -47,10 +47,10 @@ def overrides(**given: str) -> list[str]:
 
 
 def test_a_trajectory_corrects_a_segment_law(tmp_path: Path) -> None:
-    soft = ("segment.kind=learned", "segment.file=barrel.json", "worm.segments=3", "run.duration_s=1.0", "run.dt_s=0.02")
-    firm = simulate(load_scene("flat", (*soft, "gait.period_s=1.0", "segment.stiffness_factor=1.2")))
+    soft = ("segment.kind=learned", "segment.file=barrel.json", "worm.segments=3", *SHORT[2:])
+    firm = simulate(load_scene("flat", (*soft, "segment.stiffness_factor=1.2")))
     keys = ["segment.stiffness_factor=0.5:2"]
-    found = package.fit("flat", written(tmp_path / "seen.csv", firm), keys, [*soft, "gait.period_s=1.0"])
+    found = package.fit("flat", written(tmp_path / "seen.csv", firm), keys, soft)
     assert found.finished
     assert found.keys[0].value == pytest.approx(1.2, rel=1e-3)
 
