@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,6 +30,8 @@ ACCURACY, CONFIRMED = 0.002, 0.05
 SLOWER, GLIDES = 4.0, 0.85
 """Factor of the period of the run that shows gliding, and least share of the value in a wave of a gait that does not
 glide. Inertia carries a gliding worm while its anchors slip."""
+SKIPPED_SHOWN = 3
+"""Number of reasons for skipped candidates in a card."""
 PERIOD, HALF, WEAK = "four times the period", "half the friction", "a quarter of the friction backward and sideways"
 
 
@@ -150,6 +153,9 @@ class Card:
             ),
         )
         yield f"Searches of {seconds:.0f} s together: {runs}."
+        if skipped := sum((Counter(each.skipped) for each in self.found), Counter[str]()):
+            told = "; ".join(f"{number} times: {why}" for why, number in skipped.most_common(SKIPPED_SHOWN))
+            yield f"Skipped candidates: {skipped.total()}. {told}."
         yield from self.verdicts(rows)
         yield Heading("The gait")
         yield Picture("gait.png", "The activations of the chambers over a period, and the progress of the search.")
