@@ -17,7 +17,7 @@ from scenes.language.parts import key_of
 from scenes.language.toml import value as toml_value
 from scenes.records.text import Column
 from scenes.running.report import Block, Heading, Items, Picture, Table
-from scenes.running.terminal import USES
+from scenes.running.terminal import USES, counted
 from scenes.studies.optimise.goals import MOST_ROLL
 from scenes.studies.optimise.search import Found
 from scenes.studies.optimise.trials import AS_IT_IS, SURE_WAVES, Ground, Trials
@@ -154,7 +154,7 @@ class Card:
         )
         yield f"Searches of {seconds:.0f} s together: {runs}."
         if skipped := sum((Counter(each.skipped) for each in self.found), Counter[str]()):
-            told = "; ".join(f"{number} times: {why}" for why, number in skipped.most_common(SKIPPED_SHOWN))
+            told = "; ".join(f"{counted(number, 'time')}: {why}" for why, number in skipped.most_common(SKIPPED_SHOWN))
             yield f"Skipped candidates: {skipped.total()}. {told}."
         yield from self.verdicts(rows)
         yield Heading("The gait")

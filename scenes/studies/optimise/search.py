@@ -94,7 +94,7 @@ class Log:
 
 
 def search(
-    space: Space, of: Scores, seed: int, budget: int, log: Log, tell: Callable[[int, Score], bool], *, simple: bool
+    space: Space, of: Scores, seed: int, budget: int, log: Log, tell: Callable[[int, Best], bool], *, simple: bool
 ) -> Found:
     """Search for the gait with the least cost.
 
@@ -109,8 +109,8 @@ def search(
         Largest number of runs.
     log : Log
     tell : callable
-        Function that is called after each generation with the number of runs and the best score. If it returns False,
-        the search ends.
+        Function that is called after each generation with the number of runs and the best candidate. If it returns
+        False, the search ends.
     simple : bool
         Whether only simple gaits are searched, with the whole budget.
     """
@@ -118,7 +118,7 @@ def search(
     why = "the budget is used up"
     for generation in _generations(space, seed, budget if simple else min(SIMPLE_RUNS, budget)):
         best = _scored(generation, space, of, log, scores, best)
-        if not tell(len(scores), best.score):
+        if not tell(len(scores), best):
             return _found(seed, best, best, scores, "it was stopped")
     assert best is not None, "each search has a generation"
     first = start = best
@@ -130,7 +130,7 @@ def search(
         before = len(scores)
         best = _scored(asked, space, of, log, scores, best)
         strategy.tell(steps, [each.cost for each in scores[before:]])
-        if not tell(len(scores), best.score):
+        if not tell(len(scores), best):
             why = "it was stopped"
             break
         if _is_stuck(scores[begun:]):

@@ -67,8 +67,8 @@ def free_of(text: str) -> Free:
         found = Free("", math.nan, math.nan)
     if not (found.key and found.low < found.high and math.isfinite(found.high - found.low)) or each not in ([], [EACH]):
         raise SceneError(
-            f"--over: got '{text}', must be a key and its range, such as worm.spring_N=5:50, or worm.spring_N=5:50:{EACH} "
-            "for a value of each segment"
+            f"--over: got '{text}', must be a key and its range, such as worm.spring_N=5:50, or "
+            f"worm.spring_N=5:50:{EACH} for a value of each segment"
         )
     return found
 
@@ -103,8 +103,7 @@ class Space:
 
     @cached_property
     def neighbourly(self) -> FloatArray:
-        """Matrix of shape (size, size) that turns independent numbers of variance 1 into a step of the same variance,
-        of which values of the same kind are correlated along the body."""
+        """Matrix, shape (size, size), that correlates independent numbers of variance 1 along the body."""
         place = np.arange(self.segments) / self.segments
         along = np.linalg.cholesky(np.exp(-np.abs(place[:, None] - place) / CORRELATED))
         both = np.kron(along, np.eye(1 + self.turns))
@@ -159,7 +158,7 @@ class Space:
 
 
 def _along(values: FloatArray, count: int) -> FloatArray:
-    """Return values of segments, shape (N, ...), for another number of segments on the same body, shape (count, ...)."""
+    """Return values along the body, shape (N, ...), interpolated for `count` segments, shape (count, ...)."""
     if len(values) == count:
         return values
     here = (np.arange(len(values)) + 0.5) / len(values)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +18,17 @@ from control.gaits import Periodic
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import gait_of
+from scenes.studies.optimise import goals
 from scenes.studies.optimise import search as searches
 from scenes.studies.optimise.card import CONDITIONS, HALF, PERIOD, WEAK, Card, Left, fragment
-from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, goal_of, limit_of
+from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, Guarded, goal_of, limit_of
+from scenes.studies.optimise.optimising import trials_of
 from scenes.studies.optimise.search import Best, Found, Log, search
 from scenes.studies.optimise.trials import GROUNDS, SURE_WAVES, WAVES, Score, Trials
 from scenes.studies.optimise.unknowns import PHASE_UNIT, Choice, Space, free_of
+from scenes.studies.optimise.workers import Asked, scores_by
+from scenes.sweep.engine import chosen
+from worm3d.measures import Measure
 
 SPACE = Space(6, 0.2, 2.0)
 
@@ -61,6 +68,64 @@ def test_free_keys_are_linear_or_logarithmic() -> None:
     for text in ("a.b", "a.b=1", "a.b=3:1", "a.b=1:x", "=1:2", "a.b=1:inf"):
         with pytest.raises(SceneError, match=r"--over: got .*, must be a key and its range, such as"):
             free_of(text)
+
+
+def test_a_free_key_can_have_whole_numbers_or_a_value_of_each_segment() -> None:
+    whole = replace(free_of("worm.segments=4:6"), whole=True)
+    assert [whole.value(x) for x in (0.0, 0.32, 0.34, 0.66, 0.68, 1.0)] == [4, 4, 5, 5, 6, 6]
+    space = replace(SPACE, free=(whole, free_of("worm.spring_N=5:11:each")))
+    at = space.spread(np.array([0.6, 0.5, 0.5, 0.0, 0.0]))
+    at[-6:] = (np.arange(6) + 0.5) / 6.0  # proportional to the place on the body
+    choice = space.choice(at)
+    assert choice.changes[0] == "worm.segments=4"
+    assert_allclose(json.loads(choice.changes[1].partition("=")[2]), 5.0 + 6.0 * (np.arange(4) + 0.5) / 4.0)
+    simple = replace(SPACE, segments=4)
+    other = simple.choice(simple.spread(np.array([0.6, 0.5, 0.5]))).gait
+    times = np.linspace(0.0, 2.0, 31)
+    assert_allclose(choice.gait.activations(times, 4), other.activations(times, 4), atol=1e-12)
+
+
+def test_the_first_steps_of_a_search_are_alike_in_neighbours_and_of_the_variance_1() -> None:
+    space = replace(SPACE, turns=True, free=(free_of("worm.spring_N=5:11:each"), free_of("worm.mass_kg=1:2")))
+    covariance = space.neighbourly @ space.neighbourly.T
+    assert_allclose(np.diag(covariance), 1.0)
+    assert covariance[0, 2] == pytest.approx(math.exp(-0.5))  # phases of the first two segments on the left
+    assert covariance[0, 1] == covariance[0, 12] == covariance[-1, -2] == 0.0
+    assert covariance[-2, -3] == pytest.approx(math.exp(-0.5))
+
+
+def test_a_goal_that_hangs_or_raises_has_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(goals, "TIME_LIMIT", 0.2)
+
+    def forever(result: object) -> float:
+        while True:
+            pass
+
+    def wrong(result: object) -> float:
+        raise KeyError("lost")
+
+    before = threading.active_count()
+    run = w.simulate(w.Worm(), w.Plane(), actuation=Periodic(), duration=0.1)
+    for function, words in (
+        (forever, "own took longer than 0.2 s"),
+        (wrong, "own raised KeyError: 'lost'"),
+        (lambda result: math.nan, "own returned nan, must return a finite number"),
+        (lambda result: None, "own returned None, must return a finite number"),
+    ):
+        value, why = Guarded("own", own=Measure("odd_m", "odd", function))(run)
+        assert (value, why) == (None, words)
+    time.sleep(0.1)
+    assert threading.active_count() == before  # the endless loop was ended
+    assert Guarded("own", own=Measure("odd_m", "odd", lambda result: 2))(run) == (2.0, "")
+
+
+@pytest.mark.slow
+def test_workers_compute_the_same_scores() -> None:
+    asked = Asked("flat", "speed", ("worm.mass_kg=0.12",), (), ("worm.spring_N=20:30",), "segments")
+    trials = trials_of(*asked)
+    choices = [trials.space.choice(trials.space.spread(np.array([0.6, 0.5, 0.5, x]))) for x in (0.2, 0.9)]
+    with scores_by(chosen(workers=1), asked) as of:
+        assert of(choices) == trials.scores(choices)
 
 
 def test_limits_and_goals_are_explained() -> None:
