@@ -12,6 +12,7 @@ from scenes.studies.optimise.goals import goal_of
 from scenes.studies.optimise.search import Best, Found, Log, Scores, search
 from scenes.studies.optimise.trials import Trials
 from scenes.studies.optimise.unknowns import free_of
+from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 
 FREE = ("segments", "waves")
@@ -97,10 +98,27 @@ def searched(
 ) -> Iterator[Found]:
     """Yield the result of a search for each seed. The scores are kept in `folder`, if given. `of` computes them."""
     for seed in seeds:
-        settings = {**trials.settings, "free": free, "seed": seed}
-        log = Log(None if folder is None else folder / f"{TEMPORARY_PREFIX}search-{seed}.jsonl", settings)
+        yield search_of(trials, free, budget, seed, go_on, folder, of)
 
-        def tell(runs: int, best: Best, seed: int = seed) -> bool:
-            return go_on(seed, runs, best)
 
-        yield search(trials.space, of or trials.scores, seed, budget, log, tell, simple=free == "waves")
+def search_of(
+    trials: Trials,
+    free: str,
+    budget: int,
+    seed: int,
+    go_on: GoOn,
+    folder: Path | None,
+    of: Scores | None = None,
+    start: FloatArray | None = None,
+    name: str = "",
+) -> Found:
+    """Return the result of a search. The scores are kept in a file of `folder`, with `name` in the file name."""
+    begun = {} if start is None else {"start": start.tolist()}
+    settings = {**trials.settings, "free": free, "seed": seed, **begun}
+    log = Log(None if folder is None else folder / f"{TEMPORARY_PREFIX}search-{name}{seed}.jsonl", settings)
+
+    def tell(runs: int, best: Best) -> bool:
+        return go_on(seed, runs, best)
+
+    scores = of or trials.scores
+    return search(trials.space, scores, seed, budget, log, tell, simple=free == "waves", start=start)

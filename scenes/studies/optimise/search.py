@@ -94,7 +94,15 @@ class Log:
 
 
 def search(
-    space: Space, of: Scores, seed: int, budget: int, log: Log, tell: Callable[[int, Best], bool], *, simple: bool
+    space: Space,
+    of: Scores,
+    seed: int,
+    budget: int,
+    log: Log,
+    tell: Callable[[int, Best], bool],
+    *,
+    simple: bool,
+    start: FloatArray | None = None,
 ) -> Found:
     """Search for the gait with the least cost.
 
@@ -113,20 +121,23 @@ def search(
         False, the search ends.
     simple : bool
         Whether only simple gaits are searched, with the whole budget.
+    start : ndarray, shape (size,), optional
+        Coordinates of a gait from which CMA-ES starts. Simple gaits are not searched then.
     """
     scores, best = list[Score](), None
     why = "the budget is used up"
-    for generation in _generations(space, seed, budget if simple else min(SIMPLE_RUNS, budget)):
+    tried = simple_gaits(space, seed, budget if simple else min(SIMPLE_RUNS, budget))
+    for generation in tried if start is None else [[start]]:
         best = _scored(generation, space, of, log, scores, best)
         if not tell(len(scores), best):
             return _found(seed, best, best, scores, "it was stopped")
     assert best is not None, "each search has a generation"
-    first = start = best
+    first = origin = best
     begun, number, failed = len(scores), 1, 0
     strategy = None if simple else _strategy(space, seed, number)
     while strategy is not None and len(scores) + POPULATION <= budget:
         steps = [np.asarray(each) for each in strategy.ask()]
-        asked = [space.inside(start.at + space.neighbourly @ each) for each in steps]
+        asked = [space.inside(origin.at + space.neighbourly @ each) for each in steps]
         before = len(scores)
         best = _scored(asked, space, of, log, scores, best)
         strategy.tell(steps, [each.cost for each in scores[before:]])
@@ -134,11 +145,11 @@ def search(
             why = "it was stopped"
             break
         if _is_stuck(scores[begun:]):
-            failed = 0 if _gains(start.score.cost, best.score.cost) or number == 1 else failed + 1
+            failed = 0 if _gains(origin.score.cost, best.score.cost) or number == 1 else failed + 1
             if failed == STARTS:
                 why = f"{STARTS} starts from the best gait gained less than {LEAST_GAIN:.0%} each"
                 break
-            start, begun, number = best, len(scores), number + 1
+            origin, begun, number = best, len(scores), number + 1
             strategy = _strategy(space, seed, number)
     return _found(seed, first, best, scores, why)
 
@@ -148,8 +159,8 @@ def _found(seed: int, simple: Best, best: Best, scores: Sequence[Score], why: st
     return Found(seed, simple, best, costs, why, skipped)
 
 
-def _generations(space: Space, seed: int, runs: int) -> Iterator[list[FloatArray]]:
-    """Yield random simple gaits, `POPULATION` at a time."""
+def simple_gaits(space: Space, seed: int, runs: int) -> Iterator[list[FloatArray]]:
+    """Yield coordinates of random simple gaits, `POPULATION` at a time."""
     rng = np.random.default_rng(seed)
     for start in range(0, runs, POPULATION):
         count = min(POPULATION, runs - start)

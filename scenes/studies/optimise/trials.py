@@ -23,7 +23,9 @@ from scenes.models.worm.build import gait_of, problem_of
 from scenes.models.worm.schema import WormScene
 from scenes.studies.optimise.goals import BROKEN, FAILED, Goal
 from scenes.studies.optimise.unknowns import Choice, Free, Space
+from worm3d.measures import Measure
 from worm3d.running.problem import Problem
+from worm3d.values.arrays import FloatArray
 
 WAVES, SURE_WAVES = 2, 6
 """Waves of a run, of which the second half counts, and waves of a repeated run. Of a worm that is tipping over, the
@@ -170,6 +172,15 @@ class Trials:
             except (SceneError, ValueError) as error:
                 scores[k] = Score(FAILED, math.nan, f"impossible scene: {error}")
         return scores
+
+    def measured(self, choices: Sequence[Choice], measures: Sequence[Measure], waves: int = WAVES) -> FloatArray:
+        """Return measures of those candidates that break no limit, shape (K, len(measures)); NaN without a value."""
+        bases = [self._base_or_none(each) for each in choices]
+        runs = [(each, base) for each, base in zip(choices, bases, strict=True) if base is not None]
+        results = self._results([self.problem(self.gait_of(each, base), waves, base=base) for each, base in runs])
+        valid = [each for each in results if each is not None and self.goal.violation(each) == 0.0]
+        values = [[measure(each)[0] for measure in measures] for each in valid]
+        return np.array([[x if isinstance(x, float) else math.nan for x in row] for row in values])
 
     def gait_of(self, choice: Choice, base: Problem | None) -> Periodic:
         """Return the gait of a candidate with amplitude and period of the scene with the changes of the candidate."""
