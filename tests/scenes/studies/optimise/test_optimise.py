@@ -18,7 +18,7 @@ from control.gaits import Periodic
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import gait_of
-from scenes.studies.optimise import goals
+from scenes.studies.optimise import front, goals
 from scenes.studies.optimise import search as searches
 from scenes.studies.optimise.card import CONDITIONS, HALF, PERIOD, WEAK, Card, Left, fragment
 from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, Guarded, goal_of, limit_of
@@ -223,6 +223,39 @@ def test_the_search_finds_a_minimum_that_no_simple_gait_has(tmp_path: Path) -> N
     assert first.best.score.cost < 0.05 * first.simple.score.cost
     assert len(first.costs) <= 900
     assert first.costs.min() == first.best.score.cost
+
+
+@pytest.mark.usefixtures("_cma")
+def test_a_search_from_a_gait_keeps_it_until_there_is_a_better_one() -> None:
+    start = SPACE.spread(np.array([0.6, 0.25, 0.5]))
+    (score,) = quadratic([SPACE.choice(start)])
+    began = search(SPACE, quadratic, 1, 1, Log(None, {}), lambda runs, best: True, simple=False, start=start)
+    assert began.best.score == score
+    more = search(SPACE, quadratic, 1, 600, Log(None, {}), lambda runs, best: True, simple=False, start=start)
+    assert more.costs[0] == score.cost
+    assert more.best.score.cost < 0.2 * score.cost
+
+
+@pytest.mark.usefixtures("_cma")
+def test_a_front_has_a_gait_for_each_speed_none_worse_than_a_faster_one(
+    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(front, "SIMPLE_RUNS", 28)
+    given = ("optimise", "flat", "--goal", "cost", "--front", "0.03,0.045,9", "--budget", 42, "--out", "front")
+    ended = worm3d(*given)
+    assert ended.code == 0, ended.err
+    rows = [line.split("|")[1:-1] for line in (tmp_path / "front" / "front.md").read_text().splitlines() if "|" in line]
+    fast, slow = ([float(cell) for cell in row[:3]] for row in rows[2:])  # no gait reaches 9 BL/s
+    assert (fast[0], slow[0]) == (0.045, 0.03)
+    assert fast[1] > 0.044
+    assert slow[1] > 0.029
+    assert slow[2] <= 1.02 * fast[2]
+    assert {path.name for path in (tmp_path / "front").glob("[a-z]*")} == {
+        *("front.md", "front.png", "gait_0.03.toml", "gait_0.045.toml")
+    }
+    ended = worm3d(*given[:5], "fast", "--out", "other")
+    assert ended.code == 2
+    assert "--front: got 'fast', must be least speeds in body lengths/s, such as 0.03,0.06,0.1" in ended.err
 
 
 @pytest.mark.usefixtures("_cma")
