@@ -28,7 +28,9 @@ aliases of smaller ones in a worm with six segments; sharper waves are nearly sq
 
 
 CORRELATED = 1.0 / 3.0
-"""Distance in which the correlation of the first steps of a search falls to 1/e [body lengths]. TODO"""
+"""Distance along the body in which the correlation of the first steps of a search falls to 1/e [body lengths]. With
+independent steps, the gain over simple gaits on a slope of 15 degrees is 1.14 and 1.02 (two seeds) in place of 1.21 and
+1.17."""
 SEGMENTS, EACH = "worm.segments", "each"
 """Key of the number of segments, and word for a key with a value of each segment."""
 PHASE_UNIT = 0.3
