@@ -183,8 +183,8 @@ class Card:
         yield Heading("What is left under other conditions")
         yield Table.of(LEFT_COLUMNS, rows)
         yield (
-            "The shares kept are in percent. Values are those of the goal in a wave, of a run of six waves. There is no "
-            "row for noise of sensors, since the gait uses none."
+            "The shares kept are in percent. Values are those of the goal in a wave, of a run of six waves. There is no"
+            " row for noise of sensors, since the gait uses none."
         )
         if (result := self.confirmed) is not None:
             yield Heading("Where the work goes")
