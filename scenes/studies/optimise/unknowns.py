@@ -51,12 +51,15 @@ class Free:
     """Whether the value is a whole number."""
 
     def value(self, coordinate: float) -> float:
-        """Return the value at a coordinate between 0 and 1. A positive range of a decade or more is logarithmic."""
+        """Return the value at a coordinate between 0 and 1, with four digits.
+
+        A positive range of a decade or more is logarithmic.
+        """
         if self.whole:
             return min(math.floor(self.low + coordinate * (self.high - self.low + 1.0)), int(self.high))
         if self.low > 0.0 and self.high >= 10.0 * self.low:
-            return float(self.low * (self.high / self.low) ** coordinate)
-        return float(self.low + coordinate * (self.high - self.low))
+            return float(f"{self.low * (self.high / self.low) ** coordinate:.4g}")
+        return float(f"{self.low + coordinate * (self.high - self.low):.4g}")
 
 
 def free_of(text: str) -> Free:
